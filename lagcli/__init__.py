@@ -1,0 +1,43 @@
+"""Lagrange's equations of the first kind from a model file.
+
+>>> model = lagcli.load("models/slider_crank.yaml")
+>>> equations = lagcli.derive(model)
+>>> trajectory = lagcli.simulate(model, t_end=2.0)
+>>> lagcli.write(trajectory, "run.h5")
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lagcli.equations.lagrange import derive
+    from lagcli.equations.render import render
+    from lagcli.model.loader import load, load_text
+    from lagcli.results import read, write
+    from lagcli.simulate import simulate
+
+__version__ = "0.1.0"
+
+__all__ = ["derive", "load", "load_text", "read", "render", "simulate", "write"]
+
+# imported when first asked for: the command line must not pay for what a command does not use
+_PLACES = {
+    "derive": "lagcli.equations.lagrange",
+    "load": "lagcli.model.loader",
+    "load_text": "lagcli.model.loader",
+    "read": "lagcli.results",
+    "render": "lagcli.equations.render",
+    "simulate": "lagcli.simulate",
+    "write": "lagcli.results",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(_PLACES[name]), name)
+    globals()[name] = value
+    return value

@@ -1,0 +1,119 @@
+"""The program `lagcli`: commands, exit statuses, and what happens on an error."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from typing import Annotated
+
+import typer
+
+from lagcli import __version__
+from lagcli.cli.derive import derive
+from lagcli.cli.info import info
+from lagcli.cli.simulate import simulate
+from lagcli.errors import LagcliError
+
+app = typer.Typer(
+    name="lagcli",
+    help="Lagrange's equations of the first kind from a model file: derive, simulate, inspect.",
+    epilog="Exit status: 0 done; 1 a bug in lagcli; 2 usage or model error; 3 the numbers failed"
+    " (the partial result is kept); 4 input/output error; 130 interrupted.",
+    no_args_is_help=True,
+    add_completion=False,
+    # plain help: the same on every terminal, and no import of a formatter at start-up
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
+)
+app.command()(derive)
+app.command()(simulate)
+app.command()(info)
+
+BUG_STATUS = 1
+USAGE_STATUS = 2
+INTERRUPTED_STATUS = 130
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"lagcli {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _program(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Run the command line and exit with its status."""
+    # a reader that closes the pipe (`lagcli derive … | head`) ends us as it ends any other filter
+    if hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    for stream in (sys.stdout, sys.stderr):
+        # a terminal without Greek letters shows ? in their place, which beats a traceback
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command and return its exit status."""
+    command = typer.main.get_command(app)
+    try:
+        result = command.main(arguments, prog_name="lagcli", standalone_mode=False)
+        sys.stdout.flush()
+    except LagcliError as error:
+        _say(_rendered(error))
+        return error.exit_status
+    except KeyboardInterrupt:
+        _say("interrupted")
+        return INTERRUPTED_STATUS
+    except OSError as error:  # standard output itself cannot be written
+        _say(f"error: {error.strerror or error}")
+        # what Python still holds for it cannot be written either
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 4
+    except Exception as error:
+        return _other(error)
+    return result if isinstance(result, int) else 0
+
+
+def _other(error: Exception) -> int:
+    """Report a usage error of the command line itself, or a bug."""
+    if hasattr(error, "show") and hasattr(error, "exit_code"):
+        error.show()
+        return int(error.exit_code)
+    if type(error).__name__ == "Abort":
+        _say("interrupted")
+        return INTERRUPTED_STATUS
+    if type(error).__name__ == "Exit":
+        return int(getattr(error, "exit_code", 0))
+    import platform
+    import traceback
+
+    traceback.print_exception(error)
+    _say(
+        "\nThis is a bug in lagcli. Please report it with the lines above, the model file, the"
+        f" command and: lagcli {__version__}, Python {platform.python_version()},"
+        f" {platform.system()} {platform.machine()}."
+    )
+    return BUG_STATUS
+
+
+def _rendered(error: LagcliError) -> str:
+    text = str(error)
+    return text if ": error[" in text or text.startswith("error[") else f"error: {text}"
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)

@@ -1,0 +1,73 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lagcli.errors import UsageError
+
+ModelPath = Annotated[
+    str, typer.Argument(metavar="MODEL", help="Model file (YAML), or - for standard input.")
+]
+SetParameter = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Use another value of a parameter, e.g. m=2 or 'l=30 cm'. Repeatable.",
+    ),
+]
+SetInitial = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set-initial",
+        metavar="NAME=VALUE",
+        help="Fix another initial value, e.g. phi=0.3 or phi_dot=2. Repeatable.",
+    ),
+]
+Output = Annotated[
+    str | None, typer.Option("--output", "-o", metavar="FILE", help="Where to write.")
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results and errors only.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+NoColor = Annotated[
+    bool, typer.Option("--no-color", help="No colours on the terminal (NO_COLOR does the same).")
+]
+
+
+def assignments(option: str, items: Iterable[str] | None) -> dict[str, str]:
+    """Split NAME=VALUE items.
+
+    Raises
+    ------
+    UsageError
+        An item has no ``=``, no name or no value, or a name occurs twice.
+    """
+    found: dict[str, str] = {}
+    for item in items or ():
+        name, equals, value = item.partition("=")
+        name, value = name.strip(), value.strip()
+        if not (equals and name and value):
+            raise UsageError(f"{option} {item!r} is not of the form NAME=VALUE, as in {option} m=2")
+        if name in found:
+            raise UsageError(
+                f"{option} gives `{name}` twice: {found[name]} and {value}; keep one of them"
+            )
+        found[name] = value
+    return found
+
+
+def refuse_same_file(model: str, output: str | None) -> None:
+    """Refuse to write over the model itself, even with --force."""
+    if output and output != "-" and model != "-" and Path(output).exists():
+        try:
+            same = Path(output).samefile(model)
+        except OSError:
+            return
+        if same:
+            raise UsageError(f"{output} is the model itself; choose another name for the result")

@@ -1,0 +1,68 @@
+"""The progress bar: on a terminal only, and only for runs that take a moment."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import Any
+
+_PATIENCE = 0.5  # s before a bar appears: a short run should leave nothing on the screen
+
+
+class Progress:
+    """Shows how far a run has come; call it with the time reached.
+
+    Parameters
+    ----------
+    start, end : float
+        The run's ends, s.
+    enabled, color : bool
+    """
+
+    def __init__(self, start: float, end: float | None, enabled: bool, color: bool):
+        self.start, self.end = start, end if end is not None else start
+        self.enabled = enabled and sys.stderr.isatty() and self.end > self.start
+        self.color = color
+        self.began = time.monotonic()
+        self.bar: Any = None
+        self.task: Any = None
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self.bar is not None:
+            self.bar.stop()
+
+    def __call__(self, t: float) -> None:
+        """Show that the run has reached t."""
+        if not self.enabled:
+            return
+        if self.bar is None:
+            if time.monotonic() - self.began < _PATIENCE:
+                return
+            self._open()
+        self.bar.update(self.task, completed=t - self.start)
+
+    def _open(self) -> None:
+        from rich import progress
+        from rich.console import Console
+
+        console = Console(stderr=True, no_color=not self.color or None)
+        self.bar = progress.Progress(
+            progress.TextColumn("simulating"),
+            progress.BarColumn(),
+            progress.TextColumn("{task.percentage:>3.0f} %"),
+            progress.TextColumn("t = {task.completed:.4g} of {task.total:.4g} s"),
+            progress.TimeRemainingColumn(),
+            console=console,
+            transient=True,
+        )
+        self.task = self.bar.add_task("", total=self.end - self.start)
+        self.bar.start()

@@ -1,0 +1,205 @@
+"""`lagcli simulate`: integrate the motion and write it."""
+
+from __future__ import annotations
+
+import sys
+import time
+from enum import Enum
+from typing import Annotated, Any
+
+import typer
+
+from lagcli.cli.options import (
+    Force,
+    Json,
+    ModelPath,
+    NoColor,
+    Output,
+    Quiet,
+    SetInitial,
+    SetParameter,
+    assignments,
+    refuse_same_file,
+)
+from lagcli.errors import LagcliError, UsageError
+
+FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
+
+
+class Method(str, Enum):
+    """Integration methods."""
+
+    DOP853 = "DOP853"
+    RK45 = "RK45"
+    RK23 = "RK23"
+    Radau = "Radau"
+    BDF = "BDF"
+    LSODA = "LSODA"
+
+
+class Formulation(str, Enum):
+    """How the constraints are kept."""
+
+    projection = "projection"
+    baumgarte = "baumgarte"
+    index1 = "index1"
+
+
+class EngineName(str, Enum):
+    """Engines."""
+
+    scipy = "scipy"
+
+
+def simulate(
+    model: ModelPath,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE",
+            help="Result file: .h5 (HDF5) or .csv, or - for CSV on standard output.",
+        ),
+    ] = None,
+    set: SetParameter = None,
+    set_initial: SetInitial = None,
+    t_start: Annotated[float | None, typer.Option(help="Start time, s. [default: 0]")] = None,
+    t_end: Annotated[float | None, typer.Option(help="End time, s. [default: 10]")] = None,
+    samples: Annotated[
+        int | None, typer.Option(help="Number of samples, both ends included. [default: 1001]")
+    ] = None,
+    dt: Annotated[
+        float | None, typer.Option(help="Spacing of the samples, s, in place of --samples.")
+    ] = None,
+    times: Annotated[
+        str | None, typer.Option(metavar="T1,T2,…", help="The sample times themselves, s.")
+    ] = None,
+    rtol: Annotated[float | None, typer.Option(help="Relative tolerance. [default: 1e-9]")] = None,
+    atol: Annotated[float | None, typer.Option(help="Absolute tolerance. [default: 1e-10]")] = None,
+    method: Annotated[
+        Method | None, typer.Option(help="Integration method. [default: DOP853]")
+    ] = None,
+    formulation: Annotated[
+        Formulation | None,
+        typer.Option(
+            help="How the constraints are kept: projected after each step, by Baumgarte's"
+            " stabilization, or not at all, which shows the drift. [default: projection]"
+        ),
+    ] = None,
+    alpha: Annotated[
+        float | None, typer.Option(help="Baumgarte's α, 1/s. [default: from the step]")
+    ] = None,
+    beta: Annotated[float | None, typer.Option(help="Baumgarte's β, 1/s. [default: α]")] = None,
+    engine: Annotated[EngineName | None, typer.Option(help="Engine. [default: scipy]")] = None,
+    max_step: Annotated[float | None, typer.Option(help="Largest step, s.")] = None,
+    max_steps: Annotated[
+        int | None, typer.Option(help="Give up after so many steps. [default: 10000000]")
+    ] = None,
+    timeout: Annotated[
+        float | None, typer.Option(help="Give up after so many seconds of wall time.")
+    ] = None,
+    through_singular: Annotated[
+        bool, typer.Option("--through-singular", help="Pass singular configurations.")
+    ] = False,
+    meta: Annotated[
+        bool, typer.Option("--meta", help="Beside a CSV file, write FILE.json with its provenance.")
+    ] = False,
+    force: Force = False,
+    quiet: Quiet = False,
+    json: Json = False,
+    no_color: NoColor = False,
+) -> int:
+    """Simulate the motion, with its multipliers, and write it.
+
+    Without -o, only a summary is printed. A run that fails or is interrupted writes the samples
+    that it reached, marked so.
+    """
+    from lagcli.model.model import Settings
+
+    settings = Settings(
+        t_start=t_start, t_end=t_end, samples=samples, dt=dt, times=_times(times),
+        rtol=rtol, atol=atol, method=method.value if method else None,
+        formulation=formulation.value if formulation else None, alpha=alpha, beta=beta,
+        engine=engine.value if engine else None, max_step=max_step, max_steps=max_steps,
+        timeout=timeout, through_singular=through_singular or None,
+    )
+    try:
+        return _run(
+            model, output, assignments("--set", set), assignments("--set-initial", set_initial),
+            settings, meta=meta, force=force, quiet=quiet, json=json, no_color=no_color,
+        )
+    except LagcliError as error:
+        if json:
+            from lagcli.cli.summary import error_object, to_json
+
+            typer.echo(to_json(error_object(error)))
+        raise
+
+
+def _run(
+    model: str,
+    output: str | None,
+    parameters: dict[str, str],
+    initial: dict[str, str],
+    settings: Any,
+    *,
+    meta: bool,
+    force: bool,
+    quiet: bool,
+    json: bool,
+    no_color: bool,
+) -> int:
+    from lagcli.cli import summary
+    from lagcli.cli.progress import Progress
+    from lagcli.model.loader import load
+    from lagcli.results import check_target, write
+    from lagcli.simulate import resolve
+    from lagcli.simulate import simulate as run_model
+
+    if output == "-" and json:
+        raise UsageError("-o - and --json both want standard output; write to a file, or drop one")
+    began = time.perf_counter()
+    refuse_same_file(model, output)
+    if output is not None:
+        check_target(output, force=force, meta=meta)
+    loaded = load(model, set=parameters, set_initial=initial)
+    load_seconds = time.perf_counter() - began
+    chosen = resolve(settings, loaded)
+    end = chosen.times[-1] if chosen.times else chosen.t_end
+    with Progress(chosen.t_start or 0.0, end, enabled=not quiet, color=not no_color) as progress:
+        trajectory = run_model(loaded, settings, progress=progress)
+    writing = time.perf_counter()
+    written = None
+    if output is not None and len(trajectory.time):
+        write(trajectory, output, force=force, meta=meta)
+        written = output
+    now = time.perf_counter()
+    seconds = {
+        "load": load_seconds,
+        **trajectory.seconds,
+        "write": now - writing,
+        "total": now - began,
+    }
+    result = summary.summarize(trajectory, written, seconds)
+    if json:
+        typer.echo(summary.to_json(result))
+    elif not quiet:
+        stream = sys.stderr if output == "-" else sys.stdout
+        print(summary.format_summary(result, loaded.name), file=stream)
+    if trajectory.status == "completed":
+        return 0
+    print(f"error: {trajectory.message}", file=sys.stderr)
+    if output is not None:
+        kept = f"kept {len(trajectory.time)} samples in {output}" if written else "nothing written"
+        print(f"   note: {kept}", file=sys.stderr)
+    return INTERRUPTED_STATUS if trajectory.status == "interrupted" else FAILED_STATUS
+
+
+def _times(text: str | None) -> tuple[float, ...] | None:
+    if text is None:
+        return None
+    try:
+        return tuple(float(x) for x in text.split(","))
+    except ValueError:
+        raise UsageError(
+            f"--times {text!r} is not a list of numbers, as in --times 0.5,1,2"
+        ) from None

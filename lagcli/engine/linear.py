@@ -1,0 +1,159 @@
+"""The linear algebra of one state: accelerations and multipliers, projection, rank.
+
+B is judged by its rows scaled to length one, so that the unit in which a constraint is written
+does not decide its rank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+Array = NDArray[np.float64]
+
+#: Singular values of the row-scaled B below this are taken for zero. Directions weaker than this
+#: would carry an error of 1e-16/1e-8 into the accelerations.
+RANK_TOLERANCE = 1e-8
+
+
+class SingularSystem(ArithmeticError):
+    """The equations do not determine the accelerations."""
+
+
+@dataclass(frozen=True)
+class Decomposition:
+    """Singular value decomposition of the row-scaled B, cut at its rank."""
+
+    scale: Array  # (nc,) lengths of the rows
+    left: Array  # (nc, rank)
+    values: Array  # (min(nc, nq),) all singular values
+    right: Array  # (nq, rank)
+    null: Array  # (nq, nq − rank)
+    dependent: Array  # (nc, nc − rank): combinations of scaled rows that vanish
+
+    @property
+    def rank(self) -> int:
+        """Numerical rank of B."""
+        return self.left.shape[1]
+
+
+def row_scale(jacobian: Array) -> Array:
+    """Return the lengths of B's rows, 1 for a row of zeros."""
+    length = np.sqrt(np.einsum("ij,ij->i", jacobian, jacobian))
+    return np.where(length > 0, length, 1.0)
+
+
+def decompose(
+    jacobian: Array, rank: int | None = None, tolerance: float = RANK_TOLERANCE
+) -> Decomposition:
+    """Decompose B; the rank is counted by the tolerance where it is not given."""
+    scale = row_scale(jacobian)
+    u, s, vt = np.linalg.svd(jacobian / scale[:, None])
+    if rank is None:
+        rank = int((s > tolerance).sum())
+    return Decomposition(scale, u[:, :rank], s, vt[:rank].T, vt[rank:].T, u[:, rank:])
+
+
+def singular_values(jacobian: Array) -> Array:
+    """Return the singular values of the row-scaled B, largest first."""
+    return np.linalg.svd(jacobian / row_scale(jacobian)[:, None], compute_uv=False)
+
+
+def solve_regular(mass: Array, forcing: Array, jacobian: Array, rhs: Array) -> tuple[Array, Array]:
+    """Solve [[M, Bᵀ], [B, 0]] [a; −λ] = [f; γ] for B of full rank.
+
+    One step of iterative refinement.
+
+    Returns
+    -------
+    a : (nq,) array
+    multipliers : (nc,) array
+
+    Raises
+    ------
+    SingularSystem
+        The matrix is singular to working precision.
+    """
+    nq, nc = len(forcing), len(rhs)
+    matrix = np.zeros((nq + nc, nq + nc))
+    matrix[:nq, :nq] = mass
+    # rows of B are brought to M's magnitude, so that pivoting compares like with like
+    weight = (np.abs(mass).max() or 1.0) / row_scale(jacobian)
+    scaled = jacobian * weight[:, None]
+    matrix[nq:, :nq] = scaled
+    matrix[:nq, nq:] = scaled.T
+    right = np.concatenate([forcing, rhs * weight])
+    lu, pivots, info = lapack.dgetrf(matrix)
+    if info != 0 or not np.isfinite(right).all():
+        raise SingularSystem
+    x, _ = lapack.dgetrs(lu, pivots, right)
+    correction, _ = lapack.dgetrs(lu, pivots, right - matrix @ x)
+    x = x + correction
+    return x[:nq], -x[nq:] * weight
+
+
+def solve_redundant(
+    mass: Array, forcing: Array, jacobian: Array, rhs: Array, d: Decomposition
+) -> tuple[Array, Array]:
+    """Solve the same system for B of deficient rank, by the null space of B.
+
+    a and Bᵀλ are unique; λ is the one of least norm.
+
+    Raises
+    ------
+    SingularSystem
+        M is singular on the null space of B.
+    """
+    particular = d.right @ ((d.left.T @ (rhs / d.scale)) / d.values[: d.rank])
+    a = particular
+    if d.null.shape[1]:
+        reduced = d.null.T @ mass @ d.null
+        lu, pivots, info = lapack.dgetrf(reduced)
+        if info != 0:
+            raise SingularSystem
+        z, _ = lapack.dgetrs(lu, pivots, d.null.T @ (forcing - mass @ particular))
+        a = particular + d.null @ z
+    reaction = mass @ a - forcing
+    multipliers = d.left @ ((d.right.T @ reaction) / d.values[: d.rank]) / d.scale
+    if d.dependent.shape[1]:
+        free, _ = np.linalg.qr(d.dependent / d.scale[:, None])
+        multipliers = multipliers - free @ (free.T @ multipliers)
+    return a, multipliers
+
+
+def least_change(jacobian: Array, residual: Array, mass: Array | None, rank: int | None) -> Array:
+    """Return the smallest δ with B δ = −residual.
+
+    Parameters
+    ----------
+    jacobian : (n, nq) array
+    residual : (n,) array
+    mass : (nq, nq) array or None
+        Smallness is δᵀMδ; with None, or where M or B do not allow it, it is measured with the
+        diagonal of M, or plainly.
+    rank : int or None
+        Rank to use; None: full rank if the numbers allow it, otherwise counted.
+    """
+    n, nq = jacobian.shape
+    if n == 0:
+        return np.zeros(nq)
+    if mass is not None and rank in (None, n):
+        try:
+            delta, _ = solve_regular(mass, np.zeros(nq), jacobian, -residual)
+        except SingularSystem:
+            delta = np.full(nq, np.nan)
+        if np.isfinite(delta).all():
+            return delta
+    weight = np.ones(nq)
+    if mass is not None:
+        diagonal = np.diag(mass)
+        largest = diagonal.max()
+        if largest > 0:
+            weight = 1 / np.sqrt(np.maximum(diagonal, 1e-6 * largest))
+    d = decompose(jacobian * weight, rank)
+    if d.rank == 0:
+        return np.zeros(nq)
+    return weight * (d.right @ ((d.left.T @ (-residual / d.scale)) / d.values[: d.rank]))

@@ -1,0 +1,82 @@
+"""The engine's contract: what an engine is asked for, and what it returns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.system import System
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to integrate.
+
+    Parameters
+    ----------
+    q, v : (nq,) arrays
+        A consistent state at ``t_start``.
+    rank : int
+        Rank of B there; below nc, the constraints are redundant.
+    t_start, t_end : float
+        s.
+    times : (nt,) array
+        Sample times, increasing, within [t_start, t_end].
+    rtol, atol, method, formulation, alpha, beta, max_step, max_steps, timeout, through_singular
+        As in Settings; alpha and beta None mean "from the step".
+    """
+
+    q: Array
+    v: Array
+    rank: int
+    t_start: float
+    t_end: float
+    times: Array
+    rtol: float
+    atol: float
+    method: str
+    formulation: str
+    alpha: float | None
+    beta: float | None
+    max_step: float
+    max_steps: int
+    timeout: float | None
+    through_singular: bool
+
+
+@dataclass
+class Run:
+    """What an engine returns: the samples reached, and how it ended.
+
+    ``work`` is the integral of all power since ``t_start``. ``undefined`` is the state (t, q, v)
+    at which the equations had no finite value, where that ended the run.
+    """
+
+    time: Array
+    q: Array
+    v: Array
+    a: Array
+    multipliers: Array
+    work: Array
+    status: Literal["completed", "failed", "interrupted"]
+    message: str
+    steps: int
+    rejected: int
+    evaluations: int
+    undefined: tuple[float, Array, Array] | None = None
+
+
+class Engine(Protocol):
+    """Integrates a System."""
+
+    def __call__(
+        self, system: System, request: Request, progress: Callable[[float], None] | None
+    ) -> Run:
+        """Integrate; numerical failure is a status with a message, never an exception."""
+        ...

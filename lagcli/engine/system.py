@@ -1,0 +1,117 @@
+"""System: what an engine integrates, as tapes, sizes and sparsity. It knows no symbols."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from lagcli.engine.tape import Tape, compile_tape
+
+if TYPE_CHECKING:
+    from lagcli.equations.lagrange import Equations
+
+Pattern = tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class System:
+    """M a = f + Bᵀλ, B a = γ, φ = 0, ψ = 0 in numbers.
+
+    nq coordinates, nc constraints, nh of them holonomic. A System can be written by hand: only
+    the tapes' inputs and outputs, in the order given here, are the contract.
+
+    Parameters
+    ----------
+    coordinates, constraints : tuples of str
+        Names, in the model's order.
+    holonomic : tuple of nh int
+        Indices of the holonomic constraints.
+    parameters : tuple of float
+        Values of the tapes' last inputs.
+    mass_pattern : tuple of (row, column)
+        Places of the nonzero entries of M, both triangles.
+    jacobian_pattern : tuple of (constraint, coordinate)
+        Places of the nonzero entries of B.
+    dynamics : Tape
+        (t, q, v, parameters) → (M entries, f, B entries, γ, power), where power is that of the
+        applied forces and of explicit time, Q·v − ∂L/∂t.
+    constraint : Tape
+        (t, q, v, parameters) → (φ, B entries, b_0, scale of φ, scale of ψ), where ψ = B v + b_0
+        and a scale is the sum of the magnitudes of the terms; φ and its scale have nh entries.
+    report : Tape
+        (t, q, v, a, λ, parameters) → (T, V, v·∂L/∂v − L, Q·v, −∂L/∂t, outputs).
+    outputs : tuple of str
+        Names of the outputs at the end of ``report``.
+    """
+
+    coordinates: tuple[str, ...]
+    constraints: tuple[str, ...]
+    holonomic: tuple[int, ...]
+    parameters: tuple[float, ...]
+    mass_pattern: Pattern
+    jacobian_pattern: Pattern
+    dynamics: Tape
+    constraint: Tape
+    report: Tape
+    outputs: tuple[str, ...] = ()
+
+
+def compile_system(equations: Equations) -> System:
+    """Turn symbols into tapes.
+
+    Parameters
+    ----------
+    equations : Equations
+
+    Returns
+    -------
+    System
+        With the model's parameter values.
+    """
+    import symengine as se
+
+    from lagcli.model.model import TIME
+
+    eq, model = equations, equations.model
+    parameters = [se.Symbol(name) for name in model.parameters]
+    state = [TIME, *eq.q, *eq.v]
+    rows = [c.row for c in eq.constraints]
+    holonomic = tuple(i for i, c in enumerate(eq.constraints) if c.position is not None)
+    mass_pattern = tuple((i, j) for i, row in enumerate(eq.mass_matrix) for j in sorted(row))
+    jacobian_pattern = tuple((i, j) for i, row in enumerate(rows) for j in sorted(row))
+    mass = [eq.mass_matrix[i][j] for i, j in mass_pattern]
+    jacobian = [rows[i][j] for i, j in jacobian_pattern]
+    applied = se.Add(*[q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)])
+
+    def scale(expression: se.Basic) -> se.Basic:
+        terms = expression.args if isinstance(expression, se.Add) else (expression,)
+        return se.Add(*[se.Abs(term) for term in terms])
+
+    positions = [eq.constraints[i].position for i in holonomic]
+    return System(
+        coordinates=model.coordinate_names,
+        constraints=model.constraint_names,
+        holonomic=holonomic,
+        parameters=tuple(model.parameter_values.values()),
+        mass_pattern=mass_pattern,
+        jacobian_pattern=jacobian_pattern,
+        dynamics=compile_tape(
+            [*mass, *eq.forcing, *jacobian, *(c.rhs for c in eq.constraints), applied + eq.time_power],
+            [*state, *parameters],
+        ),
+        constraint=compile_tape(
+            [
+                *positions,
+                *jacobian,
+                *(c.drift for c in eq.constraints),
+                *(scale(x) for x in positions if x is not None),
+                *(scale(c.velocity) for c in eq.constraints),
+            ],
+            [*state, *parameters],
+        ),
+        report=compile_tape(
+            [eq.kinetic, eq.potential, eq.energy, applied, eq.time_power, *eq.outputs.values()],
+            [*state, *eq.a, *eq.multipliers, *parameters],
+        ),
+        outputs=tuple(eq.outputs),
+    )

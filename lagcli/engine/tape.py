@@ -1,0 +1,334 @@
+"""Expressions → a flat tape of operations.
+
+A tape is data: a list of operations on numbered registers, in an order in which every operand is
+ready. Equal subexpressions share one register (hash-consing), constants are folded to doubles,
+integer powers are products. Nothing in a tape is code.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import symengine as se
+from symengine import Basic
+
+MAX_PRODUCT_POWER = 64  # x^n by repeated squaring up to here, by pow beyond
+
+
+class Op(IntEnum):
+    """Operations; operands are registers, truth is 1 and falsehood 0."""
+
+    ADD = 0
+    SUB = 1
+    MUL = 2
+    DIV = 3
+    NEG = 4
+    POW = 5
+    SQRT = 6
+    SIN = 7
+    COS = 8
+    TAN = 9
+    ASIN = 10
+    ACOS = 11
+    ATAN = 12
+    ATAN2 = 13
+    SINH = 14
+    COSH = 15
+    TANH = 16
+    ASINH = 17
+    ACOSH = 18
+    ATANH = 19
+    EXP = 20
+    LOG = 21
+    ERF = 22
+    ERFC = 23
+    FLOOR = 24
+    CEIL = 25
+    ABS = 26
+    LT = 27
+    LE = 28
+    EQ = 29
+    NE = 30
+    AND = 31
+    OR = 32
+    NOT = 33
+    SELECT = 34  # a if c else b: operands (condition, a, b)
+
+
+@dataclass(frozen=True)
+class Tape:
+    """Operations on a register file: inputs first, then constants, then results.
+
+    Parameters
+    ----------
+    inputs : int
+        Number of input registers.
+    constants : tuple of float
+        Values of the registers after the inputs.
+    code : tuple of (op, destination, a, b, c)
+        Unused operands are 0.
+    outputs : tuple of int
+        The registers to read at the end.
+    """
+
+    inputs: int
+    constants: tuple[float, ...]
+    code: tuple[tuple[int, int, int, int, int], ...]
+    outputs: tuple[int, ...]
+
+    @property
+    def registers(self) -> int:
+        """Size of the register file."""
+        return self.inputs + len(self.constants) + len(self.code)
+
+
+_UNARY = {
+    se.sin: Op.SIN,
+    se.cos: Op.COS,
+    se.tan: Op.TAN,
+    se.asin: Op.ASIN,
+    se.acos: Op.ACOS,
+    se.atan: Op.ATAN,
+    se.sinh: Op.SINH,
+    se.cosh: Op.COSH,
+    se.tanh: Op.TANH,
+    se.asinh: Op.ASINH,
+    se.acosh: Op.ACOSH,
+    se.atanh: Op.ATANH,
+    se.log: Op.LOG,
+    se.erf: Op.ERF,
+    se.erfc: Op.ERFC,
+    se.floor: Op.FLOOR,
+    se.ceiling: Op.CEIL,
+    se.Abs: Op.ABS,
+}
+_RELATION = {
+    se.StrictLessThan: Op.LT,
+    se.LessThan: Op.LE,
+    se.Equality: Op.EQ,
+    se.Unequality: Op.NE,
+}
+_COMMUTATIVE = {Op.ADD, Op.MUL, Op.EQ, Op.NE, Op.AND, Op.OR}
+
+
+def compile_tape(expressions: Iterable[Basic], inputs: Sequence[Basic]) -> Tape:
+    """Compile expressions to one tape.
+
+    Parameters
+    ----------
+    expressions : iterable of expressions
+        One output each.
+    inputs : sequence of symbols
+        One input register each.
+
+    Raises
+    ------
+    KeyError
+        An expression contains a symbol that is not an input.
+    """
+    builder = _Builder(inputs)
+    return builder.finish([builder.register(e) for e in expressions])
+
+
+class _Builder:
+    def __init__(self, inputs: Sequence[Basic]):
+        self.known: dict[Basic, int] = {s: i for i, s in enumerate(inputs)}
+        self.inputs = len(inputs)
+        self.constants: dict[float, int] = {}
+        self.operations: dict[tuple[int, ...], int] = {}
+        # registers are counted as inputs, −1 − constant, inputs + operation until the end
+
+    def constant(self, value: float) -> int:
+        # 0.0 and -0.0 are equal keys: the sign of a zero constant has no meaning in a model
+        return -1 - self.constants.setdefault(float(value), len(self.constants))
+
+    def emit(self, op: Op, *operands: int) -> int:
+        if op in _COMMUTATIVE and operands[0] > operands[1]:
+            operands = operands[::-1]
+        key = (op, *operands)
+        return self.operations.setdefault(key, self.inputs + len(self.operations))
+
+    def finish(self, outputs: list[int]) -> Tape:
+        shift = len(self.constants)
+
+        def place(register: int) -> int:
+            if register < 0:
+                return self.inputs - 1 - register
+            return register if register < self.inputs else register + shift
+
+        code = []
+        for (op, *operands), register in self.operations.items():
+            a, b, c = (*map(place, operands), 0, 0)[:3]
+            code.append((int(op), place(register), a, b, c))
+        return Tape(
+            self.inputs, tuple(self.constants), tuple(code), tuple(place(r) for r in outputs)
+        )
+
+    def register(self, expression: Basic) -> int:
+        """Return the register of an expression; its parts first, without recursion."""
+        stack = [expression]
+        while stack:
+            top = stack[-1]
+            if _key(top) in self.known:
+                stack.pop()
+                continue
+            missing = [part for part in _parts(top) if _key(part) not in self.known]
+            if missing:
+                stack.extend(missing)
+                continue
+            self.known[_key(top)] = self._assemble(top)
+            stack.pop()
+        return self.known[_key(expression)]
+
+    def _assemble(self, e: Basic) -> int:
+        """Emit the operation of an expression whose parts have registers."""
+        if isinstance(e, bool) or e in (se.true, se.false):
+            return self.constant(1.0 if e else 0.0)
+        if isinstance(e, se.Symbol):
+            raise KeyError(e.name)
+        if not e.args:
+            return self.constant(float(e.n(53, real=True)) if not isinstance(e, se.Number) else float(e))
+        if isinstance(e, se.Add):
+            return self._sum(e)
+        if isinstance(e, se.Mul):
+            return self._product(e)
+        if isinstance(e, se.Pow):
+            base, exponent = e.args
+            return self._power(base, exponent)
+        if isinstance(e, se.Piecewise):
+            return self._cases(e)
+        operands = [self.known[_key(a)] for a in e.args]
+        kind = type(e)
+        if kind in _UNARY:
+            return self.emit(_UNARY[kind], operands[0])
+        if kind in _RELATION:
+            return self.emit(_RELATION[kind], *operands)
+        if kind is se.atan2:
+            return self.emit(Op.ATAN2, *operands)
+        if kind in (se.And, se.Or):
+            op = Op.AND if kind is se.And else Op.OR
+            total = operands[0]
+            for x in operands[1:]:
+                total = self.emit(op, total, x)
+            return total
+        if kind is se.Not:
+            return self.emit(Op.NOT, operands[0])
+        raise TypeError(f"no operation for {kind.__name__}: {e}")
+
+    def _sum(self, e: Basic) -> int:
+        plus, minus = [], []
+        for term in e.args:
+            positive, negative = _sign_split(term)
+            (minus if negative else plus).append(self.known[_key(positive)])
+        if plus:
+            total, *rest = plus
+        else:
+            total, rest = self.emit(Op.NEG, minus.pop(0)), []
+        for x in rest:
+            total = self.emit(Op.ADD, total, x)
+        for x in minus:
+            total = self.emit(Op.SUB, total, x)
+        return total
+
+    def _product(self, e: Basic) -> int:
+        numerator, denominator = [], []
+        for factor in e.args:
+            base, exponent = _inverse_split(factor)
+            (denominator if exponent else numerator).append(self.known[_key(base)])
+        minus_one = self.constants.get(-1.0)
+        negative = minus_one is not None and -1 - minus_one in numerator
+        if negative:
+            numerator.remove(-1 - minus_one)  # type: ignore[operator]
+        total = numerator[0] if numerator else self.constant(1.0)
+        for x in numerator[1:]:
+            total = self.emit(Op.MUL, total, x)
+        if denominator:
+            divisor = denominator[0]
+            for x in denominator[1:]:
+                divisor = self.emit(Op.MUL, divisor, x)
+            total = self.emit(Op.DIV, total, divisor)
+        return self.emit(Op.NEG, total) if negative else total
+
+    def _power(self, base: Basic, exponent: Basic) -> int:
+        if base == se.E:
+            return self.emit(Op.EXP, self.known[_key(exponent)])
+        x = self.known[_key(base)]
+        if isinstance(exponent, (se.Integer, se.Rational)):
+            p, q = (
+                exponent.get_num_den() if isinstance(exponent, se.Rational) else (exponent, 1)
+            )
+            p, q = int(p), int(q)
+            if q in (1, 2) and abs(p) <= MAX_PRODUCT_POWER:
+                if q == 2:
+                    root = self.emit(Op.SQRT, x)
+                    whole = self._integer_power(x, abs(p) // 2)
+                    result = root if whole is None else self.emit(Op.MUL, whole, root)
+                else:
+                    result = self._integer_power(x, abs(p))  # type: ignore[assignment]
+                return result if p > 0 else self.emit(Op.DIV, self.constant(1.0), result)
+        return self.emit(Op.POW, x, self.known[_key(exponent)])
+
+    def _integer_power(self, x: int, n: int) -> int | None:
+        result: int | None = None
+        while n:
+            if n & 1:
+                result = x if result is None else self.emit(Op.MUL, result, x)
+            n >>= 1
+            if n:
+                x = self.emit(Op.MUL, x, x)
+        return result
+
+    def _cases(self, e: Basic) -> int:
+        values, conditions = e.args[0::2], e.args[1::2]
+        total = self.constant(math.nan) if conditions[-1] != se.true else None
+        for value, condition in zip(reversed(values), reversed(conditions), strict=True):
+            x = self.known[_key(value)]
+            total = (
+                x if total is None else self.emit(Op.SELECT, self.known[_key(condition)], x, total)
+            )
+        assert total is not None
+        return total
+
+
+def _key(e: object) -> object:
+    # python's True equals 1, so truth needs keys of its own
+    return ("bool", bool(e)) if isinstance(e, bool) or e in (se.true, se.false) else e
+
+
+def _sign_split(term: Basic) -> tuple[Basic, bool]:
+    """Return a term without a leading negative number, and whether it had one."""
+    if isinstance(term, se.Mul):
+        first = term.args[0]
+        if isinstance(first, se.Number) and first.is_negative:
+            return -term, True
+    return term, False
+
+
+def _inverse_split(factor: Basic) -> tuple[Basic, bool]:
+    """Return what a factor divides by, and True; or the factor, and False."""
+    if isinstance(factor, se.Pow) and factor.args[0] != se.E:
+        exponent = factor.args[1]
+        if isinstance(exponent, se.Number) and exponent.is_negative:
+            return factor.args[0] ** -exponent, True
+    return factor, False
+
+
+def _parts(e: Basic) -> Iterable[Basic]:
+    """Return what must have a register before an expression can."""
+    if isinstance(e, bool):
+        return ()
+    if isinstance(e, se.Add):
+        return [_sign_split(t)[0] for t in e.args]
+    if isinstance(e, se.Mul):
+        return [_inverse_split(f)[0] for f in e.args]
+    if isinstance(e, se.Pow):
+        base, exponent = e.args
+        if base == se.E:
+            return (exponent,)
+        if isinstance(exponent, (se.Integer, se.Rational)):
+            return (base, exponent)
+        return (base, exponent)
+    return e.args

@@ -1,0 +1,1 @@
+"""Model → Equations → what people read."""

@@ -1,0 +1,298 @@
+"""Model: what a model file says, checked."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.errors import SourceLocation
+from lagcli.model.expressions import Value
+from lagcli.model.grammar import Tree
+
+Kind = Literal["holonomic", "nonholonomic"]
+
+TIME = se.Symbol("t")
+
+METHODS = ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA")
+FORMULATIONS = ("projection", "baumgarte", "index1")
+ENGINES = ("scipy",)
+
+
+def coordinate(name: str) -> Basic:
+    """Return the symbol of a coordinate."""
+    return se.Symbol(name)
+
+
+def velocity(name: str) -> Basic:
+    """Return the symbol of a coordinate's velocity."""
+    return se.Symbol(f"{name}'")
+
+
+def acceleration(name: str) -> Basic:
+    """Return the symbol of a coordinate's acceleration."""
+    return se.Symbol(f"{name}''")
+
+
+def multiplier(constraint: str) -> Basic:
+    """Return the symbol of a constraint's multiplier."""
+    return se.Symbol(f"lambda.{constraint}")
+
+
+def constraint_force(coordinate_name: str, constraint: str | None = None) -> Basic:
+    """Return the symbol of the constraint force on a coordinate, in total or of one constraint."""
+    middle = f"{constraint}." if constraint else ""
+    return se.Symbol(f"Qc.{middle}{coordinate_name}")
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A generalized coordinate."""
+
+    name: str
+    unit: str | None = None
+    description: str | None = None
+    latex: str | None = None
+    location: SourceLocation | None = None
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter with its value in SI."""
+
+    name: str
+    value: float
+    unit: str | None = None
+    description: str | None = None
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A named expression."""
+
+    name: str
+    value: Value
+    tree: Tree
+    description: str | None = None
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """A constraint, φ(q, t) = 0 or ψ(q, q', t) = 0 affine in q'.
+
+    ``expression`` is lhs − rhs.
+    """
+
+    name: str
+    kind: Kind
+    expression: Basic
+    left: Tree
+    right: Tree | None
+    description: str | None = None
+    location: SourceLocation | None = None
+
+
+@dataclass(frozen=True)
+class InitialValue:
+    """An initial coordinate or velocity: fixed, or a guess that the constraints may move."""
+
+    value: float
+    fixed: bool
+    location: SourceLocation | None = None
+
+
+class SettingError(ValueError):
+    """A setting out of its range; ``key`` says which."""
+
+    def __init__(self, key: str, message: str, help_: str | None = None):
+        super().__init__(message)
+        self.key, self.help = key, help_
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to simulate. What is None is left to the next level: option, model file, default.
+
+    Parameters
+    ----------
+    t_start, t_end : float
+        s.
+    samples : int
+        Number of written samples, ends included.
+    dt : float
+        Spacing of the samples, s; in place of ``samples``.
+    times : tuple of float
+        The sample times, s; in place of both.
+    rtol, atol : float
+        Tolerances of the error control on q and v.
+    method, formulation, engine : str
+    alpha, beta : float
+        Baumgarte's coefficients, 1/s: φ̈ + 2α φ̇ + β² φ = 0.
+    max_step : float
+        Largest step, s.
+    max_steps : int
+        Steps after which the run is given up.
+    timeout : float
+        Seconds of wall time after which the run is given up.
+    through_singular : bool
+        Whether to pass a singular configuration instead of stopping there.
+    """
+
+    t_start: float | None = None
+    t_end: float | None = None
+    samples: int | None = None
+    dt: float | None = None
+    times: tuple[float, ...] | None = None
+    rtol: float | None = None
+    atol: float | None = None
+    method: str | None = None
+    formulation: str | None = None
+    engine: str | None = None
+    alpha: float | None = None
+    beta: float | None = None
+    max_step: float | None = None
+    max_steps: int | None = None
+    timeout: float | None = None
+    through_singular: bool | None = None
+
+    def over(self, lower: Settings) -> Settings:
+        """Return these settings with the gaps filled from a lower level."""
+        values = {
+            f.name: getattr(self if getattr(self, f.name) is not None else lower, f.name)
+            for f in dataclasses.fields(self)
+        }
+        grid = ("samples", "dt", "times")
+        if any(getattr(self, key) is not None for key in grid):
+            # the three describe one thing: the higher level's choice replaces the lower's
+            values.update({key: getattr(self, key) for key in grid})
+        if self.times is not None:
+            values["t_end"] = self.t_end  # the last time is the end
+        return Settings(**values)
+
+    def check(self) -> None:
+        """Raise SettingError for the first value that is out of its range."""
+        for key in ("t_start", "t_end", "dt", "rtol", "atol", "alpha", "beta", "max_step", "timeout"):
+            value = getattr(self, key)
+            if value is not None and not math.isfinite(value):
+                raise SettingError(key, f"{key} must be a finite number, not {value}")
+        for key in ("dt", "max_step", "timeout", "rtol", "atol", "max_steps"):
+            value = getattr(self, key)
+            if value is not None and value <= 0:
+                raise SettingError(key, f"{key} must be greater than 0, not {value:g}")
+        for key in ("alpha", "beta"):
+            value = getattr(self, key)
+            if value is not None and value < 0:
+                raise SettingError(key, f"{key} must not be negative, not {value:g}")
+        if self.rtol is not None and not 1e-13 <= self.rtol <= 0.1:
+            raise SettingError(
+                "rtol",
+                f"rtol must lie between 1e-13 and 0.1, not {self.rtol:g}",
+                "doubles hold no more than 1e-13",
+            )
+        if self.samples is not None and not 1 <= self.samples <= 10**8:
+            raise SettingError("samples", f"samples must lie between 1 and 10^8, not {self.samples}")
+        for key, known in (("method", METHODS), ("formulation", FORMULATIONS), ("engine", ENGINES)):
+            value = getattr(self, key)
+            if value is not None and value not in known:
+                raise SettingError(
+                    key, f"there is no {key} `{value}`", "known are " + ", ".join(known)
+                )
+        self._check_times()
+
+    def _check_times(self) -> None:
+        start = self.t_start or 0.0
+        if self.t_end is not None and self.t_end <= start:
+            raise SettingError(
+                "t_end", f"t_end {self.t_end:g} must lie after t_start {start:g}"
+            )
+        given = [k for k in ("samples", "dt", "times") if getattr(self, k) is not None]
+        if len(given) > 1:
+            raise SettingError(
+                given[1], f"{' and '.join(given)} contradict each other", "give one of them"
+            )
+        if self.times is not None:
+            if not self.times:
+                raise SettingError("times", "times must hold at least one time")
+            if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
+                raise SettingError("times", "times must increase")
+            if self.times[0] < start:
+                raise SettingError("times", f"times begin before t_start {start:g}")
+            if self.t_end is not None and self.times[-1] > self.t_end:
+                raise SettingError("times", f"times go beyond t_end {self.t_end:g}")
+            if not all(math.isfinite(x) for x in self.times):
+                raise SettingError("times", "times must be finite numbers")
+        if self.dt is not None and self.t_end is not None and (self.t_end - start) / self.dt > 1e8:
+            raise SettingError("dt", "more than 10^8 samples")
+
+
+DEFAULTS = Settings(
+    t_start=0.0,
+    t_end=10.0,
+    rtol=1e-9,
+    atol=1e-10,
+    method="DOP853",
+    formulation="projection",
+    engine="scipy",
+    max_steps=10_000_000,
+    through_singular=False,
+)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A checked model.
+
+    ``kinetic`` and ``potential`` are T and V; a model written with L has ``kinetic`` None and
+    ``potential`` −L. Expressions are in the symbols of this module's functions and the
+    parameters' names.
+    """
+
+    name: str
+    description: str | None
+    path: str
+    text: str
+    sha256: str
+    coordinates: tuple[Coordinate, ...]
+    parameters: Mapping[str, Parameter]
+    definitions: Mapping[str, Definition]
+    kinetic: Basic | None
+    potential: Basic
+    applied_forces: Mapping[str, Basic]
+    dissipation: Basic | None
+    constraints: tuple[Constraint, ...]
+    initial_positions: Mapping[str, InitialValue]
+    initial_velocities: Mapping[str, InitialValue]
+    outputs: Mapping[str, Basic]
+    output_units: Mapping[str, str]
+    settings: Settings
+    trees: Mapping[str, Tree]
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Names of the coordinates, in the model's order."""
+        return tuple(c.name for c in self.coordinates)
+
+    @property
+    def constraint_names(self) -> tuple[str, ...]:
+        """Names of the constraints, in the model's order."""
+        return tuple(c.name for c in self.constraints)
+
+    @property
+    def parameter_values(self) -> dict[str, float]:
+        """Parameter values in SI, by name."""
+        return {name: p.value for name, p in self.parameters.items()}
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return names and values for machine-readable summaries."""
+        return {
+            "name": self.name,
+            "coordinates": list(self.coordinate_names),
+            "constraints": {c.name: c.kind for c in self.constraints},
+            "parameters": self.parameter_values,
+        }

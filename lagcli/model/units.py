@@ -1,0 +1,124 @@
+"""Unit notation → factor to SI.
+
+Products, quotients and powers of SI units with their prefixes, and degrees, are resolved by a
+small table; Pint is imported only for a unit outside it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from fractions import Fraction
+from functools import cache
+
+Factor = Fraction | float  # exact wherever the unit allows it, so that 7 mm is 0.007 m
+
+_ONE = Fraction(1)
+_BASE: dict[str, Factor] = {
+    **dict.fromkeys(["m", "s", "A", "K", "mol", "cd", "rad", "sr"], _ONE),
+    **dict.fromkeys(["Hz", "N", "Pa", "J", "W", "C", "V", "F", "ohm", "Ω", "S", "Wb"], _ONE),
+    **{"T": _ONE, "H": _ONE, "g": Fraction(1, 1000)},
+}
+_PREFIX = {
+    **{"n": Fraction(1, 10**9), "u": Fraction(1, 10**6), "µ": Fraction(1, 10**6)},
+    **{"μ": Fraction(1, 10**6), "m": Fraction(1, 1000), "c": Fraction(1, 100)},
+    **{"d": Fraction(1, 10), "k": Fraction(10**3), "M": Fraction(10**6), "G": Fraction(10**9)},
+}
+_DEGREE = math.pi / 180
+_WHOLE: dict[str, Factor] = {
+    **dict.fromkeys(["deg", "°", "degree", "degrees"], _DEGREE),
+    **dict.fromkeys(["radian", "1", "dimensionless"], _ONE),
+    **{"min": Fraction(60), "h": Fraction(3600), "L": Fraction(1, 1000), "t": Fraction(1000)},
+}
+_TOKEN = re.compile(r"\s*(?:(\*\*|\^)\s*([+-]?\d{1,2})|([*/()·])|([^\W\d_²³]+|°|1)|([²³]))")
+
+
+class UnknownUnit(ValueError):
+    """The text is not a unit."""
+
+
+@cache
+def to_si(unit: str) -> Factor:
+    """Return the factor that converts a value in this unit to SI.
+
+    Raises
+    ------
+    UnknownUnit
+        Neither the table nor Pint knows the notation, or the unit has an offset (degC).
+    """
+    factor = _by_table(unit)
+    return _by_pint(unit) if factor is None else factor
+
+
+def _single(name: str) -> Factor | None:
+    if name in _WHOLE:
+        return _WHOLE[name]
+    if name in _BASE:
+        return _BASE[name]
+    if len(name) > 1 and name[0] in _PREFIX and name[1:] in _BASE:
+        return _PREFIX[name[0]] * _BASE[name[1:]]
+    return None
+
+
+def _by_table(unit: str) -> Factor | None:
+    """Return the factor, or None where the notation is outside the table.
+
+    ``a/b*c`` reads from the left, as in Pint: (a/b)·c.
+    """
+    position = 0
+    # per parenthesis: the product, its last factor, the sign of the next exponent
+    stack: list[tuple[Factor, Factor, int]] = [(_ONE, _ONE, 1)]
+    expect_unit = True
+    while position < len(unit.rstrip()):
+        match = _TOKEN.match(unit, position)
+        if not match:
+            return None
+        position = match.end()
+        power, exponent, mark, name, small = match.groups()
+        product, last, sign = stack[-1]
+        if power or small:
+            if expect_unit:
+                return None
+            n = int(exponent) if power else "..²³".index(small)
+            stack[-1] = (product / last * last**n, _ONE, 1)
+        elif mark == "(":
+            if not expect_unit:
+                return None
+            stack.append((_ONE, _ONE, 1))
+        elif name or mark == ")":
+            if mark == ")":
+                if expect_unit or len(stack) == 1:
+                    return None
+                value: Factor | None = stack.pop()[0]
+                product, last, sign = stack[-1]
+            else:
+                value = _single(name)
+                if not expect_unit:
+                    sign = 1  # a blank between two units is a product
+            if value is None:
+                return None
+            value = value**sign
+            stack[-1] = (product * value, value, 1)
+            expect_unit = False
+        else:
+            if expect_unit:
+                return None
+            stack[-1] = (product, last, -1 if mark == "/" else 1)
+            expect_unit = True
+    return None if expect_unit or len(stack) > 1 else stack[0][0]
+
+
+def _by_pint(unit: str) -> float:
+    import pint
+
+    registry = pint.UnitRegistry(cache_folder=None)
+    try:
+        zero, one = (
+            registry.Quantity(x, registry.parse_units(unit)).to_base_units().magnitude
+            for x in (0.0, 1.0)
+        )
+    except Exception as error:  # Pint raises many kinds, from tokenizer errors to its own
+        raise UnknownUnit(unit) from error
+    if zero != 0.0:
+        raise UnknownUnit(unit)
+    return float(one)
