@@ -12,6 +12,9 @@ from lagcli.engine.system import System
 
 Array = NDArray[np.float64]
 
+#: A row of B shorter than this, next to the constraint's terms, counts as zero.
+_SMALL_ROW = 1e-6
+
 
 @dataclass(frozen=True)
 class Dynamics:
@@ -58,6 +61,21 @@ class Evaluator:
         nq, nc, nh = self._shape
         inputs = (t, *q.tolist(), *v.tolist(), *self.system.parameters)
         return _constraints(np.array(self._constraint(inputs)), self._places, nq, nc, nh)
+
+    def row_lengths(self, c: Constraints, q: Array, v: Array) -> Array:
+        """Return a scale for each row of B that does not vanish with the row.
+
+        It is the row's length, or, if that is smaller, a small part of the constraint's terms over
+        the coordinates that they are functions of.
+        """
+        floor = np.zeros(len(c.jacobian))
+        holonomic = list(self.system.holonomic)
+        floor[holonomic] = c.position_scale / (np.abs(q).max(initial=0.0) or 1.0)
+        rates = np.setdiff1d(np.arange(len(floor)), holonomic)
+        floor[rates] = c.velocity_scale[rates] / (np.abs(v).max(initial=0.0) or 1.0)
+        length = np.maximum(np.sqrt((c.jacobian * c.jacobian).sum(axis=1)), _SMALL_ROW * floor)
+        length[length == 0.0] = 1.0
+        return length
 
     @property
     def _places(self) -> tuple[list[int], list[int]]:

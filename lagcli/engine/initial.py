@@ -121,7 +121,10 @@ class _Start:
         new_q = self.positions(q.copy(), v)
         new_v = self.velocities(new_q, v.copy())
         c = self.evaluator.constraints(self.t, new_q, new_v)
-        rank = linear.decompose(c.jacobian).rank if len(c.jacobian) else 0
+        rank = 0
+        if len(c.jacobian):
+            lengths = self.evaluator.row_lengths(c, new_q, new_v)
+            rank = linear.decompose(c.jacobian, scale=lengths).rank
         moved = {}
         for i, name in enumerate(self.system.coordinates):
             if new_q[i] != q[i]:

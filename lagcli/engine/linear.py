@@ -1,7 +1,8 @@
 """The linear algebra of one state: accelerations and multipliers, projection, rank.
 
-B is judged by its rows scaled to length one, so that the unit in which a constraint is written
-does not decide its rank.
+B is judged by its scaled rows, so that the unit in which a constraint is written does not decide
+its rank. A row's scale is its length, or the length that it had along the run: a row that vanishes
+in a singular configuration must be seen to vanish.
 """
 
 from __future__ import annotations
@@ -41,25 +42,30 @@ class Decomposition:
 
 
 def row_scale(jacobian: Array) -> Array:
-    """Return the lengths of B's rows, 1 for a row of zeros."""
-    length = np.sqrt(np.einsum("ij,ij->i", jacobian, jacobian))
-    return np.where(length > 0, length, 1.0)
+    """Return the lengths of B's rows; 1 for a row of zeros."""
+    length = np.sqrt((jacobian * jacobian).sum(axis=1))
+    length[length == 0.0] = 1.0
+    return length
 
 
 def decompose(
-    jacobian: Array, rank: int | None = None, tolerance: float = RANK_TOLERANCE
+    jacobian: Array,
+    rank: int | None = None,
+    tolerance: float = RANK_TOLERANCE,
+    scale: Array | None = None,
 ) -> Decomposition:
     """Decompose B; the rank is counted by the tolerance where it is not given."""
-    scale = row_scale(jacobian)
+    if scale is None:
+        scale = row_scale(jacobian)
     u, s, vt = np.linalg.svd(jacobian / scale[:, None])
     if rank is None:
         rank = int((s > tolerance).sum())
     return Decomposition(scale, u[:, :rank], s, vt[:rank].T, vt[rank:].T, u[:, rank:])
 
 
-def singular_values(jacobian: Array) -> Array:
+def singular_values(jacobian: Array, scale: Array) -> Array:
     """Return the singular values of the row-scaled B, largest first."""
-    return np.linalg.svd(jacobian / row_scale(jacobian)[:, None], compute_uv=False)
+    return np.linalg.svd(jacobian / scale[:, None], compute_uv=False)
 
 
 def solve_regular(mass: Array, forcing: Array, jacobian: Array, rhs: Array) -> tuple[Array, Array]:
@@ -81,13 +87,12 @@ def solve_regular(mass: Array, forcing: Array, jacobian: Array, rhs: Array) -> t
     matrix = np.zeros((nq + nc, nq + nc))
     matrix[:nq, :nq] = mass
     # rows of B are brought to M's magnitude, so that pivoting compares like with like
-    weight = (np.abs(mass).max() or 1.0) / row_scale(jacobian)
-    scaled = jacobian * weight[:, None]
-    matrix[nq:, :nq] = scaled
+    weight = (mass.max() or 1.0) / row_scale(jacobian)  # M's largest entry is on its diagonal
+    matrix[nq:, :nq] = scaled = jacobian * weight[:, None]
     matrix[:nq, nq:] = scaled.T
     right = np.concatenate([forcing, rhs * weight])
     lu, pivots, info = lapack.dgetrf(matrix)
-    if info != 0 or not np.isfinite(right).all():
+    if info != 0:
         raise SingularSystem
     x, _ = lapack.dgetrs(lu, pivots, right)
     correction, _ = lapack.dgetrs(lu, pivots, right - matrix @ x)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import integrate
+from scipy import integrate, interpolate
 from scipy.optimize import minimize_scalar
 
 from lagcli.engine import linear
@@ -25,18 +25,17 @@ from lagcli.engine.system import System
 
 Array = NDArray[np.float64]
 
-#: A smallest singular value of the row-scaled B below this marks a singular configuration: nearer
-#: to it, λ has lost half its digits.
-SINGULAR = 1e-6
+#: The smallest singular value of the row-scaled B that marks a singular configuration.
+SINGULAR = 1e-5
+#: Below this value the path ahead is looked at: B still determines λ to ten digits here, and the
+#: step sizes have not yet collapsed.
+_NEAR = 2e-2
 #: Places inside a step at which the rank is watched.
 _WATCH = (0.25, 0.5, 0.75, 1.0)
 #: Newton steps of a projection: from the drift of one step, two reach rounding error.
 _PROJECTIONS = 8
 #: Residuals are brought below this times the constraint's own scale.
 _RESIDUAL = 2e-15
-#: In passing a singular configuration, directions of B weaker than this are left uncorrected: a
-#: residual of rounding size would move the state by 1e-16 over this.
-_WEAK = 1e-4
 #: Baumgarte's α = β times the step size, where the user gives none.
 _BAUMGARTE_STEP = 0.1
 #: SciPy raises smaller ones to this, with a warning.
@@ -59,6 +58,19 @@ class _Samples:
             for k, shape in enumerate(shapes)
         ]
         return np.array(self.time), *columns
+
+
+class _Lazy:
+    """A step's dense output, made when first asked for."""
+
+    def __init__(self, make: Callable[[], Callable[[float], Array]]):
+        self.make = make
+        self.made: Callable[[float], Array] | None = None
+
+    def __call__(self, t: float) -> Array:
+        if self.made is None:
+            self.made = self.make()
+        return self.made(t)
 
 
 class _Stop(Exception):
@@ -91,6 +103,9 @@ class _Integration:
         self.evaluations = self.steps = self.rejected = 0
         self.undefined: tuple[float, Array, Array] | None = None
         self.samples = _Samples()
+        self.watched: list[tuple[float, float]] = []
+        self.recent: list[tuple[float, Array]] = []
+        self.lengths = np.zeros(self.nc)
         self.scale = np.zeros(len(self.holonomic)), np.zeros(self.nc)
 
     # the right-hand side
@@ -105,19 +120,20 @@ class _Integration:
         rhs = d.rhs
         if self.request.formulation == "baumgarte":
             rhs = rhs - self.stabilization(t, q, v)
-        if not (np.isfinite(d.forcing).all() and np.isfinite(rhs).all()
-                and np.isfinite(d.mass_matrix).all() and np.isfinite(d.jacobian).all()):
-            self.undefined = (t, q.copy(), v.copy())
-            return np.full(self.nq, np.nan), np.full(self.nc, np.nan), math.nan
         try:
-            if self.redundant or self.request.through_singular:
-                rank = None if self.request.through_singular else self.request.rank
-                decomposition = linear.decompose(d.jacobian, rank)
+            if not math.isfinite(d.mass_matrix.sum() + d.jacobian.sum()):
+                raise linear.SingularSystem
+            if self.redundant:
+                decomposition = linear.decompose(
+                    d.jacobian, self.request.rank, scale=self.lengths
+                )
                 a, multipliers = linear.solve_redundant(
                     d.mass_matrix, d.forcing, d.jacobian, rhs, decomposition
                 )
             else:
                 a, multipliers = linear.solve_regular(d.mass_matrix, d.forcing, d.jacobian, rhs)
+            if not math.isfinite(a.sum()):
+                raise linear.SingularSystem
         except linear.SingularSystem:
             self.undefined = (t, q.copy(), v.copy())
             return np.full(self.nq, np.nan), np.full(self.nc, np.nan), math.nan
@@ -179,9 +195,6 @@ class _Integration:
         return c
 
     def change(self, jacobian: Array, residual: Array, mass: Array, holonomic: bool) -> Array:
-        if self.request.through_singular:
-            rank = linear.decompose(jacobian, tolerance=_WEAK).rank
-            return linear.least_change(jacobian, residual, mass, rank)
         if self.redundant:
             # the rank is that of all rows together; of the holonomic ones alone it is counted
             return linear.least_change(
@@ -196,39 +209,98 @@ class _Integration:
 
     # singular configurations
 
-    def weakest(self, t: float, y: Array) -> float:
+    def weakest(self, t: float, q: Array, v: Array) -> float:
         """Return the singular value that vanishes at a singular configuration."""
-        q, v = self.split(y)
         jacobian = self.evaluator.constraints(t, q, v).jacobian
-        if not np.isfinite(jacobian).all():
+        if self.request.rank == 0 or not np.isfinite(jacobian).all():
             return 1.0
-        return float(linear.singular_values(jacobian)[self.request.rank - 1])
+        return float(linear.singular_values(jacobian, self.lengths)[self.request.rank - 1])
 
-    def watch(
-        self, history: list[tuple[float, float]], solution: Callable[[float], Array],
-        t_old: float, t_new: float,
+    def stepped_over(
+        self, solution: Callable[[float], Array], t_old: float, t_new: float
     ) -> float | None:
-        """Return the time of a singular configuration in the last step, or None."""
-        if self.request.rank == 0:
-            return None
+        """Return the time of a singular configuration inside the last step, or None."""
+        history = self.watched
         for part in _WATCH:
             t = t_old + part * (t_new - t_old)
-            history.append((t, self.weakest(t, solution(t))))
+            history.append((t, self.weakest(t, *self.split(solution(t)))))
         del history[:-5]
         for (t0, s0), (_, s1), (t2, s2) in zip(history, history[1:], history[2:], strict=False):
-            if s1 <= s0 and s1 <= s2 and s1 < 0.2:
-                low = max(t0, t_old)
-                if t2 <= low:
-                    continue
-                found = minimize_scalar(
-                    lambda t: self.weakest(t, solution(t)),
-                    bounds=(low, t2),
-                    method="bounded",
-                    options={"xatol": 1e-10 * (abs(t2) + t2 - low)},
-                )
-                if found.fun < SINGULAR:
-                    return float(found.x)
-        return float(t_new) if history[-1][1] < SINGULAR else None
+            low = max(t0, t_old)
+            if s1 <= s0 and s1 <= s2 and s1 < 0.2 and t2 > low:
+                found = self.least(lambda t: self.split(solution(t)), low, t2)
+                if found is not None:
+                    return found
+        return None
+
+    def least(
+        self, path: Callable[[float], tuple[Array, Array]], low: float, high: float
+    ) -> float | None:
+        """Return the time between two at which the path is singular, or None."""
+        found = minimize_scalar(
+            lambda t: self.weakest(t, *path(t)),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": 1e-12 * max(abs(high), high - low)},
+        )
+        return float(found.x) if found.fun < SINGULAR else None
+
+    def ahead(self) -> tuple[float, Callable[[float], tuple[Array, ...]]] | None:
+        """Look along the path for a singular configuration that the last steps lead to.
+
+        Returns
+        -------
+        (time, path) or None
+            The configuration's time, and the continuation of q, v, a, λ and W through it: the
+            polynomial of the last three states, which keeps the momentum.
+        """
+        if len(self.recent) < 3 or not self.request.rank:
+            return None
+        (t0, y0), (t1, y1) = self.recent[-2:]
+        before, now = (self.weakest(t, *self.split(y)) for t, y in ((t0, y0), (t1, y1)))
+        if not now < min(before, _NEAR):
+            return None
+        path = self.continuation()
+        reach = 3 * now / ((before - now) / (t1 - t0))
+        found = self.least(lambda t: path(t)[:2], t1, t1 + reach)
+        return None if found is None else (found, path)
+
+    def continuation(self) -> Callable[[float], tuple[Array, ...]]:
+        times = [t for t, _ in self.recent]
+        motion, rest = [], []
+        for t, y in self.recent:
+            q, v = self.split(y)
+            a, multipliers, power = self.accelerations(t, q, v)
+            motion += [q, v, a]
+            rest.append(np.concatenate([multipliers, [y[-1]]]))
+        q_of = interpolate.KroghInterpolator(np.repeat(times, 3), motion)
+        rest_of = interpolate.KroghInterpolator(times, rest)
+
+        def path(t: float) -> tuple[Array, ...]:
+            q, v, a = q_of.derivatives(t, 3)
+            others = rest_of(t)
+            return q, v, a, others[:-1], others[-1:]
+
+        return path
+
+    def pass_singular(
+        self, pending: list[float], singular: float, path: Callable[[float], tuple[Array, ...]]
+    ) -> tuple[float, Array]:
+        """Go through a singular configuration to its mirror image in time, and sample on the way."""
+        t = self.recent[-1][0]
+        end = min(2 * singular - t, self.request.t_end)
+        while pending and pending[-1] <= end:
+            at = pending.pop()
+            q, v, a, multipliers, work = path(at)
+            self.samples.time.append(float(at))
+            self.samples.states.append((q, v, a, multipliers, float(work[0])))
+        q, v, _, _, work = path(end)
+        y = self.project(end, np.concatenate([q, v, work]))
+        if np.abs(y[: self.nq] - q).max() > 1e-3 * (1 + np.abs(q).max()):
+            raise _Stop(f"the motion cannot be continued through the singular configuration at t = {singular:.9g} s")
+        self.recent.clear()
+        self.watched.clear()
+        return end, y
 
     # the run
 
@@ -252,6 +324,7 @@ class _Integration:
     def integrate(self) -> None:
         request = self.request
         t, y = request.t_start, np.concatenate([request.q, request.v, [0.0]])
+        self.measure(t, y)
         if self.projecting:
             y = self.project(t, y)
         start = self.rhs(t, y)
@@ -261,46 +334,63 @@ class _Integration:
         pending = list(request.times[::-1])
         while pending and pending[-1] <= t:
             self.sample(pending.pop(), y)
-        solver = self.solver(t, y, None)
+        solver = self.solver(t, y)
         began = time.monotonic()
-        history: list[tuple[float, float]] = []
         while solver.status == "running":
-            if self.steps >= request.max_steps:
-                raise _Stop(
-                    f"gave up after {self.steps} steps at t = {t:.9g} s; --max-steps allows more"
-                )
-            if request.timeout is not None and time.monotonic() - began > request.timeout:
-                raise _Stop(f"gave up after {request.timeout:g} s of time at t = {t:.9g} s (--timeout)")
+            self.check_limits(t, began)
             self.step(solver, t)
             t_old, t, y_new = t, solver.t, solver.y
-            dense: list[Callable[[float], Array]] = []
-
-            def solution(at: float, dense: list[Callable[[float], Array]] = dense) -> Array:
-                if not dense:
-                    dense.append(solver.dense_output())
-                return dense[0](at)
-
-            singular = None
+            solution = _Lazy(solver.dense_output)
+            over = None
             if self.nc and not request.through_singular:
-                singular = self.watch(history, solution, t_old, t)
-            end = t if singular is None else singular
-            while pending and pending[-1] <= end and not (pending[-1] == singular):
+                over = self.stepped_over(solution, t_old, t)
+            end = t if over is None else over
+            while pending and pending[-1] <= end:
                 at = pending.pop()
                 self.sample(at, y_new if at == t else solution(at))
-            if singular is not None:
-                raise self.stop_singular(singular, solution(singular))
+            if over is not None:
+                raise self.stop_singular(over, *self.split(solution(over)))
             y = self.project(t, y_new) if self.projecting else y_new
+            self.measure(t, y)
             if self.steps == 1:
                 self.check_rank_rises(t, y)
-            if self.steps % 16 == 0 and self.redundant:
+            if self.steps % 16 == 0:
                 self.check_redundancy(t, y)
             solver = self.restart(solver, t, y)
+            self.recent = [*self.recent[-2:], (t, y)]
+            if (found := self.ahead()) is not None:
+                singular, path = found
+                if not request.through_singular:
+                    raise self.stop_singular(singular, *path(singular)[:2])
+                t, y = self.pass_singular(pending, singular, path)
+                if t < request.t_end:
+                    solver = self.solver(t, y)
+                else:
+                    break
             self.progress(t)
 
-    def solver(self, t: float, y: Array, first_step: float | None) -> integrate.OdeSolver:
+    def measure(self, t: float, y: Array) -> None:
+        """Keep the largest length that each row of B has had."""
+        q, v = self.split(y)
+        c = self.evaluator.constraints(t, q, v)
+        if np.isfinite(c.jacobian).all():
+            self.lengths = np.maximum(self.lengths, self.evaluator.row_lengths(c, q, v))
+
+    def check_limits(self, t: float, began: float) -> None:
+        request = self.request
+        if self.steps >= request.max_steps:
+            raise _Stop(
+                f"gave up after {self.steps} steps at t = {t:.9g} s; --max-steps allows more"
+            )
+        if request.timeout is not None and time.monotonic() - began > request.timeout:
+            raise _Stop(
+                f"gave up after {request.timeout:g} s of time at t = {t:.9g} s; --timeout allows"
+                " more"
+            )
+
+    def solver(self, t: float, y: Array) -> integrate.OdeSolver:
         request = self.request
         method = getattr(integrate, request.method)
-        options = {"first_step": first_step} if first_step else {}
         # SciPy judges a step by the root mean square over y; with this factor its largest
         # component obeys the tolerance
         strict = 1 / math.sqrt(len(y))
@@ -310,7 +400,7 @@ class _Integration:
         try:
             return method(
                 self.rhs, t, y, request.t_end, rtol=max(strict * request.rtol, _LEAST_RTOL),
-                atol=strict * request.atol, max_step=request.max_step, **options,
+                atol=strict * request.atol, max_step=request.max_step,
             )
         except ValueError as error:
             raise self.stop_undefined(t, *self.split(y)) from error
@@ -329,7 +419,9 @@ class _Integration:
             self.steps -= 1
             if self.undefined is not None:
                 raise self.stop_undefined(*self.undefined)
-            _, v = self.split(solver.y)
+            q, v = self.split(solver.y)
+            if self.weakest(t, q, v) < _NEAR:
+                raise self.stop_singular(t, q, v)
             fastest = self.system.coordinates[int(np.argmax(np.abs(v)))]
             raise _Stop(
                 f"the step size fell to the floor at t = {t:.9g} s, where `{fastest}` changes"
@@ -350,7 +442,7 @@ class _Integration:
         if isinstance(solver, integrate.LSODA):
             # its history cannot be moved: it starts again when the drift matters
             allowed = self.request.atol + self.request.rtol * np.abs(y[: 2 * self.nq])
-            return self.solver(t, y, None) if (moved > 0.1 * allowed).any() else solver
+            return self.solver(t, y) if (moved > 0.1 * allowed).any() else solver
         if isinstance(solver, integrate.BDF):
             solver.D[0] = y
         else:
@@ -371,8 +463,7 @@ class _Integration:
 
     # what can go wrong
 
-    def stop_singular(self, t: float, y: Array) -> _Stop:
-        q, v = self.split(y)
+    def stop_singular(self, t: float, q: Array, v: Array) -> _Stop:
         names = ", ".join(self.weak_constraints(t, q, v))
         return _Stop(
             f"singular configuration at t = {t:.9g} s: the constraints {names} become dependent"
@@ -382,7 +473,7 @@ class _Integration:
     def weak_constraints(self, t: float, q: Array, v: Array) -> list[str]:
         """Return the constraints that take part in the dependency at a state."""
         jacobian = self.evaluator.constraints(t, q, v).jacobian
-        u, _, _ = np.linalg.svd(jacobian / linear.row_scale(jacobian)[:, None])
+        u, _, _ = np.linalg.svd(jacobian / self.lengths[:, None])
         parts = np.abs(u[:, self.request.rank - 1 :]).max(axis=1)
         return [n for n, x in zip(self.system.constraints, parts, strict=True) if x > 0.05]
 
@@ -391,7 +482,7 @@ class _Integration:
         if not self.redundant or self.request.through_singular:
             return
         q, v = self.split(y)
-        values = linear.singular_values(self.evaluator.constraints(t, q, v).jacobian)
+        values = linear.singular_values(self.evaluator.constraints(t, q, v).jacobian, self.lengths)
         if len(values) > self.request.rank and values[self.request.rank] > SINGULAR:
             self.samples = _Samples()
             names = ", ".join(
@@ -404,9 +495,9 @@ class _Integration:
 
     def check_redundancy(self, t: float, y: Array) -> None:
         """Stop if redundant constraints contradict each other."""
-        if not self.redundant or self.request.through_singular:
-            return
         q, v = self.split(y)
+        if not self.redundant or self.weakest(t, q, v) < _NEAR:
+            return
         d = self.evaluator.dynamics(t, q, v)
         a, _, _ = self.accelerations(t, q, v)
         scale = np.abs(d.rhs).max() + np.abs(d.jacobian @ a).max() + 1e-300
