@@ -1,0 +1,48 @@
+# Everything runs in a virtual environment of its own; nothing else needs to be installed than
+# Python 3.11 or newer (with venv) and make.
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+DEMO := demo
+WORKERS ?= 2
+
+.PHONY: help install demo test lint bench docs-check clean
+
+help: ## Show the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+install: $(BIN)/.installed ## Set up the virtual environment with lagcli and what its tests need
+
+$(BIN)/.installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@touch $@
+
+demo: install ## Derive the slider-crank's equations, simulate it, and look at the result
+	@mkdir -p $(DEMO)
+	$(BIN)/lagcli derive models/slider_crank.yaml
+	$(BIN)/lagcli simulate models/slider_crank.yaml --force -o $(DEMO)/slider_crank.h5
+	$(BIN)/lagcli info $(DEMO)/slider_crank.h5
+
+test: install ## Run the tests
+	$(BIN)/python -m pytest -n $(WORKERS)
+
+$(BIN)/.lint: $(BIN)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check '.[lint]'
+	@touch $@
+
+lint: $(BIN)/.lint ## Check style and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: install ## Run the published problems that take long
+	$(BIN)/python -m pytest -m slow --durations=0 tests/benchmark
+
+docs-check: install ## Run the commands and check the statements of the documentation
+	$(BIN)/python -m pytest tests/docs
+
+clean: ## Remove what the targets made
+	rm -rf $(VENV) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
