@@ -1,0 +1,201 @@
+"""Whole-or-nothing files: a name appears only when everything under it is on the disk."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import shutil
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import BinaryIO
+
+from lagcli.errors import FileError
+from lagcli.results import reasons
+
+
+def check_writable(path: str, force: bool = False) -> None:
+    """Raise if a file could not be created under this name now.
+
+    Parameters
+    ----------
+    path : str
+        The file to be.
+    force : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    FileError
+        The name is taken and ``force`` is false; it is a folder, a pipe or a device; its folder
+        is missing, no folder, or not writable.
+    """
+    target, hidden = _names(path, force)
+    try:
+        # Only a trial tells: os.access knows neither immutable folders nor what root may not do.
+        file = _open_unnamed(os.path.dirname(target))
+        if file is None:
+            file = _open_hidden(hidden)
+            os.unlink(hidden)
+        file.close()
+    except OSError as error:
+        raise reasons.write_failure(path, error) from error
+
+
+@contextmanager
+def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
+    """Open a file that gets its name when the block ends well, and vanishes when it does not.
+
+    On Linux the file has no name until it is complete and synced, so that even ``kill -9``
+    leaves nothing behind. Elsewhere, and on file systems without ``O_TMPFILE``, it grows under a
+    hidden name (``.lagcli-PID-…``) in the same folder, which is removed on any error; only a
+    kill leaves that. The file's mode follows the umask. A symbolic link is followed.
+
+    Parameters
+    ----------
+    path : str
+        The final name.
+    force : bool
+        Replace an existing file, in one step. Without it an existing file is never touched, and
+        of several writers of one name exactly one succeeds.
+
+    Yields
+    ------
+    binary file
+        Open for reading and writing, seekable.
+
+    Raises
+    ------
+    FileError
+        As `check_writable`; or the disk is full, or the system refuses for another reason. An
+        ``OSError`` out of the block counts as one of this file.
+    """
+    target, hidden = _names(path, force)
+    folder = os.path.dirname(target)
+    try:
+        try:
+            file = _open_unnamed(folder)
+            unnamed = file is not None
+            with file or _open_hidden(hidden) as file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+                if unnamed and not _name_unnamed(file, hidden, target, force):
+                    unnamed = False
+                    _copy(file, hidden)
+            if not unnamed:
+                _name_hidden(hidden, target, force)
+        finally:
+            with suppress(FileNotFoundError):
+                os.unlink(hidden)
+    except OSError as error:
+        raise reasons.write_failure(path, error) from error
+    _sync_folder(folder)
+
+
+def _names(path: str, force: bool) -> tuple[str, str]:
+    """Return the file to be, and a name to hide behind; raise if the former is not to be had."""
+    try:
+        target = os.path.realpath(path)
+        with suppress(FileNotFoundError):
+            mode = os.stat(target).st_mode
+            if stat.S_ISDIR(mode):
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            if not stat.S_ISREG(mode):
+                raise FileError(
+                    f"cannot write {path}: it is not a regular file; choose another name, or "
+                    "give - to write CSV to standard output"
+                )
+            if not force:
+                raise reasons.exists(path)
+    except OSError as error:
+        raise reasons.write_failure(path, error) from error
+    hidden = f".lagcli-{os.getpid()}-{secrets.token_hex(8)}"
+    return target, os.path.join(os.path.dirname(target), hidden)
+
+
+def _open_unnamed(folder: str) -> BinaryIO | None:
+    """Return a file without a name in the folder, or None where the system has no such thing."""
+    if not hasattr(os, "O_TMPFILE") or not os.path.isdir("/proc/self/fd"):
+        return None
+    try:
+        return os.fdopen(os.open(folder, os.O_TMPFILE | os.O_RDWR, 0o666), "w+b")
+    except OSError:
+        # Kernels and file systems say no in many ways. If the cause is another one (no
+        # permission, no space), opening the hidden file meets it again and reports it.
+        return None
+
+
+def _open_hidden(hidden: str) -> BinaryIO:
+    """Return a new file of this name."""
+    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    return os.fdopen(os.open(hidden, flags, 0o666), "w+b")
+
+
+def _name_unnamed(file: BinaryIO, hidden: str, target: str, force: bool) -> bool:
+    """Give the unnamed file its name; return False where the system refuses to link it."""
+    source = f"/proc/self/fd/{file.fileno()}"
+    try:
+        _link_followed(source, target)
+    except FileExistsError:
+        if not force:
+            raise
+        _link_followed(source, hidden)
+        os.replace(hidden, target)
+    except OSError:
+        # A sandbox may hide /proc or forbid linking from it: the bytes can still be copied.
+        return False
+    return True
+
+
+def _link_followed(source: str, target: str) -> None:
+    """Link the file that a symbolic link in /proc stands for."""
+    # Python calls linkat(AT_SYMLINK_FOLLOW) only when it gets a dir_fd; plain link() would try
+    # to link the symbolic link itself.
+    folder = os.open(os.path.dirname(target), os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.link(source, os.path.basename(target), dst_dir_fd=folder, follow_symlinks=True)
+    finally:
+        os.close(folder)
+
+
+def _copy(file: BinaryIO, hidden: str) -> None:
+    """Copy the whole file under the hidden name and sync it."""
+    file.seek(0)
+    with _open_hidden(hidden) as copy:
+        shutil.copyfileobj(file, copy, 1 << 20)
+        copy.flush()
+        os.fsync(copy.fileno())
+
+
+def _name_hidden(hidden: str, target: str, force: bool) -> None:
+    """Give the closed hidden file its name."""
+    if force:
+        os.replace(hidden, target)
+        return
+    try:
+        os.link(hidden, target)
+    except FileExistsError:
+        raise
+    except OSError:
+        # No hard links here (FAT, some network file systems): reserve the name, which fails if
+        # it is taken, then replace the reservation. A kill in between leaves an empty file.
+        os.close(os.open(target, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        try:
+            os.replace(hidden, target)
+        except OSError:
+            os.unlink(target)
+            raise
+
+
+def _sync_folder(folder: str) -> None:
+    """Bring the new name to the disk too."""
+    # The file is in place and synced; a folder that cannot be synced (some network file
+    # systems, Windows) is nothing that the reader of a message could mend.
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

@@ -1,0 +1,246 @@
+"""What a result file holds: for programs as a dict, for people as text."""
+
+from __future__ import annotations
+
+import os
+import re
+import textwrap
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lagcli.results.formats import format_of, read
+from lagcli.results.metadata import KIND, to_metadata
+from lagcli.trajectory import Array, Trajectory
+
+_WIDTH = 100
+_LABEL = 20  # columns for the labels on the left
+_FORMATS = {"hdf5": "HDF5", "csv": "CSV"}
+
+
+def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return what a result file holds, as JSON values.
+
+    Parameters
+    ----------
+    path : str or path
+        A file that `lagcli.results.write` wrote.
+
+    Returns
+    -------
+    dict
+        ``path``, ``format`` (``hdf5`` or ``csv``), ``bytes``, ``kind``, ``schema_version``,
+        ``lagcli_version``, ``status``, ``message``, ``model_name``, ``model_sha256``; ``sizes``
+        (samples, coordinates, constraints, outputs), the names of ``coordinates``,
+        ``constraints``, ``outputs``, and ``units``; ``time`` (first, last); ``parameters``,
+        ``options``, ``counts``, ``seconds``, ``initial_correction``; the largest magnitudes of
+        ``residual_position`` and ``residual_velocity`` by constraint (``max``, and ``scaled`` by
+        the constraint's own scale), of ``residual_equation``, and of ``energy_balance``
+        (``max``, and ``relative`` to the largest \\|T\\| + \\|V\\|); ``multipliers`` by constraint
+        (``min``, ``max``, ``time_min``, ``time_max``). What the file does not say is None, or
+        empty.
+
+    Raises
+    ------
+    FileError
+        The file is missing, damaged, or not of lagcli.
+    UsageError
+        The suffix is unknown.
+    """
+    path = os.fspath(path)
+    trajectory = read(path)
+    metadata = to_metadata(trajectory)
+    model = metadata.pop("model")
+    energy = np.abs(trajectory.energy_kinetic) + np.abs(trajectory.energy_potential)
+    balance = _largest(trajectory.energy_balance)
+    return {
+        "path": path,
+        "format": format_of(path),
+        "bytes": os.path.getsize(path),
+        "kind": KIND,
+        **metadata,
+        "model_name": _model_name(model),
+        "sizes": {
+            "samples": len(trajectory.time),
+            "coordinates": len(trajectory.coordinates),
+            "constraints": len(trajectory.constraints),
+            "outputs": len(trajectory.outputs),
+        },
+        "coordinates": list(trajectory.coordinates),
+        "constraints": list(trajectory.constraints),
+        "outputs": list(trajectory.outputs),
+        "time": {
+            "first": float(trajectory.time[0]) if len(trajectory.time) else None,
+            "last": float(trajectory.time[-1]) if len(trajectory.time) else None,
+        },
+        "residual_position": _residuals(
+            trajectory, trajectory.residual_position, trajectory.scale_position
+        ),
+        "residual_velocity": _residuals(
+            trajectory, trajectory.residual_velocity, trajectory.scale_velocity
+        ),
+        "residual_equation": _largest(trajectory.residual_equation),
+        "energy_balance": {"max": balance, "relative": _ratio(balance, _largest(energy))},
+        "multipliers": {
+            name: _extremes(trajectory.time, trajectory.multipliers[:, i])
+            for i, name in enumerate(trajectory.constraints)
+        },
+    }
+
+
+def format_info(info: Mapping[str, Any]) -> str:
+    """Return the text that ``lagcli info`` prints.
+
+    Parameters
+    ----------
+    info : mapping
+        As `describe` returns it.
+
+    Returns
+    -------
+    str
+        Lines of at most 100 columns, without a final newline.
+    """
+    sizes, time, units = info["sizes"], info["time"], info["units"]
+    balance = info["energy_balance"]
+    span = f"{_number(time['first'])} to {_number(time['last'])} s, " if sizes["samples"] else ""
+    digest = f" (sha256 {info['model_sha256'][:12]}…)" if info["model_sha256"] else ""
+    writer = f"lagcli {info['lagcli_version']}, " if info["lagcli_version"] else ""
+    lines = _entry(
+        "file",
+        f"{info['path']}: {info['kind']}, {_FORMATS[info['format']]}, {_size(info['bytes'])}, "
+        f"{writer}layout {info['schema_version']}",
+    )
+    lines += _entry("status", info["status"] or "not recorded")
+    lines += _entry("message", info["message"])
+    lines += _entry("model", f"{info['model_name'] or 'without a name'}{digest}" if digest else "")
+    lines += _entry("time", f"{span}{sizes['samples']} samples")
+    for name in ("coordinates", "constraints", "outputs"):
+        shown = [f"{n} [{units[n]}]" if n in units else n for n in info[name]]
+        lines += _entry(name, ", ".join(shown) or "none")
+    lines += _entry("parameters", _pairs(info["parameters"], units))
+    lines += _entry("options", _pairs(info["options"]))
+    lines += _entry("counts", _pairs(info["counts"]))
+    lines += _entry("seconds", _pairs(info["seconds"]))
+    moved = [
+        f"{n} {_number(before)} -> {_number(after)}"
+        for n, (before, after) in info["initial_correction"].items()
+    ]
+    lines += _entry("start moved", ", ".join(moved))
+    lines += _entry("energy balance", f"{_number(balance['max'], 3)} J at worst")
+    lines += _entry("  relative", _number(balance["relative"], 3))
+    lines += _entry("equation residual", f"{_number(info['residual_equation'], 3)} at worst")
+    if info["constraints"]:
+        lines += _table(
+            ("constraint residual", "position", "scaled", "velocity", "scaled"),
+            {
+                name: [
+                    _number(info[field][name][key], 3)
+                    for field in ("residual_position", "residual_velocity")
+                    for key in ("max", "scaled")
+                ]
+                for name in info["constraints"]
+            },
+        )
+        lines += _table(
+            ("multiplier", "min", "at time", "max", "at time"),
+            {
+                name: [_number(found[k]) for k in ("min", "time_min", "max", "time_max")]
+                for name, found in info["multipliers"].items()
+            },
+        )
+    return "\n".join(lines)
+
+
+def _model_name(text: str) -> str | None:
+    """Return the model's ``name:`` if it stands on a line of its own, without reading YAML."""
+    found = re.search(r"^name:[ \t]+(\S.*?)[ \t]*(?:[ \t]#.*)?\r?$", text, re.MULTILINE)
+    if found is None:
+        return None
+    name = found[1]
+    quoted = len(name) >= 2 and name[0] == name[-1] and name[0] in "\"'"
+    return name[1:-1] if quoted else name
+
+
+def _largest(values: Array) -> float | None:
+    """Return the largest magnitude, or None where there is no number."""
+    numbers = np.abs(values[~np.isnan(values)])
+    return float(numbers.max()) if numbers.size else None
+
+
+def _ratio(value: float | None, scale: float | None) -> float | None:
+    """Return the value by its scale; None where that says nothing."""
+    if value is None or scale is None or np.isnan(scale):
+        return None
+    if value == 0:
+        return 0.0
+    return value / scale if scale else None
+
+
+def _residuals(trajectory: Trajectory, values: Array, scales: Array) -> dict[str, Any]:
+    """Return the largest residual of each constraint, as it is and by its scale."""
+    found = {}
+    for i, name in enumerate(trajectory.constraints):
+        largest = _largest(values[:, i])
+        found[name] = {"max": largest, "scaled": _ratio(largest, float(scales[i]))}
+    return found
+
+
+def _extremes(time: Array, values: Array) -> dict[str, float | None]:
+    """Return the least and the greatest value, and when."""
+    if np.isnan(values).all():
+        return dict.fromkeys(("min", "time_min", "max", "time_max"))
+    low, high = np.nanargmin(values), np.nanargmax(values)
+    return {
+        "min": float(values[low]),
+        "time_min": float(time[low]),
+        "max": float(values[high]),
+        "time_max": float(time[high]),
+    }
+
+
+def _number(value: Any, digits: int = 6) -> str:
+    """Return a number as people read it; a dash for none."""
+    if value is None:
+        return "-"
+    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+
+
+def _size(count: int) -> str:
+    """Return a number of bytes in the largest unit that keeps it above one."""
+    size = float(count)
+    for symbol in ("B", "kB", "MB"):
+        if size < 1000:
+            return f"{size:.3g} {symbol}"
+        size /= 1000
+    return f"{size:.3g} GB"
+
+
+def _pairs(values: Mapping[str, Any], units: Mapping[str, str] | None = None) -> str:
+    """Return ``name = value unit`` for each entry."""
+    shown = []
+    for name, value in values.items():
+        symbol = (units or {}).get(name)
+        shown.append(f"{name} = {_number(value)}{' ' + symbol if symbol else ''}")
+    return ", ".join(shown)
+
+
+def _entry(label: str, text: str) -> list[str]:
+    """Return a label with its text, wrapped and indented; nothing for no text."""
+    text = "".join(c if c.isprintable() or c.isspace() else "�" for c in text)
+    lines = textwrap.wrap(text, _WIDTH - _LABEL, break_on_hyphens=False)
+    labels = [label] + [""] * len(lines)
+    return [f"{left:<{_LABEL}}{line}" for left, line in zip(labels, lines, strict=False)]
+
+
+def _table(head: tuple[str, ...], rows: Mapping[str, list[str]]) -> list[str]:
+    """Return a table after an empty line: names on the left, numbers right-aligned."""
+    cells = 13  # -1.23457e-308
+    widest = _WIDTH - (len(head) - 1) * (cells + 2)
+    left = min(widest, max(len(name) for name in (head[0], *rows)))
+    lines = [""]
+    for name, *numbers in (head, *((name, *numbers) for name, numbers in rows.items())):
+        shown = name if len(name) <= left else name[: left - 1] + "…"
+        lines.append(f"{shown:<{left}}" + "".join(f"  {n:>{cells}}" for n in numbers))
+    return lines

@@ -1,0 +1,130 @@
+"""The layout of result files: which quantity has which axes, unit and description."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lagcli.trajectory import Trajectory
+
+#: What `units` says where the model states none.
+NOT_STATED = "not stated"
+
+#: What `units` says where the coordinates differ.
+MIXED = "mixed: see coordinate_unit"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One array of a result file.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the file and in `Trajectory`.
+    axes : tuple of str
+        Among ``time``, ``coordinate``, ``constraint``.
+    long_name : str
+        What it is, for the reader of a file or a plot.
+    unit : str
+        ``{u}`` stands for the unit of the coordinate.
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    long_name: str
+    unit: str
+
+
+_CONSTRAINT_UNIT = "mixed: as each constraint"
+
+#: Every array but the model's own outputs, in the order of the file.
+QUANTITIES = (
+    Quantity("time", ("time",), "time", "s"),
+    Quantity("q", ("time", "coordinate"), "generalized coordinates", "{u}"),
+    Quantity("v", ("time", "coordinate"), "generalized velocities", "{u}/s"),
+    Quantity("a", ("time", "coordinate"), "generalized accelerations", "{u}/s^2"),
+    Quantity(
+        "multipliers",
+        ("time", "constraint"),
+        "Lagrange multipliers",
+        "mixed: J or W per unit of each position or velocity constraint",
+    ),
+    Quantity(
+        "constraint_force",
+        ("time", "coordinate"),
+        "generalized constraint force, the sum of lambda_beta b_beta over beta",
+        "J/{u}",
+    ),
+    Quantity(
+        "constraint_force_by",
+        ("time", "constraint", "coordinate"),
+        "generalized constraint force lambda_beta b_beta of each constraint",
+        "J/{u}",
+    ),
+    Quantity("energy_kinetic", ("time",), "kinetic energy", "J"),
+    Quantity("energy_potential", ("time",), "potential energy", "J"),
+    Quantity("energy_total", ("time",), "total energy", "J"),
+    Quantity("power_applied", ("time",), "power of the applied forces", "W"),
+    Quantity("power_constraint", ("time",), "power of the constraint forces", "W"),
+    Quantity("power_time", ("time",), "power by the explicit time in T or V", "W"),
+    Quantity(
+        "energy_balance",
+        ("time",),
+        "total energy minus its first value minus the integral of the powers",
+        "J",
+    ),
+    Quantity(
+        "residual_position",
+        ("time", "constraint"),
+        "residual of each position constraint",
+        _CONSTRAINT_UNIT,
+    ),
+    Quantity(
+        "residual_velocity",
+        ("time", "constraint"),
+        "residual of each velocity constraint",
+        _CONSTRAINT_UNIT,
+    ),
+    Quantity("residual_equation", ("time",), "max norm of the residual of the equations", "J/{u}"),
+    Quantity(
+        "scale_position",
+        ("constraint",),
+        "scale by which the position residual is judged",
+        _CONSTRAINT_UNIT,
+    ),
+    Quantity(
+        "scale_velocity",
+        ("constraint",),
+        "scale by which the velocity residual is judged",
+        _CONSTRAINT_UNIT,
+    ),
+)
+
+
+def unit(quantity: Quantity, trajectory: Trajectory) -> str:
+    """Return what a quantity is measured in.
+
+    Parameters
+    ----------
+    quantity : Quantity
+        One of `QUANTITIES`.
+    trajectory : Trajectory
+        Where the units of the coordinates stand.
+
+    Returns
+    -------
+    str
+        The unit; `MIXED` where it differs between coordinates; `NOT_STATED` where the model
+        states none for them.
+    """
+    if "{u}" not in quantity.unit:
+        return quantity.unit
+    units = {trajectory.units.get(name) for name in trajectory.coordinates}
+    if units <= {None}:
+        return NOT_STATED
+    if len(units) > 1:
+        return MIXED
+    symbol = units.pop() or "1"
+    if quantity.unit.startswith("J/") and any(sign in symbol for sign in "*/ "):
+        symbol = f"({symbol})"
+    return quantity.unit.format(u=symbol)

@@ -1,0 +1,86 @@
+"""Why a result file cannot be written or read, in words that name the path and the remedy."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shlex
+import stat
+
+from lagcli.errors import FileError
+
+
+def exists(path: str) -> FileError:
+    """Return the error for a name that is taken."""
+    return FileError(f"{path} exists already; give --force to overwrite it, or another name")
+
+
+def write_failure(path: str, error: OSError) -> FileError:
+    """Return the error for a write that the system refused."""
+    folder = os.path.dirname(path) or "."
+    match error.errno:
+        case errno.EEXIST:
+            return exists(path)
+        case errno.ENOSPC | errno.EDQUOT:
+            reason = "the disk is full (or your quota is); free some space, or write elsewhere"
+        case errno.EFBIG:
+            reason = "the file is larger than allowed here; raise the limit (ulimit -f)"
+        case errno.EACCES | errno.EPERM:
+            reason = f"no permission to write in {folder}; choose a folder of your own"
+        case errno.EROFS:
+            reason = f"{folder} is on a read-only file system; choose another folder"
+        case errno.ENOENT if not os.path.isdir(folder):  # /proc says ENOENT to any new file
+            reason = f"there is no folder {folder}; create it with: mkdir -p {shlex.quote(folder)}"
+        case errno.ENOTDIR:
+            reason = f"{folder} is not a folder; choose another name"
+        case errno.EISDIR:
+            reason = "it is a folder; give the name of a file in it"
+        case errno.ENAMETOOLONG:
+            reason = "the name is too long for the file system; choose a shorter one"
+        case _:
+            reason = f"{error.strerror or error}; choose another place if this persists"
+    return FileError(f"cannot write {path}: {reason}")
+
+
+def read_failure(path: str, error: OSError) -> FileError:
+    """Return the error for a file that the system does not let us read."""
+    match error.errno:
+        case errno.ENOENT:
+            reason = "there is no such file; check the name and the folder"
+        case errno.EACCES | errno.EPERM:
+            reason = f"no permission to read it; ask its owner, or chmod u+r {shlex.quote(path)}"
+        case errno.EISDIR:
+            reason = "it is a folder; give the name of a file in it"
+        case _:
+            reason = error.strerror or str(error)
+    return FileError(f"cannot read {path}: {reason}")
+
+
+def check_readable(path: str) -> None:
+    """Raise unless the path is a regular file that can be opened and is not empty.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+
+    Raises
+    ------
+    FileError
+        It is missing, a folder, a pipe or device, empty, or not ours to read.
+    """
+    try:
+        # O_NONBLOCK: a pipe that nobody writes to must not hang us
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+    except OSError as error:
+        raise read_failure(path, error) from error
+    try:
+        found = os.fstat(descriptor)
+    finally:
+        os.close(descriptor)
+    if stat.S_ISDIR(found.st_mode):
+        raise read_failure(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
+    if not stat.S_ISREG(found.st_mode):
+        raise FileError(f"cannot read {path}: it is not a regular file; save it to one first")
+    if found.st_size == 0:
+        raise FileError(f"cannot read {path}: it is empty; run the simulation again")

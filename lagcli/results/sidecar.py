@@ -1,0 +1,130 @@
+"""The sidecar of a CSV file: JSON beside it, with what CSV has no place for."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lagcli.errors import FileError
+from lagcli.results.metadata import (
+    KIND,
+    from_metadata,
+    from_number,
+    to_json,
+    to_metadata,
+    to_number,
+)
+from lagcli.results.reasons import check_readable, read_failure
+from lagcli.trajectory import SCHEMA_VERSION, Trajectory
+
+_MEND = "remove it to read the CSV file alone"
+
+
+def sidecar_path(path: str) -> str:
+    """Return the name of the sidecar.
+
+    Parameters
+    ----------
+    path : str
+        The CSV file.
+
+    Returns
+    -------
+    str
+        ``PATH.json``.
+    """
+    return f"{path}.json"
+
+
+def sidecar_text(trajectory: Trajectory, digest: str) -> bytes:
+    """Return the whole text of a sidecar.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The run.
+    digest : str
+        SHA-256 of its CSV file, by which the two are known to belong together.
+
+    Returns
+    -------
+    bytes
+        JSON in UTF-8: what `to_metadata` returns, the sizes and names, and the scales of the
+        constraints (null for NaN).
+    """
+    metadata = to_metadata(trajectory)
+    model = metadata.pop("model")
+    about = {
+        **metadata,
+        "csv_sha256": digest,
+        "samples": len(trajectory.time),
+        "coordinates": list(trajectory.coordinates),
+        "constraints": list(trajectory.constraints),
+        "outputs": list(trajectory.outputs),
+        "scale_position": [to_number(x) for x in trajectory.scale_position],
+        "scale_velocity": [to_number(x) for x in trajectory.scale_velocity],
+        "model": model,  # last: it is long
+    }
+    return (to_json(about, indent=1) + "\n").encode()
+
+
+def read_sidecar(path: str, constraints: int) -> dict[str, Any]:
+    """Return the fields of `Trajectory` that CSV does not hold.
+
+    Parameters
+    ----------
+    path : str
+        The CSV file.
+    constraints : int
+        Their number, nc.
+
+    Returns
+    -------
+    dict
+        Keyword arguments for `Trajectory`; without a sidecar texts and mappings are empty, and
+        scales are NaN.
+
+    Raises
+    ------
+    FileError
+        The sidecar cannot be read, is none, or belongs to another CSV file.
+    """
+    sidecar = sidecar_path(path)
+    if not os.path.lexists(sidecar):
+        unknown = np.full(constraints, np.nan)
+        return {**from_metadata({}), "scale_position": unknown, "scale_velocity": unknown.copy()}
+    check_readable(sidecar)
+    try:
+        with open(sidecar, encoding="utf-8") as file:
+            about = json.load(file)
+        with open(path, "rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise read_failure(sidecar, error) from error
+    except ValueError as error:
+        raise FileError(f"cannot read {sidecar}: it is not JSON ({error}); {_MEND}") from error
+    if not isinstance(about, Mapping) or about.get("kind") != KIND:
+        raise FileError(f"cannot read {sidecar}: it is not the sidecar of a trajectory; {_MEND}")
+    if about.get("schema_version") != SCHEMA_VERSION:
+        raise FileError(
+            f"cannot read {sidecar}: its layout has version {about.get('schema_version')}, and "
+            f"this lagcli knows {SCHEMA_VERSION}; {_MEND}"
+        )
+    if about.get("csv_sha256") != digest:
+        raise FileError(
+            f"cannot read {path}: its sidecar {sidecar} is of another run, or one of the two "
+            "was changed; remove the sidecar to read the CSV file alone"
+        )
+    try:
+        scales = {
+            name: np.array([from_number(x) for x in about[name]], dtype=np.float64)
+            for name in ("scale_position", "scale_velocity")
+        }
+        return {**from_metadata(about), **scales}
+    except (KeyError, ValueError, TypeError, AttributeError) as error:
+        raise FileError(f"cannot read {sidecar}: it is damaged ({error!r}); {_MEND}") from error
