@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from dataclasses import dataclass, field
 
 
@@ -14,7 +15,8 @@ class SourceLocation:
     path : str
         What the reader knows the text by: a file name, ``<stdin>`` or ``--set``.
     line, column : int
-        Both count from 1; the column counts characters.
+        Both count from 1; the column counts characters. Line 0 is text that has no lines, such as
+        the value of an option.
     length : int
         Number of characters to underline.
     text : str
@@ -30,13 +32,25 @@ class SourceLocation:
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """One thing that is wrong: what, where, and how to mend it."""
+    """One thing that is wrong: what, where, and how to mend it.
+
+    Parameters
+    ----------
+    kind : str
+        A short name of the error, for programs.
+    message : str
+    location : SourceLocation, optional
+    help : str, optional
+        How to mend it; may have several lines.
+    notes : tuple of (text, SourceLocation or None)
+        Other places that belong to it.
+    """
 
     kind: str
     message: str
     location: SourceLocation | None = None
     help: str | None = None
-    notes: tuple[tuple[str, SourceLocation], ...] = field(default=())
+    notes: tuple[tuple[str, SourceLocation | None], ...] = field(default=())
 
     def render(self) -> str:
         """Return the diagnostic in the shape that the documentation shows."""
@@ -47,9 +61,12 @@ class Diagnostic:
             where = f"{loc.path}:{loc.line}:{loc.column}" if loc.line else loc.path
             lines = [f"{where}: error[{self.kind}]: {self.message}"]
             lines += _excerpt(loc)
-        for text, where_else in self.notes:
-            lines.append(f"   note: {text} ({where_else.path}:{where_else.line})")
-            lines += _excerpt(where_else)
+        for text, elsewhere in self.notes:
+            if elsewhere is None:
+                lines.append(f"   note: {text}")
+            else:
+                lines.append(f"   note: {text} ({elsewhere.path}:{elsewhere.line})")
+                lines += _excerpt(elsewhere)
         if self.help:
             first, *rest = self.help.split("\n")
             lines.append(f"   help: {first}")
@@ -62,16 +79,26 @@ _WIDEST_LINE = 160  # a longer line is cut around the place, so that a minified 
 
 def _excerpt(loc: SourceLocation) -> list[str]:
     """Return the source line and the marks under it."""
-    if not loc.line or not loc.text:
+    if not loc.text:
         return []
-    text, column = loc.text.replace("\t", " "), loc.column
-    text = "".join(c if c.isprintable() else "�" for c in text)
+    text = "".join(c if c.isprintable() else " " if c == "\t" else "�" for c in loc.text)
+    column = loc.column
     if len(text) > _WIDEST_LINE:
-        start = max(0, column - _WIDEST_LINE // 2)
+        start = min(max(0, column - _WIDEST_LINE // 2), len(text) - _WIDEST_LINE // 2)
         text = text[start : start + _WIDEST_LINE]
         column -= start
-    length = max(1, min(loc.length, len(text) - column + 1))
-    return [f"{loc.line:>5} | {text}", f"      | {' ' * (column - 1)}{'^' * length}"]
+    number = f"{loc.line:>5}" if loc.line else " " * 5
+    before, marked = text[: column - 1], text[column - 1 : column - 1 + loc.length]
+    pad = " " * (_width(before) + column - 1 - len(before))
+    return [f"{number} | {text.rstrip()}", f"      | {pad}{'^' * max(1, _width(marked))}"]
+
+
+def _width(text: str) -> int:
+    """Return the cells that a text takes on a terminal, so that the marks stand under it."""
+    return sum(
+        0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1
+        for c in text
+    )
 
 
 class LagcliError(Exception):

@@ -26,6 +26,7 @@ from lagcli.model.model import DEFAULTS, InitialValue, Model, SettingError, Sett
 from lagcli.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 DEFAULT_SAMPLES = 1001
 
@@ -118,7 +119,8 @@ def sample_times(settings: Settings) -> Array:
     if settings.times is not None:
         return np.array(settings.times)
     start, end = settings.t_start, settings.t_end
-    assert start is not None and end is not None
+    assert start is not None
+    assert end is not None
     if settings.dt is not None:
         # the last multiple of dt within rounding of the end counts as the end
         count = int(np.floor((end - start) / settings.dt * (1 + 1e-12) + 1e-9))
@@ -138,7 +140,12 @@ def _request(start: ConsistentState, settings: Settings) -> Request:
     s = settings
     times = sample_times(s)
     t_end = times[-1] if s.times is not None else s.t_end
-    assert t_end is not None and s.rtol and s.atol and s.method and s.formulation and s.max_steps
+    assert t_end is not None
+    assert s.rtol
+    assert s.atol
+    assert s.method
+    assert s.formulation
+    assert s.max_steps
     return Request(
         q=start.q,
         v=start.v,
@@ -189,7 +196,7 @@ def find_start(equations: Equations, system: System, settings: Settings) -> Cons
     return start
 
 
-def _initial(model: Model, table: Any) -> tuple[Array, Array]:
+def _initial(model: Model, table: Any) -> tuple[Array, Flags]:
     entries: list[InitialValue] = [table[name] for name in model.coordinate_names]
     return np.array([e.value for e in entries]), np.array([e.fixed for e in entries])
 
@@ -245,15 +252,13 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
     )
 
 
-def _check_inertia(
-    equations: Equations, system: System, t: float, start: ConsistentState
-) -> None:
+def _check_inertia(equations: Equations, system: System, t: float, start: ConsistentState) -> None:
     """Refuse a motion that the constraints allow and no inertia resists."""
     d = Evaluator(system).dynamics(t, start.q, start.v)
-    if not (np.isfinite(d.mass_matrix).all() and np.isfinite(d.forcing).all()
-            and np.isfinite(d.jacobian).all() and np.isfinite(d.rhs).all()):
+    if not d.finite:
         raise NumericalError(
-            "no start: " + _undefined(equations, t, start.q, start.v)
+            "no start: "
+            + _undefined(equations, t, start.q, start.v)
             + "; change the initial values"
         )
     nq = len(start.q)
@@ -307,9 +312,7 @@ def _trajectory(
     position[list(system.holonomic)] = c.position
     scale_position = np.full(nc, np.nan)
     scale_position[list(system.holonomic)] = _largest(c.position_scale)
-    equation = (
-        np.einsum("ijt,tj->it", d.mass_matrix, run.a) - d.forcing - by.sum(axis=0)
-    )
+    equation = np.einsum("ijt,tj->it", d.mass_matrix, run.a) - d.forcing - by.sum(axis=0)
     options = {k: v for k, v in dataclasses.asdict(settings).items() if v is not None}
     return Trajectory(
         coordinates=system.coordinates,
@@ -352,7 +355,7 @@ def _trajectory(
 
 
 def _largest(scale: Array) -> Array:
-    """Return each constraint's largest scale along the run; 1 where its terms never differ from 0."""
+    """Return each constraint's largest scale along the run; 1 where its terms are always 0."""
     largest = scale.max(axis=1, initial=0.0)
     return np.where(largest > 0, largest, 1.0)
 

@@ -30,25 +30,44 @@ def undefined_expression(equations: Equations, t: float, q: list[float], v: list
         A clause such as "`log(x)` in `V` has no finite value at x = -0.2".
     """
     model = equations.model
-    values: dict[Basic, float] = {TIME: t}
-    values.update(zip(equations.q, q, strict=True))
-    values.update(zip(equations.v, v, strict=True))
+    state: dict[Basic, float] = {TIME: t}
+    state.update(zip(equations.q, q, strict=True))
+    state.update(zip(equations.v, v, strict=True))
     parameters = {se.Symbol(n): p.value for n, p in model.parameters.items()}
-    every = {**values, **parameters}
+    every = {**state, **parameters}
     for place, expression in _expressions(equations):
-        parts = list(_parts(expression))
-        tape = ScalarTape(compile_tape(parts, list(every)))
-        for part, value in zip(parts, tape(every.values()), strict=True):
-            if not math.isfinite(value):
-                used = sorted(s.name for s in part.free_symbols if s in values)
-                at = ", ".join(f"{n} = {values[se.Symbol(n)]:.6g}" for n in used)
-                at = at or f"t = {t:.6g}"
-                return f"`{part}` in {place} has no finite value at {at}"
-    state = ", ".join(f"{s.name} = {x:.6g}" for s, x in values.items() if s in equations.q)
+        part = _culprit(expression, every)
+        if part is not None:
+            used = sorted(s.name for s in part.free_symbols if s in state)
+            at = ", ".join(f"{n} = {state[se.Symbol(n)]:.6g}" for n in used)
+            return f"`{part}` in {place} has no finite value at {at or f't = {t:.6g}'}"
+    at = ", ".join(f"{s.name} = {x:.6g}" for s, x in state.items() if s in equations.q)
     return (
         "the mass matrix does not determine the accelerations, with the constraints as they are,"
-        f" at {state}"
+        f" at {at}"
     )
+
+
+def _culprit(expression: Basic, values: dict[Basic, float]) -> Basic | None:
+    """Return the smallest part that makes an expression undefined; None if it is not."""
+    if math.isfinite(_numbers([expression], values)[0]):
+        return None
+    parts = list(_parts(expression))
+    for part, value in zip(parts, _numbers(parts, values), strict=True):
+        if math.isfinite(value):
+            continue
+        if isinstance(part, se.Piecewise):
+            # only the case that is taken matters
+            cases, conditions = part.args[0::2], part.args[1::2]
+            holds = _numbers(list(conditions), values)
+            taken = [case for case, truth in zip(cases, holds, strict=True) if truth]
+            return _culprit(taken[0], values) if taken else part
+        return part
+    return expression
+
+
+def _numbers(expressions: list[Basic], values: dict[Basic, float]) -> list[float]:
+    return ScalarTape(compile_tape(expressions, list(values)))(values.values())
 
 
 def _expressions(equations: Equations) -> Iterator[tuple[str, Basic]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
-from enum import Enum
+from enum import StrEnum
 from typing import Annotated
 
 import typer
@@ -20,7 +20,7 @@ from lagcli.cli.options import (
 )
 
 
-class Format(str, Enum):
+class Format(StrEnum):
     """How equations are printed."""
 
     text = "text"
@@ -44,7 +44,10 @@ def derive(
     width: Annotated[
         int | None,
         typer.Option(
-            "--width", min=40, max=1000, help="Columns of text. [default: the terminal's, 80 to 120]"
+            "--width",
+            min=40,
+            max=1000,
+            help="Columns of text. [default: the terminal's, 80 to 120]",
         ),
     ] = None,
     set: SetParameter = None,

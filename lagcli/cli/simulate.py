@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from enum import Enum
+from enum import StrEnum
 from typing import Annotated, Any
 
 import typer
@@ -14,7 +14,6 @@ from lagcli.cli.options import (
     Json,
     ModelPath,
     NoColor,
-    Output,
     Quiet,
     SetInitial,
     SetParameter,
@@ -26,7 +25,7 @@ from lagcli.errors import LagcliError, UsageError
 FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
 
 
-class Method(str, Enum):
+class Method(StrEnum):
     """Integration methods."""
 
     DOP853 = "DOP853"
@@ -37,7 +36,7 @@ class Method(str, Enum):
     LSODA = "LSODA"
 
 
-class Formulation(str, Enum):
+class Formulation(StrEnum):
     """How the constraints are kept."""
 
     projection = "projection"
@@ -45,7 +44,7 @@ class Formulation(str, Enum):
     index1 = "index1"
 
 
-class EngineName(str, Enum):
+class EngineName(StrEnum):
     """Engines."""
 
     scipy = "scipy"
@@ -56,7 +55,9 @@ def simulate(
     output: Annotated[
         str | None,
         typer.Option(
-            "--output", "-o", metavar="FILE",
+            "--output",
+            "-o",
+            metavar="FILE",
             help="Result file: .h5 (HDF5) or .csv, or - for CSV on standard output.",
         ),
     ] = None,
@@ -116,16 +117,35 @@ def simulate(
     from lagcli.model.model import Settings
 
     settings = Settings(
-        t_start=t_start, t_end=t_end, samples=samples, dt=dt, times=_times(times),
-        rtol=rtol, atol=atol, method=method.value if method else None,
-        formulation=formulation.value if formulation else None, alpha=alpha, beta=beta,
-        engine=engine.value if engine else None, max_step=max_step, max_steps=max_steps,
-        timeout=timeout, through_singular=through_singular or None,
+        t_start=t_start,
+        t_end=t_end,
+        samples=samples,
+        dt=dt,
+        times=_times(times),
+        rtol=rtol,
+        atol=atol,
+        method=method.value if method else None,
+        formulation=formulation.value if formulation else None,
+        alpha=alpha,
+        beta=beta,
+        engine=engine.value if engine else None,
+        max_step=max_step,
+        max_steps=max_steps,
+        timeout=timeout,
+        through_singular=through_singular or None,
     )
     try:
         return _run(
-            model, output, assignments("--set", set), assignments("--set-initial", set_initial),
-            settings, meta=meta, force=force, quiet=quiet, json=json, no_color=no_color,
+            model,
+            output,
+            assignments("--set", set),
+            assignments("--set-initial", set_initial),
+            settings,
+            meta=meta,
+            force=force,
+            quiet=quiet,
+            json=json,
+            no_color=no_color,
         )
     except LagcliError as error:
         if json:

@@ -28,8 +28,10 @@ def summarize(
         if len(values):
             low, high = int(values.argmin()), int(values.argmax())
             multipliers[name] = {
-                "min": float(values[low]), "t_min": float(time[low]),
-                "max": float(values[high]), "t_max": float(time[high]),
+                "min": float(values[low]),
+                "t_min": float(time[low]),
+                "max": float(values[high]),
+                "t_max": float(time[high]),
             }
     return {
         "status": tr.status,
@@ -61,7 +63,7 @@ def _worst(residual: np.ndarray, scale: np.ndarray) -> float | None:
 
 
 def _energy_scale(tr: Trajectory) -> float:
-    """Return the energy by which the balance is judged: the largest of T, |E| and the swing of V."""
+    """Return what the balance is judged by: the largest of T, |E| and the swing of V."""
     if not len(tr.time):
         return 0.0
     return float(
@@ -148,7 +150,9 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
                 f"  max {m['max']:>13.6g} at t = {m['t_max']:.4g}"
             )
     total = s["seconds"]["total"]
-    lines.append(f"  {'time':<12}{total:.2f} s, of which integrating {s['seconds']['integrate']:.2f} s")
+    lines.append(
+        f"  {'time':<12}{total:.2f} s, of which integrating {s['seconds']['integrate']:.2f} s"
+    )
     if s["output"]:
         lines.append(f"  {'written':<12}{'standard output' if s['output'] == '-' else s['output']}")
     else:

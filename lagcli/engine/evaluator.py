@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.interpreter import ScalarTape, run_arrays
-from lagcli.engine.system import System
+from lagcli.engine.system import Pattern, System
 
 Array = NDArray[np.float64]
+Places = NDArray[np.intp]
 
 #: A row of B shorter than this, next to the constraint's terms, counts as zero.
 _SMALL_ROW = 1e-6
@@ -24,7 +26,8 @@ class Dynamics:
     forcing: Array
     jacobian: Array
     rhs: Array
-    power: Array | float
+    power: Array
+    finite: bool
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,58 @@ class Constraints:
     position_scale: Array
     velocity_scale: Array
 
+    @property
+    def finite(self) -> bool:
+        """Whether φ, B and b_0 have values."""
+        return all(np.isfinite(x).all() for x in (self.position, self.jacobian, self.drift))
+
+    def velocity(self, v: Array) -> Array:
+        """Return ψ = B v + b_0 at one state."""
+        return self.jacobian @ v + self.drift
+
+
+class _Layout:
+    """Where the numbers of a System's tapes go in M and B."""
+
+    def __init__(self, system: System):
+        self.nq, self.nc = len(system.coordinates), len(system.constraints)
+        self.nh = len(system.holonomic)
+        self.mass = self._flat(system.mass_pattern)
+        self.jacobian = self._flat(system.jacobian_pattern)
+
+    def _flat(self, pattern: Pattern) -> Places:
+        return np.array([i * self.nq + j for i, j in pattern], dtype=np.intp)
+
+    def matrix(self, rows: int, places: Places, values: Array) -> Array:
+        """Return a matrix with nq columns from its nonzero entries."""
+        flat = np.zeros((rows * self.nq, *values.shape[1:]))
+        flat[places] = values
+        return flat.reshape(rows, self.nq, *values.shape[1:])
+
+    def dynamics(self, out: Array, finite: bool) -> Dynamics:
+        f = len(self.mass)
+        b = f + self.nq
+        rhs = b + len(self.jacobian)
+        return Dynamics(
+            mass_matrix=self.matrix(self.nq, self.mass, out[:f]),
+            forcing=out[f:b],
+            jacobian=self.matrix(self.nc, self.jacobian, out[b:rhs]),
+            rhs=out[rhs : rhs + self.nc],
+            power=out[-1],
+            finite=finite,
+        )
+
+    def constraints(self, out: Array) -> Constraints:
+        drift = self.nh + len(self.jacobian)
+        scale = drift + self.nc
+        return Constraints(
+            position=out[: self.nh],
+            jacobian=self.matrix(self.nc, self.jacobian, out[self.nh : drift]),
+            drift=out[drift:scale],
+            position_scale=out[scale : scale + self.nh],
+            velocity_scale=out[scale + self.nh :],
+        )
+
 
 class Evaluator:
     """Evaluates a System at single states."""
@@ -45,22 +100,20 @@ class Evaluator:
         self.system = system
         self._dynamics = ScalarTape(system.dynamics)
         self._constraint = ScalarTape(system.constraint)
-        nq, nc = len(system.coordinates), len(system.constraints)
-        self._mass_places = [i * nq + j for i, j in system.mass_pattern]
-        self._jacobian_places = [i * nq + j for i, j in system.jacobian_pattern]
-        self._shape = nq, nc, len(system.holonomic)
+        self._layout = _Layout(system)
+        self._holonomic = list(system.holonomic)
+        self._rates = [i for i in range(self._layout.nc) if i not in system.holonomic]
 
     def dynamics(self, t: float, q: Array, v: Array) -> Dynamics:
         """Return M, f, B, γ and the external power."""
-        nq, nc, _ = self._shape
-        inputs = (t, *q.tolist(), *v.tolist(), *self.system.parameters)
-        return _dynamics(np.array(self._dynamics(inputs)), self._places, nq, nc)
+        numbers = self._dynamics((t, *q.tolist(), *v.tolist(), *self.system.parameters))
+        # a sum is finite when its terms are, and costs nothing next to them
+        return self._layout.dynamics(np.array(numbers), math.isfinite(sum(numbers)))
 
     def constraints(self, t: float, q: Array, v: Array) -> Constraints:
         """Return φ, B, b_0 and scales."""
-        nq, nc, nh = self._shape
-        inputs = (t, *q.tolist(), *v.tolist(), *self.system.parameters)
-        return _constraints(np.array(self._constraint(inputs)), self._places, nq, nc, nh)
+        numbers = self._constraint((t, *q.tolist(), *v.tolist(), *self.system.parameters))
+        return self._layout.constraints(np.array(numbers))
 
     def row_lengths(self, c: Constraints, q: Array, v: Array) -> Array:
         """Return a scale for each row of B that does not vanish with the row.
@@ -69,17 +122,11 @@ class Evaluator:
         the coordinates that they are functions of.
         """
         floor = np.zeros(len(c.jacobian))
-        holonomic = list(self.system.holonomic)
-        floor[holonomic] = c.position_scale / (np.abs(q).max(initial=0.0) or 1.0)
-        rates = np.setdiff1d(np.arange(len(floor)), holonomic)
-        floor[rates] = c.velocity_scale[rates] / (np.abs(v).max(initial=0.0) or 1.0)
+        floor[self._holonomic] = c.position_scale / (np.abs(q).max(initial=0.0) or 1.0)
+        floor[self._rates] = c.velocity_scale[self._rates] / (np.abs(v).max(initial=0.0) or 1.0)
         length = np.maximum(np.sqrt((c.jacobian * c.jacobian).sum(axis=1)), _SMALL_ROW * floor)
         length[length == 0.0] = 1.0
         return length
-
-    @property
-    def _places(self) -> tuple[list[int], list[int]]:
-        return self._mass_places, self._jacobian_places
 
 
 class Batch:
@@ -95,59 +142,22 @@ class Batch:
     def __init__(self, system: System, t: Array, q: Array, v: Array):
         self.system, self.count = system, len(t)
         self._state = [t, *q.T, *v.T]
-        nq = len(system.coordinates)
-        self._places = (
-            [i * nq + j for i, j in system.mass_pattern],
-            [i * nq + j for i, j in system.jacobian_pattern],
-        )
+        self._layout = _Layout(system)
 
     def dynamics(self) -> Dynamics:
         """Return M (nq, nq, n), f (nq, n), B (nc, nq, n), γ (nc, n) and the power (n,)."""
         s = self.system
         out = run_arrays(s.dynamics, [*self._state, *s.parameters], self.count)
-        return _dynamics(out, self._places, len(s.coordinates), len(s.constraints))
+        return self._layout.dynamics(out, bool(np.isfinite(out).all()))
 
     def constraints(self) -> Constraints:
         """Return φ (nh, n), B (nc, nq, n), b_0 (nc, n) and the scales."""
         s = self.system
         out = run_arrays(s.constraint, [*self._state, *s.parameters], self.count)
-        return _constraints(
-            out, self._places, len(s.coordinates), len(s.constraints), len(s.holonomic)
-        )
+        return self._layout.constraints(out)
 
     def report(self, a: Array, multipliers: Array) -> Array:
         """Return the report tape's outputs, (outputs, n); a is (n, nq) and λ (n, nc)."""
         s = self.system
         inputs = [*self._state, *a.T, *multipliers.T, *s.parameters]
         return run_arrays(s.report, inputs, self.count)
-
-
-def _dynamics(out: Array, places: tuple[list[int], list[int]], nq: int, nc: int) -> Dynamics:
-    nm, nb = len(places[0]), len(places[1])
-    mass = np.zeros((nq * nq, *out.shape[1:]))
-    mass[places[0]] = out[:nm]
-    jacobian = np.zeros((nc * nq, *out.shape[1:]))
-    jacobian[places[1]] = out[nm + nq : nm + nq + nb]
-    return Dynamics(
-        mass.reshape(nq, nq, *out.shape[1:]),
-        out[nm : nm + nq],
-        jacobian.reshape(nc, nq, *out.shape[1:]),
-        out[nm + nq + nb : nm + nq + nb + nc],
-        out[-1],
-    )
-
-
-def _constraints(
-    out: Array, places: tuple[list[int], list[int]], nq: int, nc: int, nh: int
-) -> Constraints:
-    nb = len(places[1])
-    jacobian = np.zeros((nc * nq, *out.shape[1:]))
-    jacobian[places[1]] = out[nh : nh + nb]
-    at = nh + nb
-    return Constraints(
-        out[:nh],
-        jacobian.reshape(nc, nq, *out.shape[1:]),
-        out[at : at + nc],
-        out[at + nc : at + nc + nh],
-        out[at + nc + nh :],
-    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,16 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.system import System
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+Level = Literal["position", "velocity"]
 
 #: Fixed values may violate a constraint by this much of its scale: they were written with so many
 #: digits. The first projection removes it.
 ACCEPTED = 1e-10
 _REACHED = 1e-14  # of the constraint's scale: where iteration ends
 _ITERATIONS = 200
+_ASIDE = (1e-3, 0.1)  # of the coordinates' size: where a guess that leads nowhere is moved
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ class NoConsistentState(Exception):
     """
 
     def __init__(
-        self, level: str, violations: list[Violation], stuck: list[str], contradiction: bool
+        self, level: Level, violations: list[Violation], stuck: list[str], contradiction: bool
     ):
         super().__init__(level)
         self.level, self.violations = level, violations
@@ -80,7 +85,7 @@ class UndefinedStart(Exception):
 
 
 def consistent_state(
-    system: System, t: float, q: Array, v: Array, fixed_q: Array, fixed_v: Array
+    system: System, t: float, q: Array, v: Array, fixed_q: Flags, fixed_v: Flags
 ) -> ConsistentState:
     """Solve for an initial state that satisfies φ = 0 and ψ = 0.
 
@@ -111,10 +116,12 @@ def consistent_state(
 
 
 class _Start:
-    def __init__(self, system: System, t: float, fixed_q: Array, fixed_v: Array):
+    """The search for one start."""
+
+    def __init__(self, system: System, t: float, fixed_q: Flags, fixed_v: Flags):
         self.system, self.t = system, t
         self.evaluator = Evaluator(system)
-        self.fixed_q, self.fixed_v = fixed_q.astype(bool), fixed_v.astype(bool)
+        self.fixed_q, self.fixed_v = np.asarray(fixed_q, bool), np.asarray(fixed_v, bool)
         self.holonomic = list(system.holonomic)
 
     def solve(self, q: Array, v: Array) -> ConsistentState:
@@ -125,14 +132,18 @@ class _Start:
         if len(c.jacobian):
             lengths = self.evaluator.row_lengths(c, new_q, new_v)
             rank = linear.decompose(c.jacobian, scale=lengths).rank
+        names = self.system.coordinates
         moved = {}
-        for i, name in enumerate(self.system.coordinates):
-            if new_q[i] != q[i]:
-                moved[name] = (float(q[i]), float(new_q[i]))
-        for i, name in enumerate(self.system.coordinates):
-            if new_v[i] != v[i]:
-                moved[f"{name}'"] = (float(v[i]), float(new_v[i]))
+        for labels, before, after in (
+            (names, q, new_q),
+            ([f"{name}'" for name in names], v, new_v),
+        ):
+            for label, x, y in zip(labels, before, after, strict=True):
+                if x != y:
+                    moved[label] = (float(x), float(y))
         return ConsistentState(new_q, new_v, rank, moved)
+
+    # positions
 
     def residual(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return φ, its scale and its Jacobian."""
@@ -140,40 +151,62 @@ class _Start:
         jacobian = c.jacobian[self.holonomic]
         if not (np.isfinite(c.position).all() and np.isfinite(jacobian).all()):
             raise UndefinedStart(self.t, q, v)
-        # where all terms vanish, the coordinates' own size says what is small
-        floor = linear.row_scale(jacobian) * (1e-3 + np.abs(q).max(initial=0.0)) * 1e-3
-        return c.position, np.maximum(c.position_scale, floor), jacobian
+        return c.position, self.scale(c.position_scale, jacobian, q), jacobian
+
+    def scale(self, terms: Array, jacobian: Array, x: Array) -> Array:
+        """Return what residuals are judged by.
+
+        Where all terms vanish, the unknowns' own size says what is small.
+        """
+        return np.maximum(
+            terms, linear.row_scale(jacobian) * (1e-3 + np.abs(x).max(initial=0.0)) * 1e-3
+        )
 
     def positions(self, q: Array, v: Array) -> Array:
         if not self.holonomic:
             return q
+        for aside in (0.0, *_ASIDE):
+            # at a singular guess (a rod of no length) the constraints say nothing about where to
+            # go; a step aside finds out whether they do beside it
+            found = self.descend(self.aside(q, aside), v)
+            phi, scale, _ = self.residual(found, v)
+            if np.abs(phi / scale).max() <= ACCEPTED:
+                return found
+            if aside == 0.0:
+                first = found
+        phi, scale, jacobian = self.residual(first, v)
+        raise self.failure("position", phi, scale, jacobian, self.fixed_q)
+
+    def aside(self, q: Array, part: float) -> Array:
+        """Return a guess with its free coordinates moved by a part of their size, each its own."""
+        size = part * (1.0 + np.abs(q).max())
+        return q + np.where(self.fixed_q, 0.0, size * np.cos(1.0 + np.arange(len(q))))
+
+    def descend(self, q: Array, v: Array) -> Array:
+        """Return what damped Gauss–Newton steps of least M-weighted length lead to."""
         free = np.flatnonzero(~self.fixed_q)
         phi, scale, jacobian = self.residual(q, v)
         for _ in range(_ITERATIONS):
-            worst = np.abs(phi / scale).max()
-            if worst <= _REACHED or not len(free):
+            if np.abs(phi / scale).max() <= _REACHED or not len(free):
                 break
-            mass = self.evaluator.dynamics(self.t, q, v).mass_matrix
-            weight = mass[np.ix_(free, free)] if np.isfinite(mass).all() else None
-            # near a singular point of the free Jacobian a full step would be wild: cut its rank
             part = jacobian[:, free]
-            step = linear.least_change(part, phi, weight, linear.decompose(part, tolerance=1e-6).rank)
+            # near a singular point of the free Jacobian a full step would be wild: cut its rank
+            rank = linear.decompose(part, tolerance=1e-6).rank
+            step = linear.least_change(part, phi, self.weight(q, v, free), rank)
             # an angle beyond a turn or a length beyond the model's size means a bad direction
             length = np.abs(step).max()
             step *= min(1.0, (1.0 + np.abs(q).max()) / length) if length else 1.0
-            trial, improved = self.search(q, v, free, step, phi, scale)
-            if not improved:
+            trial = self.search(q, v, free, step, phi, scale)
+            if trial is None:
                 break
             q = trial
             phi, scale, jacobian = self.residual(q, v)
-        if np.abs(phi / scale).max() > ACCEPTED:
-            self.fail("position", phi, scale, jacobian, self.holonomic, self.fixed_q, "")
         return q
 
     def search(
-        self, q: Array, v: Array, free: Array, step: Array, phi: Array, scale: Array
-    ) -> tuple[Array, bool]:
-        """Halve the step until the residual falls."""
+        self, q: Array, v: Array, free: Indices, step: Array, phi: Array, scale: Array
+    ) -> Array | None:
+        """Halve the step until the residual falls; None if it does not."""
         before = np.linalg.norm(phi / scale)
         for halving in range(30):
             trial = q.copy()
@@ -183,58 +216,62 @@ class _Start:
             except UndefinedStart:
                 continue
             if after < before:
-                return trial, True
-        return q, False
+                return trial
+        return None
+
+    def weight(self, q: Array, v: Array, free: Indices) -> Array | None:
+        """Return M of the free coordinates; None where it is undefined."""
+        mass = self.evaluator.dynamics(self.t, q, v).mass_matrix
+        return mass[np.ix_(free, free)] if np.isfinite(mass).all() else None
+
+    # velocities
 
     def velocities(self, q: Array, v: Array) -> Array:
         if not self.system.constraints:
             return v
         free = np.flatnonzero(~self.fixed_v)
-        for _ in range(3):  # linear: the second and third remove rounding
+        for left in reversed(range(4)):  # linear: the later steps remove rounding
             c = self.evaluator.constraints(self.t, q, v)
-            psi = c.jacobian @ v + c.drift
-            if not np.isfinite(psi).all():
+            if not c.finite:
                 raise UndefinedStart(self.t, q, v)
-            floor = linear.row_scale(c.jacobian) * (1e-3 + np.abs(v).max(initial=0.0)) * 1e-3
-            scale = np.maximum(c.velocity_scale, floor)
-            if np.abs(psi / scale).max() <= _REACHED or not len(free):
+            psi = c.velocity(v)
+            scale = self.scale(c.velocity_scale, c.jacobian, v)
+            if np.abs(psi / scale).max() <= _REACHED or not len(free) or not left:
                 break
-            mass = self.evaluator.dynamics(self.t, q, v).mass_matrix
-            weight = mass[np.ix_(free, free)] if np.isfinite(mass).all() else None
             part = c.jacobian[:, free]
-            v[free] += linear.least_change(part, psi, weight, linear.decompose(part).rank)
-        c = self.evaluator.constraints(self.t, q, v)
-        psi = c.jacobian @ v + c.drift
-        scale = np.maximum(scale, c.velocity_scale)
+            rank = linear.decompose(part).rank
+            v[free] += linear.least_change(part, psi, self.weight(q, v, free), rank)
         if np.abs(psi / scale).max() > ACCEPTED:
-            every = list(range(len(self.system.constraints)))
-            self.fail("velocity", psi, scale, c.jacobian, every, self.fixed_v, "'")
+            raise self.failure("velocity", psi, scale, c.jacobian, self.fixed_v)
         return v
 
-    def fail(
+    def failure(
         self,
-        level: str,
+        level: Level,
         residual: Array,
         scale: Array,
         jacobian: Array,
-        rows: list[int],
-        fixed: Array,
-        prime: str,
-    ) -> None:
+        fixed: Flags,
+    ) -> NoConsistentState:
+        """Return what violates and why, at the state nearest to the constraints."""
         relative = np.abs(residual / scale)
         bad = np.flatnonzero(relative > ACCEPTED)
-        names = self.system.constraints
-        violations = [
-            Violation(names[rows[i]], float(residual[i]), float(relative[i])) for i in bad
-        ]
-        touched = (np.abs(jacobian[bad]) > 0).any(axis=0)
+        position = level == "position"
+        names = [self.system.constraints[i] for i in self.holonomic]
+        if not position:
+            names = list(self.system.constraints)
+        violations = [Violation(names[i], float(residual[i]), float(relative[i])) for i in bad]
+        touched = (jacobian[bad] != 0.0).any(axis=0)
         stuck = [
-            f"{name}{prime}"
-            for i, name in enumerate(self.system.coordinates)
-            if fixed[i] and touched[i]
+            name + ("" if position else "'")
+            for name, is_fixed, is_touched in zip(
+                self.system.coordinates, fixed, touched, strict=True
+            )
+            if is_fixed and is_touched
         ]
-        weights = residual / scale**2
-        gradient = np.abs((jacobian * weights[:, None])[:, ~fixed]).sum(axis=0, initial=0.0)
-        slope = np.abs(((jacobian * weights[:, None]).sum(axis=0))[~fixed])
-        contradiction = bool((slope <= 1e-4 * gradient + 1e-300).all())
-        raise NoConsistentState(level, violations, stuck, contradiction)
+        # the free entries are at a least-squares solution: they cannot improve anything
+        length = linear.row_scale(jacobian)
+        scaled = residual / length
+        slope = (scaled @ (jacobian / length[:, None]))[~fixed]
+        contradiction = bool(np.abs(slope).max(initial=0.0) <= 1e-3 * np.abs(scaled).max())
+        return NoConsistentState(level, violations, stuck, contradiction)

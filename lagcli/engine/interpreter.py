@@ -1,82 +1,28 @@
-"""Runs a tape in Python: on one state with `math`, on many at once with NumPy."""
+"""Runs a tape in Python: on one state with `math`, on many at once with NumPy.
+
+Both follow IEEE 754, as compiled code does: 1/0 is ∞, log(-1) is NaN, nothing raises, and a value
+that is undefined matters only where it reaches an output.
+"""
 
 from __future__ import annotations
 
 import math
 import operator
 from collections.abc import Callable, Iterable
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.tape import Op, Tape
+from lagcli.engine.tape import Op, Tape, arity
 
 Array = NDArray[np.float64]
 
 
-def _guarded(function: Callable[..., float]) -> Callable[..., float]:
-    """Return a function that gives NaN where `math` raises."""
-
-    def guarded(*arguments: float) -> float:
-        try:
-            return function(*arguments)
-        except (ValueError, ZeroDivisionError):
-            return math.nan
-        except OverflowError:
-            return math.inf
-
-    return guarded
-
-
-def _truth(relation: Callable[[float, float], bool]) -> Callable[[float, float], float]:
-    return lambda a, b: 1.0 if relation(a, b) else 0.0
-
-
-_SCALAR: dict[Op, Callable[..., float]] = {
-    Op.ADD: operator.add,
-    Op.SUB: operator.sub,
-    Op.MUL: operator.mul,
-    Op.DIV: _guarded(operator.truediv),
-    Op.NEG: operator.neg,
-    Op.POW: _guarded(math.pow),
-    Op.SQRT: _guarded(math.sqrt),
-    Op.SIN: _guarded(math.sin),
-    Op.COS: _guarded(math.cos),
-    Op.TAN: _guarded(math.tan),
-    Op.ASIN: _guarded(math.asin),
-    Op.ACOS: _guarded(math.acos),
-    Op.ATAN: math.atan,
-    Op.ATAN2: math.atan2,
-    Op.SINH: _guarded(math.sinh),
-    Op.COSH: _guarded(math.cosh),
-    Op.TANH: math.tanh,
-    Op.ASINH: math.asinh,
-    Op.ACOSH: _guarded(math.acosh),
-    Op.ATANH: _guarded(math.atanh),
-    Op.EXP: _guarded(math.exp),
-    Op.LOG: _guarded(math.log),
-    Op.ERF: math.erf,
-    Op.ERFC: math.erfc,
-    Op.FLOOR: _guarded(lambda x: float(math.floor(x))),
-    Op.CEIL: _guarded(lambda x: float(math.ceil(x))),
-    Op.ABS: abs,
-    Op.LT: _truth(operator.lt),
-    Op.LE: _truth(operator.le),
-    Op.EQ: _truth(operator.eq),
-    Op.NE: _truth(operator.ne),
-    Op.AND: lambda a, b: a * b,
-    Op.OR: max,
-    Op.NOT: lambda a: 1.0 - a,
-    Op.SELECT: lambda condition, a, b: a if condition else b,
-}
-_ARITY = {op: 1 for op in (Op.NEG, Op.SQRT, Op.SIN, Op.COS, Op.TAN, Op.ASIN, Op.ACOS, Op.ATAN)}
-_ARITY |= {op: 1 for op in (Op.SINH, Op.COSH, Op.TANH, Op.ASINH, Op.ACOSH, Op.ATANH, Op.EXP)}
-_ARITY |= {op: 1 for op in (Op.LOG, Op.ERF, Op.ERFC, Op.FLOOR, Op.CEIL, Op.ABS, Op.NOT)}
-_ARITY[Op.SELECT] = 3
-
-
+@cache
 def _arrays() -> dict[Op, Callable[..., Any]]:
+    """Return the operations on arrays."""
     from scipy import special
 
     def as_number(relation: Callable[..., Any]) -> Callable[..., Any]:
@@ -121,6 +67,66 @@ def _arrays() -> dict[Op, Callable[..., Any]]:
     }
 
 
+def _guarded(op: Op, function: Callable[..., float]) -> Callable[..., float]:
+    """Return a function that gives what IEEE 754 says (±∞ or NaN) where `math` raises."""
+
+    def guarded(*arguments: float) -> float:
+        try:
+            return function(*arguments)
+        except (ValueError, ZeroDivisionError, OverflowError):
+            with np.errstate(all="ignore"):
+                return float(_arrays()[op](*map(np.float64, arguments)))
+
+    return guarded
+
+
+def _truth(relation: Callable[[float, float], bool]) -> Callable[[float, float], float]:
+    return lambda a, b: 1.0 if relation(a, b) else 0.0
+
+
+#: Operations on floats that never raise.
+_TOTAL: dict[Op, Callable[..., float]] = {
+    Op.ADD: operator.add,
+    Op.SUB: operator.sub,
+    Op.MUL: operator.mul,
+    Op.NEG: operator.neg,
+    Op.ATAN: math.atan,
+    Op.ATAN2: math.atan2,
+    Op.TANH: math.tanh,
+    Op.ASINH: math.asinh,
+    Op.ERF: math.erf,
+    Op.ERFC: math.erfc,
+    Op.ABS: abs,
+    Op.LT: _truth(operator.lt),
+    Op.LE: _truth(operator.le),
+    Op.EQ: _truth(operator.eq),
+    Op.NE: _truth(operator.ne),
+    Op.AND: operator.mul,
+    Op.OR: max,
+    Op.NOT: lambda a: 1.0 - a,
+    Op.SELECT: lambda condition, a, b: a if condition else b,
+}
+_PARTIAL: dict[Op, Callable[..., float]] = {
+    Op.DIV: operator.truediv,
+    Op.POW: math.pow,
+    Op.SQRT: math.sqrt,
+    Op.SIN: math.sin,
+    Op.COS: math.cos,
+    Op.TAN: math.tan,
+    Op.ASIN: math.asin,
+    Op.ACOS: math.acos,
+    Op.SINH: math.sinh,
+    Op.COSH: math.cosh,
+    Op.ACOSH: math.acosh,
+    Op.ATANH: math.atanh,
+    Op.EXP: math.exp,
+    Op.LOG: math.log,
+    Op.FLOOR: lambda x: float(math.floor(x)),
+    Op.CEIL: lambda x: float(math.ceil(x)),
+}
+_SCALAR = _TOTAL | {op: _guarded(op, function) for op, function in _PARTIAL.items()}
+
+
 class ScalarTape:
     """A tape bound to Python's floats."""
 
@@ -129,16 +135,16 @@ class ScalarTape:
         self._rest = list(tape.constants) + [0.0] * len(tape.code)
         self._outputs = tape.outputs
         self._steps = [
-            (_SCALAR[Op(op)], _ARITY.get(Op(op), 2), to, a, b, c) for op, to, a, b, c in tape.code
+            (_SCALAR[Op(op)], arity(Op(op)), to, a, b, c) for op, to, a, b, c in tape.code
         ]
 
     def __call__(self, inputs: Iterable[float]) -> list[float]:
-        """Return the outputs for one set of inputs; undefined values are NaN."""
+        """Return the outputs for one set of inputs; undefined values are NaN or ±∞."""
         r = [*inputs, *self._rest]
-        for function, arity, to, a, b, c in self._steps:
-            if arity == 2:
+        for function, operands, to, a, b, c in self._steps:
+            if operands == 2:
                 r[to] = function(r[a], r[b])
-            elif arity == 1:
+            elif operands == 1:
                 r[to] = function(r[a])
             else:
                 r[to] = function(r[a], r[b], r[c])
@@ -163,8 +169,7 @@ def run_arrays(tape: Tape, inputs: Iterable[Array | float], count: int) -> Array
     r: list[Any] = [*inputs, *tape.constants, *([None] * len(tape.code))]
     with np.errstate(all="ignore"):
         for op, to, a, b, c in tape.code:
-            arity = _ARITY.get(Op(op), 2)
-            operands = (r[a], r[b], r[c])[:arity]
+            operands = (r[a], r[b], r[c])[: arity(Op(op))]
             r[to] = functions[Op(op)](*operands)
     out = np.empty((len(tape.outputs), count))
     for i, register in enumerate(tape.outputs):

@@ -43,8 +43,9 @@ class Decomposition:
 
 def row_scale(jacobian: Array) -> Array:
     """Return the lengths of B's rows; 1 for a row of zeros."""
-    length = np.sqrt((jacobian * jacobian).sum(axis=1))
-    length[length == 0.0] = 1.0
+    length: Array = np.sqrt(np.einsum("ij,ij->i", jacobian, jacobian))
+    if not length.all():
+        length[length == 0.0] = 1.0
     return length
 
 
@@ -65,7 +66,7 @@ def decompose(
 
 def singular_values(jacobian: Array, scale: Array) -> Array:
     """Return the singular values of the row-scaled B, largest first."""
-    return np.linalg.svd(jacobian / scale[:, None], compute_uv=False)
+    return np.asarray(np.linalg.svd(jacobian / scale[:, None], compute_uv=False), dtype=float)
 
 
 def solve_regular(mass: Array, forcing: Array, jacobian: Array, rhs: Array) -> tuple[Array, Array]:
@@ -83,20 +84,23 @@ def solve_regular(mass: Array, forcing: Array, jacobian: Array, rhs: Array) -> t
     SingularSystem
         The matrix is singular to working precision.
     """
-    nq, nc = len(forcing), len(rhs)
-    matrix = np.zeros((nq + nc, nq + nc))
-    matrix[:nq, :nq] = mass
+    nq, n = len(forcing), len(forcing) + len(rhs)
     # rows of B are brought to M's magnitude, so that pivoting compares like with like
     weight = (mass.max() or 1.0) / row_scale(jacobian)  # M's largest entry is on its diagonal
-    matrix[nq:, :nq] = scaled = jacobian * weight[:, None]
+    matrix = np.zeros((n, n), order="F")
+    matrix[:nq, :nq] = mass
+    scaled = jacobian * weight[:, None]
+    matrix[nq:, :nq] = scaled
     matrix[:nq, nq:] = scaled.T
-    right = np.concatenate([forcing, rhs * weight])
+    right = np.empty(n)
+    right[:nq] = forcing
+    right[nq:] = rhs * weight
     lu, pivots, info = lapack.dgetrf(matrix)
     if info != 0:
         raise SingularSystem
     x, _ = lapack.dgetrs(lu, pivots, right)
     correction, _ = lapack.dgetrs(lu, pivots, right - matrix @ x)
-    x = x + correction
+    x += correction
     return x[:nq], -x[nq:] * weight
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lagcli.engine.system import System
 
 Array = NDArray[np.float64]
+State = tuple[float, Array, Array]  # t, q, v
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,31 @@ class Run:
     steps: int
     rejected: int
     evaluations: int
-    undefined: tuple[float, Array, Array] | None = None
+    undefined: State | None = None
+
+
+class Stop(Exception):
+    """Ends a run inside an engine.
+
+    Parameters
+    ----------
+    message : str
+        For the user: what, when, and how to mend it.
+    undefined : (t, q, v), optional
+        As in Run.
+    """
+
+    def __init__(self, message: str, undefined: State | None = None):
+        super().__init__(message)
+        self.undefined = undefined
+
+
+class Undefined(Stop):
+    """Ends a run at a state where the equations have no finite value."""
+
+    def __init__(self, t: float, q: Array, v: Array):
+        state = (t, np.array(q), np.array(v))
+        super().__init__(f"the equations have no finite value at t = {t:.9g} s", state)
 
 
 class Engine(Protocol):

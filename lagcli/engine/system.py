@@ -96,7 +96,13 @@ def compile_system(equations: Equations) -> System:
         mass_pattern=mass_pattern,
         jacobian_pattern=jacobian_pattern,
         dynamics=compile_tape(
-            [*mass, *eq.forcing, *jacobian, *(c.rhs for c in eq.constraints), applied + eq.time_power],
+            [
+                *mass,
+                *eq.forcing,
+                *jacobian,
+                *(c.rhs for c in eq.constraints),
+                applied + eq.time_power,
+            ],
             [*state, *parameters],
         ),
         constraint=compile_tape(

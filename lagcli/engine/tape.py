@@ -55,7 +55,15 @@ class Op(IntEnum):
     AND = 31
     OR = 32
     NOT = 33
-    SELECT = 34  # a if c else b: operands (condition, a, b)
+    SELECT = 34  # operands (condition, a, b): a where the condition holds, else b
+
+
+_TWO = {Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.POW, Op.ATAN2, Op.LT, Op.LE, Op.EQ, Op.NE, Op.AND, Op.OR}
+
+
+def arity(op: Op) -> int:
+    """Return the number of an operation's operands."""
+    return 3 if op is Op.SELECT else 2 if op in _TWO else 1
 
 
 @dataclass(frozen=True)
@@ -111,6 +119,7 @@ _RELATION = {
     se.Equality: Op.EQ,
     se.Unequality: Op.NE,
 }
+_NOT_FINITE = (type(se.oo), type(-se.oo), type(se.zoo), type(se.nan))
 _COMMUTATIVE = {Op.ADD, Op.MUL, Op.EQ, Op.NE, Op.AND, Op.OR}
 
 
@@ -189,8 +198,8 @@ class _Builder:
             return self.constant(1.0 if e else 0.0)
         if isinstance(e, se.Symbol):
             raise KeyError(e.name)
-        if not e.args:
-            return self.constant(float(e.n(53, real=True)) if not isinstance(e, se.Number) else float(e))
+        if not e.args or isinstance(e, _NOT_FINITE):
+            return self.constant(_double(e))
         if isinstance(e, se.Add):
             return self._sum(e)
         if isinstance(e, se.Mul):
@@ -219,7 +228,8 @@ class _Builder:
         raise TypeError(f"no operation for {kind.__name__}: {e}")
 
     def _sum(self, e: Basic) -> int:
-        plus, minus = [], []
+        plus: list[int] = []
+        minus: list[int] = []
         for term in e.args:
             positive, negative = _sign_split(term)
             (minus if negative else plus).append(self.known[_key(positive)])
@@ -234,7 +244,8 @@ class _Builder:
         return total
 
     def _product(self, e: Basic) -> int:
-        numerator, denominator = [], []
+        numerator: list[int] = []
+        denominator: list[int] = []
         for factor in e.args:
             base, exponent = _inverse_split(factor)
             (denominator if exponent else numerator).append(self.known[_key(base)])
@@ -256,20 +267,15 @@ class _Builder:
         if base == se.E:
             return self.emit(Op.EXP, self.known[_key(exponent)])
         x = self.known[_key(base)]
-        if isinstance(exponent, (se.Integer, se.Rational)):
-            p, q = (
-                exponent.get_num_den() if isinstance(exponent, se.Rational) else (exponent, 1)
-            )
-            p, q = int(p), int(q)
-            if q in (1, 2) and abs(p) <= MAX_PRODUCT_POWER:
-                if q == 2:
-                    root = self.emit(Op.SQRT, x)
-                    whole = self._integer_power(x, abs(p) // 2)
-                    result = root if whole is None else self.emit(Op.MUL, whole, root)
-                else:
-                    result = self._integer_power(x, abs(p))  # type: ignore[assignment]
-                return result if p > 0 else self.emit(Op.DIV, self.constant(1.0), result)
-        return self.emit(Op.POW, x, self.known[_key(exponent)])
+        halves = _as_products(exponent)
+        if not halves:
+            return self.emit(Op.POW, x, self.known[_key(exponent)])
+        result = self._integer_power(x, abs(halves) // 2)
+        if halves % 2:
+            root = self.emit(Op.SQRT, x)
+            result = root if result is None else self.emit(Op.MUL, result, root)
+        assert result is not None
+        return result if halves > 0 else self.emit(Op.DIV, self.constant(1.0), result)
 
     def _integer_power(self, x: int, n: int) -> int | None:
         result: int | None = None
@@ -298,6 +304,34 @@ def _key(e: object) -> object:
     return ("bool", bool(e)) if isinstance(e, bool) or e in (se.true, se.false) else e
 
 
+def _double(e: Basic) -> float:
+    """Return the double nearest to a number or a constant such as pi."""
+    if isinstance(e, (se.Integer, se.Rational)):
+        # SymEngine cuts fractions off where Python rounds them
+        numerator, denominator = map(int, e.get_num_den())
+        try:
+            return numerator / denominator
+        except OverflowError:
+            return math.inf if numerator > 0 else -math.inf
+    if isinstance(e, _NOT_FINITE):
+        return math.inf if e == se.oo else -math.inf if e == -se.oo else math.nan
+    if isinstance(e, se.Number) and not e.is_real:
+        return math.nan
+    return float(e) if isinstance(e, se.Number) else float(e.n(53, real=True))
+
+
+def _as_products(exponent: Basic) -> int:
+    """Return twice an exponent of x^n or x^(n/2) that is worth products; 0 for any other."""
+    if isinstance(exponent, se.Integer):
+        halves = 2 * int(exponent)
+    elif isinstance(exponent, se.Rational):
+        numerator, denominator = map(int, exponent.get_num_den())
+        halves = numerator if denominator == 2 else 0
+    else:
+        halves = 0
+    return halves if abs(halves) <= 2 * MAX_PRODUCT_POWER else 0
+
+
 def _sign_split(term: Basic) -> tuple[Basic, bool]:
     """Return a term without a leading negative number, and whether it had one."""
     if isinstance(term, se.Mul):
@@ -318,7 +352,7 @@ def _inverse_split(factor: Basic) -> tuple[Basic, bool]:
 
 def _parts(e: Basic) -> Iterable[Basic]:
     """Return what must have a register before an expression can."""
-    if isinstance(e, bool):
+    if isinstance(e, (bool, *_NOT_FINITE)):
         return ()
     if isinstance(e, se.Add):
         return [_sign_split(t)[0] for t in e.args]
@@ -328,7 +362,5 @@ def _parts(e: Basic) -> Iterable[Basic]:
         base, exponent = e.args
         if base == se.E:
             return (exponent,)
-        if isinstance(exponent, (se.Integer, se.Rational)):
-            return (base, exponent)
-        return (base, exponent)
+        return (base,) if _as_products(exponent) else (base, exponent)
     return e.args

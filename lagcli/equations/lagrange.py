@@ -260,7 +260,7 @@ def _derivative(terms: Iterable[Basic], symbol: Basic) -> Basic:
 def _without_jumps(expression: Basic) -> Basic:
     """Set the derivative of floor and ceil to zero, which it is wherever it exists."""
     jumps = expression.atoms(se.Derivative)
-    return expression.xreplace({d: ZERO for d in jumps}) if jumps else expression
+    return expression.xreplace(dict.fromkeys(jumps, ZERO)) if jumps else expression
 
 
 def _outputs(model: Model, constraints: tuple[ConstraintEquation, ...]) -> dict[str, Basic]:

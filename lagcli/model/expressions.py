@@ -1,25 +1,29 @@
 """Trees of the grammar → SymEngine expressions, vectors and matrices.
 
 Nothing of the user's text reaches an evaluator: names are looked up in a scope, operations are
-SymEngine's, and every step is bounded.
+SymEngine's, every step is bounded, and every constant is checked as soon as it is built.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, TypeAlias
 
 import symengine as se
 from symengine import Basic
+from symengine.lib.symengine_wrapper import Boolean
 
 from lagcli.model import tensors
-from lagcli.model.functions import FUNCTIONS, cases
-from lagcli.model.grammar import (
+from lagcli.model.calls import TENSOR_FUNCTIONS, check_call, tensor_call
+from lagcli.model.constants import cases, fault, relation
+from lagcli.model.functions import FUNCTIONS
+from lagcli.model.report import Broken
+from lagcli.model.tensors import ShapeError, Tensor
+from lagcli.model.tokens import ExpressionError
+from lagcli.model.trees import (
     Call,
     Comparison,
-    ExpressionError,
     Logical,
     Name,
     Number,
@@ -28,44 +32,72 @@ from lagcli.model.grammar import (
     Sum,
     Tree,
     Vector,
+    walk,
 )
-from lagcli.model.source import nearest
-from lagcli.model.tensors import ShapeError, Tensor
 
-Value = Basic | Tensor
+Value: TypeAlias = "Basic | Tensor"
 
-MAX_POWER = 1000  # integer powers beyond it are typing errors
+MAX_POWER = 1000  # larger constant exponents are typing errors
 MAX_BITS = 10_000  # of an exact number
-MAX_SIZE = 500_000  # operations of one expression when its definitions are written out
-
-_RELATIONS: dict[str, Callable[[Basic, Basic], Basic]] = {
-    "<": se.Lt,
-    "<=": se.Le,
-    ">": se.Gt,
-    ">=": se.Ge,
-    "==": se.Eq,
-    "!=": se.Ne,
-}
+MAX_SIZE = 2_000_000  # operations of one expression when its definitions are written out
+MAX_DEPTH = 200  # functions of functions; SymEngine differentiates by recursion
 
 
 @dataclass(frozen=True)
 class Sized:
-    """A value and the number of operations it takes when written out."""
+    """A value, and what it costs.
+
+    Parameters
+    ----------
+    value : expression, vector or matrix
+    size : int
+        Number of operations when it is written out.
+    depth : int
+        How deep functions, powers and products are nested in it.
+    constant : bool
+        Whether no symbol went into it.
+    """
 
     value: Value
-    size: int
+    size: int = 1
+    depth: int = 0
+    constant: bool = False
 
 
 class Scope(Protocol):
     """What an expression may name."""
 
+    def check(self, name: Name) -> None:
+        """Raise ExpressionError for a name that may not stand here."""
+        ...
+
     def lookup(self, name: Name) -> Sized:
         """Return what a name stands for, or raise ExpressionError."""
+        ...
+
+    def declared(self, text: str) -> bool:
+        """Whether a name is declared."""
         ...
 
     def derivative(self, expression: Basic) -> Basic:
         """Return the total time derivative."""
         ...
+
+
+def name_errors(tree: Tree, scope: Scope) -> tuple[list[ExpressionError], bool]:
+    """Return what is wrong with the names and calls of a tree, and whether one is broken."""
+    errors, broken = [], False
+    for part in walk(tree):
+        try:
+            if isinstance(part, Name):
+                scope.check(part)
+            elif isinstance(part, Call):
+                check_call(part, scope)
+        except ExpressionError as error:
+            errors.append(error)
+        except Broken:
+            broken = True
+    return errors, broken
 
 
 def build(tree: Tree, scope: Scope) -> Sized:
@@ -76,382 +108,283 @@ def build(tree: Tree, scope: Scope) -> Sized:
     ExpressionError
         A name, function, shape, number or size that does not fit, at its place.
     """
-    builder = _Builder(scope)
-    value = builder.value(tree)
-    if _is_boolean(value):
-        raise ExpressionError(
-            "not-a-value",
-            "a condition is not a value",
-            tree.start,
-            tree.end,
-            "write if(condition, a, b)",
-        )
-    return Sized(value, builder.size)
-
-
-def number(expression: Basic) -> float:
-    """Return the value of an expression without symbols.
-
-    Raises
-    ------
-    ValueError
-        It has no real, finite value.
-    """
-    try:
-        value = float(expression.n(53, real=True))
-    except RuntimeError:  # SymEngine's word for "not real"
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueError("not a real, finite number")
-    return value
+    return _Builder(scope).operand(tree)
 
 
 def _is_boolean(value: object) -> bool:
-    return isinstance(value, bool) or not isinstance(value, (se.Expr, Tensor))
+    return isinstance(value, (bool, Boolean))
 
 
-def _kind(value: Value) -> str:
+def kind_of(value: Value) -> str:
+    """Say what a value is, for messages."""
     return value.kind if isinstance(value, Tensor) else "a scalar"
+
+
+def _error(kind: str, message: str, tree: Tree, help_: str | None = None) -> ExpressionError:
+    return ExpressionError(kind, message, tree.start, tree.end, help_)
+
+
+_NOT_REAL = (
+    "roots and logarithms need positive arguments, asin, acos and atanh arguments in [-1, 1],"
+    " acosh at least 1"
+)
 
 
 class _Builder:
     def __init__(self, scope: Scope):
         self.scope = scope
-        self.size = 0
 
-    def value(self, tree: Tree) -> Value:
+    def any(self, tree: Tree) -> Sized:
+        """Build a value or a condition."""
         try:
-            return self._dispatch(tree)
+            match tree:
+                case Number():
+                    value = se.Rational(tree.value.numerator, tree.value.denominator)
+                    return self.made(tree, value, [])
+                case Name():
+                    return self.scope.lookup(tree)
+                case Sum():
+                    return self.sum(tree)
+                case Product():
+                    return self.product(tree)
+                case Power():
+                    return self.power(tree)
+                case Call():
+                    return self.call(tree)
+                case Vector():
+                    return self.vector(tree)
+                case Comparison():
+                    return self.comparison(tree)
+                case Logical():
+                    return self.logical(tree)
         except ShapeError as error:
-            raise ExpressionError("shape", str(error), tree.start, tree.end) from None
-
-    def grow(self, by: int, tree: Tree) -> None:
-        self.size += by
-        if self.size > MAX_SIZE:
-            raise ExpressionError(
-                "too-large",
-                f"the expression takes more than {MAX_SIZE:,} operations when its definitions"
-                " are written out",
-                tree.start,
-                tree.end,
-                "let definitions refer to each other less often",
-            )
-
-    def _dispatch(self, tree: Tree) -> Value:
-        self.grow(1, tree)
-        match tree:
-            case Number():
-                return se.Rational(tree.value.numerator, tree.value.denominator)
-            case Name():
-                found = self.scope.lookup(tree)
-                self.grow(found.size, tree)
-                return found.value
-            case Sum():
-                return self._sum(tree)
-            case Product():
-                return self._product(tree)
-            case Power():
-                return self._power(tree)
-            case Call():
-                return self._call(tree)
-            case Vector():
-                return self._vector(tree)
-            case Comparison():
-                return self._comparison(tree)
-            case Logical():
-                return self._logical(tree)
+            raise _error("shape", str(error), tree) from None
+        except (RuntimeError, ValueError):  # what SymEngine says to infinities in functions
+            raise _error("not-a-number", "this has no value", tree, _NOT_REAL) from None
         raise AssertionError(f"no such tree: {tree!r}")
 
-    def operand(self, tree: Tree) -> Value:
+    def made(
+        self, tree: Tree, value: Any, parts: Sequence[Sized], copies: int = 1, levels: int = 0
+    ) -> Sized:
+        """Return a value made of parts, if it is a real number and not too large."""
+        size = 1 + copies * sum(p.size for p in parts)
+        depth = levels + max((p.depth for p in parts), default=0)
+        if size > MAX_SIZE or depth > MAX_DEPTH:
+            raise _error(
+                "too-large",
+                f"the expression takes more than {MAX_SIZE:,} operations when its definitions"
+                " are written out"
+                if size > MAX_SIZE
+                else f"with its definitions written out, the expression is nested more than"
+                f" {MAX_DEPTH} functions deep",
+                tree,
+                "let definitions refer to each other less often",
+            )
+        constant = all(p.constant for p in parts)
+        entries = value.entries if isinstance(value, Tensor) else (value,)
+        for entry in entries:
+            if isinstance(entry, se.Number) or (constant and not _is_boolean(entry)):
+                self.check_constant(entry, tree)
+        return Sized(value, size, depth, constant)
+
+    def check_constant(self, value: Basic, tree: Tree) -> None:
+        why = fault(value)
+        if why is None:
+            return
+        help_ = None
+        if why == "is not a real number":
+            help_ = _NOT_REAL
+            if isinstance(tree, Power) and isinstance(tree.exponent, Product):
+                help_ = "a power of a negative number is real for whole exponents only; cbrt(x) is"
+                help_ += " the real cube root"
+        raise _error("not-a-number", f"this {why}", tree, help_)
+
+    def operand(self, tree: Tree) -> Sized:
         """Build something that arithmetic can use."""
-        value = self.value(tree)
-        if _is_boolean(value):
-            raise ExpressionError(
-                "not-a-value",
-                "a condition is not a value",
-                tree.start,
-                tree.end,
-                "write if(condition, a, b)",
+        built = self.any(tree)
+        if _is_boolean(built.value):
+            raise _error(
+                "not-a-value", "a condition is not a value", tree, "write if(condition, a, b)"
             )
-        return value
+        return built
 
-    def scalar(self, tree: Tree, where: str) -> Basic:
-        value = self.operand(tree)
-        if isinstance(value, Tensor):
-            raise ExpressionError(
-                "shape", f"{where} must be a scalar, not {value.kind}", tree.start, tree.end
-            )
-        return value
+    def scalar(self, tree: Tree, where: str) -> Sized:
+        built = self.operand(tree)
+        if isinstance(built.value, Tensor):
+            raise _error("shape", f"{where} must be a scalar, not {built.value.kind}", tree)
+        return built
 
-    def _sum(self, tree: Sum) -> Value:
-        values = [(sign, self.operand(term)) for sign, term in tree.terms]
-        if not any(isinstance(value, Tensor) for _, value in values):
-            return se.Add(*[sign * value for sign, value in values])
-        sign, total = values[0]
+    # arithmetic
+
+    def sum(self, tree: Sum) -> Sized:
+        parts = [self.operand(term) for _, term in tree.terms]
+        signed = [
+            (sign, part.value) for (sign, _), part in zip(tree.terms, parts, strict=True)
+        ]
+        if not any(isinstance(value, Tensor) for _, value in signed):
+            terms = [value if sign > 0 else -value for sign, value in signed]  # type: ignore[operator]
+            return self.made(tree, se.Add(*terms), parts)
+        sign, total = signed[0]
         if sign < 0 and isinstance(total, Tensor):
             total = total.map(lambda x: -x)
-        for (sign, value), (_, term) in zip(values[1:], tree.terms[1:], strict=True):
+        for (sign, value), (_, term) in zip(signed[1:], tree.terms[1:], strict=True):
             if not (isinstance(total, Tensor) and isinstance(value, Tensor)):
-                raise ExpressionError(
-                    "shape",
-                    f"{_kind(total)} and {_kind(value)} cannot be added",
-                    term.start,
-                    term.end,
+                raise _error(
+                    "shape", f"{kind_of(total)} and {kind_of(value)} cannot be added", term
                 )
             total = tensors.add(total, value, sign)
-        return total
+        return self.made(tree, total, parts)
 
-    def _product(self, tree: Product) -> Value:
+    def product(self, tree: Product) -> Sized:
+        parts = [self.operand(factor) for _, factor in tree.factors]
         plain: list[Basic] = []
         tensor: Tensor | None = None
-        for exponent, factor in tree.factors:
-            value = self.operand(factor)
+        copies = 1
+        for (exponent, factor), part in zip(tree.factors, parts, strict=True):
+            value = part.value
             if isinstance(value, Tensor):
                 if exponent < 0:
-                    raise ShapeError(f"cannot divide by {value.kind}")
+                    raise _error("shape", f"cannot divide by {value.kind}", factor)
+                if tensor is not None:
+                    # each entry of one goes into a row or column of the product
+                    copies *= max(tensor.shape[0], value.shape[1])
                 tensor = value if tensor is None else tensors.multiply(tensor, value)
             elif exponent > 0:
                 plain.append(value)
+            elif value == 0:
+                raise _error("not-a-number", "division by zero", factor)
             else:
-                if value == 0:
-                    raise ExpressionError(
-                        "not-a-number", "division by zero", factor.start, factor.end
-                    )
                 plain.append(value**-1)
         if tensor is None:
-            return self.checked(se.Mul(*plain), tree)
-        if not plain:
-            return tensor
+            return self.made(tree, se.Mul(*plain), parts, levels=1)
         scale = se.Mul(*plain)
-        return tensor.map(lambda x: scale * x)
+        scaled = tensor.map(lambda x: scale * x) if plain else tensor
+        return self.made(tree, scaled, parts, copies, levels=1)
 
-    def _power(self, tree: Power) -> Basic:
+    def power(self, tree: Power) -> Sized:
         base = self.operand(tree.base)
         exponent = self.scalar(tree.exponent, "an exponent")
-        if isinstance(base, Tensor):
-            raise ExpressionError(
+        if isinstance(base.value, Tensor):
+            raise _error(
                 "shape",
-                f"{base.kind} cannot be raised to a power",
-                tree.start,
-                tree.end,
+                f"{base.value.kind} cannot be raised to a power",
+                tree,
                 "the square of a vector is dot(a, a)",
             )
-        self.bound_power(base, exponent, tree)
-        return self.checked(base**exponent, tree)
+        return self.raised(tree, base, exponent)
+
+    def raised(self, tree: Tree, base: Sized, exponent: Sized) -> Sized:
+        self.bound_power(base.value, exponent.value, tree)
+        value = se.Pow(base.value, exponent.value)
+        return self.made(tree, value, [base, exponent], levels=1)
 
     def bound_power(self, base: Basic, exponent: Basic, tree: Tree) -> None:
-        if not isinstance(exponent, (se.Integer, se.Rational)):
+        exact_base = isinstance(base, se.Rational)
+        if not isinstance(exponent, se.Rational):
+            # the derivative of a^x is a^x log(a) x'
+            if isinstance(base, se.Number) and base <= 0 and self.varies(exponent):
+                raise _error(
+                    "not-a-number",
+                    f"{base} cannot be raised to a power that varies",
+                    tree,
+                    "a power with a variable exponent needs a positive base",
+                )
             return
+        p, q = (int(x) for x in exponent.get_num_den())
         bits = 0
-        if isinstance(base, (se.Integer, se.Rational)):
-            p, q = base.get_num_den() if isinstance(base, se.Rational) else (base, 1)
-            bits = abs(int(p)).bit_length() + int(q).bit_length()
-        p, q = exponent.get_num_den() if isinstance(exponent, se.Rational) else (exponent, 1)
-        size = abs(int(p))
-        if size > MAX_POWER or int(q) > MAX_POWER or bits * size > MAX_BITS:
-            raise ExpressionError(
+        if exact_base:
+            bits = sum(abs(int(x)).bit_length() for x in base.get_num_den())
+        if max(abs(p), q) > MAX_POWER or bits * abs(p) > MAX_BITS:
+            raise _error(
                 "too-large",
                 "this power is too large to be meant",
-                tree.start,
-                tree.end,
-                f"powers go up to {MAX_POWER}, and numbers up to what a double can hold",
+                tree,
+                f"exponents go up to {MAX_POWER}, and numbers up to 1.8e308",
             )
-        if base == 0 and int(p) < 0:
-            raise ExpressionError("not-a-number", "division by zero", tree.start, tree.end)
+        if base == 0 and p < 0:
+            raise _error("not-a-number", "division by zero", tree)
 
-    def checked(self, value: Basic, tree: Tree) -> Basic:
-        """Refuse a constant that is not a real, finite number."""
-        if isinstance(value, (se.Integer, se.Rational, se.Symbol)) or value.free_symbols:
-            return value
-        try:
-            number(value)
-        except ValueError:
-            raise ExpressionError(
-                "not-a-number",
-                "this has no real, finite value",
-                tree.start,
-                tree.end,
-                "roots and logarithms need positive arguments, asin and acos arguments in [-1, 1]",
-            ) from None
-        return value
+    def varies(self, value: Basic) -> bool:
+        return bool(self.scope.derivative(value) != 0)
 
-    def _call(self, tree: Call) -> Value:
+    # functions
+
+    def call(self, tree: Call) -> Sized:
+        check_call(tree, self.scope)
         name = tree.function
         if name == "if":
-            return self._if(tree)
-        if name in _TENSOR_FUNCTIONS:
-            return self._tensor_call(tree)
-        function = FUNCTIONS.get(name)
-        if function is None:
-            raise self.unknown_function(tree)
-        n = len(tree.arguments)
-        if n < function.fewest or (function.most is not None and n > function.most):
-            raise self.wrong_count(tree, function.fewest, function.most)
+            condition = self.condition(tree.arguments[0])
+            branches = [self.scalar(a, "a case of if()") for a in tree.arguments[1:]]
+            value = cases(condition.value, *(b.value for b in branches))
+            return self.made(tree, value, [condition, *branches], levels=1)
+        if name in TENSOR_FUNCTIONS:
+            return self.tensor_call(tree)
         arguments = [self.scalar(a, f"the argument of {name}") for a in tree.arguments]
-        # functions written as cases repeat their arguments
-        self.grow(2 * n, tree)
         if name == "pow":
-            self.bound_power(arguments[0], arguments[1], tree)
-        try:
-            value = function.apply(*arguments)
-        except RuntimeError:
-            value = se.nan
-        return self.checked(value, tree)
+            return self.raised(tree, *arguments)
+        function = FUNCTIONS[name]
+        value = function.apply(*(a.value for a in arguments))
+        copies = function.copies(len(arguments))
+        return self.made(tree, value, arguments, copies, levels=copies.bit_length())
 
-    def wrong_count(self, tree: Call, fewest: int, most: int | None) -> ExpressionError:
-        wanted = f"{fewest}" if most == fewest else f"{fewest} or more"
-        if most not in (fewest, None):
-            wanted = f"{fewest} or {most}"
-        return ExpressionError(
-            "wrong-arguments",
-            f"`{tree.function}` takes {wanted} argument{'s' if wanted != '1' else ''},"
-            f" not {len(tree.arguments)}",
-            tree.start,
-            tree.end,
-        )
-
-    def unknown_function(self, tree: Call) -> ExpressionError:
-        name, end = tree.function, tree.start + len(tree.function)
-        if name in ("sum", "sum_"):
-            return ExpressionError(
-                "not-yet",
-                "sums over an index are not part of this version",
-                tree.start,
-                end,
-                "write the terms out",
-            )
-        try:
-            self.scope.lookup(Name(tree.start, end, name, 0))
-        except ExpressionError:
-            pass
-        else:
-            return ExpressionError(
-                "unknown-function",
-                f"`{name}` is not a function",
-                tree.start,
-                end,
-                f"write a product as `{name}*(…)`",
-            )
-        close = nearest(name, [*FUNCTIONS, *_TENSOR_FUNCTIONS, "if"])
-        other = {"arcsin": "asin", "arccos": "acos", "arctan": "atan", "ln": "log", "sgn": "sign"}
-        if name in other:
-            close = [other[name]]
-        return ExpressionError(
-            "unknown-function",
-            f"`{name}` is not a function of the grammar",
-            tree.start,
-            end,
-            "did you mean " + " or ".join(f"`{c}`" for c in close) + "?"
-            if close
-            else "the functions are listed in docs/model-file.md",
-        )
-
-    def _if(self, tree: Call) -> Basic:
-        if len(tree.arguments) != 3:
-            raise self.wrong_count(tree, 3, 3)
-        condition = self.condition(tree.arguments[0])
-        when_true = self.scalar(tree.arguments[1], "a case of if()")
-        when_false = self.scalar(tree.arguments[2], "a case of if()")
-        return cases(condition, when_true, when_false)
-
-    def condition(self, tree: Tree) -> Basic:
-        value = self.value(tree)
-        if not _is_boolean(value):
-            raise ExpressionError(
-                "not-a-condition",
-                "a condition is missing here",
-                tree.start,
-                tree.end,
-                "compare, as in `x > 0`",
-            )
-        return value
-
-    def _comparison(self, tree: Comparison) -> Basic:
-        values = [self.scalar(operand, "what is compared") for operand in tree.operands]
-        pairs = zip(tree.operators, values, values[1:], strict=False)
-        return se.And(*[_RELATIONS[o](left, right) for o, left, right in pairs])
-
-    def _logical(self, tree: Logical) -> Basic:
-        values = [self.condition(operand) for operand in tree.operands]
-        if tree.operator == "not":
-            return se.Not(values[0])
-        return (se.And if tree.operator == "and" else se.Or)(*values)
-
-    def _vector(self, tree: Vector) -> Tensor:
-        values = [self.operand(item) for item in tree.items]
-        if not values:
-            raise ShapeError("a vector needs entries")
-        if not any(isinstance(v, Tensor) for v in values):
-            return tensors.vector(*values)
-        rows = []
-        for value, item in zip(values, tree.items, strict=True):
-            if not (isinstance(value, Tensor) and value.is_vector):
-                raise ExpressionError(
+    def tensor_call(self, tree: Call) -> Sized:
+        name = tree.function
+        arguments: list[Sized] = []
+        for wanted, argument in zip(TENSOR_FUNCTIONS[name], tree.arguments, strict=True):
+            built = self.operand(argument)
+            if isinstance(built.value, Tensor) != (wanted == "tensor"):
+                expected = "a scalar" if wanted == "scalar" else "a vector or matrix"
+                raise _error(
                     "shape",
-                    f"a row of a matrix is a vector, not {_kind(value)}",
-                    item.start,
-                    item.end,
+                    f"`{name}` needs {expected} here, not {kind_of(built.value)}",
+                    argument,
                 )
-            rows.append(value.entries)
+            arguments.append(built)
+        value = tensor_call(name, [a.value for a in arguments], self.scope)
+        # a rotation repeats its angle twelve times; omega turns each rate by all later rotations
+        factors = arguments[0].value.factors if name == "omega" else ()
+        copies = 3 ** len(factors) if factors else 12
+        return self.made(tree, value, arguments, copies, levels=2 + len(factors))
+
+    # conditions
+
+    def condition(self, tree: Tree) -> Sized:
+        built = self.any(tree)
+        if not _is_boolean(built.value):
+            raise _error(
+                "not-a-condition", "a condition is missing here", tree, "compare, as in `x > 0`"
+            )
+        return built
+
+    def comparison(self, tree: Comparison) -> Sized:
+        parts = [self.scalar(operand, "what is compared") for operand in tree.operands]
+        pairs = zip(tree.operators, parts, parts[1:], strict=False)
+        value = se.And(*[relation(sign, a.value, b.value) for sign, a, b in pairs])
+        return self.made(tree, value, parts, copies=2)
+
+    def logical(self, tree: Logical) -> Sized:
+        parts = [self.condition(operand) for operand in tree.operands]
+        values = [p.value for p in parts]
+        if tree.operator == "not":
+            return self.made(tree, se.Not(*values), parts)
+        value = (se.And if tree.operator == "and" else se.Or)(*values)
+        return self.made(tree, value, parts)
+
+    # vectors
+
+    def vector(self, tree: Vector) -> Sized:
+        parts = [self.operand(item) for item in tree.items]
+        if not parts:
+            raise ShapeError("a vector needs entries")
+        if not any(isinstance(p.value, Tensor) for p in parts):
+            return self.made(tree, tensors.vector(*(p.value for p in parts)), parts)
+        rows: list[tuple[Basic, ...]] = []
+        for part, item in zip(parts, tree.items, strict=True):
+            if not (isinstance(part.value, Tensor) and part.value.is_vector):
+                raise _error(
+                    "shape", f"a row of a matrix is a vector, not {kind_of(part.value)}", item
+                )
+            rows.append(part.value.entries)
         if len({len(row) for row in rows}) > 1:
             raise ShapeError("the rows of a matrix must have one length")
-        return Tensor(tuple(rows))
-
-    def _tensor_call(self, tree: Call) -> Value:
-        name = tree.function
-        signature = _TENSOR_FUNCTIONS[name]
-        if len(tree.arguments) != len(signature):
-            raise self.wrong_count(tree, len(signature), len(signature))
-        arguments: list[Value] = []
-        for wanted, argument in zip(signature, tree.arguments, strict=True):
-            value = self.operand(argument)
-            if isinstance(value, Tensor) != (wanted == "tensor"):
-                expected = "a scalar" if wanted == "scalar" else "a vector or matrix"
-                raise ExpressionError(
-                    "shape",
-                    f"`{name}` needs {expected} here, not {_kind(value)}",
-                    argument.start,
-                    argument.end,
-                )
-            arguments.append(value)
-        self.grow(60, tree)
-        derivative = self.scope.derivative
-        zero, one = se.Integer(0), se.Integer(1)
-        axes = {
-            "rot_x": tensors.vector(one, zero, zero),
-            "rot_y": tensors.vector(zero, one, zero),
-            "rot_z": tensors.vector(zero, zero, one),
-        }
-        match name:
-            case "dot":
-                return tensors.dot(*arguments)  # type: ignore[arg-type]
-            case "cross":
-                return tensors.cross(*arguments)  # type: ignore[arg-type]
-            case "norm":
-                return tensors.norm(*arguments)  # type: ignore[arg-type]
-            case "transpose":
-                return tensors.transpose(*arguments)  # type: ignore[arg-type]
-            case "quat":
-                return tensors.quaternion(*arguments)  # type: ignore[arg-type]
-            case "omega":
-                return tensors.angular_velocity(arguments[0], derivative)  # type: ignore[arg-type]
-            case "rot":
-                axis, angle = arguments
-                if any(derivative(x) != 0 for x in axis.entries):  # type: ignore[union-attr]
-                    raise ShapeError("the axis of rot() must be constant")
-                return tensors.rotation(axis, angle)  # type: ignore[arg-type]
-        return tensors.rotation(axes[name], arguments[0])  # type: ignore[arg-type]
-
-
-_TENSOR_FUNCTIONS = {
-    "dot": ("tensor", "tensor"),
-    "cross": ("tensor", "tensor"),
-    "norm": ("tensor",),
-    "transpose": ("tensor",),
-    "omega": ("tensor",),
-    "rot_x": ("scalar",),
-    "rot_y": ("scalar",),
-    "rot_z": ("scalar",),
-    "rot": ("tensor", "scalar"),
-    "quat": ("scalar", "scalar", "scalar", "scalar"),
-}
+        return self.made(tree, Tensor(tuple(rows)), parts)

@@ -6,55 +6,66 @@ that its derivative is right wherever it exists.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import symengine as se
 from symengine import Basic
 
+from lagcli.model.constants import cases, number, relation
+
+ZERO = se.Integer(0)
+
+
+def _once(_: int) -> int:
+    return 1
+
 
 @dataclass(frozen=True)
 class Function:
-    """A scalar function: how many arguments it takes and what it makes of them."""
+    """A scalar function: how many arguments it takes and what it makes of them.
+
+    ``copies`` says how often the result repeats each argument, given their number.
+    """
 
     fewest: int
     most: int | None
     apply: Callable[..., Basic]
-
-
-def cases(condition: Basic, when_true: Basic, when_false: Basic) -> Basic:
-    """Return ``when_true`` where the condition holds, else ``when_false``."""
-    if condition == se.true:
-        return when_true
-    if condition == se.false:
-        return when_false
-    return se.Piecewise((when_true, condition), (when_false, se.true))
+    copies: Callable[[int], int]
 
 
 def _abs(x: Basic) -> Basic:
-    return cases(se.Ge(x, 0), x, -x)
+    return cases(relation(">=", x, ZERO), x, -x)
 
 
 def _sign(x: Basic) -> Basic:
-    return cases(se.Gt(x, 0), se.Integer(1), cases(se.Lt(x, 0), se.Integer(-1), se.Integer(0)))
+    below = cases(relation("<", x, ZERO), se.Integer(-1), ZERO)
+    return cases(relation(">", x, ZERO), se.Integer(1), below)
 
 
 def _min(*xs: Basic) -> Basic:
-    least = xs[0]
-    for x in xs[1:]:
-        least = cases(se.Le(least, x), least, x)
-    return least
+    return _chosen("<=", xs)
 
 
 def _max(*xs: Basic) -> Basic:
-    most = xs[0]
-    for x in xs[1:]:
-        most = cases(se.Ge(most, x), most, x)
-    return most
+    return _chosen(">=", xs)
+
+
+def _chosen(sign: str, xs: Sequence[Basic]) -> Basic:
+    """Return the least or largest, by halves: each level of cases repeats its arguments."""
+    if len(xs) == 1:
+        return xs[0]
+    half = len(xs) // 2
+    left, right = _chosen(sign, xs[:half]), _chosen(sign, xs[half:])
+    return cases(relation(sign, left, right), left, right)
+
+
+def _copies_in_halves(count: int) -> int:
+    return int(2 ** (count - 1).bit_length())
 
 
 def _step(x: Basic) -> Basic:
-    return cases(se.Ge(x, 0), se.Integer(1), se.Integer(0))
+    return cases(relation(">=", x, ZERO), se.Integer(1), ZERO)
 
 
 def _log(x: Basic, base: Basic | None = None) -> Basic:
@@ -71,7 +82,9 @@ def _log2(x: Basic) -> Basic:
 
 def _cbrt(x: Basic) -> Basic:
     third = se.Rational(1, 3)
-    return cases(se.Ge(x, 0), x**third, -((-x) ** third))
+    if x.free_symbols:
+        return cases(relation(">=", x, ZERO), x**third, -((-x) ** third))
+    return x**third if number(x) >= 0 else -((-x) ** third)
 
 
 def _hypot(*xs: Basic) -> Basic:
@@ -111,12 +124,33 @@ _ONE_ARGUMENT: dict[str, Callable[..., Basic]] = {
     "radians": lambda x: x * se.pi / 180,
 }
 
-FUNCTIONS: dict[str, Function] = {
-    **{name: Function(1, 1, apply) for name, apply in _ONE_ARGUMENT.items()},
-    "log": Function(1, 2, _log),
-    "atan2": Function(2, 2, se.atan2),
-    "pow": Function(2, 2, lambda x, y: x**y),
-    "hypot": Function(1, None, _hypot),
-    "min": Function(1, None, _min),
-    "max": Function(1, None, _max),
+_REPEATING: dict[str, Callable[[int], int]] = {
+    **dict.fromkeys(["abs", "fabs", "cbrt"], lambda _: 3),
+    "sign": lambda _: 2,
 }
+
+FUNCTIONS: dict[str, Function] = {
+    **{
+        name: Function(1, 1, apply, _REPEATING.get(name, _once))
+        for name, apply in _ONE_ARGUMENT.items()
+    },
+    "log": Function(1, 2, _log, _once),
+    "atan2": Function(2, 2, se.atan2, _once),
+    "pow": Function(2, 2, lambda x, y: x**y, _once),
+    "hypot": Function(1, None, _hypot, _once),
+    "min": Function(1, None, _min, _copies_in_halves),
+    "max": Function(1, None, _max, _copies_in_halves),
+}
+
+
+_INNER = se.Symbol("_xi_1")  # SymEngine's name for the argument in Subs(Derivative(…))
+_OUTER_JUMPS = {se.Derivative(jump(_INNER), _INNER): ZERO for jump in (se.floor, se.ceiling)}
+
+
+def derivative(expression: Basic, symbol: Basic) -> Basic:
+    """Return ∂expression/∂symbol; that of floor and ceil is zero, which it is wherever it exists.
+
+    SymEngine leaves an unevaluated derivative of these two.
+    """
+    jumps = {se.Derivative(jump(symbol), symbol): ZERO for jump in (se.floor, se.ceiling)}
+    return expression.diff(symbol).xreplace({**_OUTER_JUMPS, **jumps})

@@ -19,8 +19,23 @@ an exponent may carry a sign: x^-2.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Callable
 from fractions import Fraction
+
+from lagcli.model.functions import FUNCTIONS
+from lagcli.model.tokens import ExpressionError, Token, tokenize
+from lagcli.model.trees import (
+    Call,
+    Comparison,
+    Logical,
+    Name,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Tree,
+    Vector,
+)
 
 MAX_NESTING = 50  # what a person can read ends at 10; each level costs eleven Python frames
 MAX_DIGITS = 400  # digits of one number
@@ -28,160 +43,6 @@ MAX_EXPONENT = 308  # of a number as written: beyond it lies no double
 
 COMPARISONS = ("<=", ">=", "==", "!=", "<", ">")
 KEYWORDS = frozenset({"and", "or", "not", "if"})
-
-
-class ExpressionError(Exception):
-    """A text that is not an expression, or names what is not there.
-
-    Parameters
-    ----------
-    kind, message, help : str
-        As in a Diagnostic.
-    start, end : int
-        Offsets in the expression's text.
-    """
-
-    def __init__(self, kind: str, message: str, start: int, end: int, help: str | None = None):
-        super().__init__(message)
-        self.kind, self.message, self.start, self.end, self.help = kind, message, start, end, help
-
-
-@dataclass(frozen=True)
-class Tree:
-    """A piece of an expression, from ``start`` to ``end`` of its text."""
-
-    start: int
-    end: int
-
-
-@dataclass(frozen=True)
-class Number(Tree):
-    """A number, exactly as written."""
-
-    value: Fraction
-
-
-@dataclass(frozen=True)
-class Name(Tree):
-    """A name with its primes; ``text`` may be dotted (``lambda.guide``)."""
-
-    text: str
-    primes: int
-
-
-@dataclass(frozen=True)
-class Call(Tree):
-    """A function applied to arguments."""
-
-    function: str
-    arguments: tuple[Tree, ...]
-
-
-@dataclass(frozen=True)
-class Sum(Tree):
-    """Terms with their signs, +1 or -1."""
-
-    terms: tuple[tuple[int, Tree], ...]
-
-
-@dataclass(frozen=True)
-class Product(Tree):
-    """Factors with their exponents, +1 or -1, from left to right."""
-
-    factors: tuple[tuple[int, Tree], ...]
-
-
-@dataclass(frozen=True)
-class Power(Tree):
-    """Base and exponent."""
-
-    base: Tree
-    exponent: Tree
-
-
-@dataclass(frozen=True)
-class Comparison(Tree):
-    """A chain of comparisons: a < b <= c."""
-
-    operands: tuple[Tree, ...]
-    operators: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Logical(Tree):
-    """``and``, ``or``, ``not`` and what they join."""
-
-    operator: str
-    operands: tuple[Tree, ...]
-
-
-@dataclass(frozen=True)
-class Vector(Tree):
-    """A vector of scalars, or a matrix of rows."""
-
-    items: tuple[Tree, ...]
-
-
-@dataclass(frozen=True)
-class _Token:
-    kind: str  # number, name, mark, end
-    text: str
-    start: int
-    end: int
-
-
-_NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_NAME = re.compile(r"[^\W\d_]\w*(?:\.[^\W\d_]\w*)*", re.UNICODE)
-_MARK = re.compile(r"\*\*|<=|>=|==|!=|[-+*/^()\[\],<>=']")
-_HINTS = {
-    "²": "write a power as `x^2`",
-    "³": "write a power as `x^3`",
-    "·": "write a product as `a*b`",
-    "×": "write a product as `a*b`",
-    "−": "use the plain hyphen `-` for minus",
-    "–": "use the plain hyphen `-` for minus",
-    "’": "use the plain apostrophe `'` for a time derivative",
-    "′": "use the plain apostrophe `'` for a time derivative",
-    "|": "write an absolute value as `abs(x)`",
-    "{": "group with parentheses ( )",
-    "}": "group with parentheses ( )",
-    ";": "separate arguments with commas",
-    "%": "write percent as a number, 0.05",
-    "&": "write `and`",
-    "!": "write `not`",
-    ":": "a time such as 12:30 is not a number; write seconds",
-    "_": "a name begins with a letter",
-    "$": "names are written bare: `m`, not `$m`",
-    "@": "the grammar has no such sign",
-}
-
-
-def _tokens(text: str) -> list[_Token]:
-    tokens, position = [], 0
-    while position < len(text):
-        char = text[position]
-        if char.isspace():
-            position += 1
-            continue
-        if match := _NUMBER.match(text, position):
-            tokens.append(_Token("number", match[0], position, match.end()))
-        elif match := _NAME.match(text, position):
-            if any(c.isdigit() and not c.isascii() for c in match[0]) or not match[0].isprintable():
-                at = position + next(i for i, c in enumerate(match[0]) if not c.isascii() and c.isdigit())
-                raise ExpressionError(
-                    "syntax", f"unexpected `{text[at]}`", at, at + 1, _HINTS.get(text[at])
-                )
-            tokens.append(_Token("name", match[0], position, match.end()))
-        elif match := _MARK.match(text, position):
-            tokens.append(_Token("mark", match[0], position, match.end()))
-        else:
-            shown = char if char.isprintable() else f"U+{ord(char):04X}"
-            raise ExpressionError(
-                "syntax", f"unexpected `{shown}`", position, position + 1, _HINTS.get(char)
-            )
-        position = match.end()
-    tokens.append(_Token("end", "", len(text), len(text)))
-    return tokens
 
 
 def parse(text: str) -> Tree:
@@ -206,6 +67,12 @@ def parse_equation(text: str) -> tuple[Tree, Tree | None]:
     if parser.at("="):
         parser.advance()
         right = parser.condition()
+        if parser.at("="):
+            raise parser.fail(
+                "a second `=` in one equation",
+                parser.current,
+                "give each equation a name and a line of its own",
+            )
     parser.expect_end()
     return left, right
 
@@ -213,17 +80,17 @@ def parse_equation(text: str) -> tuple[Tree, Tree | None]:
 class _Parser:
     def __init__(self, text: str):
         self.text = text
-        self.tokens = _tokens(text)
+        self.tokens = tokenize(text)
         self.position = 0
         self.nesting = 0
         if self.current.kind == "end":
             raise ExpressionError("syntax", "an expression is missing", 0, 0)
 
     @property
-    def current(self) -> _Token:
+    def current(self) -> Token:
         return self.tokens[self.position]
 
-    def advance(self) -> _Token:
+    def advance(self) -> Token:
         token = self.current
         self.position += 1
         return token
@@ -232,7 +99,7 @@ class _Parser:
         token = self.current
         return token.text in texts and token.kind != "number"
 
-    def fail(self, message: str, token: _Token, help_: str | None = None) -> ExpressionError:
+    def fail(self, message: str, token: Token, help_: str | None = None) -> ExpressionError:
         return ExpressionError("syntax", message, token.start, token.end, help_)
 
     def nest(self) -> None:
@@ -251,28 +118,56 @@ class _Parser:
         before = self.tokens[self.position - 1] if self.position else token
         if token.text == "=":
             raise self.fail(
-                "an equation cannot stand here", token, "compare with `==`, and only inside if()"
+                "an equation cannot stand here",
+                token,
+                "give the expression alone; conditions inside if() compare with `==`",
             )
         if token.kind in ("name", "number") or token.text in ("(", "["):
-            left, right = before.text, token.text
-            if token.kind == "number" and before.kind == "number":
-                raise self.fail("two numbers without an operator between them", token)
-            raise self.fail(
-                f"an operator is missing between `{left}` and `{right}`",
-                token,
-                f"write a product as `{left}*{right}`"
-                if token.kind != "name" or before.kind == "number" or before.text == ")"
-                else f"write a product as `{left}*{right}`, a function as `{left}({right})`",
-            )
+            raise self.no_operator(before, token)
         if token.text == ",":
-            raise self.fail(
-                "a comma cannot stand here", token, "write the decimal point as a dot: 0.5"
-            )
-        if token.text == ")":
-            raise self.fail("this parenthesis closes nothing", token)
+            raise self.stray_comma(before, token)
+        if token.text in (")", "]"):
+            raise self.fail(f"this `{token.text}` closes nothing", token, "remove it")
         if token.text == "'":
-            raise self.fail("a prime can only follow a name", token, "write (a*b)' as a definition")
+            raise self.fail(
+                "a prime can only follow a name directly",
+                token,
+                "name the expression under `definitions`, then prime the name",
+            )
         raise self.fail(f"unexpected `{token.text}`", token)
+
+    def no_operator(self, before: Token, token: Token) -> ExpressionError:
+        left, right = before.text, token.text
+        if right == "[" and before.kind == "name":
+            return ExpressionError(
+                "not-yet",
+                f"members of a family such as `{left}[…]` are not part of this version",
+                before.start,
+                token.end,
+                "give each member a name of its own: `x_1`, `x_2`",
+                "family",
+            )
+        if before.kind == "number" and token.kind == "number":
+            message, help_ = "two numbers without an operator between them", None
+        else:
+            message = f"an operator is missing between `{left}` and `{right}`"
+            help_ = f"write a product as `{left}*{right}`"
+            if left in FUNCTIONS:
+                help_ = f"write a function as `{left}({right})`"
+        return ExpressionError("syntax", message, before.start, token.end, help_)
+
+    def stray_comma(self, before: Token, token: Token) -> ExpressionError:
+        after = self.tokens[self.position + 1]
+        if before.kind == after.kind == "number":
+            number = f"{before.text}.{after.text}"
+            return ExpressionError(
+                "syntax",
+                f"`{before.text},{after.text}` is not a number",
+                before.start,
+                after.end,
+                f"write the decimal point as a dot: `{number}`",
+            )
+        return self.fail("a comma cannot stand here", token, "it separates arguments of functions")
 
     def condition(self) -> Tree:
         self.nest()
@@ -283,7 +178,7 @@ class _Parser:
     def _conjunction(self) -> Tree:
         return self._joined("and", self._negation)
 
-    def _joined(self, word: str, part) -> Tree:  # type: ignore[no-untyped-def]
+    def _joined(self, word: str, part: Callable[[], Tree]) -> Tree:
         operands = [part()]
         while self.at(word):
             self.advance()
@@ -363,15 +258,21 @@ class _Parser:
             return Vector(token.start, self.tokens[self.position - 1].end, items)
         self.position -= 1
         if token.kind == "end":
-            raise self.fail("the expression ends too early", token, "something is missing here")
+            raise self.fail(
+                "the expression ends too early", token, "complete it, or remove its end"
+            )
         help_ = None
         if token.text in ("*", "/", "^", "**"):
             help_ = "an operator needs something on both sides"
         elif token.text in KEYWORDS:
             help_ = f"`{token.text}` is a word of the grammar and cannot be a name"
+        elif token.text == "'":
+            help_ = "a prime follows a name directly"
+        elif token.text in (")", "]", ",", "="):
+            raise self.fail(f"something is missing before `{token.text}`", token)
         raise self.fail(f"unexpected `{token.text}`", token, help_)
 
-    def _number(self, token: _Token) -> Number:
+    def _number(self, token: Token) -> Number:
         mantissa, _, exponent = token.text.lower().partition("e")
         if len(mantissa) > MAX_DIGITS or abs(int(exponent[:9] or 0)) > MAX_EXPONENT:
             raise ExpressionError(
@@ -381,18 +282,34 @@ class _Parser:
                 token.end,
                 f"numbers have at most {MAX_DIGITS} digits and exponents up to {MAX_EXPONENT}",
             )
+        if re.match("0[0-9]", mantissa):
+            raise self.fail(
+                f"`{token.text}` is not a number of the grammar: it begins with 0",
+                token,
+                "write the number without the 0; dates and times are not numbers",
+            )
         following = self.current
-        if following.kind == "number" and following.start == token.end:
-            raise self.fail("a number with two points", following)
-        if following.kind == "name" and following.start == token.end:
-            name = following.text
-            if re.match(r"^(_\d+|x[0-9a-fA-F]+|[jJ]$)", name):
-                raise self.fail(
-                    f"`{token.text}{name}` is not a number", following, "write a decimal number"
+        if following.start == token.end:
+            whole = token.text + following.text
+            if following.kind == "number":
+                raise ExpressionError(
+                    "syntax",
+                    f"`{whole}` is not a number: it has two points",
+                    token.start,
+                    following.end,
+                    "write one decimal point",
+                )
+            if re.fullmatch(r"0[xXbBoO][0-9a-fA-F]+", whole):
+                raise ExpressionError(
+                    "syntax",
+                    f"`{whole}` is not a number of the grammar",
+                    token.start,
+                    following.end,
+                    "write a decimal number",
                 )
         return Number(token.start, token.end, Fraction(token.text.lower()))
 
-    def _name(self, token: _Token) -> Tree:
+    def _name(self, token: Token) -> Tree:
         if self.at("("):
             opening = self.advance()
             arguments = self._arguments(")", opening)
@@ -413,7 +330,7 @@ class _Parser:
                 )
         return Name(token.start, end, token.text, primes)
 
-    def _arguments(self, closing: str, opening: _Token) -> tuple[Tree, ...]:
+    def _arguments(self, closing: str, opening: Token) -> tuple[Tree, ...]:
         if self.at(closing):
             self.advance()
             return ()
@@ -424,13 +341,21 @@ class _Parser:
         self._close(closing, opening)
         return tuple(items)
 
-    def _close(self, closing: str, opening: _Token) -> None:
+    def _close(self, closing: str, opening: Token) -> None:
         if self.at(closing):
             self.advance()
             return
         token = self.current
         if token.kind == "end":
+            raise self.fail(f"`{opening.text}` is never closed", opening, f"add `{closing}`")
+        if token.text == "=":
             raise self.fail(
-                f"`{opening.text}` is never closed", opening, f"add `{closing}`"
+                "an equation cannot stand in parentheses",
+                token,
+                "conditions compare with `==`; sums over an index are not part of this version",
+            )
+        if token.text in (")", "]"):
+            raise self.fail(
+                f"`{opening.text}` is closed by `{token.text}`", token, f"write `{closing}`"
             )
         self.expect_end()

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
 import symengine as se
@@ -13,7 +14,7 @@ from symengine import Basic
 
 from lagcli.errors import SourceLocation
 from lagcli.model.expressions import Value
-from lagcli.model.grammar import Tree
+from lagcli.model.trees import Tree
 
 Kind = Literal["holonomic", "nonholonomic"]
 
@@ -22,6 +23,10 @@ TIME = se.Symbol("t")
 METHODS = ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA")
 FORMULATIONS = ("projection", "baumgarte", "index1")
 ENGINES = ("scipy",)
+MAX_SAMPLES = 10**8
+
+_POSITIVE = ("dt", "rtol", "atol", "max_step", "max_steps", "timeout")
+_NUMBERS = ("t_start", "t_end", *_POSITIVE, "alpha", "beta", "samples")
 
 
 def coordinate(name: str) -> Basic:
@@ -177,58 +182,72 @@ class Settings:
 
     def check(self) -> None:
         """Raise SettingError for the first value that is out of its range."""
-        for key in ("t_start", "t_end", "dt", "rtol", "atol", "alpha", "beta", "max_step", "timeout"):
+        for problem in self.problems():
+            raise problem
+
+    def problems(self) -> Iterator[SettingError]:
+        """Yield what is out of its range, or contradicts another setting."""
+        yield from self._value_problems()
+        yield from self._time_problems()
+
+    def _value_problems(self) -> Iterator[SettingError]:
+        for key in _NUMBERS:
             value = getattr(self, key)
-            if value is not None and not math.isfinite(value):
-                raise SettingError(key, f"{key} must be a finite number, not {value}")
-        for key in ("dt", "max_step", "timeout", "rtol", "atol", "max_steps"):
-            value = getattr(self, key)
-            if value is not None and value <= 0:
-                raise SettingError(key, f"{key} must be greater than 0, not {value:g}")
-        for key in ("alpha", "beta"):
-            value = getattr(self, key)
-            if value is not None and value < 0:
-                raise SettingError(key, f"{key} must not be negative, not {value:g}")
-        if self.rtol is not None and not 1e-13 <= self.rtol <= 0.1:
-            raise SettingError(
-                "rtol",
-                f"rtol must lie between 1e-13 and 0.1, not {self.rtol:g}",
-                "doubles hold no more than 1e-13",
-            )
-        if self.samples is not None and not 1 <= self.samples <= 10**8:
-            raise SettingError("samples", f"samples must lie between 1 and 10^8, not {self.samples}")
+            if value is None:
+                continue
+            if not math.isfinite(value):
+                yield SettingError(key, f"{key} must be a finite number, not {value}")
+            elif key in _POSITIVE and value <= 0:
+                yield SettingError(key, f"{key} must be greater than 0, not {value:g}")
+            elif key in ("alpha", "beta") and value < 0:
+                yield SettingError(key, f"{key} must not be negative, not {value:g}")
+            elif key == "rtol" and not 1e-13 <= value <= 0.1:
+                yield SettingError(
+                    key,
+                    f"rtol must lie between 1e-13 and 0.1, not {value:g}",
+                    "doubles hold no more than 1e-13",
+                )
+            elif key == "samples" and not 1 <= value <= MAX_SAMPLES:
+                yield SettingError(key, f"samples must lie between 1 and 10^8, not {value}")
         for key, known in (("method", METHODS), ("formulation", FORMULATIONS), ("engine", ENGINES)):
             value = getattr(self, key)
             if value is not None and value not in known:
-                raise SettingError(
-                    key, f"there is no {key} `{value}`", "known are " + ", ".join(known)
-                )
-        self._check_times()
+                same = [k for k in known if k.lower() == value.lower()]
+                help_ = f"did you mean `{same[0]}`?" if same else "known are " + ", ".join(known)
+                yield SettingError(key, f"there is no {key} `{value}`", help_)
 
-    def _check_times(self) -> None:
+    def _time_problems(self) -> Iterator[SettingError]:
         start = self.t_start or 0.0
         if self.t_end is not None and self.t_end <= start:
-            raise SettingError(
-                "t_end", f"t_end {self.t_end:g} must lie after t_start {start:g}"
-            )
+            yield SettingError("t_end", f"t_end {self.t_end:g} must lie after t_start {start:g}")
         given = [k for k in ("samples", "dt", "times") if getattr(self, k) is not None]
         if len(given) > 1:
-            raise SettingError(
+            yield SettingError(
                 given[1], f"{' and '.join(given)} contradict each other", "give one of them"
             )
         if self.times is not None:
-            if not self.times:
-                raise SettingError("times", "times must hold at least one time")
-            if any(b <= a for a, b in zip(self.times, self.times[1:], strict=False)):
-                raise SettingError("times", "times must increase")
-            if self.times[0] < start:
-                raise SettingError("times", f"times begin before t_start {start:g}")
-            if self.t_end is not None and self.times[-1] > self.t_end:
-                raise SettingError("times", f"times go beyond t_end {self.t_end:g}")
-            if not all(math.isfinite(x) for x in self.times):
-                raise SettingError("times", "times must be finite numbers")
-        if self.dt is not None and self.t_end is not None and (self.t_end - start) / self.dt > 1e8:
-            raise SettingError("dt", "more than 10^8 samples")
+            yield from self._sample_time_problems(self.times, start)
+        if (
+            self.dt is not None
+            and self.dt > 0
+            and self.t_end is not None
+            and (self.t_end - start) / self.dt > MAX_SAMPLES
+        ):
+            yield SettingError("dt", "dt asks for more than 10^8 samples", "take a larger dt")
+
+    def _sample_time_problems(
+        self, times: tuple[float, ...], start: float
+    ) -> Iterator[SettingError]:
+        if not times:
+            yield SettingError("times", "times must hold at least one time")
+        elif not all(math.isfinite(x) for x in times):
+            yield SettingError("times", "times must be finite numbers")
+        elif any(b <= a for a, b in pairwise(times)):
+            yield SettingError("times", "times must increase")
+        elif times[0] < start:
+            yield SettingError("times", f"times begin before t_start {start:g}")
+        elif self.t_end is not None and times[-1] > self.t_end:
+            yield SettingError("times", f"times go beyond t_end {self.t_end:g}")
 
 
 DEFAULTS = Settings(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 import symengine as se
@@ -10,9 +10,12 @@ from symengine import Basic
 
 from lagcli.model import model as symbols
 from lagcli.model.expressions import Sized, Value
-from lagcli.model.grammar import ExpressionError, Name
-from lagcli.model.source import nearest
+from lagcli.model.functions import FUNCTIONS, derivative
+from lagcli.model.report import Broken
+from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.tensors import Tensor
+from lagcli.model.tokens import ExpressionError
+from lagcli.model.trees import Name
 
 DOTS = (("_ddot", 2), ("_dot", 1))
 
@@ -23,7 +26,6 @@ class Context:
 
     where: str
     coordinates: bool = True
-    velocities: bool = True
     accelerations: bool = False
     multipliers: bool = False
     definitions: bool = True
@@ -32,24 +34,56 @@ class Context:
 
 @dataclass
 class Names:
-    """All names that a model declares, with the line that declares each."""
+    """All names that a model declares.
 
-    coordinates: tuple[str, ...] = ()
-    constraints: tuple[str, ...] = ()
+    Parameters
+    ----------
+    coordinates, constraints : collections of str
+    parameters, definitions : mappings of str to callables
+        What each stands for; the callables raise Broken for one that has an error of its own.
+    lines : mapping of str to (str, int)
+        What each name is, and the line that declares it.
+    broken : set of str
+        Names whose declaration is in error: what uses them is not in error for it.
+    suspects : set of str
+        Words that may have been meant as names, likewise.
+    incomplete : bool
+        Whether a block of declarations cannot be read, so that any name may have been meant.
+    """
+
+    coordinates: Collection[str] = ()
+    constraints: Collection[str] = ()
     parameters: Mapping[str, Callable[[], Basic]] = field(default_factory=dict)
     definitions: Mapping[str, Callable[[], Sized]] = field(default_factory=dict)
-    lines: dict[str, tuple[str, int]] = field(default_factory=dict)  # name → what it is, its line
+    lines: dict[str, tuple[str, int]] = field(default_factory=dict)
+    broken: set[str] = field(default_factory=set)
+    suspects: set[str] = field(default_factory=set)
+    incomplete: bool = False
+
+    def declared(self, text: str) -> bool:
+        """Whether a name is declared."""
+        return text in self.coordinates or text in self.parameters or text in self.definitions
+
+    def resolve(self, name: Name) -> tuple[str, int]:
+        """Return a name without its dots, and their number: ``x_dot`` is ``x'`` unless declared."""
+        if not self.declared(name.text):
+            for suffix, order in DOTS:
+                base = name.text.removesuffix(suffix)
+                if base != name.text and (self.declared(base) or base in self.suspects):
+                    return base, name.primes + order
+        return name.text, name.primes
 
     def derivative(self, expression: Basic) -> Basic:
         """Return the total time derivative of an expression in q, q' and t."""
-        free = expression.free_symbols
-        terms = [expression.diff(symbols.TIME)] if symbols.TIME in free else []
-        for name in self.coordinates:
-            q, v, a = (f(name) for f in _MOTION)
-            if q in free:
-                terms.append(expression.diff(q) * v)
-            if v in free:
-                terms.append(expression.diff(v) * a)
+        terms = []
+        for symbol in expression.free_symbols:
+            if symbol == symbols.TIME:
+                terms.append(derivative(expression, symbol))
+                continue
+            name = symbol.name.rstrip("'")
+            if name in self.coordinates:
+                order = len(symbol.name) - len(name)
+                terms.append(derivative(expression, symbol) * _MOTION[order + 1](name))
         return se.Add(*terms)
 
 
@@ -67,37 +101,63 @@ class ModelScope:
         """Return the total time derivative."""
         return self.names.derivative(expression)
 
-    def lookup(self, name: Name) -> Sized:
-        """Return what a name stands for, or raise ExpressionError."""
-        text, primes = name.text, name.primes
-        if not self.declared(text):
-            for suffix, order in DOTS:
-                base = text.removesuffix(suffix)
-                if base != text and self.declared(base):
-                    text, primes = base, primes + order
-                    break
-        if text in self.names.coordinates:
-            return self._coordinate(name, text, primes)
-        if text in self.names.definitions:
-            return self._definition(name, text, primes)
-        if "." in text:
-            return Sized(self._dotted(name), 1)
-        if text in self.names.parameters:
+    def declared(self, text: str) -> bool:
+        """Whether a name is declared."""
+        return self.names.declared(text)
+
+    def check(self, name: Name) -> None:
+        """Raise ExpressionError for a name that is unknown or may not stand here.
+
+        Raises
+        ------
+        ExpressionError
+        Broken
+            The name's own declaration is in error.
+        """
+        names = self.names
+        text, primes = names.resolve(name)
+        if text in names.broken:
+            raise Broken
+        if text in names.coordinates:
+            self._check_coordinate(name, primes)
+        elif text in names.definitions:
+            if not self.context.definitions:
+                raise self._not_here(name, "definitions")
+        elif "." in text:
+            self._dotted(name)
+        elif text in names.parameters:
             if primes:
                 raise self._error(
                     "constant", name, f"`{text}` is a parameter: its time derivative is zero"
                 )
-            return Sized(self.names.parameters[text](), 1)
-        if text in ("t", "pi") and not primes:
+        elif text in ("t", "pi"):
             if text == "t" and not self.context.time:
                 raise self._not_here(name, "time")
-            return Sized(symbols.TIME if text == "t" else se.pi, 1)
-        raise self._unknown(name)
+            if primes:
+                raise self._error("constant", name, f"`{text}` has no time derivative to speak of")
+        else:
+            raise self._unknown(name)
 
-    def declared(self, text: str) -> bool:
-        """Whether a name is declared."""
-        names = self.names
-        return text in names.coordinates or text in names.parameters or text in names.definitions
+    def lookup(self, name: Name) -> Sized:
+        """Return what a name stands for.
+
+        Raises
+        ------
+        ExpressionError, Broken
+            As `check`.
+        """
+        self.check(name)
+        text, primes = self.names.resolve(name)
+        if text in self.names.coordinates:
+            return Sized(_MOTION[primes](text))
+        if text in self.names.definitions:
+            return self._definition(name, text, primes)
+        if "." in text:
+            return Sized(self._dotted(name))
+        if text in self.names.parameters:
+            value = self.names.parameters[text]()
+            return Sized(value, constant=not value.free_symbols)
+        return Sized(symbols.TIME) if text == "t" else Sized(se.pi, constant=True)
 
     def _error(
         self, kind: str, name: Name, message: str, help_: str | None = None
@@ -113,49 +173,38 @@ class ModelScope:
             help_,
         )
 
-    def _coordinate(self, name: Name, text: str, primes: int) -> Sized:
+    def _check_coordinate(self, name: Name, primes: int) -> None:
         if not self.context.coordinates:
-            raise self._not_here(name, "coordinates")
+            raise self._not_here(name, "coordinates", "it may depend on parameters only")
         if primes > 2:
-            raise self._error("too-many-primes", name, "derivatives of coordinates end at q''")
-        if primes == 1 and not self.context.velocities:
-            raise self._not_here(name, "velocities")
-        if primes == 2 and not self.context.accelerations:
-            raise self._not_here(
-                name, "accelerations", "accelerations may stand in `outputs` only"
+            raise self._error(
+                "too-many-primes", name, "derivatives of coordinates end at accelerations, q''"
             )
-        return Sized(_MOTION[primes](text), 1)
+        if primes == 2 and not self.context.accelerations:
+            raise self._not_here(name, "accelerations", _ACCELERATIONS)
 
     def _definition(self, name: Name, text: str, primes: int) -> Sized:
-        if not self.context.definitions:
-            raise self._not_here(name, "definitions")
         sized = self.names.definitions[text]()
         value, size = sized.value, sized.size
         for _ in range(primes):
+            if any(self._has_accelerations(x) for x in _entries(value)):
+                raise self._error(
+                    "too-many-primes", name, "derivatives of coordinates end at accelerations, q''"
+                )
             value = (
                 value.map(self.names.derivative)
                 if isinstance(value, Tensor)
                 else self.names.derivative(value)
             )
             size *= 3  # a product rule's worth
-        self._check_content(name, value)
-        return Sized(value, size)
+        if not self.context.accelerations and any(
+            self._has_accelerations(x) for x in _entries(value)
+        ):
+            raise self._not_here(name, "accelerations", _ACCELERATIONS)
+        return Sized(value, size, sized.depth + 2 * primes, sized.constant)
 
-    def _check_content(self, name: Name, value: Value) -> None:
-        """Refuse a definition that carries in what may not stand here."""
-        context = self.context
-        if context.accelerations and context.velocities:
-            return
-        free = set()
-        for entry in value.entries if isinstance(value, Tensor) else (value,):
-            free |= entry.free_symbols
-        for q in self.names.coordinates:
-            if not context.accelerations and symbols.acceleration(q) in free:
-                raise self._not_here(
-                    name, "accelerations", "accelerations may stand in `outputs` only"
-                )
-            if not context.velocities and symbols.velocity(q) in free:
-                raise self._not_here(name, "velocities")
+    def _has_accelerations(self, value: Basic) -> bool:
+        return any(s.name.endswith("''") for s in value.free_symbols)
 
     def _dotted(self, name: Name) -> Basic:
         head, *rest = name.text.split(".")
@@ -168,59 +217,85 @@ class ModelScope:
                 "multipliers may stand in `outputs` only in this version",
             )
         if head == "lambda" and len(rest) == 1 and not name.primes:
-            self._known(name, rest[0], names.constraints, "constraint")
+            self._known(name, rest[0], list(names.constraints), "constraint")
             return symbols.multiplier(rest[0])
         if head == "Qc" and len(rest) in (1, 2) and not name.primes:
-            self._known(name, rest[-1], names.coordinates, "coordinate")
+            self._known(name, rest[-1], list(names.coordinates), "coordinate")
             if len(rest) == 1:
                 return symbols.constraint_force(rest[0])
-            self._known(name, rest[0], names.constraints, "constraint")
+            self._known(name, rest[0], list(names.constraints), "constraint")
             return symbols.constraint_force(rest[1], rest[0])
         raise self._error(
             "unknown-name",
             name,
             f"{self.context.where} uses `{name.text}`, which is not declared",
-            "dotted names are `lambda.CONSTRAINT`, `Qc.COORDINATE` and `Qc.CONSTRAINT.COORDINATE`",
+            "names with dots are `lambda.CONSTRAINT`, `Qc.COORDINATE` and"
+            " `Qc.CONSTRAINT.COORDINATE`;\na decimal number needs no letters around its point",
         )
 
-    def _known(self, name: Name, part: str, known: tuple[str, ...], what: str) -> None:
+    def _known(self, name: Name, part: str, known: list[str], what: str) -> None:
         if part in known:
             return
-        close = nearest(part, list(known)) or list(known[:3])
+        if part in self.names.suspects or self.names.incomplete:
+            raise Broken
+        close = nearest(part, known) or known[:3]
         raise self._error(
             "unknown-name",
             name,
             f"{self.context.where} uses `{name.text}`, but there is no {what} `{part}`",
-            ("did you mean " if close else f"the model has no {what}s")
-            + " or ".join(f"`{c}`" for c in close)
-            + ("?" if close else ""),
+            did_you_mean(close) or f"the model has no {what}s",
         )
 
     def _unknown(self, name: Name) -> ExpressionError:
         names, context = self.names, self.context
+        text = name.text
+        if names.incomplete or text in names.suspects:
+            raise Broken
         known = list(names.parameters)
         if context.coordinates:
             known += names.coordinates
         if context.definitions:
             known += names.definitions
-        close = nearest(name.text, known)
-        help_ = None
-        if name.text == "lambda":
+        shown = []
+        for other in nearest(text, known):
+            what, line = names.lines.get(other, ("", 0))
+            place = f", line {line}" if line else ""
+            shown.append(f"`{other}` ({what}{place})" if what else f"`{other}`")
+        help_: str | None
+        if text == "lambda":
             help_ = "name the constraint: `lambda.NAME`"
-        elif close:
-            shown = []
-            for c in close:
-                what, line = names.lines.get(c, ("", 0))
-                place = f", line {line}" if line else ""
-                shown.append(f"`{c}` ({what}{place})" if what else f"`{c}`")
-            help_ = "did you mean " + " or ".join(shown) + "?"
-        elif name.text in ("e", "E") or name.text == "Pi":
-            help_ = "the constants are `pi` and what you declare; e^x is exp(x)"
+        elif text in FUNCTIONS:
+            help_ = f"`{text}` is a function: write `{text}(x)`"
+        elif text.lower() in ("inf", "nan", "infinity"):
+            help_ = "numbers are finite"
+        elif text in _CONSTANTS:
+            help_ = _CONSTANTS[text]
+        elif shown:
+            help_ = did_you_mean(shown)
+        elif name.primes or not context.coordinates:
+            block = "coordinates" if name.primes else "parameters"
+            help_ = f"declare it under `{block}`"
         else:
-            help_ = f"declare it, for instance under `parameters`: `{name.text}: 1`"
-        return self._error(
+            help_ = f"declare it, for instance under `parameters`: `{text}: 1`"
+        return ExpressionError(
             "unknown-name",
-            name,
-            f"{context.where} uses `{name.text}`, which is not declared",
+            f"{context.where} uses `{text}`, which is not declared",
+            name.start,
+            name.end,
             help_,
+            text,
         )
+
+
+_ACCELERATIONS = "accelerations may stand in `outputs` only"
+_CONSTANTS = {
+    "e": "e^x is written `exp(x)`, e itself `exp(1)`",
+    "E": "e^x is written `exp(x)`, e itself `exp(1)`",
+    "Pi": "the constant is `pi`",
+    "PI": "the constant is `pi`",
+    "π": "the constant is `pi`",
+}
+
+
+def _entries(value: Value) -> tuple[Basic, ...]:
+    return value.entries if isinstance(value, Tensor) else (value,)

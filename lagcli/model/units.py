@@ -10,6 +10,9 @@ import math
 import re
 from fractions import Fraction
 from functools import cache
+from typing import Any
+
+from lagcli.model.spelling import shorten
 
 Factor = Fraction | float  # exact wherever the unit allows it, so that 7 mm is 0.007 m
 
@@ -28,46 +31,61 @@ _DEGREE = math.pi / 180
 _WHOLE: dict[str, Factor] = {
     **dict.fromkeys(["deg", "°", "degree", "degrees"], _DEGREE),
     **dict.fromkeys(["radian", "1", "dimensionless"], _ONE),
+    **dict.fromkeys(["meter", "metre", "second", "newton", "joule", "watt", "pascal"], _ONE),
+    **dict.fromkeys(["hertz", "kilogram", "kelvin", "ampere", "volt", "coulomb", "tesla"], _ONE),
     **{"min": Fraction(60), "h": Fraction(3600), "L": Fraction(1, 1000), "t": Fraction(1000)},
 }
-_TOKEN = re.compile(r"\s*(?:(\*\*|\^)\s*([+-]?\d{1,2})|([*/()·])|([^\W\d_²³]+|°|1)|([²³]))")
+_TOKEN = re.compile(
+    r"\s*(?:(\*\*|\^)\s*([+-]?[0-9]{1,2})(?![0-9])|([*/()·])|([^\W\d]+|°|1)|([²³]))"
+)
+_LONGEST = 100  # characters of a unit
+
+UNIT_HELP = "units are written as `kg`, `m/s^2`, `N*m`, `deg`"
 
 
 class UnknownUnit(ValueError):
-    """The text is not a unit."""
+    """The text is not a unit; says why."""
 
 
 @cache
 def to_si(unit: str) -> Factor:
     """Return the factor that converts a value in this unit to SI.
 
+    ``a/b*c`` reads from the left, as in Pint: (a/b)·c.
+
     Raises
     ------
     UnknownUnit
-        Neither the table nor Pint knows the notation, or the unit has an offset (degC).
+        The notation is not one of units, neither the table nor Pint knows a name in it, or a unit
+        has an offset (degC).
     """
-    factor = _by_table(unit)
-    return _by_pint(unit) if factor is None else factor
+    factor = _product(unit) if len(unit) <= _LONGEST else None
+    if factor is None:
+        raise UnknownUnit(f"`{shorten(unit)}` is not a unit")
+    try:
+        size = float(factor)
+    except OverflowError:
+        size = math.inf
+    if not 0 < size < math.inf:
+        raise UnknownUnit(f"`{shorten(unit)}` is too large or too small")
+    return factor
 
 
-def _single(name: str) -> Factor | None:
+def _single(name: str) -> Factor:
     if name in _WHOLE:
         return _WHOLE[name]
     if name in _BASE:
         return _BASE[name]
     if len(name) > 1 and name[0] in _PREFIX and name[1:] in _BASE:
         return _PREFIX[name[0]] * _BASE[name[1:]]
-    return None
+    return _by_pint(name)
 
 
-def _by_table(unit: str) -> Factor | None:
-    """Return the factor, or None where the notation is outside the table.
-
-    ``a/b*c`` reads from the left, as in Pint: (a/b)·c.
-    """
+def _product(unit: str) -> Factor | None:
+    """Return the factor, or None where the notation is not one of units."""
     position = 0
     # per parenthesis: the product, its last factor, the sign of the next exponent
-    stack: list[tuple[Factor, Factor, int]] = [(_ONE, _ONE, 1)]
+    stack: list[tuple[Factor, Factor | None, int]] = [(_ONE, None, 1)]
     expect_unit = True
     while position < len(unit.rstrip()):
         match = _TOKEN.match(unit, position)
@@ -77,48 +95,50 @@ def _by_table(unit: str) -> Factor | None:
         power, exponent, mark, name, small = match.groups()
         product, last, sign = stack[-1]
         if power or small:
-            if expect_unit:
+            if last is None:
                 return None
             n = int(exponent) if power else "..²³".index(small)
-            stack[-1] = (product / last * last**n, _ONE, 1)
+            stack[-1] = (product / last * last**n, None, 1)
         elif mark == "(":
             if not expect_unit:
                 return None
-            stack.append((_ONE, _ONE, 1))
+            stack.append((_ONE, None, 1))
         elif name or mark == ")":
             if mark == ")":
                 if expect_unit or len(stack) == 1:
                     return None
-                value: Factor | None = stack.pop()[0]
+                value = stack.pop()[0]
                 product, last, sign = stack[-1]
             else:
                 value = _single(name)
                 if not expect_unit:
                     sign = 1  # a blank between two units is a product
-            if value is None:
-                return None
             value = value**sign
             stack[-1] = (product * value, value, 1)
             expect_unit = False
         else:
             if expect_unit:
                 return None
-            stack[-1] = (product, last, -1 if mark == "/" else 1)
+            stack[-1] = (product, None, -1 if mark == "/" else 1)
             expect_unit = True
     return None if expect_unit or len(stack) > 1 else stack[0][0]
 
 
-def _by_pint(unit: str) -> float:
+def _by_pint(name: str) -> float:
+    registry = _registry()
+    try:
+        unit = registry.parse_units(name)
+        zero, one = (registry.Quantity(x, unit).to_base_units().magnitude for x in (0.0, 1.0))
+    except Exception as error:  # Pint raises many kinds, from tokenizer errors to its own
+        raise UnknownUnit(f"`{name}` is not a unit") from error
+    if zero != 0.0:
+        raise UnknownUnit(f"`{name}` does not begin at zero: use an absolute unit, such as K")
+    return float(one)
+
+
+@cache
+def _registry() -> Any:
     import pint
 
-    registry = pint.UnitRegistry(cache_folder=None)
-    try:
-        zero, one = (
-            registry.Quantity(x, registry.parse_units(unit)).to_base_units().magnitude
-            for x in (0.0, 1.0)
-        )
-    except Exception as error:  # Pint raises many kinds, from tokenizer errors to its own
-        raise UnknownUnit(unit) from error
-    if zero != 0.0:
-        raise UnknownUnit(unit)
-    return float(one)
+    # without a cache folder: Pint's own is read slower than its text
+    return pint.UnitRegistry(cache_folder=None)

@@ -1,0 +1,242 @@
+"""Singular configurations: where constraints become dependent and do not determine the motion.
+
+The rank of B is judged by the singular values of its scaled rows. The one that vanishes at a
+singular configuration is watched inside each step and along the path ahead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import interpolate
+from scipy.optimize import minimize_scalar
+
+from lagcli.engine import linear
+from lagcli.engine.index1 import Index1
+from lagcli.engine.projection import Projection
+from lagcli.engine.run import Stop
+
+Array = NDArray[np.float64]
+Path = Callable[[float], Array]  # time → (q, v, …)
+
+#: The weakest singular value that marks a singular configuration.
+SINGULAR = 1e-5
+#: Below this part of the largest weakest value of the run, steps are short: each brings it down by
+#: at most _DESCENT, so that the last states are not too far apart ...
+NEAR = 0.2
+_DESCENT = 0.02
+#: ... and below this part the path ahead is looked at. Not later: the rounding error of a and λ
+#: grows like one over the square of the value.
+_LOOK = 0.04
+#: States on each side that a passage is made of.
+_NODES = 4
+#: Places inside a step at which the rank is watched.
+_WATCH = (0.25, 0.5, 0.75, 1.0)
+#: Part of the coordinates' size by which a start is moved to see whether it is singular.
+_ASIDE = 1e-3
+
+
+@dataclass(frozen=True)
+class _Node:
+    """A consistent state of the last steps, with the weakest singular value there."""
+
+    t: float
+    y: Array
+    weakest: float
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """A singular configuration that the motion leads to.
+
+    Parameters
+    ----------
+    time : float
+        s.
+    before : tuple of (t, y)
+        The last states before it.
+    path : callable
+        t → q, v: their continuation, which keeps the momentum.
+    """
+
+    time: float
+    before: tuple[tuple[float, Array], ...]
+    path: Callable[[float], tuple[Array, Array]]
+
+
+class RankWatch:
+    """Watches the rank of B along a run.
+
+    Parameters
+    ----------
+    motion : Index1
+    """
+
+    def __init__(self, motion: Index1):
+        self.motion, self.rank = motion, motion.rank
+        self.names = motion.evaluator.system.constraints
+        self._history: list[tuple[float, float]] = []
+        self._nodes: list[_Node] = []
+        self._usual = 0.0
+
+    def values(self, t: float, q: Array, v: Array) -> Array | None:
+        """Return the singular values of the scaled B, largest first; None where undefined."""
+        jacobian = self.motion.evaluator.constraints(t, q, v).jacobian
+        if not np.isfinite(jacobian).all():
+            return None
+        return linear.singular_values(jacobian, self.motion.lengths)
+
+    def weakest(self, t: float, y: Array) -> float:
+        """Return the singular value that vanishes at a singular configuration."""
+        values = self.values(t, *self.motion.split(y)) if self.rank else None
+        return 1.0 if values is None else float(values[self.rank - 1])
+
+    def restart(self) -> None:
+        """Forget the path so far."""
+        self._history.clear()
+        self._nodes.clear()
+
+    # inside a step
+
+    def stepped_over(
+        self, path: Path, t_old: float, y_old: Array, t: float, y: Array
+    ) -> float | None:
+        """Return the time of a singular configuration inside the last step, or None.
+
+        Parameters
+        ----------
+        path : callable
+            The step's dense output; it costs evaluations, and is used only where a cubic through
+            the step's ends comes near a singular configuration.
+        """
+        if not self.rank:
+            return None
+        between = interpolate.CubicHermiteSpline(
+            (t_old, t), np.array([y_old, y]), np.array([self._slope(y_old), self._slope(y)])
+        )
+        history = self._history
+        for part in _WATCH:
+            at = t_old + part * (t - t_old)
+            history.append((at, self.weakest(at, y if part == 1.0 else between(at))))
+        del history[:-5]
+        for (t0, s0), (_, s1), (t2, s2) in zip(history, history[1:], history[2:], strict=False):
+            low = max(t0, t_old)
+            if s1 <= s0 and s1 <= s2 and s1 < NEAR * self._usual and t2 > low:
+                found = self._least(path, low, t2)
+                if found is not None:
+                    return found
+        return None
+
+    def _slope(self, y: Array) -> Array:
+        """Return y' as far as B's rank depends on it: v for q, zero for the rest."""
+        slope = np.zeros_like(y)
+        slope[: self.motion.nq] = self.motion.split(y)[1]
+        return slope
+
+    def _least(self, path: Path, low: float, high: float) -> float | None:
+        """Return the time between two at which a path is singular, or None."""
+        found = minimize_scalar(
+            lambda t: self.weakest(t, path(t)),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": 1e-12 * max(abs(high), high - low)},
+        )
+        return float(found.x) if found.fun < SINGULAR else None
+
+    # ahead of the last step
+
+    def add(self, t: float, y: Array) -> None:
+        """Add the state at the end of a step to the path."""
+        if self.rank:
+            self._nodes = [*self._nodes[1 - _NODES :], _Node(t, y, self.weakest(t, y))]
+            self._usual = max(self._usual, self._nodes[-1].weakest)
+
+    def near(self, t: float, y: Array) -> bool:
+        """Return whether a state is near a singular configuration."""
+        return self.weakest(t, y) < NEAR * self._usual
+
+    def _descent(self, below: float) -> float | None:
+        """Return the rate of the weakest value's fall where it is below a part of its largest."""
+        if len(self._nodes) < 3:
+            return None
+        before, now = self._nodes[-2:]
+        if not now.weakest < min(before.weakest, below * self._usual):
+            return None
+        return (before.weakest - now.weakest) / (now.t - before.t)
+
+    def largest_step(self) -> float:
+        """Return the step that is short enough next to a singular configuration."""
+        rate = self._descent(NEAR)
+        return math.inf if rate is None else _DESCENT * self._usual / rate
+
+    def ahead(self) -> Ahead | None:
+        """Look along the path for a singular configuration that the last steps lead to."""
+        rate = self._descent(_LOOK)
+        if rate is None:
+            return None
+        rows: list[Array] = []
+        for node in self._nodes[-3:]:
+            q, v = self.motion.split(node.y)
+            rows += [q, v, self.motion.accelerations(node.t, q, v)[0]]
+        # higher polynomials would amplify the rounding error of a
+        continued = interpolate.KroghInterpolator(
+            np.repeat([node.t for node in self._nodes[-3:]], 3), rows
+        )
+
+        def path(t: float) -> tuple[Array, Array]:
+            q, v = continued.derivatives(t, 2)
+            return q, v
+
+        now = self._nodes[-1]
+        found = self._least(
+            lambda t: np.concatenate(path(t)), now.t, now.t + 3 * now.weakest / rate
+        )
+        if found is None:
+            return None
+        return Ahead(found, tuple((node.t, node.y) for node in self._nodes), path)
+
+    # what a run that stops says
+
+    def stop(self, t: float, q: Array, v: Array) -> Stop:
+        """Return the end of a run in a singular configuration."""
+        return Stop(
+            f"singular configuration at t = {t:.9g} s: the constraints"
+            f" {self._weak_constraints(t, q, v)} become dependent there and do not determine the"
+            " motion; --through-singular passes it"
+        )
+
+    def check_start(self, t: float, q: Array, v: Array, project: Projection) -> None:
+        """Stop if the start is singular: B has a higher rank at consistent states beside it.
+
+        Where it has not, the constraints are redundant everywhere.
+        """
+        c = self.motion.evaluator.constraints(t, q, v)
+        if self.rank == self.motion.nc or not c.finite:
+            return
+        free = linear.decompose(c.jacobian, self.rank, scale=self.motion.lengths).null
+        size = _ASIDE * (np.abs(q).max(initial=0.0) or 1.0)
+        for direction in free.T:
+            for side in (-size, size):
+                try:
+                    beside, _ = project(t, q + side * direction, v)
+                except Stop:
+                    continue
+                values = self.values(t, beside, v)
+                # beside a singular point the weakest value grows like the distance
+                if values is not None and self.rank < len(values) and values[self.rank] > SINGULAR:
+                    raise Stop(
+                        f"the start is a singular configuration: the constraints"
+                        f" {self._weak_constraints(t, q, v)} are dependent there and only there,"
+                        " and do not determine how the motion begins; start beside it"
+                    )
+
+    def _weak_constraints(self, t: float, q: Array, v: Array) -> str:
+        """Return the constraints that take part in the dependency at a state."""
+        jacobian = self.motion.evaluator.constraints(t, q, v).jacobian
+        u, _, _ = np.linalg.svd(jacobian / self.motion.lengths[:, None])
+        parts = np.abs(u[:, max(0, self.rank - 1) :]).max(axis=1)
+        return ", ".join(f"`{n}`" for n, x in zip(self.names, parts, strict=True) if x > 0.05)

@@ -1,0 +1,97 @@
+"""The equations of a model on one page: coordinates, constraints, equations, convention."""
+
+from __future__ import annotations
+
+from lagcli.equations import general
+from lagcli.equations.formulas import Formulas, Line, Step
+from lagcli.equations.integrability import integrable
+from lagcli.equations.lagrange import ConstraintEquation, Equations
+from lagcli.equations.typeset import Sign, sum_of, whole
+
+
+def overview(f: Formulas) -> tuple[Step, ...]:
+    """Return what a reader wants to know of a system first.
+
+    Parameters
+    ----------
+    f : Formulas
+        Of the system.
+
+    Returns
+    -------
+    tuple of Step
+        Coordinates, constraints, degrees of freedom, equations of motion and their convention.
+    """
+    found = [_coordinates(f), _definitions(f), _constraints(f), _freedom(f), _equations(f)]
+    return (*(step for step in found if step is not None), convention(f))
+
+
+def kind_of(c: ConstraintEquation, equations: Equations) -> str:
+    """Say what kind of constraint it is: holonomic, scleronomic."""
+    time = "rheonomic" if c.rheonomic else "scleronomic"
+    if c.position is not None:
+        return f"holonomic, {time}"
+    found = integrable(c, equations)
+    if found:
+        return f"nonholonomic in form, but integrable by itself; {time}"
+    return f"nonholonomic, {time}" + (" (integrability not tested)" if found is None else "")
+
+
+def degrees_of_freedom(equations: Equations) -> int:
+    """Return k − r."""
+    return len(equations.q) - len(equations.constraints)
+
+
+def convention(f: Formulas) -> Step:
+    """Return the equations in general, which fix the sign of λ (8.85)."""
+    lines = [general.law(f.model), *general.coefficients(f.equations)]
+    remark = None
+    if f.equations.constraints:
+        remark = "lhs and rhs are the sides of constraint β as written."
+    return Step("Sign convention (8.85)", tuple(Line(sides) for sides in lines), remark)
+
+
+def _coordinates(f: Formulas) -> Step:
+    lines = []
+    for symbol, c in zip(f.coordinates, f.model.coordinates, strict=True):
+        unit = f"[{c.unit}]" if c.unit else None
+        note = " ".join(part for part in (c.description, unit) if part)
+        lines.append(Line((symbol,), note=note or None))
+    return Step(f"Coordinates: k = {len(lines)}", tuple(lines))
+
+
+def _definitions(f: Formulas) -> Step | None:
+    trees = [tree for c in f.equations.constraints for tree in f.constraint_trees(c)]
+    shown = [_equations(f), *([_constraints(f)] if f.equations.constraints else [])]
+    nodes = [side for step in shown if step for line in step.lines for side in line.sides]
+    lines = f.definition_lines(trees, nodes)
+    return Step("Definitions used below", lines) if lines else None
+
+
+def _constraints(f: Formulas) -> Step | None:
+    constraints = f.equations.constraints
+    if not constraints:
+        return None
+    lines = []
+    for c in constraints:
+        note = kind_of(c, f.equations)
+        lines.append(Line(f.constraint_line(c).sides, c.constraint.name, note))
+        lines.append(f.variation_line(c))
+    return Step(f"Constraints: r = {len(constraints)}", tuple(lines))
+
+
+def _freedom(f: Formulas) -> Step:
+    k, r = len(f.coordinates), len(f.equations.constraints)
+    if not r:
+        return Step("Degrees of freedom", (Line((Sign("k", "k"), whole(k))),))
+    sides = (
+        sum_of([(1, Sign("k", "k")), (-1, Sign("r", "r"))]),
+        sum_of([(1, whole(k)), (-1, whole(r))]),
+        whole(degrees_of_freedom(f.equations)),
+    )
+    return Step("Degrees of freedom", (Line(sides, note="for independent constraints"),))
+
+
+def _equations(f: Formulas) -> Step:
+    lines = tuple(f.equation_line(i) for i in range(len(f.coordinates)))
+    return Step("Equations of motion", lines)

@@ -1,0 +1,77 @@
+"""The derivation in the formats that people and programs read."""
+
+from __future__ import annotations
+
+from lagcli.equations.formulas import Formulas
+from lagcli.equations.lagrange import Equations
+from lagcli.equations.overview import convention, overview
+from lagcli.equations.steps import steps as derivation
+from lagcli.errors import UsageError
+
+FORMATS = ("text", "latex", "markdown", "json")
+
+
+def render(
+    equations: Equations,
+    format: str = "text",
+    steps: bool = False,
+    numeric: bool = False,
+    width: int = 100,
+    fragment: bool = False,
+) -> str:
+    """Return the equations of motion for a reader.
+
+    Parameters
+    ----------
+    equations : Equations
+    format : str
+        One of `FORMATS`.
+    steps : bool
+        Whether to show the derivation step by step, instead of its result.
+    numeric : bool
+        Whether the parameters stand for their values.
+    width : int
+        Columns of text, 40 or more.
+    fragment : bool
+        Of LaTeX: the body only, to be included in a document that loads amsmath.
+
+    Returns
+    -------
+    str
+        Ends with a newline.
+
+    Raises
+    ------
+    UsageError
+        An unknown format, or a width below 40.
+    """
+    from lagcli.equations.render.formula_text import TextFormula
+    from lagcli.equations.render.names import Names
+    from lagcli.equations.render.numbers import written_decimals
+
+    if format not in FORMATS:
+        raise UsageError(f"there is no format `{format}`; known are {', '.join(FORMATS)}")
+    f = Formulas(equations, numeric)
+    if format == "json":
+        from lagcli.equations.render.json import render_json
+
+        return render_json(f, steps)
+    shown = (*derivation(f), convention(f)) if steps else overview(f)
+    names = Names(f.model)
+    if format == "text":
+        from lagcli.equations.render.text import NARROWEST, render_text
+
+        if width < NARROWEST:
+            raise UsageError(f"a width of {width} columns is too narrow: give {NARROWEST} or more")
+        formula = TextFormula(names, written_decimals(f.model), numeric)
+        return render_text(f.model, shown, formula, width, numbered=steps)
+    from lagcli.equations.render.formula_latex import LatexFormula
+
+    latex = LatexFormula(names, written_decimals(f.model), numeric)
+    if format == "markdown":
+        from lagcli.equations.render.markdown import render_markdown
+
+        return render_markdown(f.model, shown, latex, numbered=steps)
+    from lagcli.equations.render.latex import render_latex
+
+    return render_latex(f.model, shown, latex, numbered=steps, fragment=fragment)

@@ -1,0 +1,111 @@
+"""Where a long formula may be broken, and where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+LAST_RESORT = 100  # added to the depth of breaks between factors
+SHORT = 150  # added to the depth of breaks in a bracket that is short
+
+
+@dataclass(frozen=True)
+class Break:
+    """A place for a line break: the lower the depth, the better the place."""
+
+    depth: int
+    space: str = " "
+
+
+Token = str | Break
+
+
+def kept_together(tokens: Sequence[Token]) -> list[Token]:
+    """Return tokens whose breaks are worse than those between factors."""
+    return [Break(x.depth + SHORT, x.space) if isinstance(x, Break) else x for x in tokens]
+
+
+def lines(
+    tokens: Sequence[Token],
+    measure: Callable[[str], float],
+    first: float,
+    following: float,
+) -> list[str]:
+    """Break a formula into lines.
+
+    Parameters
+    ----------
+    tokens : sequence of str and Break
+    measure : function of str
+        The width of a piece.
+    first, following : float
+        The width of the first line and of the others.
+
+    Returns
+    -------
+    list of str
+        No longer than allowed, unless a piece without a break is.
+    """
+    pieces: list[str] = [""]
+    breaks: list[Break] = []
+    for token in tokens:
+        if isinstance(token, Break):
+            pieces.append("")
+            breaks.append(token)
+        else:
+            pieces[-1] += token
+    widths = [measure(p) for p in pieces]
+    spaces = [measure(b.space) for b in breaks]
+    found: list[str] = []
+    start, room = 0, first
+    while True:
+        total, ends = widths[start], [start]
+        for i in range(start, len(breaks)):
+            total += spaces[i] + widths[i + 1]
+            if total > room:
+                break
+            ends.append(i + 1)
+        if ends[-1] == len(pieces) - 1:
+            found.append(_joined(pieces, breaks, start, len(pieces) - 1))
+            return found
+        end = _best(ends, breaks, widths, spaces, room, following)
+        found.append(_joined(pieces, breaks, start, end))
+        start, room = end + 1, following
+
+
+def _best(
+    ends: Sequence[int],
+    breaks: Sequence[Break],
+    widths: Sequence[float],
+    spaces: Sequence[float],
+    room: float,
+    following: float,
+) -> int:
+    """Return the last piece of a line.
+
+    It is the last of the best breaks, unless that leaves the line nearly empty without saving what
+    comes next from being broken inside.
+    """
+    used, total = {}, 0.0
+    for i in ends:
+        total += widths[i] + (spaces[i - 1] if i > ends[0] else 0)
+        used[i] = total
+    for depth in sorted({breaks[i].depth for i in ends}):
+        last = max(i for i in ends if breaks[i].depth == depth)
+        if used[last] >= room / 3:
+            return last
+        term = widths[last + 1]
+        for i in range(last + 1, len(breaks)):
+            if breaks[i].depth <= depth or term > following:
+                break
+            term += spaces[i] + widths[i + 1]
+        if term <= following:
+            return last
+    return ends[-1]
+
+
+def _joined(pieces: Sequence[str], breaks: Sequence[Break], start: int, end: int) -> str:
+    parts = [pieces[start]]
+    for i in range(start, end):
+        parts += [breaks[i].space, pieces[i + 1]]
+    return "".join(parts)

@@ -1,0 +1,241 @@
+"""Formulas in LaTeX, for amsmath and for MathJax."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+
+from lagcli.equations import typeset as t
+from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
+from lagcli.equations.render.names import Names, latex_ascii, letter
+from lagcli.equations.render.numbers import decimal, rounded
+from lagcli.equations.typeset import Node
+
+_RELATIONS = {"<=": r"\le", ">=": r"\ge", "!=": r"\ne", "==": "="}
+_FUNCTIONS = {
+    **{f: rf"\{f}" for f in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log", "min", "max")},
+    **{"asin": r"\arcsin", "acos": r"\arccos", "atan": r"\arctan"},
+}
+_PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")
+_FENCES = {"abs": (r"\lvert ", r" \rvert"), "norm": (r"\lVert ", r" \rVert")}
+_FENCES["floor"] = (r"\lfloor ", r" \rfloor")
+_FENCES["ceil"] = _FENCES["ceiling"] = (r"\lceil ", r" \rceil")
+_SHORT_BRACKET = 70
+_TALL = (r"\frac", r"\begin")
+
+
+class LatexFormula:
+    """Writes formulas of one model in LaTeX.
+
+    Parameters
+    ----------
+    names : Names
+    decimals : frozenset of int
+        See `lagcli.equations.render.numbers.written_decimals`.
+    numeric : bool
+        Whether numbers are decimals of six digits at most.
+    """
+
+    def __init__(self, names: Names, decimals: frozenset[int] = frozenset(), numeric: bool = False):
+        self.names, self.decimals, self.numeric = names, decimals, numeric
+
+    def latex(self, node: Node) -> str:
+        """Return a formula on one line."""
+        return "".join(x.space if isinstance(x, Break) else x for x in self.tokens(node))
+
+    def tokens(self, node: Node, depth: int = 0) -> list[Token]:
+        """Return the pieces of a formula and the places where it may be broken."""
+        match node:
+            case t.Number():
+                return [self.number(node.value)]
+            case t.Symbol():
+                return [self._symbol(node)]
+            case t.Variation():
+                return [rf"\delta {self._symbol(node.of)}"]
+            case t.Partial():
+                top, bottom = self.latex(node.of), self.latex(node.by)
+                return [rf"\frac{{\partial {top}}}{{\partial {bottom}}}"]
+            case t.Rate():
+                return [rf"\frac{{d}}{{dt}} {self._group(self.latex(node.of))}"]
+            case t.Sign():
+                return [node.latex]
+            case t.Sum():
+                return self._sum(node, depth)
+            case t.Product():
+                return self._product(node, depth)
+            case t.Quotient():
+                return [rf"\frac{{{self.latex(node.numerator)}}}{{{self.latex(node.denominator)}}}"]
+            case t.Power():
+                return self._power(node, depth)
+            case t.Root():
+                degree = "" if node.degree == 2 else f"[{node.degree}]"
+                return [rf"\sqrt{degree}{{{self.latex(node.radicand)}}}"]
+            case t.Call():
+                return self._call(node, depth)
+            case t.Vector():
+                return [self._vector(node)]
+            case t.Cases():
+                return [self._cases(node)]
+            case t.Relation():
+                sign = _RELATIONS.get(node.operator, node.operator)
+                return [f"{self.latex(node.left)} {sign} {self.latex(node.right)}"]
+            case t.Logical():
+                return [self._logical(node)]
+        raise AssertionError(f"no such node: {node!r}")
+
+    def number(self, value: Fraction) -> str:
+        """Return a number: \\tfrac{1}{2}, 0.1."""
+        if value < 0:
+            return f"-{self.number(-value)}"
+        plain = decimal(value, self.decimals)
+        if self.numeric and (plain is None or len(plain) > 6):
+            mantissa, power = rounded(value)
+            return mantissa if power is None else rf"{mantissa}\cdot 10^{{{power}}}"
+        return plain or rf"\tfrac{{{value.numerator}}}{{{value.denominator}}}"
+
+    def _symbol(self, node: t.Symbol) -> str:
+        match node.kind:
+            case "multiplier":
+                return self.names.latex_multiplier(node.name)
+            case "force":
+                return f"Q_{{{self.names.latex(node.name)}}}"
+            case "constant":
+                return r"\pi"
+        return self.names.latex(node.name, node.dots)
+
+    def _sum(self, node: t.Sum, depth: int) -> list[Token]:
+        found: list[Token] = []
+        for i, (sign, term) in enumerate(node.terms):
+            if i:
+                found += [Break(depth), "+ " if sign > 0 else "- "]
+            elif sign < 0:
+                found.append("-")
+            found += self.tokens(term, depth + 1 if isinstance(term, t.Product) else depth)
+        return found
+
+    def _product(self, node: t.Product, depth: int) -> list[Token]:
+        found: list[Token] = []
+        for i, factor in enumerate(node.factors):
+            part = self._tight(factor, depth, product=True)
+            if i:
+                before = node.factors[i - 1]
+                apart = _needs_space(before, factor)
+                found.append(Break(depth + LAST_RESORT, r" \, " if apart else " "))
+            found += part
+        return found
+
+    def _power(self, node: t.Power, depth: int) -> list[Token]:
+        raised = f"^{{{self.latex(node.exponent)}}}"
+        base = node.base
+        if isinstance(base, t.Call) and base.function in _PREFIX and isinstance(
+            node.exponent, t.Number
+        ):
+            return [_FUNCTIONS[base.function], raised, *self._arguments(base, depth)]
+        if isinstance(base, t.Symbol) and base.name in self.names.with_own_latex:
+            return [f"{{{self._symbol(base)}}}", raised]
+        return [*self._tight(base, depth), raised]
+
+    def _call(self, node: t.Call, depth: int) -> list[Token]:
+        name, arguments = node.function, node.arguments
+        if name in _FENCES:
+            opening, closing = _FENCES[name]
+            return [opening, self.latex(arguments[0]), closing]
+        if name in ("dot", "cross"):
+            sign = r" \cdot " if name == "dot" else r" \times "
+            left, right = ("".join(map(_text, self._tight(a, depth))) for a in arguments)
+            return [left + sign + right]
+        if name == "exp":
+            return [rf"\mathrm{{e}}^{{{self.latex(arguments[0])}}}"]
+        if name == "transpose":
+            return [*self._tight(arguments[0], depth), r"^{\mathsf{T}}"]
+        macro = _FUNCTIONS.get(name)
+        if macro is None:
+            stem, _, index = name.partition("_")
+            macro = rf"\operatorname{{{latex_ascii(stem)}}}" + (f"_{{{index}}}" if index else "")
+        return [macro, *self._arguments(node, depth)]
+
+    def _arguments(self, node: t.Call, depth: int) -> list[Token]:
+        first = node.arguments[0]
+        if node.function in _PREFIX and len(node.arguments) == 1 and isinstance(first, t.Symbol):
+            return [f" {self._symbol(first)}"]
+        found: list[Token] = []
+        for i, item in enumerate(node.arguments):
+            if i:
+                found += [",", Break(depth + 1)]
+            found += self.tokens(item, depth + 2)
+        return self._fenced(found)
+
+    def _vector(self, node: t.Vector) -> str:
+        lists = [item.items if isinstance(item, t.Vector) else (item,) for item in node.items]
+        rows = [" & ".join(map(self.latex, items)) for items in lists]
+        return r"\begin{pmatrix} " + r" \\ ".join(rows) + r" \end{pmatrix}"
+
+    def _cases(self, node: t.Cases) -> str:
+        rows = []
+        rest: Node = node
+        while isinstance(rest, t.Cases):
+            rows.append(rf"{self.latex(rest.then)} & \text{{if }} {self.latex(rest.condition)}")
+            rest = rest.otherwise
+        rows.append(rf"{self.latex(rest)} & \text{{else}}")
+        return r"\begin{cases} " + r" \\ ".join(rows) + r" \end{cases}"
+
+    def _logical(self, node: t.Logical) -> str:
+        parts = [
+            self._group(self.latex(o)) if isinstance(o, t.Logical) else self.latex(o)
+            for o in node.operands
+        ]
+        if node.operator == "not":
+            return rf"\text{{not }} {self._group(parts[0])}"
+        return rf" \text{{ {node.operator} }} ".join(parts)
+
+    def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
+        """Return a node that can stand beside others: as a factor or as a base."""
+        compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
+        if not product:
+            compound += (t.Product, t.Quotient, t.Power, t.Rate, t.Root, t.Cases)
+        dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")
+        called = not product and isinstance(node, t.Call) and node.function not in _FENCES
+        number = not product and isinstance(node, t.Number) and "frac" in self.number(node.value)
+        moving = not product and isinstance(node, t.Symbol) and node.dots > 2
+        if isinstance(node, compound) or dotted or called or number or moving:
+            return self._fenced(self.tokens(node, depth + 1))
+        return self.tokens(node, depth)
+
+    def _fenced(self, inner: list[Token]) -> list[Token]:
+        """Return tokens in brackets of a size that fits, not bound to one line."""
+        text = "".join(map(_text, inner))
+        if any(tall in text for tall in _TALL):
+            size = (r"\biggl", r"\biggr")
+        elif "(" in text or "[" in text or r"\sqrt" in text:
+            size = (r"\bigl", r"\bigr")
+        else:
+            size = ("", "")
+        square = "(" in re.sub(r"\\sqrt\[.\]", "", text) and r"\bigl[" not in text
+        opening, closing = ("[", "]") if square else ("(", ")")
+        if len(text) <= _SHORT_BRACKET:
+            inner = kept_together(inner)
+        return [f"{size[0]}{opening}", *inner, f"{size[1]}{closing}"]
+
+    def _group(self, text: str) -> str:
+        return "".join(map(_text, self._fenced([text])))
+
+
+def _text(token: Token) -> str:
+    return token.space if isinstance(token, Break) else token
+
+
+def _needs_space(before: Node, after: Node) -> bool:
+    """Whether two factors would run together without a thin space."""
+    functions = isinstance(before, t.Call | t.Root | t.Quotient | t.Cases) or (
+        isinstance(before, t.Power) and isinstance(before.base, t.Call)
+    )
+    bracket = isinstance(after, t.Sum) or (
+        isinstance(after, t.Power) and isinstance(after.base, t.Sum)
+    )
+    words = [x.base if isinstance(x, t.Power) else x for x in (before, after)]
+    long = any(isinstance(x, t.Symbol) and len(letter(x.name)) > 1 for x in words)
+    if isinstance(after, t.Variation):
+        return True
+    symbol = isinstance(after, t.Symbol)
+    closing = isinstance(before, t.Sum)
+    return (functions and (bracket or symbol)) or long or bracket or (closing and symbol)

@@ -1,0 +1,213 @@
+"""Formulas in Unicode."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from lagcli.equations import typeset as t
+from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
+from lagcli.equations.render.names import SUBSCRIPTS, SUPERSCRIPTS, Names
+from lagcli.equations.render.numbers import decimal, rounded
+from lagcli.equations.typeset import Node
+
+_VULGAR = {
+    Fraction(p, q): sign
+    for sign, p, q in (
+        *(("½", 1, 2), ("⅓", 1, 3), ("⅔", 2, 3), ("¼", 1, 4), ("¾", 3, 4), ("⅕", 1, 5)),
+        *(("⅖", 2, 5), ("⅗", 3, 5), ("⅘", 4, 5), ("⅙", 1, 6), ("⅚", 5, 6), ("⅛", 1, 8)),
+        *(("⅜", 3, 8), ("⅝", 5, 8), ("⅞", 7, 8)),
+    )
+}
+_RELATIONS = {"<=": "≤", ">=": "≥", "!=": "≠", "==": "="}
+_SHORT_BRACKET = 24
+_BRACKETS = (("(", ")"), ("[", "]"), ("{", "}"))
+_PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")  # sin φ needs no parentheses
+
+
+class TextFormula:
+    """Writes formulas of one model in Unicode.
+
+    Parameters
+    ----------
+    names : Names
+    decimals : frozenset of int
+        See `lagcli.equations.render.numbers.written_decimals`.
+    numeric : bool
+        Whether numbers are decimals of six digits at most.
+    """
+
+    def __init__(self, names: Names, decimals: frozenset[int] = frozenset(), numeric: bool = False):
+        self.names, self.decimals, self.numeric = names, decimals, numeric
+
+    def text(self, node: Node) -> str:
+        """Return a formula on one line."""
+        return "".join(x.space if isinstance(x, Break) else x for x in self.tokens(node))
+
+    def tokens(self, node: Node, depth: int = 0) -> list[Token]:
+        """Return the pieces of a formula and the places where it may be broken."""
+        match node:
+            case t.Number():
+                return [self.number(node.value)]
+            case t.Symbol():
+                return [self._symbol(node)]
+            case t.Variation():
+                name = self._symbol(node.of)
+                return [f"δ({name})" if name.startswith("δ") else f"δ{name}"]
+            case t.Partial():
+                return [f"∂{self.text(node.of)}/∂{self.text(node.by)}"]
+            case t.Rate():
+                return ["d/dt ", *self._tight(node.of, depth)]
+            case t.Sign():
+                return [node.text]
+            case t.Sum():
+                return self._sum(node, depth)
+            case t.Product():
+                return self._product(node, depth)
+            case t.Quotient():
+                top = self._tight(node.numerator, depth, product=True)
+                return [*top, "/", *self._tight(node.denominator, depth)]
+            case t.Power():
+                return self._power(node, depth)
+            case t.Root():
+                sign, inner = {2: "√", 3: "∛"}[node.degree], node.radicand
+                if isinstance(inner, t.Symbol) and not inner.dots:
+                    return [sign, *self.tokens(inner)]
+                return [sign, *self._bracketed(inner, depth, round_=True)]
+            case t.Call():
+                return self._call(node, depth)
+            case t.Vector():
+                return ["[", *self._listed(node.items, depth), "]"]
+            case t.Cases():
+                parts = (node.condition, node.then, node.otherwise)
+                return ["if(", *self._listed(parts, depth), ")"]
+            case t.Relation():
+                relation = _RELATIONS.get(node.operator, node.operator)
+                left, right = self.tokens(node.left, depth + 1), self.tokens(node.right, depth + 1)
+                return [*left, Break(depth + LAST_RESORT), f"{relation} ", *right]
+            case t.Logical():
+                return self._logical(node, depth)
+        raise AssertionError(f"no such node: {node!r}")
+
+    def number(self, value: Fraction) -> str:
+        """Return a number: ½, 0.1, 3/7."""
+        if value < 0:
+            return f"−{self.number(-value)}"
+        plain = decimal(value, self.decimals)
+        if self.numeric and (plain is None or len(plain) > 6):
+            mantissa, power = rounded(value)
+            raised = str(power).translate(SUPERSCRIPTS)
+            return mantissa if power is None else f"{mantissa}×10{raised}"
+        if plain is not None:
+            return plain
+        return _VULGAR.get(value) or f"{value.numerator}/{value.denominator}"
+
+    def _factor_number(self, value: Fraction) -> str:
+        text = self.number(value)
+        if "/" not in text:
+            return text
+        top = str(value.numerator).translate(SUPERSCRIPTS)
+        return f"{top}⁄{str(value.denominator).translate(SUBSCRIPTS)}"
+
+    def _symbol(self, node: t.Symbol) -> str:
+        if node.kind == "multiplier":
+            return self.names.multiplier(node.name)
+        if node.kind == "force":
+            return f"Q_{self.names.text(node.name)}"
+        return "π" if node.kind == "constant" else self.names.text(node.name, node.dots)
+
+    def _sum(self, node: t.Sum, depth: int) -> list[Token]:
+        found: list[Token] = []
+        for i, (sign, term) in enumerate(node.terms):
+            if i:
+                found += [Break(depth), "+ " if sign > 0 else "− "]
+            elif sign < 0:
+                found.append("−")
+            found += self.tokens(term, depth + 1 if isinstance(term, t.Product) else depth)
+        return found
+
+    def _product(self, node: t.Product, depth: int) -> list[Token]:
+        found: list[Token] = []
+        for i, factor in enumerate(node.factors):
+            if i:
+                found.append(Break(depth + LAST_RESORT))
+            if isinstance(factor, t.Number):
+                found.append(self._factor_number(factor.value))
+            elif isinstance(factor, t.Quotient) and i < len(node.factors) - 1:
+                found += self._bracketed(factor, depth)
+            else:
+                found += self._tight(factor, depth, product=True)
+        return found
+
+    def _power(self, node: t.Power, depth: int) -> list[Token]:
+        top = node.exponent
+        raised = f"^({self.text(top)})"
+        if isinstance(top, t.Number) and top.value.denominator == 1:
+            raised = str(top.value).translate(SUPERSCRIPTS)
+        elif isinstance(top, t.Symbol):
+            raised = f"^{self.text(top)}"
+        base = node.base
+        if isinstance(base, t.Call) and base.function in _PREFIX and "^" not in raised:
+            return [base.function, raised, *self._arguments(base, depth)]
+        return [*self._tight(base, depth), raised]
+
+    def _call(self, node: t.Call, depth: int) -> list[Token]:
+        if node.function == "abs":
+            return ["|", *self.tokens(node.arguments[0], depth + 1), "|"]
+        if node.function == "dot":
+            left, right = (self._tight(a, depth) for a in node.arguments)
+            return [*left, " · ", *right]
+        if node.function == "cross":
+            left, right = (self._tight(a, depth) for a in node.arguments)
+            return [*left, " × ", *right]
+        return [node.function, *self._arguments(node, depth)]
+
+    def _arguments(self, node: t.Call, depth: int) -> list[Token]:
+        """Return arguments in parentheses, or set off by a space: sin φ."""
+        first = node.arguments[0]
+        if node.function in _PREFIX and len(node.arguments) == 1 and isinstance(first, t.Symbol):
+            text = self._symbol(first)
+            if not first.dots and not text[1:].strip("₀₁₂₃₄₅₆₇₈₉")[:1].isalpha():
+                return [f" {text}"]
+        return ["(", *self._listed(node.arguments, depth), ")"]
+
+    def _listed(self, items: tuple[Node, ...], depth: int) -> list[Token]:
+        found: list[Token] = []
+        for i, item in enumerate(items):
+            if i:
+                found += [",", Break(depth + 1)]
+            found += self.tokens(item, depth + 2)
+        return found
+
+    def _logical(self, node: t.Logical, depth: int) -> list[Token]:
+        if node.operator == "not":
+            return ["not ", *self._bracketed(node.operands[0], depth)]
+        found: list[Token] = []
+        for i, operand in enumerate(node.operands):
+            if i:
+                found += [Break(depth), f"{node.operator} "]
+            if isinstance(operand, t.Logical):
+                found += self._bracketed(operand, depth)
+            else:
+                found += self.tokens(operand, depth + 1)
+        return found
+
+    def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
+        """Return a node that can stand beside others: as a factor, base or denominator."""
+        compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
+        if not product:
+            compound += (t.Product, t.Quotient, t.Power, t.Rate)
+        dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")
+        fraction = isinstance(node, t.Number) and "/" in self.number(node.value)
+        prefix = not product and isinstance(node, t.Call) and node.function in _PREFIX
+        if isinstance(node, compound) or dotted or fraction or prefix:
+            return self._bracketed(node, depth)
+        return self.tokens(node, depth)
+
+    def _bracketed(self, node: Node, depth: int, round_: bool = False) -> list[Token]:
+        inner = self.tokens(node, depth + 1)
+        text = "".join(x for x in inner if isinstance(x, str))
+        level = 0 if "(" not in text or round_ else 1 if "[" not in text else 2
+        opening, closing = _BRACKETS[level]
+        if len(text) <= _SHORT_BRACKET:
+            inner = kept_together(inner)
+        return [opening, *inner, closing]

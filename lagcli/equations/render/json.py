@@ -1,0 +1,153 @@
+"""The equations as JSON, for programs.
+
+Schema ``lagcli-derivation-1``. Every formula is ``{"text": …, "latex": …}``: text of the model
+grammar, which `lagcli.model.grammar` reads back, and LaTeX.
+
+==================  ==========================================================================
+``schema``          ``"lagcli-derivation-1"``
+``name``            of the model; ``description`` with it
+``numeric``         whether the parameters are replaced by their values
+``coordinates``     objects ``name, unit, description, latex``, in the model's order
+``parameters``      name → value in SI
+``constraints``     objects: ``name, kind, rheonomic, integrable`` (of a nonholonomic one),
+                    ``expression`` φ or ψ; ``written`` as an equation in LaTeX;
+                    ``variation``: coordinate → b_i (8.79); ``row``: the b_i by index, and
+                    ``drift`` b_0 of the velocity form Σ b_i v_i + b_0 = 0; ``gamma``: the right
+                    side of Σ b_i a_i = γ
+``degrees_of_freedom``  k − r
+``kinetic``, ``potential``, ``lagrangian``
+``mass_matrix``     nonzero entries ``[i, j, formula]``
+``forcing``         f of M a = f + Bᵀλ
+``applied_forces``  Q
+``equations``       objects ``coordinate, lhs, rhs``: (8.85), assembled
+``sign_convention`` a sentence
+``steps``           with ``--steps``: objects ``title, remark, lines``; a line has ``latex``,
+                    ``label`` and ``note``
+==================  ==========================================================================
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from symengine import Basic
+
+from lagcli.equations.formulas import Formulas, Line
+from lagcli.equations.integrability import integrable
+from lagcli.equations.lagrange import ConstraintEquation
+from lagcli.equations.overview import degrees_of_freedom
+from lagcli.equations.render.formula_latex import LatexFormula
+from lagcli.equations.render.grammar import grammar_text
+from lagcli.equations.render.names import Names
+from lagcli.equations.render.numbers import written_decimals
+from lagcli.equations.steps import steps as derivation
+from lagcli.equations.typeset import Node
+
+SCHEMA = "lagcli-derivation-1"
+SIGN_CONVENTION = (
+    "d/dt dL/dq' - dL/dq = Q + sum of lambda*b over the constraints, with b = dphi/dq of a"
+    " holonomic constraint phi = 0 and b = dpsi/dq' of a nonholonomic one psi = 0; of an equation"
+    " lhs = rhs, phi or psi is lhs - rhs"
+)
+
+
+def render_json(f: Formulas, steps: bool) -> str:
+    """Return the equations as JSON in the schema of this module.
+
+    Parameters
+    ----------
+    f : Formulas
+        Of the system.
+    steps : bool
+        Whether to add the derivation step by step.
+    """
+    plain = Formulas(f.equations, bool(f.values), named=False)
+    writer = _Writer(plain)
+    content = writer.content()
+    if steps:
+        content["steps"] = [
+            {
+                "title": step.title,
+                "remark": step.remark,
+                "lines": [writer.line(line) for line in step.lines],
+            }
+            for step in derivation(f)
+        ]
+    return json.dumps(content, ensure_ascii=False, indent=2) + "\n"
+
+
+class _Writer:
+    def __init__(self, f: Formulas):
+        self.f = f
+        names = Names(f.model)
+        self.latex = LatexFormula(names, written_decimals(f.model), bool(f.values)).latex
+        self.names = names
+
+    def formula(self, expression: Basic) -> dict[str, str]:
+        return self.node(self.f.arrange(expression))
+
+    def node(self, node: Node) -> dict[str, str]:
+        return {"text": grammar_text(node), "latex": self.latex(node)}
+
+    def line(self, line: Line) -> dict[str, str | None]:
+        label = line.label
+        return {
+            "latex": " = ".join(map(self.latex, line.sides)),
+            "label": self.latex(label) if isinstance(label, Node) else label,
+            "note": line.note,
+        }
+
+    def content(self) -> dict[str, Any]:
+        e, model = self.f.equations, self.f.model
+        return {
+            "schema": SCHEMA,
+            "name": model.name,
+            "description": model.description,
+            "numeric": bool(self.f.values),
+            "coordinates": [
+                {
+                    "name": c.name,
+                    "unit": c.unit,
+                    "description": c.description,
+                    "latex": self.names.latex(c.name),
+                }
+                for c in model.coordinates
+            ],
+            "parameters": model.parameter_values,
+            "constraints": [self.constraint(c) for c in e.constraints],
+            "degrees_of_freedom": degrees_of_freedom(e),
+            "kinetic": self.formula(e.kinetic),
+            "potential": self.formula(e.potential),
+            "lagrangian": self.formula(e.lagrangian),
+            "mass_matrix": [
+                [i, j, self.formula(m)]
+                for i, row in enumerate(e.mass_matrix)
+                for j, m in sorted(row.items())
+            ],
+            "forcing": [self.formula(x) for x in e.forcing],
+            "applied_forces": [self.formula(x) for x in e.applied_forces],
+            "equations": [self.equation(i) for i in range(len(e.q))],
+            "sign_convention": SIGN_CONVENTION,
+        }
+
+    def equation(self, i: int) -> dict[str, Any]:
+        left, right = self.f.equation_line(i).sides
+        name = self.f.model.coordinates[i].name
+        return {"coordinate": name, "lhs": self.node(left), "rhs": self.node(right)}
+
+    def constraint(self, c: ConstraintEquation) -> dict[str, Any]:
+        names = self.f.model.coordinate_names
+        row = {j: self.formula(b) for j, b in sorted(c.row.items())}
+        return {
+            "name": c.constraint.name,
+            "kind": c.constraint.kind,
+            "rheonomic": c.rheonomic,
+            "integrable": None if c.position is not None else integrable(c, self.f.equations),
+            "expression": self.formula(c.constraint.expression),
+            "written": " = ".join(map(self.latex, self.f.constraint_line(c).sides)),
+            "variation": {names[j]: b for j, b in row.items()},
+            "row": [[j, b] for j, b in row.items()],
+            "drift": self.formula(c.drift),
+            "gamma": self.formula(c.rhs),
+        }

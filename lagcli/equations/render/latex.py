@@ -1,0 +1,247 @@
+"""The derivation as a LaTeX document that needs amsmath alone."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Sequence
+from itertools import groupby
+
+from lagcli.equations.formulas import Line, Step
+from lagcli.equations.render.breaking import Break, Token, lines
+from lagcli.equations.render.formula_latex import LatexFormula
+from lagcli.equations.render.names import LATEX_GREEK
+from lagcli.model.model import Model
+
+TEXT_WIDTH = 455.0  # points: 160 mm
+_INDENT = 20.0  # points: \quad and the alignment
+
+_PREAMBLE = r"""\documentclass[11pt,a4paper]{article}
+\usepackage[utf8]{inputenc}
+\usepackage[T1]{fontenc}
+\usepackage{amsmath}
+\setlength{\textwidth}{160mm}
+\setlength{\oddsidemargin}{-0.4mm}
+\setlength{\textheight}{240mm}
+\setlength{\topmargin}{-15mm}
+\allowdisplaybreaks
+\begin{document}
+"""
+
+_ESCAPES = {
+    "\\": r"\textbackslash{}",
+    "{": r"\{",
+    "}": r"\}",
+    "$": r"\$",
+    "&": r"\&",
+    "#": r"\#",
+    "%": r"\%",
+    "_": r"\_",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    '"': r"\textquotedbl{}",
+    "−": r"$-$",
+    "·": r"$\cdot$",
+    "×": r"$\times$",
+    "°": r"$^\circ$",
+    "²": r"$^2$",
+    "³": r"$^3$",
+    "≤": r"$\le$",
+    "≥": r"$\ge$",
+    "≠": r"$\ne$",
+    "→": r"$\to$",
+    "∂": r"$\partial$",
+    "√": r"$\surd$",
+    "∞": r"$\infty$",
+    "–": "--",
+    "—": "---",
+    "‘": "`",
+    "’": "'",
+    "“": "``",
+    "”": "''",
+    "…": r"\dots{}",
+    "\u00a0": "~",
+}
+
+
+def escape(text: str) -> str:
+    """Return plain text for LaTeX; a sign that pdflatex has no font for becomes its code."""
+    parts = []
+    for char in unicodedata.normalize("NFC", text):
+        if char in _ESCAPES:
+            parts.append(_ESCAPES[char])
+        elif char in LATEX_GREEK:
+            parts.append(f"${LATEX_GREEK[char]}$")
+        elif char.isspace():
+            parts.append(" ")
+        elif char.isascii() or "À" <= char <= "ſ":
+            parts.append(char)
+        else:
+            parts.append(f"[U+{ord(char):04X}]")
+    return "".join(parts)
+
+
+def render_latex(
+    model: Model, steps: Sequence[Step], formula: LatexFormula, numbered: bool, fragment: bool
+) -> str:
+    """Return the steps as a LaTeX document, or as its body.
+
+    Parameters
+    ----------
+    model : Model
+    steps : sequence of Step
+    formula : LatexFormula
+    numbered : bool
+        Whether the steps are numbered.
+    fragment : bool
+        Whether to leave out preamble and end.
+    """
+    found = [rf"\section*{{{escape(model.name)}}}"]
+    if model.description:
+        found.append(escape(" ".join(model.description.split())))
+    for i, step in enumerate(steps, 1):
+        title = f"{i}. {step.title}" if numbered else step.title
+        found.append(rf"\subsection*{{{_title(title)}}}")
+        found += _body(step, formula)
+        if step.remark:
+            found.append(rf"\noindent {escape(step.remark)}")
+    body = "\n\n".join(found)
+    return body + "\n" if fragment else f"{_PREAMBLE}\n{body}\n\n\\end{{document}}\n"
+
+
+def _title(text: str) -> str:
+    """Return a title; k = 2 and r = 1 in it are formulas."""
+    return re.sub(r"\b([kr]) = (\d+)", r"$\1 = \2$", escape(text))
+
+
+def paragraphs(group: Sequence[Line]) -> list[tuple[Line | None, list[Line]]]:
+    """Split lines at those that are named: (the named line or None, lines that belong together)."""
+    found: list[tuple[Line | None, list[Line]]] = []
+    for line in group:
+        if isinstance(line.label, str):
+            found.append((line, [line]))
+        elif found:
+            found[-1][1].append(line)
+        else:
+            found.append((None, [line]))
+    return found
+
+
+def _body(step: Step, formula: LatexFormula) -> list[str]:
+    found = []
+    for alone, group in groupby(step.lines, key=lambda line: len(line.sides) == 1):
+        if alone:
+            items = [_item(line, formula) for line in group]
+            found.append("\\begin{itemize}\n" + "\n".join(items) + "\n\\end{itemize}")
+            continue
+        for named, belonging in paragraphs(list(group)):
+            display = f"\\begin{{align*}}\n{rows(belonging, formula)}\n\\end{{align*}}"
+            if named is not None:
+                note = f" ({escape(named.note)})" if named.note else ""
+                label = rf"\textit{{{escape(str(named.label))}}}"
+                display = f"\\noindent {label}{note}:\n{display}"
+            found.append(display)
+            others = [x.note for x in belonging if x.note and x is not named]
+            found += [rf"\noindent {escape(note)}" for note in others]
+    return found
+
+
+def _item(line: Line, formula: LatexFormula) -> str:
+    note = f" --- {escape(line.note)}" if line.note else ""
+    return rf"\item ${formula.latex(line.sides[0])}${note}"
+
+
+def rows(group: Sequence[Line], formula: LatexFormula, width: float = TEXT_WIDTH) -> str:
+    """Return formulas as the rows of an alignment at the equality sign, broken to fit the page."""
+    left = [measure(_flat(formula.tokens(line.sides[0]))) for line in group]
+    aligned = max(left, default=0.0)
+    flush = aligned > width / 4  # a left side is long: all lines begin at the margin
+    equations: list[list[str]] = []
+    for line in group:
+        found: list[str] = []
+        equations.append(found)
+        first, *others = [formula.tokens(side) for side in line.sides]
+        if flush:
+            whole = list(first)
+            for side in others:
+                whole += [Break(-1), "= ", *side]
+            broken = lines(whole, measure, width, width - _INDENT)
+            found += [rf"&{broken[0]}", *(rf"&\quad {x}" for x in broken[1:])]
+            continue
+        head = _flat(first)
+        room = width - aligned - measure("= ")
+        rest = " = ".join(_flat(side) for side in others)
+        if measure(rest) <= room:
+            found.append(f"{head} &= {rest}")
+            continue
+        for side in others:
+            broken = lines(side, measure, room, room - _INDENT)
+            found += [f"{head} &= {broken[0]}", *(rf"&\qquad {x}" for x in broken[1:])]
+            head = ""
+    # broken equations stand a little apart
+    apart = "[1ex]" if any(len(found) > 1 for found in equations) else ""
+    return f" \\\\{apart}\n".join(" \\\\\n".join(found) for found in equations)
+
+
+def _flat(tokens: Sequence[Token]) -> str:
+    return "".join(x.space if isinstance(x, Break) else x for x in tokens)
+
+
+_PIECE = re.compile(r"\\[A-Za-z]+|\\.|[{}_^]|[A-Za-z]|\d|\s+|.", re.DOTALL)
+_SILENT = {r"\dot", r"\ddot", r"\mathit", r"\mathrm", r"\mathcal", r"\mathsf", r"\text"}
+_SILENT |= {r"\bigl", r"\bigr", r"\biggl", r"\biggr", r"\operatorname", r"\begin", r"\end", r"\\"}
+_SILENT |= {r"\textstyle", r"\tfrac"}
+_WIDTHS = {
+    **{r"\,": 1.9, r"\quad": 11.0, r"\qquad": 22.0, r"\sqrt": 10.0, "(": 4.3, ")": 4.3},
+    **{"[": 4.0, "]": 4.0, ",": 4.9, ".": 3.1, "+": 13.5, "-": 13.5, "=": 14.7, "&": 11.0},
+    **{"m": 9.7, "M": 11.0, "w": 8.0, r"\sum": 12.0, r"\cdot": 8.0, r"\partial": 6.5},
+}
+_SMALL = 0.72  # subscripts and superscripts
+
+
+def measure(latex: str) -> float:
+    """Return roughly the width of a formula in points, at 11 pt."""
+    pieces = _PIECE.findall(latex)
+    width, i, scales = 0.0, 0, [1.0]
+    pending: float | None = None
+    fractions: list[tuple[int, float, float | None]] = []  # depth, start, width of the numerator
+    while i < len(pieces):
+        piece, i = pieces[i], i + 1
+        scale = scales[-1]
+        if piece == "{":
+            scales.append(scale * (pending or 1.0))
+            pending = None
+            continue
+        if piece == "}":
+            scales.pop()
+            if fractions and fractions[-1][0] == len(scales):
+                depth, start, top = fractions.pop()
+                if top is None:
+                    fractions.append((depth, start, width - start))
+                    width = start
+                else:
+                    width = start + max(top, width - start) + 3.0
+            continue
+        if piece in "_^":
+            pending = _SMALL
+            continue
+        if piece in (r"\frac", r"\tfrac"):
+            fractions.append((len(scales), width, None))
+            continue
+        if piece.isspace() or piece in _SILENT:
+            continue
+        if piece.startswith("\\") and piece not in _WIDTHS:
+            name = piece[1:]
+            size = 6.0 * len(name) + 2.0 if f"\\{name}" in _UPRIGHT else 6.6
+        else:
+            size = _WIDTHS.get(piece, 6.0 if not piece.isupper() else 7.8)
+        width += size * scale * (pending or 1.0)
+        pending = None
+    return width
+
+
+_UPRIGHT = {r"\sin", r"\cos", r"\tan", r"\sinh", r"\cosh", r"\tanh", r"\log", r"\min", r"\max"}
+_UPRIGHT |= {r"\arcsin", r"\arccos", r"\arctan"}

@@ -1,0 +1,64 @@
+"""The derivation as Markdown with formulas for MathJax, as GitHub renders it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from itertools import groupby
+
+from lagcli.equations.formulas import Line, Step
+from lagcli.equations.render.formula_latex import LatexFormula
+from lagcli.equations.render.latex import paragraphs, rows
+from lagcli.model.model import Model
+
+_SPECIAL = re.compile(r"([\\`*_{}\[\]<>#|$~])")
+
+
+def escape(text: str) -> str:
+    """Return plain text for Markdown."""
+    return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
+
+
+def render_markdown(
+    model: Model, steps: Sequence[Step], formula: LatexFormula, numbered: bool
+) -> str:
+    """Return the steps as Markdown.
+
+    Parameters
+    ----------
+    model : Model
+    steps : sequence of Step
+    formula : LatexFormula
+    numbered : bool
+        Whether the steps are numbered.
+    """
+    found = [f"# {escape(model.name)}"]
+    if model.description:
+        found.append(escape(model.description))
+    for i, step in enumerate(steps, 1):
+        found.append(f"## {i}. {step.title}" if numbered else f"## {step.title}")
+        found += _body(step, formula)
+        if step.remark:
+            found.append(escape(step.remark))
+    return "\n\n".join(found) + "\n"
+
+
+def _body(step: Step, formula: LatexFormula) -> list[str]:
+    found = []
+    for alone, group in groupby(step.lines, key=lambda line: len(line.sides) == 1):
+        if alone:
+            found.append("\n".join(_item(line, formula) for line in group))
+            continue
+        for named, belonging in paragraphs(list(group)):
+            if named is not None:
+                note = f" ({escape(named.note)})" if named.note else ""
+                found.append(f"*{escape(str(named.label))}*{note}:")
+            aligned = rows(belonging, formula)
+            found.append(f"$$\n\\begin{{aligned}}\n{aligned}\n\\end{{aligned}}\n$$")
+            found += [escape(x.note) for x in belonging if x.note and x is not named]
+    return found
+
+
+def _item(line: Line, formula: LatexFormula) -> str:
+    note = f": {escape(line.note)}" if line.note else ""
+    return f"- ${formula.latex(line.sides[0])}${note}"

@@ -1,0 +1,169 @@
+"""How the names of a model look: Greek letters, subscripts, dots."""
+
+from __future__ import annotations
+
+import unicodedata
+
+from lagcli.model.model import Model
+
+_LETTERS = """
+    alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu
+    nu xi omicron pi rho sigma tau upsilon phi chi psi omega
+""".split()  # noqa: SIM905 - a list of quoted words is harder to read
+_SIGNS = "αβγδεζηθικλμνξοπρστυφχψω"
+GREEK = dict(zip(_LETTERS, _SIGNS, strict=True))
+GREEK.update({name.capitalize(): sign.upper() for name, sign in GREEK.items()})
+
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_DOTS = ("", "\u0307", "\u0308")
+
+LATEX_GREEK = {sign: f"\\{name}" for name, sign in GREEK.items()}
+LATEX_GREEK.update({"φ": r"\varphi", "ε": r"\varepsilon", "ϕ": r"\phi", "ϑ": r"\vartheta"})
+# capitals that look like Latin ones have no macro
+LATEX_GREEK.update(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΧ", "ABEZHIKMNOPTX", strict=True))
+LATEX_GREEK.update({"ο": "o", "Υ": r"\Upsilon"})
+
+
+def split(name: str) -> tuple[str, str]:
+    """Split a name into its letter and its subscript: x_A, y1, theta_0, rod_1."""
+    base, _, subscript = name.partition("_")
+    letters = base.rstrip("0123456789")
+    if letters and letters != base and (len(letters) == 1 or letters in GREEK):
+        digits = base[len(letters) :]
+        return letters, f"{digits}_{subscript}" if subscript else digits
+    return base, subscript
+
+
+def letter(name: str) -> str:
+    """Return the letter of a name, or the word that stands in its place."""
+    base, _ = split(name)
+    return GREEK.get(base, base)
+
+
+class Names:
+    """The names of one model in text and in LaTeX; two names never look the same.
+
+    Parameters
+    ----------
+    model : Model
+    """
+
+    def __init__(self, model: Model):
+        declared = [*model.coordinate_names, *model.parameters, *model.definitions]
+        self._text = _distinct({name: _text(name) for name in declared})
+        self._latex = _distinct({name: _latex(name) for name in declared})
+        self._own = {
+            c.name: c.latex for c in model.coordinates if c.latex and _balanced(c.latex)
+        }
+        self.with_own_latex = frozenset(self._own)
+        self.declared = frozenset(declared)
+        self._single = len(model.constraints) == 1 and "lambda" not in self.declared
+
+    def text(self, name: str, dots: int = 0) -> str:
+        """Return a name with its dots, x_A' as ẋ_A."""
+        letter, subscript = self._text.get(name) or _text(name)
+        if len(letter) == 1 and letter.isalpha():
+            return unicodedata.normalize("NFC", letter + _DOTS[dots]) + subscript
+        return letter + subscript + "'" * dots
+
+    def latex(self, name: str, dots: int = 0) -> str:
+        """Return a name with its dots in LaTeX."""
+        macro = ("", r"\dot", r"\ddot")[dots]
+        if name in self._own:
+            own = self._own[name]
+            return f"{macro}{{{own}}}" if dots else own
+        letter, subscript = self._latex.get(name) or _latex(name)
+        return (f"{macro}{{{letter}}}" if dots else letter) + subscript
+
+    def multiplier(self, constraint: str) -> str:
+        """Return λ, with the constraint's name where there are several."""
+        return "λ" if self._single else f"λ_{constraint}"
+
+    def latex_multiplier(self, constraint: str) -> str:
+        """Return λ in LaTeX."""
+        return r"\lambda" if self._single else rf"\lambda_{{{_latex_word(constraint)}}}"
+
+
+def _distinct(looks: dict[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
+    """Drop the looks that two names would share: such names are written raw."""
+    count: dict[tuple[str, str], int] = {}
+    for look in looks.values():
+        count[look] = count.get(look, 0) + 1
+    return {
+        name: look if count[look] == 1 else (name, "") for name, look in looks.items()
+    }
+
+
+def _text(name: str) -> tuple[str, str]:
+    letter, subscript = split(name)
+    letter = GREEK.get(letter, letter)
+    if not subscript:
+        return letter, ""
+    if subscript.isascii() and subscript.isdigit():
+        return letter, subscript.translate(SUBSCRIPTS)
+    return letter, f"_{subscript}"
+
+
+def _latex(name: str) -> tuple[str, str]:
+    letter, subscript = split(name)
+    letter = _latex_letter(GREEK.get(letter, letter))
+    if not subscript:
+        return letter, ""
+    return letter, f"_{{{_latex_subscript(subscript)}}}"
+
+
+def _latex_subscript(subscript: str) -> str:
+    return ",".join(_latex_letter(GREEK.get(p, p), r"\mathrm") for p in subscript.split("_") if p)
+
+
+def _latex_letter(text: str, font: str = r"\mathit") -> str:
+    if text in LATEX_GREEK:
+        return LATEX_GREEK[text]
+    if text.isascii() and (len(text) == 1 or text.isdigit()):
+        return text
+    return f"{font}{{{latex_ascii(text)}}}"
+
+
+def _latex_word(name: str) -> str:
+    """Return a constraint's name as a subscript: rod_1 with its own subscript."""
+    first, *rest = [p for p in name.split("_") if p]
+    head = rf"\mathrm{{{latex_ascii(first)}}}"
+    return head + (f"_{{{','.join(latex_ascii(p) for p in rest)}}}" if rest else "")
+
+
+def latex_ascii(text: str) -> str:
+    """Return a word for use inside \\mathrm: what TeX has no letter for is spelled by its code."""
+    parts = []
+    for char in unicodedata.normalize("NFD", text):
+        if char.isascii() and char.isalnum():
+            parts.append(char)
+        elif char == "_":
+            parts.append(r"\_")
+        elif char in LATEX_GREEK:
+            parts.append(LATEX_GREEK[char])
+        elif not unicodedata.combining(char):
+            parts.append(f"u{ord(char):04X}")
+    return "".join(parts)
+
+
+def _balanced(text: str) -> bool:
+    depth = 0
+    for i, char in enumerate(text):
+        if char in "{}" and (i == 0 or text[i - 1] != "\\"):
+            depth += 1 if char == "{" else -1
+        if depth < 0 or (char in "%#$&~" and (i == 0 or text[i - 1] != "\\")):
+            return False
+    return depth == 0 and not text.endswith("\\") and "\n" not in text
+
+
+def display_width(text: str) -> int:
+    """Return the columns that a text takes: combining marks none, wide characters two."""
+    return sum(
+        0
+        if unicodedata.combining(c)
+        else 2
+        if unicodedata.east_asian_width(c) in "WF"
+        else 1
+        for c in text
+    )

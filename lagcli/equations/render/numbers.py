@@ -1,0 +1,59 @@
+"""How numbers look."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from lagcli.model.grammar import Call, Comparison, Logical, Name, Number, Power, Product, Sum, Tree
+from lagcli.model.model import Model
+
+LARGEST_DENOMINATOR = 12  # of a fraction that is written as one although it has a short decimal
+DIGITS = 6
+
+
+def written_decimals(model: Model) -> frozenset[int]:
+    """Return the denominators of the decimals that the model's author wrote: 0.2 is 1/5."""
+    found: set[int] = set()
+    stack: list[Tree] = [*model.trees.values()]
+    while stack:
+        item = stack.pop()
+        match item:
+            case Number():
+                found.add(item.value.denominator)
+            case Sum():
+                stack.extend(t for _, t in item.terms)
+            case Product():
+                stack.extend(t for _, t in item.factors)
+            case Power():
+                stack += [item.base, item.exponent]
+            case Call():
+                stack.extend(item.arguments)
+            case Comparison() | Logical():
+                stack.extend(item.operands)
+            case Name():
+                pass
+    return frozenset(found)
+
+
+def decimal(value: Fraction, decimals: frozenset[int]) -> str | None:
+    """Return a number as an integer or decimal; None where it is better written as a fraction.
+
+    A decimal is what terminates within six digits and either has a large denominator (1/20), a
+    power of ten below (1/10), or fifths that the author wrote as decimals (0.2).
+    """
+    q = value.denominator
+    if q == 1:
+        return str(value.numerator)
+    if 10**DIGITS % q:
+        return None
+    if q > LARGEST_DENOMINATOR or q == 10 or (q == 5 and 5 in decimals):
+        digits = f"{float(value):.{DIGITS}f}".rstrip("0")
+        return digits if len(digits.lstrip("-0.")) <= DIGITS else None
+    return None
+
+
+def rounded(value: Fraction) -> tuple[str, int | None]:
+    """Return mantissa and power of ten of a number with at most six significant digits."""
+    text = f"{float(value):.{DIGITS}g}"
+    mantissa, _, exponent = text.partition("e")
+    return mantissa, int(exponent) if exponent else None

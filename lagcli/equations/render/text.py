@@ -1,0 +1,125 @@
+"""The derivation as Unicode text."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+from lagcli.equations.formulas import Line, Step
+from lagcli.equations.render.breaking import Break, Token, lines
+from lagcli.equations.render.formula_text import TextFormula
+from lagcli.equations.render.names import display_width
+from lagcli.model.model import Model
+
+NARROWEST = 40
+_INDENT = "  "
+_UNEVEN = 8  # columns by which left sides may differ and still be aligned
+_CONTINUED = 4  # columns by which the lines of a broken equation are set in
+
+
+def render_text(
+    model: Model, steps: Sequence[Step], formula: TextFormula, width: int, numbered: bool
+) -> str:
+    """Return the steps as text.
+
+    Parameters
+    ----------
+    model : Model
+    steps : sequence of Step
+    formula : TextFormula
+    width : int
+        Columns, `NARROWEST` or more.
+    numbered : bool
+        Whether the steps are numbered.
+    """
+    blocks = [[model.name, *_paragraph(model.description or "", width)]]
+    for i, step in enumerate(steps, 1):
+        title = f"{i}. {step.title}" if numbered else step.title
+        block = _paragraph(title, width)
+        block += _group(step.lines, formula, width)
+        block += [_INDENT + x for x in _paragraph(step.remark or "", width - len(_INDENT))]
+        blocks.append(block)
+    return "\n\n".join("\n".join(block) for block in blocks) + "\n"
+
+
+def _paragraph(text: str, width: int) -> list[str]:
+    return textwrap.wrap(" ".join(text.split()), max(width - _excess(text), 10)) if text else []
+
+
+def _excess(text: str) -> int:
+    """Return how many columns a text takes more than it has characters."""
+    return max(0, display_width(text) - len(text))
+
+
+def _padded(text: str, width: int) -> str:
+    return text + " " * (width - display_width(text))
+
+
+def _group(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]:
+    """Return lines under each other, aligned at the label and at the equality sign."""
+    labels = [_label(line, formula) for line in group]
+    margin = max((display_width(x) for x in labels if x), default=-2) + 2
+    if margin > width // 3:  # long names go on lines of their own
+        margin = 2
+    room = width - len(_INDENT) - margin
+    left = [display_width(formula.text(line.sides[0])) for line in group if len(line.sides) > 1]
+    left = [x for x in left if x <= room // 3]
+    aligned = max(left, default=0)
+    alike = aligned - min(left, default=0) <= _UNEVEN
+    found: list[str] = []
+    for line, label in zip(group, labels, strict=True):
+        body = _formula(line, formula, room, aligned, alike)
+        if label and display_width(label) + 2 > margin:
+            found.append(_INDENT + label)
+            label = ""
+        body = _with_note(body, line.note, room)
+        for i, text in enumerate(body):
+            head = _padded(label if i == 0 else "", margin)
+            found.append((_INDENT + head + text).rstrip())
+    return found
+
+
+def _label(line: Line, formula: TextFormula) -> str:
+    if line.label is None:
+        return ""
+    return f"{line.label if isinstance(line.label, str) else formula.text(line.label)}:"
+
+
+def _with_note(body: list[str], note: str | None, room: int) -> list[str]:
+    if not note:
+        return body
+    if len(body) == 1 and display_width(body[0]) + display_width(note) + 3 <= room:
+        return [f"{body[0]}   {note}"]
+    return [*body, *(f"{_INDENT}{x}" for x in _paragraph(note, room - len(_INDENT)))]
+
+
+def _formula(
+    line: Line, formula: TextFormula, room: int, aligned: int, alike: bool
+) -> list[str]:
+    """Return a formula on as many lines as it takes."""
+    first, *others = [formula.tokens(side) for side in line.sides]
+    whole = list(first)
+    for side in others:
+        whole += [Break(-1), "= ", *side]
+    lhs = display_width(_flat(first))
+    if not others or lhs > aligned:
+        broken = lines(whole, display_width, room, room - _CONTINUED)
+        indents = (" " * (_CONTINUED - 2 * x.startswith("= ")) for x in broken[1:])
+        return [broken[0], *map("".join, zip(indents, broken[1:], strict=True))]
+    aligned = aligned if alike else lhs
+    head = _padded(_flat(first), aligned)
+    rest = " = ".join(_flat(side) for side in others)
+    if display_width(head) + 3 + display_width(rest) <= room:
+        return [f"{head} = {rest}"]
+    found = []
+    for side in others:
+        inner = room - aligned - 3
+        broken = lines(side, display_width, inner, inner - 2)
+        found.append(f"{head} = {broken[0]}")
+        found += [" " * (aligned + 5) + x for x in broken[1:]]
+        head = " " * aligned
+    return found
+
+
+def _flat(tokens: Sequence[Token]) -> str:
+    return "".join(x.space if isinstance(x, Break) else x for x in tokens)

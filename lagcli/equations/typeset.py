@@ -1,0 +1,289 @@
+"""A small tree of what stands on paper: sums, products, quotients, roots, dots.
+
+It keeps the order in which things are written, and knows nothing of fonts: the renderers turn it
+into text, LaTeX or the model grammar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+SymbolKind = Literal["name", "multiplier", "force", "constant"]
+
+
+@dataclass(frozen=True)
+class Node:
+    """A piece of a formula."""
+
+
+@dataclass(frozen=True)
+class Number(Node):
+    """An exact number."""
+
+    value: Fraction
+
+
+@dataclass(frozen=True)
+class Symbol(Node):
+    """A name of the model with its dots.
+
+    A multiplier goes by its constraint's name, a generalized force by its coordinate's.
+    """
+
+    name: str
+    dots: int = 0
+    kind: SymbolKind = "name"
+
+
+@dataclass(frozen=True)
+class Variation(Node):
+    """The virtual displacement δq of a coordinate."""
+
+    of: Symbol
+
+
+@dataclass(frozen=True)
+class Partial(Node):
+    """∂of/∂by."""
+
+    of: Node
+    by: Node
+
+
+@dataclass(frozen=True)
+class Rate(Node):
+    """d/dt of something."""
+
+    of: Node
+
+
+@dataclass(frozen=True)
+class Sign(Node):
+    """A sign of general laws that no model declares: L, Q_i, λ_β, in text and in LaTeX."""
+
+    text: str
+    latex: str
+
+
+@dataclass(frozen=True)
+class Sum(Node):
+    """Terms with their signs, +1 or −1."""
+
+    terms: tuple[tuple[int, Node], ...]
+
+
+@dataclass(frozen=True)
+class Product(Node):
+    """Factors from left to right; a number stands first."""
+
+    factors: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
+class Quotient(Node):
+    """A fraction."""
+
+    numerator: Node
+    denominator: Node
+
+
+@dataclass(frozen=True)
+class Power(Node):
+    """Base and exponent."""
+
+    base: Node
+    exponent: Node
+
+
+@dataclass(frozen=True)
+class Root(Node):
+    """The root of a degree, 2 or 3."""
+
+    radicand: Node
+    degree: int = 2
+
+
+@dataclass(frozen=True)
+class Call(Node):
+    """A function of the model grammar applied to arguments."""
+
+    function: str
+    arguments: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
+class Vector(Node):
+    """A vector of scalars, or a matrix of rows."""
+
+    items: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
+class Cases(Node):
+    """``then`` where the condition holds, else ``otherwise``."""
+
+    condition: Node
+    then: Node
+    otherwise: Node
+
+
+@dataclass(frozen=True)
+class Relation(Node):
+    """A comparison: <, <=, ==, !=, >=, >."""
+
+    left: Node
+    operator: str
+    right: Node
+
+
+@dataclass(frozen=True)
+class Logical(Node):
+    """``and``, ``or``, ``not`` and what they join."""
+
+    operator: str
+    operands: tuple[Node, ...]
+
+
+ZERO = Number(Fraction(0))
+ONE = Number(Fraction(1))
+
+
+def whole(value: int) -> Number:
+    """Return an integer."""
+    return Number(Fraction(value))
+
+
+def signed(node: Node) -> tuple[int, Node]:
+    """Split a leading minus off a term."""
+    if isinstance(node, Number) and node.value < 0:
+        return -1, Number(-node.value)
+    if isinstance(node, Sum) and len(node.terms) == 1:
+        return node.terms[0]
+    return 1, node
+
+
+def sum_of(terms: Iterable[tuple[int, Node]]) -> Node:
+    """Return a sum without empty, nested or superfluous parts."""
+    flat: list[tuple[int, Node]] = []
+    for sign, node in terms:
+        inner = node.terms if isinstance(node, Sum) else (signed(node),)
+        flat.extend((sign * s, n) for s, n in inner if n != ZERO)
+    if not flat:
+        return ZERO
+    if len(flat) == 1 and flat[0][0] == 1:
+        return flat[0][1]
+    return Sum(tuple(flat))
+
+
+def forward(node: Node) -> tuple[int, Node]:
+    """Return ±1 and ±node, so that its first term is positive."""
+    if isinstance(node, Sum) and node.terms[0][0] < 0:
+        return -1, sum_of((-sign, term) for sign, term in node.terms)
+    return signed(node)
+
+
+def product_of(factors: Iterable[Node]) -> Node:
+    """Return a product, its numbers and signs gathered in front."""
+    minus, value, rest = False, Fraction(1), []
+    for factor in factors:
+        sign, node = forward(factor)
+        minus ^= sign < 0
+        for part in node.factors if isinstance(node, Product) else (node,):
+            if isinstance(part, Number):
+                value = part.value if value == 1 else value * part.value
+            else:
+                rest.append(part)
+    if value == 0:
+        return ZERO
+    parts = rest if value == 1 and rest else [Number(value), *rest]
+    node = parts[0] if len(parts) == 1 else Product(tuple(parts))
+    return Sum(((-1, node),)) if minus else node
+
+
+def quotient_of(numerator: Node, denominator: Node) -> Node:
+    """Return a quotient, its number and sign in front."""
+    if denominator == ONE:
+        return numerator
+    sign, top = signed(numerator)
+    value, parts = Fraction(sign), []
+    for part in top.factors if isinstance(top, Product) else (top,):
+        if isinstance(part, Number):
+            value *= part.value
+        else:
+            parts.append(part)
+    whole = Number(Fraction(value.numerator)) if not parts else Number(value)
+    if not parts:  # 2/x, not 2 1/x
+        down = product_of([Number(Fraction(value.denominator)), denominator])
+        sign, top = signed(whole)
+        node: Node = Quotient(top, down)
+        return node if sign > 0 else Sum(((-1, node),))
+    return product_of([whole, Quotient(product_of(parts), denominator)])
+
+
+def children(node: Node) -> tuple[Node, ...]:
+    """Return the parts of a node."""
+    match node:
+        case Sum():
+            return tuple(n for _, n in node.terms)
+        case Product():
+            return node.factors
+        case Quotient():
+            return (node.numerator, node.denominator)
+        case Power():
+            return (node.base, node.exponent)
+        case Root():
+            return (node.radicand,)
+        case Call():
+            return node.arguments
+        case Vector():
+            return node.items
+        case Cases():
+            return (node.condition, node.then, node.otherwise)
+        case Relation():
+            return (node.left, node.right)
+        case Logical():
+            return node.operands
+        case Partial():
+            return (node.of, node.by)
+        case Rate() | Variation():
+            return (node.of,)
+    return ()
+
+
+def symbols_in(nodes: Iterable[Node]) -> Iterator[str]:
+    """Yield the names that occur, as often as they do."""
+    stack = list(nodes)
+    while stack:
+        item = stack.pop()
+        if isinstance(item, Symbol) and item.kind == "name":
+            yield item.name
+        stack.extend(children(item))
+
+
+def weight(node: Node) -> int:
+    """Count roughly the signs that a formula takes on paper."""
+    total, stack = 0, [node]
+    while stack:
+        item = stack.pop()
+        match item:
+            case Number():
+                total += len(str(abs(item.value.numerator)))
+                if item.value.denominator > 12:
+                    total += len(str(item.value.denominator))
+            case Sum():
+                total += len(item.terms)  # its signs, and brackets to be
+            case Call():
+                total += 2
+            case Power() if isinstance(item.exponent, Number):
+                total += 1
+                stack.append(item.base)
+                continue
+            case Quotient() | Root() | Cases() | Relation() | Logical():
+                total += 1
+            case Symbol():
+                total += 1
+        stack.extend(children(item))
+    return total

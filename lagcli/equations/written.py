@@ -1,0 +1,177 @@
+"""The model's own text as formulas: as the author wrote it, with the names of definitions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from functools import partial
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.equations import typeset
+from lagcli.equations.monomials import Exact
+from lagcli.equations.typeset import Node, product_of, quotient_of, sum_of
+from lagcli.model import grammar
+from lagcli.model.expressions import Sized, build
+from lagcli.model.grammar import Tree
+from lagcli.model.model import Constraint, Model
+from lagcli.model.scope import DOTS, Context, ModelScope, Names
+
+_HALF = typeset.Number(Fraction(1, 2))
+
+
+def written(tree: Tree, model: Model, values: Mapping[str, Exact] | None = None) -> Node:
+    """Return a tree of the grammar as a formula.
+
+    Parameters
+    ----------
+    tree : Tree
+        Of the model.
+    model : Model
+    values : mapping of str to exact numbers, optional
+        Parameters to be replaced by their values.
+    """
+    return _Writer(model, dict(values or {})).node(tree)
+
+
+def named_in(tree: Tree, model: Model) -> tuple[str, ...]:
+    """Return the definitions that a tree uses, each after those that it needs itself."""
+    found: dict[str, None] = {}
+    stack: list[tuple[Tree | str, bool]] = [(tree, False)]
+    while stack:
+        item, done = stack.pop()
+        if isinstance(item, str):
+            if done:
+                found[item] = None
+            elif item not in found:
+                stack += [(item, True), (model.definitions[item].tree, False)]
+            continue
+        if isinstance(item, grammar.Name):
+            name, _ = _resolve(item, model)
+            if name in model.definitions:
+                stack.append((name, False))
+        stack.extend((part, False) for part in reversed(_parts(item)))
+    return tuple(found)
+
+
+def sides_built(constraint: Constraint, model: Model) -> tuple[Basic, ...]:
+    """Return the sides of a constraint as expressions, definitions written out."""
+    names = Names(
+        coordinates=model.coordinate_names,
+        constraints=model.constraint_names,
+        parameters={name: partial(se.Symbol, name) for name in model.parameters},
+        definitions={name: partial(Sized, d.value, 1) for name, d in model.definitions.items()},
+    )
+    scope = ModelScope(names, Context("the constraint"))
+    sides = (constraint.left, constraint.right)
+    return tuple(build(side, scope).value for side in sides if side is not None)
+
+
+def _parts(tree: Tree) -> list[Tree]:
+    match tree:
+        case grammar.Sum():
+            return [t for _, t in tree.terms]
+        case grammar.Product():
+            return [t for _, t in tree.factors]
+        case grammar.Power():
+            return [tree.base, tree.exponent]
+        case grammar.Call():
+            return list(tree.arguments)
+        case grammar.Vector():
+            return list(tree.items)
+        case grammar.Comparison() | grammar.Logical():
+            return list(tree.operands)
+    return []
+
+
+def _resolve(name: grammar.Name, model: Model) -> tuple[str, int]:
+    """Return a name and its number of dots; x_dot is x' unless it is declared itself."""
+    declared = {*model.coordinate_names, *model.parameters, *model.definitions}
+    if name.text not in declared:
+        for suffix, order in DOTS:
+            base = name.text.removesuffix(suffix)
+            if base != name.text and base in declared:
+                return base, name.primes + order
+    return name.text, name.primes
+
+
+class _Writer:
+    def __init__(self, model: Model, values: dict[str, Exact]):
+        self.model, self.values = model, values
+
+    def node(self, tree: Tree) -> Node:
+        match tree:
+            case grammar.Number():
+                return typeset.Number(tree.value)
+            case grammar.Name():
+                return self._name(tree)
+            case grammar.Sum():
+                return sum_of((sign, self.node(term)) for sign, term in tree.terms)
+            case grammar.Product():
+                return self._product(tree)
+            case grammar.Power():
+                return self._power(self.node(tree.base), self.node(tree.exponent))
+            case grammar.Call():
+                return self._call(tree)
+            case grammar.Vector():
+                return typeset.Vector(tuple(map(self.node, tree.items)))
+            case grammar.Comparison():
+                sides = [self.node(operand) for operand in tree.operands]
+                pairs = zip(sides, tree.operators, sides[1:], strict=False)
+                links = tuple(typeset.Relation(*pair) for pair in pairs)
+                return links[0] if len(links) == 1 else typeset.Logical("and", links)
+            case grammar.Logical():
+                return typeset.Logical(tree.operator, tuple(map(self.node, tree.operands)))
+        raise AssertionError(f"no such tree: {tree!r}")
+
+    def _name(self, tree: grammar.Name) -> Node:
+        name, dots = _resolve(tree, self.model)
+        if name in self.values:
+            return typeset.Number(Fraction(self.values[name]))
+        if name == "pi" and name not in self.model.parameters:
+            return typeset.Symbol("pi", kind="constant")
+        if name.startswith("lambda."):
+            return typeset.Symbol(name.removeprefix("lambda."), kind="multiplier")
+        return typeset.Symbol(name, dots)
+
+    def _product(self, tree: grammar.Product) -> Node:
+        above: list[Node] = []
+        below: list[Node] = []
+        number = Fraction(1)
+        for exponent, factor in tree.factors:
+            node = self.node(factor)
+            if exponent > 0:
+                above.append(node)
+            elif isinstance(node, typeset.Number) and node.value:
+                number /= node.value
+            else:
+                below.append(node)
+        above.insert(0, typeset.Number(number))
+        return quotient_of(product_of(above), product_of(below)) if below else product_of(above)
+
+    def _power(self, base: Node, exponent: Node) -> Node:
+        if exponent == _HALF:
+            return typeset.Root(base)
+        if (
+            isinstance(base, typeset.Number)
+            and isinstance(exponent, typeset.Number)
+            and exponent.value.denominator == 1
+            and abs(exponent.value) <= 20
+            and (base.value or exponent.value > 0)
+        ):
+            return typeset.Number(base.value ** int(exponent.value))
+        return typeset.Power(base, exponent)
+
+    def _call(self, tree: grammar.Call) -> Node:
+        arguments = tuple(map(self.node, tree.arguments))
+        match tree.function:
+            case "sqrt":
+                return typeset.Root(arguments[0])
+            case "cbrt":
+                return typeset.Root(arguments[0], 3)
+            case "if":
+                return typeset.Cases(*arguments)
+            case "pow":
+                return self._power(*arguments)
+        return typeset.Call("abs" if tree.function == "fabs" else tree.function, arguments)

@@ -1,0 +1,277 @@
+"""YAML text → nodes.
+
+Nodes are composed from the parser's events, never constructed into Python values: what a scalar
+means is decided by the model language, not by YAML's rules for numbers, booleans and dates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import yaml
+
+from lagcli.errors import Diagnostic, ModelError
+from lagcli.model.source import Mapping, Node, Place, Scalar, Sequence, Source
+from lagcli.model.spelling import shorten
+from lagcli.model.yaml_errors import explain
+
+MAX_DEPTH = 64  # the format needs 4
+MAX_NODES = 300_000  # aliases counted as often as they are used; 5000 bodies need 100 000
+
+
+def compose(source: Source) -> tuple[Mapping, list[Diagnostic]]:
+    """Compose one YAML document whose root is a mapping.
+
+    Returns
+    -------
+    root : Mapping
+    diagnostics : list of Diagnostic
+        Duplicate keys, keys that are not names, values cut by a comma: the root is usable beside
+        them.
+
+    Raises
+    ------
+    ModelError
+        The text is not YAML, is empty, has another root, or exceeds a bound.
+    """
+    try:
+        return _Composer(source).document()
+    except yaml.YAMLError as error:
+        raise ModelError([explain(source, error)]) from None
+
+
+@dataclass
+class _Entry:
+    key: Node
+    value: Node
+    bare: bool  # stands in { } without a colon
+
+
+class _Composer:
+    """Builds nodes from events, with bounds on depth, size and aliases."""
+
+    def __init__(self, source: Source):
+        self.source = source
+        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+        self.events = yaml.parse(source.text, Loader=loader)
+        self.anchors: dict[str, tuple[Node, int]] = {}
+        self.open: set[str] = set()
+        self.count = 0
+        self.diagnostics: list[Diagnostic] = []
+
+    def refuse(self, kind: str, message: str, event: yaml.Event, help_: str) -> ModelError:
+        start, end = event.start_mark, event.end_mark
+        length = end.column - start.column if end.line == start.line else 1
+        location = self.source.location(start.line, start.column, length)
+        return ModelError([*self.diagnostics, Diagnostic(kind, message, location, help_)])
+
+    def report(
+        self, kind: str, message: str, node: Node, help_: str, first: Node | None = None
+    ) -> None:
+        notes = (("the first one is here", first.location),) if first else ()
+        self.diagnostics.append(Diagnostic(kind, message, node.location, help_, notes))
+
+    # the document
+
+    def document(self) -> tuple[Mapping, list[Diagnostic]]:
+        root: Node | None = None
+        for event in self.events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                if root is not None:
+                    raise self.refuse(
+                        "yaml", "a second document begins here", event, "one file holds one model"
+                    )
+                root = self.node(next(self.events), 0)
+        if root is None or (isinstance(root, Scalar) and root.missing):
+            place = self.source.location(0, 0)
+            help_ = "a model needs at least `coordinates`, `T`, `parameters` and `initial`"
+            raise ModelError([Diagnostic("empty-file", "the file holds no model", place, help_)])
+        if not isinstance(root, Mapping):
+            message = f"a model file is a mapping of keys, but this is {root.what}"
+            help_ = "begin with a line such as `coordinates: [x, y]`"
+            raise ModelError([Diagnostic("wrong-type", message, root.location, help_)])
+        return root, self.diagnostics
+
+    def grow(self, by: int, event: yaml.Event) -> None:
+        self.count += by
+        if self.count > MAX_NODES:
+            raise self.refuse(
+                "too-large",
+                f"the model holds more than {MAX_NODES:,} values",
+                event,
+                "an alias (*name) counts as often as it repeats what it names",
+            )
+
+    def node(self, event: yaml.Event, depth: int) -> Node:
+        if depth > MAX_DEPTH:
+            raise self.refuse(
+                "too-deep",
+                f"nested deeper than {MAX_DEPTH} levels",
+                event,
+                "a model needs no more than four",
+            )
+        if isinstance(event, yaml.AliasEvent):
+            return self.alias(event)
+        if event.tag:
+            tag = event.tag.replace("tag:yaml.org,2002:", "!!")
+            message = f"the tag {shorten(tag)} has no meaning in a model file"
+            raise self.refuse("yaml", message, event, "remove it")
+        anchor = event.anchor
+        if anchor:
+            self.open.add(anchor)
+        before = self.count
+        self.grow(1, event)
+        if isinstance(event, yaml.ScalarEvent):
+            start, end = self.places(event, event)
+            scalar = Scalar(self.source, start, end, event.value, event.style or None)
+            node: Node = self.bared(scalar) if anchor else scalar
+        elif isinstance(event, yaml.SequenceStartEvent):
+            node = self.sequence(event, depth)
+        else:
+            node = self.mapping(event, depth)
+        if anchor:
+            self.open.discard(anchor)
+            self.anchors[anchor] = (node, self.count - before)
+        return node
+
+    def places(self, first: yaml.Event, last: yaml.Event) -> tuple[Place, Place]:
+        start, end = first.start_mark, last.end_mark
+        return (start.line, start.column), (end.line, end.column)
+
+    def bared(self, node: Scalar) -> Scalar:
+        """Return a scalar that begins after its anchor."""
+        line, column = node.start
+        lines = self.source.lines
+        while line <= node.end[0] and line < len(lines):
+            text = lines[line][column:]
+            stripped = text.lstrip()
+            column += len(text) - len(stripped)
+            if stripped and stripped[0] != "&":
+                return Scalar(node.source, (line, column), node.end, node.value, node.style)
+            if stripped:
+                column += len(stripped.split(maxsplit=1)[0])
+            else:
+                line, column = line + 1, 0
+        return node
+
+    def alias(self, event: yaml.AliasEvent) -> Node:
+        help_ = (
+            "in YAML, * at the beginning of a value repeats another one (an alias);\n"
+            "put quotes around the value if a product is meant"
+        )
+        if event.anchor in self.open:
+            message = f"the alias *{shorten(event.anchor)} stands inside what it names"
+            raise self.refuse("recursive-alias", message, event, help_)
+        if event.anchor not in self.anchors:
+            message = f"the alias *{shorten(event.anchor)} names nothing"
+            raise self.refuse("yaml", message, event, help_)
+        node, size = self.anchors[event.anchor]
+        self.grow(size, event)
+        return node
+
+    # collections
+
+    def sequence(self, event: yaml.Event, depth: int) -> Sequence:
+        items = []
+        while not isinstance(inner := next(self.events), yaml.SequenceEndEvent):
+            items.append(self.node(inner, depth + 1))
+        return Sequence(self.source, *self.places(event, inner), items)
+
+    def mapping(self, event: yaml.Event, depth: int) -> Node:
+        found: list[_Entry] = []
+        while not isinstance(inner := next(self.events), yaml.MappingEndEvent):
+            key = self.node(inner, depth + 1)
+            value = self.node(next(self.events), depth + 1)
+            bare = bool(event.flow_style) and self.is_bare(key, value)
+            found.append(_Entry(key, value, bare))
+        start, end = self.places(event, inner)
+        if found and all(entry.bare for entry in found):
+            text = self.source.between(start, end)
+            if ":" not in text:  # braces where parentheses are meant: an expression will say so
+                return Scalar(self.source, start, end, text)
+        return Mapping(self.source, start, end, self.entries(self.mended(found)))
+
+    def is_bare(self, key: Node, value: Node) -> bool:
+        if not (isinstance(value, Scalar) and not value.value and value.style is None):
+            return False
+        line, column = key.end
+        return not self.source.lines[line][column:].lstrip().startswith(":")
+
+    def mended(self, found: list[_Entry]) -> list[_Entry]:
+        """Report entries without a colon, and put together what a comma has cut."""
+        mended: list[_Entry] = []
+        cut: tuple[Node, Node] | None = None  # the value as it began, the key that a comma made
+        for entry in found:
+            key = entry.key
+            if not entry.bare:
+                self.report_cut(cut, mended)
+                cut = None
+                mended.append(entry)
+            elif isinstance(key, Scalar) and ":" in key.value and key.style is None:
+                self.report_cut(cut, mended)
+                cut = None
+                mended.append(self.split_at_colon(key))
+            elif mended and isinstance(mended[-1].value, Scalar):
+                value = mended[-1].value
+                text = self.source.between(value.start, key.end)
+                mended[-1].value = Scalar(self.source, value.start, key.end, text)
+                cut = cut or (value, key)
+            else:
+                self.report("yaml", f"{key.what} has no value", key, "write `name: value`")
+        self.report_cut(cut, mended)
+        return mended
+
+    def report_cut(self, cut: tuple[Node, Node] | None, mended: list[_Entry]) -> None:
+        if cut is None:
+            return
+        last = mended[-1]
+        name = last.key.value if isinstance(last.key, Scalar) else "…"
+        text = last.value.value if isinstance(last.value, Scalar) else "…"
+        self.report(
+            "comma",
+            f"inside {{ }} a comma ends the value: {cut[1].what} is taken for an entry of its own",
+            cut[1],
+            f"put quotes around the whole value: `{name}: \"{shorten(text)}\"`",
+        )
+
+    def split_at_colon(self, key: Scalar) -> _Entry:
+        name, _, rest = key.value.partition(":")
+        line, column = key.start
+        colon = (line, column + len(name))
+        self.diagnostics.append(
+            Diagnostic(
+                "yaml",
+                f"a space is missing after the colon of {key.what}",
+                self.source.location(*colon),
+                f"write `{shorten(name)}: {shorten(rest)}`",
+            )
+        )
+        after = (line, colon[1] + 1)
+        return _Entry(
+            Scalar(self.source, key.start, colon, name),
+            Scalar(self.source, after, key.end, rest),
+            bare=False,
+        )
+
+    def entries(self, found: list[_Entry]) -> dict[str, tuple[Scalar, Node]]:
+        entries: dict[str, tuple[Scalar, Node]] = {}
+        for entry in found:
+            key = entry.key
+            if not isinstance(key, Scalar):
+                self.report(
+                    "wrong-type",
+                    f"a key must be a name, but this is {key.what}",
+                    key,
+                    "put quotes around a value that contains braces or brackets",
+                )
+            elif key.value in entries:
+                self.report(
+                    "duplicate-key",
+                    f"the key `{shorten(key.value)}` stands twice in the same mapping",
+                    key,
+                    "remove or rename one of the two",
+                    entries[key.value][0],
+                )
+            else:
+                entries[key.value] = (key, entry.value)
+        return entries

@@ -1,0 +1,87 @@
+"""Constants: which expressions without symbols have a value, and which of two is the larger.
+
+SymEngine computes with complex numbers and infinities, compares no irrational constants, and
+crashes on the floor of an infinity. So every constant is looked at as soon as it is built.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+
+import symengine as se
+from symengine import Basic
+
+_LARGEST_BITS = 1024  # of a double
+
+_RELATIONS: dict[str, Callable[[Basic, Basic], Basic]] = {
+    "<": se.Lt,
+    "<=": se.Le,
+    ">": se.Gt,
+    ">=": se.Ge,
+    "==": se.Eq,
+    "!=": se.Ne,
+}
+_OF_FLOATS: dict[str, Callable[[float, float], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "==": operator.eq,
+    "!=": operator.ne,
+}
+
+
+def number(expression: Basic) -> float:
+    """Return the value of an expression without symbols.
+
+    Raises
+    ------
+    ValueError
+        It has no real, finite value.
+    """
+    try:
+        value = float(expression.n(53, real=True))
+    except (RuntimeError, OverflowError):  # SymEngine's words for "not real"
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError("not a real, finite number")
+    return value
+
+
+def fault(value: Basic) -> str | None:
+    """Say what keeps a constant from being a number that a double can hold, or None."""
+    too_large = "is infinite, or beyond the largest number, 1.8e308"
+    if isinstance(value, se.Rational):
+        p, q = value.get_num_den()
+        large = int(p).bit_length() - int(q).bit_length() > _LARGEST_BITS
+        return too_large if large else None
+    if value in (se.zoo, se.oo, -se.oo):
+        return too_large
+    try:
+        result = float(value.n(53, real=True))
+    except OverflowError:
+        return too_large
+    except RuntimeError:
+        result = math.nan
+    if math.isfinite(result):
+        return None
+    return too_large if math.isinf(result) else "is not a real number"
+
+
+def relation(sign: str, left: Basic, right: Basic) -> Basic:
+    """Return ``left sign right``, decided if both are constants."""
+    exact = isinstance(left, se.Rational) and isinstance(right, se.Rational)
+    if exact or left.free_symbols or right.free_symbols:
+        return _RELATIONS[sign](left, right)
+    return se.true if _OF_FLOATS[sign](number(left), number(right)) else se.false
+
+
+def cases(condition: Basic, when_true: Basic, when_false: Basic) -> Basic:
+    """Return ``when_true`` where the condition holds, else ``when_false``."""
+    if condition == se.true:
+        return when_true
+    if condition == se.false:
+        return when_false
+    return se.Piecewise((when_true, condition), (when_false, se.true))

@@ -1,0 +1,208 @@
+"""A model in the making: its nodes, its names, its errors, and how entries are read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from symengine import Basic
+
+from lagcli.model.expressions import Sized, build, name_errors
+from lagcli.model.grammar import parse
+from lagcli.model.report import Report
+from lagcli.model.scope import Context, ModelScope, Names
+from lagcli.model.source import Mapping, Node, Scalar, Sequence, Source
+from lagcli.model.spelling import did_you_mean, nearest, shorten
+from lagcli.model.tensors import Tensor
+from lagcli.model.tokens import ExpressionError
+from lagcli.model.trees import Tree
+
+Entry = tuple[str, Scalar, Node]
+
+
+@dataclass
+class Draft:
+    """What is known of a model while its file is read.
+
+    Parameters
+    ----------
+    source : Source
+    root : Mapping
+    report : Report
+    names : Names
+    trees : dict of str to Tree
+        The expressions as written, by place: ``T``, ``Q.phi``, ``outputs.rod_force``.
+    meant : set of str
+        Keys that stand in the file under another name, whose error is reported.
+    """
+
+    source: Source
+    root: Mapping
+    report: Report
+    names: Names = field(default_factory=Names)
+    trees: dict[str, Tree] = field(default_factory=dict)
+    meant: set[str] = field(default_factory=set)
+
+    # entries
+
+    def get(self, key: str) -> Node | None:
+        """Return the value of a key of the model."""
+        return self.root.entries[key][1] if key in self.root.entries else None
+
+    def text(self, node: Node | None, what: str) -> str | None:
+        """Return a node that must be text."""
+        if node is None or isinstance(node, Scalar):
+            return None if node is None or node.missing else node.value
+        self.report.add(
+            "wrong-type",
+            f"{what} must be text, not {node.what}",
+            node.location,
+            "put quotes around it",
+        )
+        return None
+
+    def entries(self, key: str) -> list[Entry] | None:
+        """Return the entries of a mapping under a key of the model: empty where the key is missing,
+        None where it is something else.
+        """
+        node = self.get(key)
+        if node is None or (isinstance(node, Scalar) and node.missing):
+            return []
+        if isinstance(node, Mapping):
+            return list(node)
+        self.report.add(
+            "wrong-type",
+            f"`{key}` must be a mapping of names, not {node.what}",
+            node.location,
+            "write each entry on a line of its own, with a name, as in\n"
+            f"{key}:\n  {_EXAMPLES[key]}",
+        )
+        return None
+
+    def fields(
+        self, node: Mapping, what: str, known: tuple[str, ...], later: tuple[str, ...] = ()
+    ) -> dict[str, Node]:
+        """Return the fields of an entry that is a mapping; unknown ones are reported."""
+        fields = {}
+        for name, key, value in node:
+            if name in known:
+                fields[name] = value
+            elif name in later:
+                self.report.add(
+                    "not-yet",
+                    f"`{name}` of {what} is not part of this version",
+                    key.location,
+                    "remove it",
+                )
+            else:
+                self.report.add(
+                    "unknown-key",
+                    f"{what} has no field `{shorten(name)}`",
+                    key.location,
+                    did_you_mean(nearest(name, known, 1))
+                    or ("its fields are " if len(known) > 1 else "its only field is ")
+                    + ", ".join(f"`{k}`" for k in known),
+                )
+        return fields
+
+    def expression_node(
+        self, key: Scalar, node: Node, what: str, known: tuple[str, ...] = ("expr", "description"),
+        later: tuple[str, ...] = (), example: str = "expression",
+    ) -> tuple[Node | None, dict[str, Node]]:
+        """Return the node of an expression that may be the field ``expr`` of a mapping."""
+        if not isinstance(node, Mapping):
+            return node, {}
+        fields = self.fields(node, what, known, later)
+        if "expr" not in fields:
+            self.report.add(
+                "missing-value",
+                f"{what} has no `expr`",
+                key.location,
+                f"write `{shorten(key.value)}: {example}`, or"
+                f" `{shorten(key.value)}: {{expr: {example}}}`",
+            )
+            return None, fields
+        return fields["expr"], fields
+
+    # expressions
+
+    def parse(self, node: Node, what: str, example: str = "expression") -> Parsed | None:
+        """Parse an expression; report what is wrong with it."""
+        if isinstance(node, Sequence):
+            node = self.vector_text(node)
+        if not isinstance(node, Scalar):
+            help_ = "write the expression alone, without a name before it"
+            if isinstance(node, Sequence):
+                help_ = "write a vector as `[a, b]`, a matrix as `[[a, b], [c, d]]`"
+            self.report.add(
+                "wrong-type",
+                f"{what} must be an expression, not {node.what}",
+                node.location,
+                help_,
+            )
+            return None
+        if node.missing:
+            self.report.add(
+                "missing-value", f"{what} is empty", node.location, f"give an {example}"
+            )
+            return None
+        with self.report.expression(node):
+            return Parsed(node, parse(node.value))
+        return None
+
+    def vector_text(self, node: Sequence) -> Node:
+        """Return a YAML list ``[a, b]`` as the text of a vector: both mean the same."""
+        line, column = node.start
+        if node.source.lines[line][column : column + 1] != "[":
+            return node
+        text = node.source.between(node.start, node.end)
+        return Scalar(node.source, node.start, node.end, text)
+
+    def build(self, parsed: Parsed, context: Context, names: Names | None = None) -> Sized | None:
+        """Build the value of an expression; report what is wrong with it."""
+        scope = ModelScope(names or self.names, context)
+        with self.report.expression(parsed.node):
+            errors, broken = name_errors(parsed.tree, scope)
+            for error in errors:
+                self.report.add_expression_error(error, parsed.node)
+            if errors or broken:
+                return None
+            return build(parsed.tree, scope)
+        return None
+
+    def scalar(
+        self, parsed: Parsed, context: Context, names: Names | None = None
+    ) -> Basic | None:
+        """Build a scalar expression; report what is wrong with it."""
+        sized = self.build(parsed, context, names)
+        if sized is None:
+            return None
+        if isinstance(sized.value, Tensor):
+            error = ExpressionError(
+                "shape",
+                f"{context.where} must be a scalar, not {sized.value.kind}",
+                parsed.tree.start,
+                parsed.tree.end,
+                "a scalar product is `dot(a, b)`",
+            )
+            self.report.add_expression_error(error, parsed.node)
+            return None
+        return sized.value
+
+
+@dataclass(frozen=True)
+class Parsed:
+    """A scalar node and the tree of its text."""
+
+    node: Scalar
+    tree: Tree
+
+
+_EXAMPLES = {
+    "parameters": "m: 1 kg",
+    "definitions": "x_A: r*cos(phi)",
+    "Q": "phi: tau",
+    "constraints": "rod: x^2 + y^2 = l^2",
+    "initial": "phi: 0.5",
+    "outputs": "height: l*sin(phi)",
+    "simulation": "t_end: 10",
+}

@@ -1,0 +1,151 @@
+"""Numbers with a unit, and expressions of parameters: text → SI."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.model.constants import number
+from lagcli.model.draft import Draft, Parsed
+from lagcli.model.grammar import parse
+from lagcli.model.scope import Context, Names
+from lagcli.model.source import Node, Scalar
+from lagcli.model.spelling import shorten
+from lagcli.model.tokens import ExpressionError
+from lagcli.model.units import UNIT_HELP, Factor, UnknownUnit, to_si
+
+_WITH_UNIT = re.compile(
+    r"\s*([+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?)"
+    r"\s*+(?![eE][+-]?[0-9])((?:[^\W\d_]|°|1\s*/).*)",
+    re.DOTALL,
+)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with a unit, or an expression, read but not evaluated."""
+
+    parsed: Parsed
+    factor: Factor
+    unit: str | None
+
+
+def read_quantity(
+    draft: Draft, node: Node, what: str, names: Names, unit: str | None = None
+) -> Quantity | None:
+    """Read a number with a unit, or an expression that stands for a number of a given unit.
+
+    Parameters
+    ----------
+    draft : Draft
+    node : Node
+    what : str
+        What has the value, for messages.
+    names : Names
+        Those that the expression may use.
+    unit : str, optional
+        The unit given elsewhere; known to be one.
+    """
+    report = draft.report
+    if not isinstance(node, Scalar):
+        report.add(
+            "wrong-type",
+            f"{what} must be a number or an expression, not {node.what}",
+            node.location,
+            "write a number, or an expression of parameters",
+        )
+        return None
+    if node.missing:
+        report.add(
+            "missing-value",
+            f"{what} has no value",
+            node.location,
+            "write a number, or an expression of parameters",
+        )
+        return None
+    text = node.value
+    if match := _WITH_UNIT.fullmatch(text):
+        own = match[2].strip()
+        if re.fullmatch("0", match[1]) and re.match("[xXoObB][0-9a-fA-F]", own):
+            place = node.span(match.start(1), match.end(2))
+            message = f"`{shorten(text.strip())}` is not a number of the grammar"
+            report.add("syntax", message, place, "write a decimal number")
+            return None
+        if names.declared(own.split("*")[0].strip()) and not _is_unit(own):
+            place = node.span(match.start(1), match.end(2))
+            help_ = f"write a product as `{match[1]}*{own}`"
+            report.add("syntax", f"`{text.strip()}` is no number with a unit", place, help_)
+            return None
+        try:
+            factor = to_si(own)
+        except UnknownUnit as error:
+            start = match.start(2)
+            place = node.span(start, start + len(own))
+            help_ = UNIT_HELP
+            if re.search("[-+]", own):
+                help_ = "an expression with a unit is `{value: 2 + 1/2, unit: m}`"
+            report.add("unknown-unit", f"{what}: {error}", place, help_)
+            return None
+        if unit is not None:
+            report.add(
+                "contradiction",
+                f"{what} has two units, `{own}` and `{unit}`",
+                node.span(match.start(2), match.start(2) + len(own)),
+                "keep one of them",
+            )
+            return None
+        # blanks in place of what precedes the number keep its offsets
+        text, unit = " " * match.start(1) + match[1], own
+    else:
+        factor = to_si(unit) if unit else 1
+    with report.expression(node):
+        try:
+            return Quantity(Parsed(node, parse(text)), factor, unit)
+        except ExpressionError as error:
+            if error.message.startswith("an operator is missing") and error.help:
+                error.help += ";\nan expression with a unit is `{value: 2*pi, unit: rad/s}`"
+            raise
+    return None
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        to_si(text)
+    except UnknownUnit:
+        return False
+    return True
+
+
+def evaluate(
+    draft: Draft, quantity: Quantity, context: Context, names: Names
+) -> float | None:
+    """Return the SI value of a quantity; report why it has none."""
+    parsed = quantity.parsed
+    value = draft.scalar(parsed, context, names)
+    if value is None:
+        return None
+    factor = quantity.factor
+    if isinstance(factor, float) or not isinstance(value, se.Rational):
+        scaled = value if factor == 1 else value * float(factor)
+    else:
+        # exact until the last step: 7 mm is 0.007 m
+        scaled = value * se.Rational(factor.numerator, factor.denominator)
+    try:
+        return number(scaled)
+    except ValueError:
+        draft.report.add(
+            "not-a-number",
+            f"{context.where} has no real, finite value",
+            parsed.node.location,
+            "the largest number is 1.8e308",
+        )
+    return None
+
+
+def constant(value: float) -> Basic:
+    """Return a number as an expression: a whole one is exact, so that x^n can be a power."""
+    exact = value.is_integer() and abs(value) < 2**53
+    return se.Integer(int(value)) if exact else se.RealDouble(value)

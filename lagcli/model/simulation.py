@@ -1,0 +1,75 @@
+"""The `simulation` block: settings for the command line's options of the same names."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from lagcli.model.draft import Draft
+from lagcli.model.model import Settings
+from lagcli.model.quantities import evaluate, read_quantity
+from lagcli.model.scope import Context, Names
+from lagcli.model.source import Mapping, Node, Scalar, Sequence
+
+_WORDS = ("method", "formulation", "engine")
+_WHOLE = ("samples", "max_steps")
+
+
+def read_settings(draft: Draft, constants: Names) -> Settings:
+    """Return the settings of the file; those it does not give are None."""
+    node = draft.get("simulation")
+    if draft.entries("simulation") is None or not isinstance(node, Mapping):
+        return Settings()
+    known = tuple(f.name for f in dataclasses.fields(Settings))
+    fields = draft.fields(node, "`simulation`", known)
+    values = {name: _setting(draft, name, field, constants) for name, field in fields.items()}
+    settings = Settings(**values)
+    for problem in settings.problems():
+        place = fields.get(problem.key, node)
+        draft.report.add("bad-setting", str(problem), place.location, problem.help)
+    return settings
+
+
+def _setting(draft: Draft, name: str, node: Node, constants: Names) -> Any:
+    """Return the value of a setting; None if there is something wrong with it."""
+    if name == "times" and isinstance(node, Sequence):
+        times = [_number(draft, "a time of `times`", item, constants) for item in node.items]
+        return None if None in times else tuple(times)
+    if name in _WORDS or name == "through_singular":
+        if not isinstance(node, Scalar) or node.missing:
+            draft.report.add(
+                "wrong-type", f"`{name}` must be a word, not {node.what}", node.location
+            )
+            return None
+        text = node.value.strip()
+        if name in _WORDS:
+            return text
+        if text not in ("true", "false"):
+            draft.report.add(
+                "bad-setting",
+                f"`{name}` must be true or false, not {node.what}",
+                node.location,
+                "write `true` or `false`",
+            )
+            return None
+        return text == "true"
+    value = _number(draft, f"`{name}`", node, constants)
+    if value is None or name not in _WHOLE:
+        return (value,) if name == "times" and value is not None else value
+    if value != int(value):
+        draft.report.add(
+            "bad-setting",
+            f"`{name}` must be a whole number, not {node.what}",
+            node.location,
+            f"write `{name}: {round(value)}`",
+        )
+        return None
+    return int(value)
+
+
+def _number(draft: Draft, what: str, node: Node, constants: Names) -> float | None:
+    quantity = read_quantity(draft, node, what, constants)
+    if quantity is None:
+        return None
+    context = Context(what, coordinates=False, definitions=False, time=False)
+    return evaluate(draft, quantity, context, constants)

@@ -1,0 +1,39 @@
+"""Names in messages: cut to a readable length, and the known ones nearest to an unknown one."""
+
+from __future__ import annotations
+
+import difflib
+import unicodedata
+from collections.abc import Iterable, Sequence
+
+_MANY = 500  # names to compare with; comparing is slow
+
+
+def shorten(text: str, width: int = 60) -> str:
+    """Return the text on one line, cut to a width that a message can carry."""
+    # what is not shown need not be cleaned
+    text = "".join(c if c.isprintable() or c.isspace() else "�" for c in text[: 8 * width])
+    text = " ".join(text.split())
+    return text if len(text) <= width else text[: width - 1] + "…"
+
+
+def nearest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
+    """Return the known names that look most like a name."""
+    if len(known) > _MANY:
+        known = [k for k in known if k[:1] == name[:1] and abs(len(k) - len(name)) <= 2][:_MANY]
+    folded: dict[str, str] = {}
+    for k in known:
+        folded.setdefault(_folded(k), k)
+    close = difflib.get_close_matches(_folded(name[:80]), list(folded), n=count, cutoff=0.6)
+    return [folded[c] for c in close]
+
+
+def did_you_mean(names: Iterable[str]) -> str | None:
+    """Return the question, or None where there is nothing to propose."""
+    shown = [n if n.startswith("`") else f"`{n}`" for n in names]
+    return f"did you mean {' or '.join(shown)}?" if shown else None
+
+
+def _folded(name: str) -> str:
+    """Return what two names that look alike have in common (case, the two signs µ)."""
+    return unicodedata.normalize("NFKC", name).casefold()

@@ -1,0 +1,161 @@
+"""Text of an expression → tokens."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+
+class ExpressionError(Exception):
+    """A text that is not an expression, or names what is not there.
+
+    Parameters
+    ----------
+    kind, message, help : str
+        As in a Diagnostic.
+    start, end : int
+        Offsets in the expression's text.
+    subject : str, optional
+        What it is about, if the same complaint in another place should not be repeated.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        message: str,
+        start: int,
+        end: int,
+        help: str | None = None,
+        subject: str | None = None,
+    ):
+        super().__init__(message)
+        self.kind, self.message, self.start, self.end = kind, message, start, end
+        self.help, self.subject = help, subject
+
+
+@dataclass(frozen=True)
+class Token:
+    """A number, a name, a mark, or the end of the text."""
+
+    kind: str
+    text: str
+    start: int
+    end: int
+
+
+def is_name(text: str) -> bool:
+    """Whether a text is a name: a letter followed by letters, digits and ``_``."""
+    return bool(text) and text[0].isalpha() and _first_foreign(text) is None
+
+
+def _first_foreign(text: str) -> int | None:
+    """Return the offset of the first character that no name contains (², ½, ٣ are no digits)."""
+    for i, char in enumerate(text):
+        if not (char == "_" or char.isalpha() or char in "0123456789"):
+            return i
+    return None
+
+
+_NUMBER = re.compile(r"(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?")
+_WORD = re.compile(r"[^\W\d_]\w*(?:\.[^\W\d_]\w*)*")
+_MARK = re.compile(r"\*\*|<=|>=|==|!=|[-+*/^()\[\],<>=']")
+_MINUS = "use the plain hyphen `-` for minus"
+_PRIME = "use the plain apostrophe `'` for a time derivative"
+_PRODUCT = "write a product as `a*b`"
+_GROUP = "group with parentheses ( )"
+_HINTS = {
+    "²": "write a power as `x^2`",
+    "³": "write a power as `x^3`",
+    "½": "write `1/2`",
+    "·": _PRODUCT,
+    "×": _PRODUCT,
+    "∙": _PRODUCT,
+    "⋅": _PRODUCT,
+    "÷": "write a quotient as `a/b`",
+    "−": _MINUS,
+    "–": _MINUS,
+    "—": _MINUS,
+    "’": _PRIME,
+    "′": _PRIME,
+    "‘": _PRIME,
+    "`": _PRIME,
+    "√": "write a root as `sqrt(x)`",
+    "≤": "write `<=`",
+    "≥": "write `>=`",
+    "≠": "write `!=`",
+    "∞": "a number must be finite",
+    "°": "an angle in degrees is a value with a unit: `30 deg`",
+    "|": "write an absolute value as `abs(x)`",
+    "{": _GROUP,
+    "}": _GROUP,
+    ";": "separate arguments with commas",
+    "%": "write percent as a number, 0.05",
+    "&": "write `and`",
+    "!": "write `not`",
+    "~": "`~` means nothing in YAML; give an expression",
+    "?": "write a choice as `if(condition, a, b)`",
+    ":": "a time such as 12:30 is not a number: give seconds",
+    ".": "a number has digits on at least one side of its point",
+    "_": "a name begins with a letter",
+    "$": "names are written bare: `m`, not `$m`",
+    "\\": "names are written bare: `alpha`, not `\\alpha`",
+    "#": "in YAML, a comment needs a blank before the #",
+    "'": "a prime follows a name",
+    '"': "quotes stand around the whole value, or not at all",
+}
+
+
+def tokenize(text: str) -> list[Token]:
+    """Split an expression into tokens, the end included.
+
+    Raises
+    ------
+    ExpressionError
+        At the first character that belongs to no token.
+    """
+    tokens, position = [], 0
+    while position < len(text):
+        if text[position].isspace():
+            position += 1
+            continue
+        if match := _NUMBER.match(text, position):
+            kind = "number"
+        elif match := _WORD.match(text, position):
+            kind = "name"
+            foreign = _first_foreign(match[0].replace(".", "_"))
+            if foreign is not None:
+                raise _unexpected(text, position + foreign)
+        elif match := _MARK.match(text, position):
+            kind = "mark"
+        else:
+            raise _unexpected(text, position)
+        tokens.append(Token(kind, match[0], position, match.end()))
+        position = match.end()
+    tokens.append(Token("end", "", len(text), len(text)))
+    return tokens
+
+
+_GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+")
+_SPECIAL = re.compile(r"[+-]?\.(?:inf|nan)\b", re.IGNORECASE)
+
+
+def _unexpected(text: str, at: int) -> ExpressionError:
+    """Say that a character belongs to nothing, or what it was meant for."""
+    for grouped in _GROUPED.finditer(text):
+        if grouped.start() <= at < grouped.end():
+            plain = grouped[0].replace("_", "")
+            return ExpressionError(
+                "syntax",
+                f"`{grouped[0]}` is not a number",
+                *grouped.span(),
+                f"write the digits without `_`: {plain}",
+            )
+    if special := _SPECIAL.match(text, at):
+        return ExpressionError(
+            "syntax", f"`{special[0]}` is not a number of a model", *special.span(),
+            "numbers are finite",
+        )
+    char = text[at]
+    shown = f"`{char}`" if char.isprintable() else f"the invisible character U+{ord(char):04X}"
+    help_ = _HINTS.get(char) if char.isprintable() else "remove it"
+    return ExpressionError("syntax", f"unexpected {shown}", at, at + 1, help_)

@@ -1,0 +1,132 @@
+"""What the grammar makes of an expression: a tree whose pieces know their place in the text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A piece of an expression, from ``start`` to ``end`` of its text."""
+
+    start: int
+    end: int
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The trees directly below this one."""
+        return ()
+
+
+@dataclass(frozen=True)
+class Number(Tree):
+    """A number, exactly as written."""
+
+    value: Fraction
+
+
+@dataclass(frozen=True)
+class Name(Tree):
+    """A name with its primes; ``text`` may be dotted (``lambda.guide``)."""
+
+    text: str
+    primes: int
+
+
+@dataclass(frozen=True)
+class Call(Tree):
+    """A function applied to arguments."""
+
+    function: str
+    arguments: tuple[Tree, ...]
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The arguments."""
+        return self.arguments
+
+
+@dataclass(frozen=True)
+class Sum(Tree):
+    """Terms with their signs, +1 or -1."""
+
+    terms: tuple[tuple[int, Tree], ...]
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The terms."""
+        return tuple(term for _, term in self.terms)
+
+
+@dataclass(frozen=True)
+class Product(Tree):
+    """Factors with their exponents, +1 or -1, from left to right."""
+
+    factors: tuple[tuple[int, Tree], ...]
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The factors."""
+        return tuple(factor for _, factor in self.factors)
+
+
+@dataclass(frozen=True)
+class Power(Tree):
+    """Base and exponent."""
+
+    base: Tree
+    exponent: Tree
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """Base and exponent."""
+        return (self.base, self.exponent)
+
+
+@dataclass(frozen=True)
+class Comparison(Tree):
+    """A chain of comparisons: a < b <= c."""
+
+    operands: tuple[Tree, ...]
+    operators: tuple[str, ...]
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """What is compared."""
+        return self.operands
+
+
+@dataclass(frozen=True)
+class Logical(Tree):
+    """``and``, ``or``, ``not`` and what they join."""
+
+    operator: str
+    operands: tuple[Tree, ...]
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """What is joined."""
+        return self.operands
+
+
+@dataclass(frozen=True)
+class Vector(Tree):
+    """A vector of scalars, or a matrix of rows."""
+
+    items: tuple[Tree, ...]
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The entries."""
+        return self.items
+
+
+def walk(tree: Tree) -> Iterator[Tree]:
+    """Yield a tree and all trees below it, from left to right."""
+    stack = [tree]
+    while stack:
+        top = stack.pop()
+        yield top
+        stack.extend(reversed(top.parts))

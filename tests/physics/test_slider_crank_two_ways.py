@@ -1,0 +1,75 @@
+"""The slider-crank with and without the constraint used in T: the same motion, another λ.
+
+If L is changed by h·F, where h = 0 is a holonomic constraint, the λ of h changes by −F and nothing
+else does.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.trajectory import Trajectory
+
+MODELS = Path(__file__).parents[2] / "models"
+NAMES = ("slider_crank", "slider_crank_textbook")
+
+
+def run(name: str, times: list[float] | np.ndarray, **overrides: dict[str, object]) -> Trajectory:
+    model = lagcli.load(MODELS / f"{name}.yaml", **overrides)
+    trajectory = lagcli.simulate(model, times=times, rtol=1e-12, atol=1e-12)
+    assert trajectory.status == "completed", trajectory.message
+    return trajectory
+
+
+@cache
+def turns(name: str) -> Trajectory:
+    """Simulate two turns of the crank."""
+    return run(name, np.linspace(0, 1, 101))
+
+
+def test_same_motion_and_lambda_differs_by_the_term_in_the_constraint() -> None:
+    whole, short = map(turns, NAMES)
+    # 1e-12 per step leaves the angles good to 1e-10, and their rates of 10 rad/s to 1e-9
+    np.testing.assert_allclose(short.q, whole.q, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(short.v, whole.v, rtol=0, atol=1e-8)
+    phi, (phi_1, psi_1) = whole.q[:, 0], whole.v.T
+    p = whole.parameters
+    gap = p["m"] * p["r"] * np.sin(phi) * (phi_1 + psi_1) * psi_1
+    assert np.abs(gap).max() > 1  # N: the two λ do differ
+    difference = (whole.multipliers - short.multipliers)[:, 0]
+    np.testing.assert_allclose(difference, gap, rtol=0, atol=1e-9 * np.abs(gap).max())
+
+
+def test_models_state_the_same_guide_force() -> None:
+    whole, short = (turns(name).outputs["guide_force"] for name in NAMES)
+    np.testing.assert_allclose(short, whole, rtol=0, atol=1e-9 * np.abs(whole).max())
+
+
+def test_guide_force_is_the_rods_vertical_force_and_the_weight() -> None:
+    trajectory = turns("slider_crank")
+    p, psi = trajectory.parameters, trajectory.q[:, 1]
+    # Newton for B in the vertical: guide + rod - m g = 0; the rod pulls B along (-cos, sin) psi
+    rod = trajectory.outputs["rod_tension"] * np.sin(psi)
+    expected = p["m"] * p["g"] - rod
+    np.testing.assert_allclose(trajectory.outputs["guide_force"], expected, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("name", "multiplier"),
+    [("slider_crank", 0.9290966542), ("slider_crank_textbook", 0.4841497890)],
+)
+def test_numbers_of_one_state(name: str, multiplier: float) -> None:
+    """One state on the constraint, worked out by computer algebra to ten decimals."""
+    trajectory = run(
+        name,
+        [0.0],
+        set={"m": 1.3, "r": 0.4, "l": 1.1, "g": 9.81},
+        set_initial={"phi": 0.7, "phi'": 1.9},
+    )
+    np.testing.assert_allclose(trajectory.a[0], [-12.6144246424, -4.4074911865], atol=1e-9)
+    assert trajectory.multipliers[0, 0] == pytest.approx(multiplier, abs=1e-9)
