@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import signal
 import sys
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, Any
 
 import typer
 
@@ -27,13 +29,31 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
 )
-app.command()(derive)
-app.command()(simulate)
-app.command()(info)
 
 BUG_STATUS = 1
-USAGE_STATUS = 2
 INTERRUPTED_STATUS = 130
+
+
+class _Interrupted(Exception):
+    """Ctrl-C, where no run was there to keep."""
+
+
+def _command(function: Callable[..., int | None]) -> None:
+    """Add a command to the program."""
+
+    @functools.wraps(function)
+    def command(*arguments: Any, **options: Any) -> int | None:
+        try:
+            return function(*arguments, **options)
+        except KeyboardInterrupt:  # Typer would end without a word
+            raise _Interrupted from None
+
+    app.command()(command)
+
+
+_command(derive)
+_command(simulate)
+_command(info)
 
 
 def _print_version(wanted: bool) -> None:
@@ -75,7 +95,7 @@ def run(arguments: list[str]) -> int:
     except LagcliError as error:
         _say(_rendered(error))
         return error.exit_status
-    except KeyboardInterrupt:
+    except (_Interrupted, KeyboardInterrupt):
         _say("interrupted")
         return INTERRUPTED_STATUS
     except OSError as error:  # standard output itself cannot be written

@@ -37,7 +37,7 @@ class Index1:
         Baumgarte's α and β: φ̈ + 2α φ̇ + β² φ = 0, and ψ̇ + α ψ = 0 where nonholonomic.
     evaluations : int
     undefined : (t, q, v) or None
-        The last state without finite accelerations.
+        The last (finite) state without finite accelerations.
     """
 
     def __init__(self, evaluator: Evaluator, rank: int):
@@ -85,7 +85,8 @@ class Index1:
                 power = float(d.power + multipliers @ (d.jacobian @ v))
                 if math.isfinite(a.sum()) and math.isfinite(power):
                     return a, multipliers, power
-        self.undefined = (t, q.copy(), v.copy())
+        if np.isfinite(q).all() and np.isfinite(v).all():  # not what follows from it
+            self.undefined = (t, q.copy(), v.copy())
         return np.full(self.nq, math.nan), np.full(self.nc, math.nan), math.nan
 
     def _solve(self, d: Dynamics, rhs: Array) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ Level = Literal["position", "velocity"]
 #: Fixed values may violate a constraint by this much of its scale: they were written with so many
 #: digits. The first projection removes it.
 ACCEPTED = 1e-10
-_REACHED = 1e-14  # of the constraint's scale: where iteration ends
+_REACHED = 1e-15  # of the constraint's scale: where iteration ends
 _ITERATIONS = 200
 _ASIDE = (1e-3, 0.1)  # of the coordinates' size: where a guess that leads nowhere is moved
 

@@ -36,6 +36,8 @@ _METHODS: dict[str, type[OdeSolver]] = {
 }
 #: Baumgarte's α = β times the step size, where the user gives none.
 _BAUMGARTE_STEP = 0.1
+#: LSODA goes on with a drift of so many tolerances; samples are projected all the same.
+_LSODA_DRIFT = 10.0
 #: SciPy raises smaller ones to this, with a warning.
 _LEAST_RTOL = 100 * float(np.finfo(float).eps)
 
@@ -214,10 +216,10 @@ class _Integration:
         if y is solver.y and not damped:
             return solver
         if isinstance(solver, LSODA):
-            # its history cannot be moved: it starts again when the drift matters
+            # its history cannot be moved: it starts again, from order one, when the drift matters
             moved = np.abs(y - solver.y)[:-1]
             allowed = request.atol + request.rtol * np.abs(y[:-1])
-            return self.solver(t, y) if (moved > 0.1 * allowed).any() else solver
+            return self.solver(t, y) if (moved > _LSODA_DRIFT * allowed).any() else solver
         if isinstance(solver, BDF):
             solver.D[0] = y
         else:

@@ -7,8 +7,9 @@ singular configuration is watched inside each step and along the path ahead.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,18 +119,29 @@ class RankWatch:
         between = interpolate.CubicHermiteSpline(
             (t_old, t), np.array([y_old, y]), np.array([self._slope(y_old), self._slope(y)])
         )
-        history = self._history
+        history = self._history[-2:] or [(t_old, self.weakest(t_old, y_old))]
         for part in _WATCH:
             at = t_old + part * (t - t_old)
             history.append((at, self.weakest(at, y if part == 1.0 else between(at))))
-        del history[:-5]
-        for (t0, s0), (_, s1), (t2, s2) in zip(history, history[1:], history[2:], strict=False):
-            low = max(t0, t_old)
-            if s1 <= s0 and s1 <= s2 and s1 < NEAR * self._usual and t2 > low:
-                found = self._least(path, low, t2)
+        self._history = history
+        for low, high in self._suspects(history):
+            if high > t_old:
+                found = self._least(path, max(low, t_old), high)
                 if found is not None:
                     return found
         return None
+
+    def _suspects(self, history: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
+        """Yield the intervals in which the weakest value may have vanished, in order."""
+        rates = [(s1 - s0) / (t1 - t0) for (t0, s0), (t1, s1) in pairwise(history)]
+        for i, ((t0, s0), (t1, s1)) in enumerate(pairwise(history)):
+            # it falls to zero, and rises from it, at a rate: |t − singular|
+            falling = -rates[i - 1] * (t1 - t0) if i else 0.0
+            rising = rates[i + 1] * (t1 - t0) if i + 1 < len(rates) else 0.0
+            if falling > 0.8 * s0 or rising > 0.8 * s1:
+                yield t0, t1
+            elif rates[i] <= 0 < rising and s1 < NEAR * self._usual:
+                yield t0, history[i + 2][0]
 
     def _slope(self, y: Array) -> Array:
         """Return y' as far as B's rank depends on it: v for q, zero for the rest."""
@@ -219,7 +231,9 @@ class RankWatch:
             return
         free = linear.decompose(c.jacobian, self.rank, scale=self.motion.lengths).null
         size = _ASIDE * (np.abs(q).max(initial=0.0) or 1.0)
-        for direction in free.T:
+        # branches may lie between the directions, so a mixture of all is tried too
+        mixture = free @ np.cos(1.0 + np.arange(free.shape[1]))
+        for direction in (*free.T, mixture):
             for side in (-size, size):
                 try:
                     beside, _ = project(t, q + side * direction, v)

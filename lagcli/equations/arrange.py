@@ -57,8 +57,9 @@ from lagcli.model.model import Model
 
 Key = tuple[object, ...]
 
-# An expansion this much shorter than the expression as it came will not be beaten by keeping its
-# structure, which is costly to try: it arranges every part by itself.
+# Keeping the structure of a large expression is costly to try, for it arranges every part by
+# itself; and it will not beat an expansion that is this much shorter than what came.
+_LARGE = 200
 _SHORTER = 0.4
 
 _SYMBOL_PLACES = {
@@ -110,7 +111,8 @@ class Arranger:
 
     def _best(self, e: Basic) -> Node:
         whole = self._expanded(e, self._whole)
-        if whole is not None and weight(whole) < _SHORTER * se.count_ops(e):
+        operations = se.count_ops(e)
+        if whole is not None and operations > _LARGE and weight(whole) < _SHORTER * operations:
             return whole
         candidates = [whole, self._multiplied_out(e)]
         if isinstance(e, se.Add | se.Mul | se.Pow):

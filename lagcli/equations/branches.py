@@ -31,8 +31,10 @@ def cases_node(piecewise: Basic, arrange: Arrange) -> Node:
     """Return the function that a Piecewise stands for (see `lagcli.model.functions`)."""
     args = piecewise.args
     value, condition = args[0], args[1]
-    rest = args[2] if len(args) == 4 and args[3] == se.true else se.Piecewise(
-        *zip(args[2::2], args[3::2], strict=True)
+    rest = (
+        args[2]
+        if len(args) == 4 and args[3] == se.true
+        else se.Piecewise(*zip(args[2::2], args[3::2], strict=True))
     )
     named = _named(value, condition, rest)
     if named is not None:

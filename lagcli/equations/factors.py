@@ -94,9 +94,7 @@ class Factored:
     exponent: int
 
 
-def factored(
-    terms: Polynomial, order: Callable[[Monomial], Any], style: ContentStyle
-) -> Factored:
+def factored(terms: Polynomial, order: Callable[[Monomial], Any], style: ContentStyle) -> Factored:
     """Write a sum as a product, as far as a person sees it: common factors, a perfect square.
 
     Parameters

@@ -65,9 +65,7 @@ def _coefficients(form: dict[Basic, Basic], variables: list[Basic]) -> Iterator[
 
 def _points(variables: list[Basic]) -> list[dict[Basic, Basic]]:
     source = random.Random(8)  # the same answer every time
-    return [
-        {x: se.RealDouble(source.uniform(0.3, 1.7)) for x in variables} for _ in range(POINTS)
-    ]
+    return [{x: se.RealDouble(source.uniform(0.3, 1.7)) for x in variables} for _ in range(POINTS)]
 
 
 def _vanishes(terms: list[Basic], points: list[dict[Basic, Basic]]) -> bool:

@@ -127,9 +127,7 @@ def _unassembled(f: Formulas, signs: general.Signs) -> Step:
 
 
 def _assembled(f: Formulas) -> Step:
-    lines = tuple(
-        Line(f.equation_line(i).sides, x) for i, x in enumerate(f.coordinates)
-    )
+    lines = tuple(Line(f.equation_line(i).sides, x) for i, x in enumerate(f.coordinates))
     return Step("Equations of motion", lines)
 
 

@@ -16,8 +16,13 @@ GOLDEN = Path(__file__).parent / "golden" / "derive"
 # (8.88) to the end, without the two misprints: the second term of T has ẋ_B, and the assembled
 # equation of φ has φ̇² − ψ̇²
 FIRST_KIND = """\
+x_A = r cos φ
+y_A = r sin φ
+x_B = r cos φ + l cos ψ
 r sin φ = l sin ψ
-L = ½ m [r² φ̇² + r² sin² φ (φ̇ + ψ̇)²] − m g r sin φ
+T = ½ m [r² φ̇² + r² sin² φ (φ̇ + ψ̇)²]
+V = m g y_A = m g r sin φ
+L = T − V = ½ m [r² φ̇² + r² sin² φ (φ̇ + ψ̇)²] − m g r sin φ
 r φ̇ cos φ = l ψ̇ cos ψ
 ∂L/∂φ = m r² sin φ cos φ (φ̇ + ψ̇)² − m g r cos φ
 ∂L/∂ψ = 0

@@ -78,6 +78,8 @@ def test_arranged_expressions_keep_their_value(path):
         ("max(0, x)", "max(0, x)"),
         ("min(x, y, x*y)", "min(x, y, x y)"),
         ("cbrt(x)", "cbrt(x)"),
+        ("if(x > 1, y, 2*y)", "if(x > 1, y, 2 y)"),
+        ("if(x > 1 and y < 2, x, y)", "if(x > 1 and y < 2, x, y)"),
         ("hypot(x, y)", "√(x² + y²)"),
         ("exp(-x)*sqrt(y^2 + 1)", "exp(−x) √(1 + y²)"),
         ("(x^2 + y^2)^(3/2)", "(x² + y²)^(3/2)"),
@@ -127,8 +129,7 @@ def test_double_pendulum_in_angles():
         parameters="m_1 m_2 l_1 l_2 g",
     )
     assert equation(equations, 0) == (
-        "(m₁ + m₂) l₁² θ̈₁ + m₂ l₁ l₂ [θ̈₂ cos(θ₁ − θ₂) + θ̇₂² sin(θ₁ − θ₂)]"
-        " + (m₁ + m₂) g l₁ sin θ₁"
+        "(m₁ + m₂) l₁² θ̈₁ + m₂ l₁ l₂ [θ̈₂ cos(θ₁ − θ₂) + θ̇₂² sin(θ₁ − θ₂)] + (m₁ + m₂) g l₁ sin θ₁"
     )
     assert equation(equations, 1) == (
         "m₂ l₂² θ̈₂ + m₂ l₁ l₂ [θ̈₁ cos(θ₁ − θ₂) − θ̇₁² sin(θ₁ − θ₂)] + m₂ g l₂ sin θ₂"
@@ -141,9 +142,7 @@ def test_spherical_coordinates():
         "r theta phi", "m/2*(r'^2 + r^2*theta'^2 + r^2*sin(theta)^2*phi'^2)", "-m*g*r*cos(theta)"
     )
     assert equation(equations, 0) == "m (r̈ − r θ̇² − r φ̇² sin² θ) − m g cos θ"
-    assert equation(equations, 1) == (
-        "m r (r θ̈ + 2 ṙ θ̇ − r φ̇² sin θ cos θ) + m g r sin θ"
-    )
+    assert equation(equations, 1) == ("m r (r θ̈ + 2 ṙ θ̇ − r φ̇² sin θ cos θ) + m g r sin θ")
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import random
+import subprocess
+import sys
 from functools import partial
 
 import pytest
@@ -160,6 +162,16 @@ def test_every_function_of_the_grammar_reads_back(name):
 def test_precedence(text):
     equations = model_of("x y", "m/2*(x'^2 + y'^2)")
     expression = read(text, equations)
-    assert_same(
-        grammar_text(Arranger(equations.model).arrange(expression)), expression, equations
+    assert_same(grammar_text(Arranger(equations.model).arrange(expression)), expression, equations)
+
+
+def test_heavy_packages_stay_out():
+    code = (
+        "import sys, lagcli.equations.render as r; from lagcli.model.loader import load;"
+        "from lagcli.equations.lagrange import derive;"
+        f"e = derive(load({str(MODELS[-1])!r}));"
+        "[r.render(e, f, steps=True) for f in r.FORMATS];"
+        "found = {'sympy', 'scipy', 'pint', 'matplotlib'} & set(sys.modules);"
+        "assert not found, found"
     )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=MODELS[0].parents[1])

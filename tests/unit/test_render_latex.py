@@ -110,7 +110,7 @@ description: "Ünïcode 曲柄 φ ≤ 90°, <b>, a_b, {brace, \\end{document}, '
 coordinates:
   x_1: {latex: '\vartheta_{1}', description: "the % of \\x"}
   wörd: {latex: '\broken{'}
-  曲: {}
+  曲: {latex: '\input{/secret}'}
 parameters: {m: 1, long_name_here: 2, S_1_2: 3}
 T: m/2*(x_1'^2 + wörd'^2 + 曲'^2)
 V: long_name_here*x_1^2 + S_1_2*wörd*曲
@@ -137,7 +137,7 @@ def test_hostile_names_and_descriptions():
         assert r"50% of \$x\_1" in markdown
 
 
-@pytest.mark.parametrize("char", list("\\{}$&#%_^~<>|\"−·×°²√–—…曲φΩé\u00a0"))
+@pytest.mark.parametrize("char", list('\\{}$&#%_^~<>|"−·×°²√–—…曲φΩé\u00a0'))
 def test_every_sign_is_escaped(char):
     check(f"a{escape(char)}b")
 

@@ -145,6 +145,9 @@ def test_an_integrable_velocity_constraint_is_reported():
     assert "nonholonomic in form, but integrable" in kinds("y*x' + x*y' = 0")
     assert "nonholonomic in form, but integrable" in kinds("cos(y)*x' - x*sin(y)*y' + t*0 = 2")
     assert "nonholonomic in form, but integrable" in kinds("z*y*x' + z*x*y' + exp(z)*z' = 0")
+    for factor in ("1", "exp(x*z)"):  # an integrating factor changes nothing
+        product = f"({factor})*(y*z*x' + x*z*y' + x*y*z') = 0"
+        assert "nonholonomic in form, but integrable" in kinds(product)
     assert "but integrable" not in kinds("z*x' = y'")
     assert "but integrable" not in kinds("x' + y*sin(t) = 0")
 

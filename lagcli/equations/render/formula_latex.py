@@ -127,8 +127,10 @@ class LatexFormula:
     def _power(self, node: t.Power, depth: int) -> list[Token]:
         raised = f"^{{{self.latex(node.exponent)}}}"
         base = node.base
-        if isinstance(base, t.Call) and base.function in _PREFIX and isinstance(
-            node.exponent, t.Number
+        if (
+            isinstance(base, t.Call)
+            and base.function in _PREFIX
+            and isinstance(node.exponent, t.Number)
         ):
             return [_FUNCTIONS[base.function], raised, *self._arguments(base, depth)]
         if isinstance(base, t.Symbol) and base.name in self.names.with_own_latex:
@@ -196,8 +198,7 @@ class LatexFormula:
         dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")
         called = not product and isinstance(node, t.Call) and node.function not in _FENCES
         number = not product and isinstance(node, t.Number) and "frac" in self.number(node.value)
-        moving = not product and isinstance(node, t.Symbol) and node.dots > 2
-        if isinstance(node, compound) or dotted or called or number or moving:
+        if isinstance(node, compound) or dotted or called or number:
             return self._fenced(self.tokens(node, depth + 1))
         return self.tokens(node, depth)
 

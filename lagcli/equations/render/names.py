@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 
 from lagcli.model.model import Model
@@ -54,7 +55,7 @@ class Names:
         self._text = _distinct({name: _text(name) for name in declared})
         self._latex = _distinct({name: _latex(name) for name in declared})
         self._own = {
-            c.name: c.latex for c in model.coordinates if c.latex and _balanced(c.latex)
+            c.name: c.latex for c in model.coordinates if c.latex and _presentable(c.latex)
         }
         self.with_own_latex = frozenset(self._own)
         self.declared = frozenset(declared)
@@ -90,9 +91,7 @@ def _distinct(looks: dict[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
     count: dict[tuple[str, str], int] = {}
     for look in looks.values():
         count[look] = count.get(look, 0) + 1
-    return {
-        name: look if count[look] == 1 else (name, "") for name, look in looks.items()
-    }
+    return {name: look if count[look] == 1 else (name, "") for name, look in looks.items()}
 
 
 def _text(name: str) -> tuple[str, str]:
@@ -147,6 +146,17 @@ def latex_ascii(text: str) -> str:
     return "".join(parts)
 
 
+# a name is a sign: it has no business with files, definitions or environments
+_FORBIDDEN = re.compile(
+    r"\\(input|include|read|write|open|def|let|catcode|csname|immediate|begin|end|loop|special)"
+)
+
+
+def _presentable(text: str) -> bool:
+    """Whether a coordinate's own LaTeX is balanced and harmless."""
+    return _balanced(text) and not _FORBIDDEN.search(text)
+
+
 def _balanced(text: str) -> bool:
     depth = 0
     for i, char in enumerate(text):
@@ -160,10 +170,6 @@ def _balanced(text: str) -> bool:
 def display_width(text: str) -> int:
     """Return the columns that a text takes: combining marks none, wide characters two."""
     return sum(
-        0
-        if unicodedata.combining(c)
-        else 2
-        if unicodedata.east_asian_width(c) in "WF"
-        else 1
+        0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1
         for c in text
     )

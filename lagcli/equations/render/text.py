@@ -93,9 +93,7 @@ def _with_note(body: list[str], note: str | None, room: int) -> list[str]:
     return [*body, *(f"{_INDENT}{x}" for x in _paragraph(note, room - len(_INDENT)))]
 
 
-def _formula(
-    line: Line, formula: TextFormula, room: int, aligned: int, alike: bool
-) -> list[str]:
+def _formula(line: Line, formula: TextFormula, room: int, aligned: int, alike: bool) -> list[str]:
     """Return a formula on as many lines as it takes."""
     first, *others = [formula.tokens(side) for side in line.sides]
     whole = list(first)

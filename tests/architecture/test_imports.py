@@ -1,0 +1,238 @@
+"""The architecture, read from the source: who imports whom, what is imported when, and sizes."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "lagcli"
+FILES = sorted(PACKAGE.rglob("*.py"))
+MODULES = {".".join(f.relative_to(ROOT).with_suffix("").parts): f for f in FILES}
+
+#: What each room may import of lagcli, beside itself. `cli` knows everything; nothing knows it.
+ROOMS = {
+    "errors": set(),
+    "trajectory": set(),
+    "model": {"errors"},
+    "equations": {"errors", "model"},
+    # symbols enter an engine where a System is compiled; beyond that it knows numbers
+    "engine": {"errors", "model", "equations"},
+    "results": {"errors", "trajectory", "lagcli"},
+    "simulate": {"errors", "model", "equations", "engine", "trajectory", "undefined", "lagcli"},
+    "undefined": {"errors", "model", "equations", "engine"},
+}
+
+#: Packages that a room must not import, not even inside a function.
+FOREIGN = {
+    "errors": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "trajectory": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "model": {"numpy", "scipy", "sympy", "h5py", "typer", "rich"},
+    "equations": {"numpy", "scipy", "h5py", "yaml", "typer", "rich"},
+    "engine": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "os", "pathlib", "io"},
+    "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
+    "simulate": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
+    "undefined": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
+}
+
+#: Modules of the engine that work on numbers alone; a System can be written by hand for them.
+NUMERIC = {f.stem for f in (PACKAGE / "engine").glob("*.py")} - {"system", "tape", "__init__"}
+
+#: Packages that cost start-up time, and the rooms that may import them at the top of a module.
+HEAVY = {
+    "sympy": set(),
+    "matplotlib": set(),
+    "pandas": set(),
+    "pint": set(),
+    "rich": set(),
+    "h5py": set(),
+    "scipy": {"engine"},
+    "numpy": {"engine", "results", "simulate", "trajectory", "cli"},
+    "symengine": {"model", "equations", "engine", "undefined"},
+}
+
+
+def room(module: str) -> str:
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 else "lagcli"
+
+
+@cache
+def tree(module: str) -> ast.Module:
+    return ast.parse(MODULES[module].read_text(encoding="utf-8"))
+
+
+def imports(module: str, *, at_top: bool = False) -> Iterator[str]:
+    """Yield the full names of what a module imports at run time."""
+
+    def visit(node: ast.AST) -> Iterator[str]:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
+                continue
+            if at_top and isinstance(child, (ast.FunctionDef, ast.Lambda)):
+                continue
+            if isinstance(child, ast.Import):
+                yield from (alias.name for alias in child.names)
+            elif isinstance(child, ast.ImportFrom):
+                assert child.level == 0, f"{module} has a relative import"
+                assert child.module
+                for alias in child.names:
+                    full = f"{child.module}.{alias.name}"
+                    yield full if full in MODULES or f"{full}.__init__" in MODULES else child.module
+            yield from visit(child)
+
+    yield from visit(tree(module))
+
+
+def test_rooms_are_known() -> None:
+    found = {room(m) for m in MODULES} - {"__init__", "__main__", "cli"}
+    assert found == set(ROOMS), "a new room says here whom it may know"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_who_imports_whom(module: str) -> None:
+    own = room(module)
+    if own not in ROOMS:
+        return
+    for name in imports(module):
+        top = name.split(".")[0]
+        if top == "lagcli":
+            other = room(name)
+            assert other == own or other in ROOMS[own], f"{module} imports {name}"
+        else:
+            assert top not in FOREIGN[own], f"{module} imports {name}"
+
+
+def test_nothing_knows_the_command_line() -> None:
+    for module in MODULES:
+        if room(module) != "cli" and module != "lagcli.__main__":
+            assert not any(n.startswith("lagcli.cli") for n in imports(module)), module
+
+
+@pytest.mark.parametrize("module", sorted(f"lagcli.engine.{name}" for name in NUMERIC))
+def test_numeric_engine_knows_no_symbols(module: str) -> None:
+    for name in imports(module):
+        assert not name.startswith(("symengine", "lagcli.equations", "lagcli.model")), name
+
+
+def test_files_are_opened_by_the_loader_the_results_and_the_command_line_alone() -> None:
+    for module in MODULES:
+        if room(module) in ("engine", "equations", "simulate", "undefined", "trajectory"):
+            for node in ast.walk(tree(module)):
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                    assert node.func.id != "open", f"{module}:{node.lineno}"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_heavy_packages_are_imported_where_they_are_used(module: str) -> None:
+    # a renderer that prints by SymPy is itself imported inside the function that renders
+    if module.startswith("lagcli.equations.render"):
+        return
+    for name in imports(module, at_top=True):
+        top = name.split(".")[0]
+        if top in HEAVY and not (top == "h5py" and module == "lagcli.results.hdf5"):
+            assert room(module) in HEAVY[top], f"{module} imports {top} at its top"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_text_is_never_executed(module: str) -> None:
+    for node in ast.walk(tree(module)):
+        if isinstance(node, ast.Call):
+            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+            forbidden = {"eval", "exec", "sympify", "lambdify", "S", "parse_expr", "__import__"}
+            assert name not in forbidden, f"{module}:{node.lineno} calls {name}"
+            builtin = isinstance(node.func, ast.Name) and name == "compile"
+            assert not builtin, f"{module}:{node.lineno} calls compile"
+    for name in imports(module):
+        assert name.split(".")[0] not in {"pickle", "marshal", "shelve", "dill"}, module
+
+
+def test_no_module_is_named_after_nothing() -> None:
+    for module in MODULES:
+        last = module.removesuffix(".__init__").split(".")[-1]
+        assert last not in {"utils", "util", "helpers", "helper", "common", "misc", "tools"}, module
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_public_names_have_docstrings(module: str) -> None:
+    assert ast.get_docstring(tree(module)), module
+    for node in tree(module).body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):
+            assert ast.get_docstring(node), f"{module}.{node.name}"
+            if isinstance(node, ast.ClassDef):
+                for method in node.body:
+                    if isinstance(method, ast.FunctionDef) and not method.name.startswith("_"):
+                        assert ast.get_docstring(method), f"{module}.{node.name}.{method.name}"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_modules_are_of_a_size_to_be_read(module: str) -> None:
+    lines = len(MODULES[module].read_text(encoding="utf-8").splitlines())
+    assert lines <= 450, f"{module} has {lines} lines; split it by concept"
+
+
+# the package
+
+
+def test_every_folder_is_a_package() -> None:
+    for file in FILES:
+        assert (file.parent / "__init__.py").exists(), file.parent
+
+
+def test_package_holds_its_data() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
+    declared = settings["setuptools"].get("package-data", {})
+    patterns = [p for values in declared.values() for p in values]
+    for file in PACKAGE.rglob("*"):
+        if file.is_file() and file.suffix not in {".py", ".pyc"}:
+            inside = file.relative_to(PACKAGE)
+            assert any(inside.match(p) for p in patterns), f"{inside} would not be installed"
+
+
+def test_dependencies_are_declared() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    declared = {re.split(r"[<>=\[; ]", d)[0].lower() for d in project["dependencies"]}
+    named = {"yaml": "pyyaml"}
+    used = {name.split(".")[0] for module in MODULES for name in imports(module)}
+    outside = used - set(sys.stdlib_module_names) - {"lagcli", "lagcli_core"}
+    assert {named.get(n, n).lower() for n in outside} <= declared
+
+
+# start-up
+
+
+def loaded(*arguments: str) -> set[str]:
+    """Return the top-level packages that a command imports."""
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "lagcli", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-500:]
+    names = re.findall(r"^import time:[^|]*\|[^|]*\|\s*(\S+)", done.stderr, re.MULTILINE)
+    assert "lagcli" in names
+    return {name.split(".")[0] for name in names}
+
+
+def test_help_imports_nothing_heavy() -> None:
+    heavy = {"sympy", "scipy", "matplotlib", "h5py", "numpy", "symengine", "pint", "yaml", "rich"}
+    assert not loaded("--help") & heavy
+    assert not loaded("simulate", "--help") & heavy
+
+
+def test_simulate_imports_what_it_uses(tmp_path: Path) -> None:
+    model = ROOT / "models" / "pendulum_cartesian.yaml"
+    out = str(tmp_path / "run.csv")
+    found = loaded("simulate", str(model), "--t-end", "0.1", "-o", out)
+    assert not found & {"sympy", "matplotlib", "pandas", "pint", "rich", "h5py", "dask"}
+    assert {"numpy", "symengine"} <= found
