@@ -91,8 +91,14 @@ class Formulas:
             if name in definitions:
                 used.update(dict.fromkeys(named_in(definitions[name].tree, self.model)))
                 used[name] = None
-        order = [name for name in definitions if name in used]
-        return tuple(Line((Symbol(name), self.written(definitions[name].tree))) for name in order)
+        return tuple(self._definition_line(name) for name in definitions if name in used)
+
+    def all_definition_lines(self) -> tuple[Line, ...]:
+        """Return all definitions, as written."""
+        return tuple(map(self._definition_line, self.model.definitions))
+
+    def _definition_line(self, name: str) -> Line:
+        return Line((Symbol(name), self.written(self.model.definitions[name].tree)))
 
     def uses_definitions(self, tree: Tree) -> bool:
         """Whether a tree names definitions."""

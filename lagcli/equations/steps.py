@@ -28,11 +28,7 @@ def steps(f: Formulas) -> tuple[Step, ...]:
 
 
 def _definitions(f: Formulas) -> Step | None:
-    model = f.model
-    trees = [tree for key, tree in model.trees.items() if key in ("T", "V", "L", "D")]
-    trees += [tree for key, tree in model.trees.items() if key.startswith("Q.")]
-    trees += [tree for c in f.equations.constraints for tree in f.constraint_trees(c)]
-    lines = f.definition_lines(trees)
+    lines = f.all_definition_lines()
     return Step("Definitions", lines) if lines else None
 
 

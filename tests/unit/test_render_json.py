@@ -109,7 +109,7 @@ def test_schema():
     }
     assert content["constraints"][0]["variation"]["psi"]["text"] == "-l*cos(psi)"
     first = content["steps"][0]
-    assert first["title"] == "Lagrangian"
+    assert first["title"] == "Definitions"
     assert first["lines"][0]["latex"].startswith("L = ")
 
 
