@@ -66,7 +66,7 @@ class Trajectory:
     outputs : mapping of str to (nt,) array
         The model's own columns.
     units : mapping of str to str
-        Unit of a coordinate, a parameter or an output, by name, where the model states it.
+        Unit, in SI, of a coordinate, a parameter or an output, by name, where the model states it.
     status, message : str
         One of ``STATUSES``, and one sentence for the reader.
     model, model_sha256 : str
@@ -115,6 +115,19 @@ class Trajectory:
     seconds: Mapping[str, float] = field(default_factory=dict)
     initial_correction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     lagcli_version: str = ""
+
+    @property
+    def energy_scale(self) -> float:
+        """The energy by which the balance is judged, J: the largest of |T|, |E| and V's swing."""
+        if not len(self.time):
+            return 0.0
+        return float(
+            max(
+                np.abs(self.energy_kinetic).max(),
+                np.abs(self.energy_total).max(),
+                np.ptp(self.energy_potential),
+            )
+        )
 
     @property
     def constraint_force(self) -> Array:

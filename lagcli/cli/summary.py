@@ -47,7 +47,7 @@ def summarize(
         "residual_position": _worst(tr.residual_position, tr.scale_position),
         "residual_velocity": _worst(tr.residual_velocity, tr.scale_velocity),
         "energy_balance": float(np.abs(tr.energy_balance).max(initial=0.0)),
-        "energy_scale": _energy_scale(tr),
+        "energy_scale": tr.energy_scale,
         "multipliers": multipliers,
         "initial_correction": {k: list(v) for k, v in tr.initial_correction.items()},
         "coordinates": len(tr.coordinates),
@@ -60,19 +60,6 @@ def _worst(residual: np.ndarray, scale: np.ndarray) -> float | None:
     relative = np.abs(residual) / scale
     relative = relative[~np.isnan(relative)]
     return float(relative.max()) if relative.size else None
-
-
-def _energy_scale(tr: Trajectory) -> float:
-    """Return what the balance is judged by: the largest of T, |E| and the swing of V."""
-    if not len(tr.time):
-        return 0.0
-    return float(
-        max(
-            np.abs(tr.energy_kinetic).max(),
-            np.abs(tr.energy_total).max(),
-            np.ptp(tr.energy_potential),
-        )
-    )
 
 
 def to_json(value: Mapping[str, Any]) -> str:

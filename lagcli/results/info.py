@@ -52,7 +52,6 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
     trajectory = read(path)
     metadata = to_metadata(trajectory)
     model = metadata.pop("model")
-    energy = np.abs(trajectory.energy_kinetic) + np.abs(trajectory.energy_potential)
     balance = _largest(trajectory.energy_balance)
     return {
         "path": path,
@@ -81,7 +80,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
             trajectory, trajectory.residual_velocity, trajectory.scale_velocity
         ),
         "residual_equation": _largest(trajectory.residual_equation),
-        "energy_balance": {"max": balance, "relative": _ratio(balance, _largest(energy))},
+        "energy_balance": {"max": balance, "relative": _ratio(balance, trajectory.energy_scale)},
         "multipliers": {
             name: _extremes(trajectory.time, trajectory.multipliers[:, i])
             for i, name in enumerate(trajectory.constraints)

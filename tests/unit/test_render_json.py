@@ -110,7 +110,7 @@ def test_schema():
     assert content["constraints"][0]["variation"]["psi"]["text"] == "-l*cos(psi)"
     first = content["steps"][0]
     assert first["title"] == "Definitions"
-    assert first["lines"][0]["latex"].startswith("L = ")
+    assert first["lines"][0]["latex"].startswith("x_{A} = ")
 
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
