@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from lagcli.equations.render import render
     from lagcli.model.loader import load, load_text
     from lagcli.results import read, write
-    from lagcli.simulate import simulate
+    from lagcli.simulation import simulate
 
 __version__ = "0.1.0"
 
@@ -28,7 +28,7 @@ _PLACES = {
     "load_text": "lagcli.model.loader",
     "read": "lagcli.results",
     "render": "lagcli.equations.render",
-    "simulate": "lagcli.simulate",
+    "simulate": "lagcli.simulation",
     "write": "lagcli.results",
 }
 

@@ -172,8 +172,8 @@ def _run(
     from lagcli.cli.progress import Progress
     from lagcli.model.loader import load
     from lagcli.results import check_target, write
-    from lagcli.simulate import resolve
-    from lagcli.simulate import simulate as run_model
+    from lagcli.simulation import resolve
+    from lagcli.simulation import simulate as run_model
 
     if output == "-" and json:
         raise UsageError("-o - and --json both want standard output; write to a file, or drop one")

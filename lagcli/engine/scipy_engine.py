@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -94,7 +94,7 @@ class _Integration:
         self.watch = RankWatch(self.motion)
         self.steps = self.rejected = 0
         self.samples: list[_Sample] = []
-        self.pending = list(request.times[::-1])
+        self.sampled = 0
         if request.formulation == "baumgarte":
             alpha = 1.0 if request.alpha is None else request.alpha
             self.motion.damping = alpha, alpha if request.beta is None else request.beta
@@ -108,8 +108,8 @@ class _Integration:
             raise Undefined(t, *self.motion.split(y))
         watch.check_start(t, *self.motion.split(y), self.projection)
         self.check_redundancy(t, y)
-        while self.pending and self.pending[-1] <= t:
-            self.sample(self.pending.pop(), y)
+        for at in self.due(t):
+            self.sample(at, y)
         if t >= request.t_end:
             return
         solver = self.solver(t, y)
@@ -194,8 +194,7 @@ class _Integration:
         over = None
         if not self.request.through_singular:
             over = self.watch.stepped_over(inside, t_old, y_old, t, reached)
-        while self.pending and self.pending[-1] <= (t if over is None else over):
-            at = self.pending.pop()
+        for at in self.due(t if over is None else over):
             self.sample(at, inside(at))
         if over is not None:
             raise self.watch.stop(over, *self.motion.split(inside(over)))
@@ -233,20 +232,26 @@ class _Integration:
             return y
         return np.concatenate([*self.projection(t, *self.motion.split(y)), y[-1:]])
 
+    def due(self, end: float) -> Iterator[float]:
+        """Yield the sample times up to a time that are not yet sampled."""
+        times = self.request.times
+        while self.sampled < len(times) and times[self.sampled] <= end:
+            self.sampled += 1
+            yield float(times[self.sampled - 1])
+
     def sample(self, t: float, y: Array) -> None:
         """Write the consistent state at a sample time, with its a and λ."""
         q, v = self.motion.split(self.project(t, y))
         a, multipliers, _ = self.motion.accelerations(t, q, v)
         if not np.isfinite(a).all():
             raise Undefined(t, q, v)
-        self.samples.append(_Sample(float(t), q, v, a, multipliers, float(y[-1])))
+        self.samples.append(_Sample(t, q, v, a, multipliers, float(y[-1])))
 
     def pass_singular(self, ahead: Ahead) -> tuple[float, Array]:
         """Go through a singular configuration, sampling on the way."""
         crossing = Crossing(self.motion, self.projection, ahead.before, ahead.time, ahead.path)
-        while self.pending and self.pending[-1] <= crossing.end:
-            at = self.pending.pop()
-            self.samples.append(_Sample(float(at), *crossing(at)))
+        for at in self.due(crossing.end):
+            self.samples.append(_Sample(at, *crossing(at)))
         return crossing.end, crossing.state
 
     def check_limits(self, t: float, began: float) -> None:

@@ -229,6 +229,12 @@ class RankWatch:
         c = self.motion.evaluator.constraints(t, q, v)
         if self.rank == self.motion.nc or not c.finite:
             return
+        system = self.motion.evaluator.system
+        gone = [
+            i for i in sorted({i for i, _ in system.jacobian_pattern}) if not c.jacobian[i].any()
+        ]
+        if gone:
+            raise _start_stop(", ".join(f"`{self.names[i]}`" for i in gone), "have no gradient")
         free = linear.decompose(c.jacobian, self.rank, scale=self.motion.lengths).null
         size = _ASIDE * (np.abs(q).max(initial=0.0) or 1.0)
         # branches may lie between the directions, so a mixture of all is tried too
@@ -242,11 +248,8 @@ class RankWatch:
                 values = self.values(t, beside, v)
                 # beside a singular point the weakest value grows like the distance
                 if values is not None and self.rank < len(values) and values[self.rank] > SINGULAR:
-                    raise Stop(
-                        f"the start is a singular configuration: the constraints"
-                        f" {self._weak_constraints(t, q, v)} are dependent there and only there,"
-                        " and do not determine how the motion begins; start beside it"
-                    )
+                    names = self._weak_constraints(t, q, v)
+                    raise _start_stop(names, "are dependent")
 
     def _weak_constraints(self, t: float, q: Array, v: Array) -> str:
         """Return the constraints that take part in the dependency at a state."""
@@ -254,3 +257,10 @@ class RankWatch:
         u, _, _ = np.linalg.svd(jacobian / self.motion.lengths[:, None])
         parts = np.abs(u[:, max(0, self.rank - 1) :]).max(axis=1)
         return ", ".join(f"`{n}`" for n, x in zip(self.names, parts, strict=True) if x > 0.05)
+
+
+def _start_stop(names: str, why: str) -> Stop:
+    return Stop(
+        f"the start is a singular configuration: the constraints {names} {why} there and do not"
+        " determine how the motion begins; start beside it"
+    )

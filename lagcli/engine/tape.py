@@ -120,6 +120,7 @@ _RELATION = {
     se.Unequality: Op.NE,
 }
 _NOT_FINITE = (type(se.oo), type(-se.oo), type(se.zoo), type(se.nan))
+_TRUTH = (bool, type(se.true), type(se.false))
 _COMMUTATIVE = {Op.ADD, Op.MUL, Op.EQ, Op.NE, Op.AND, Op.OR}
 
 
@@ -194,7 +195,7 @@ class _Builder:
 
     def _assemble(self, e: Basic) -> int:
         """Emit the operation of an expression whose parts have registers."""
-        if isinstance(e, bool) or e in (se.true, se.false):
+        if isinstance(e, _TRUTH):
             return self.constant(1.0 if e else 0.0)
         if isinstance(e, se.Symbol):
             raise KeyError(e.name)
@@ -301,7 +302,7 @@ class _Builder:
 
 def _key(e: object) -> object:
     # python's True equals 1, so truth needs keys of its own
-    return ("bool", bool(e)) if isinstance(e, bool) or e in (se.true, se.false) else e
+    return ("bool", bool(e)) if isinstance(e, _TRUTH) else e
 
 
 def _double(e: Basic) -> float:

@@ -46,6 +46,9 @@ _OTHER_NAMES = {
     "piecewise": "if",
     "where": "if",
     "mod": "floor",
+    "sine": "sin",
+    "cosine": "cos",
+    "tangent": "tan",
 }
 _ZERO, _ONE = se.Integer(0), se.Integer(1)
 _AXES = {

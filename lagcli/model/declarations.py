@@ -14,11 +14,6 @@ from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.tokens import is_name
 from lagcli.model.units import UNIT_HELP, UnknownUnit, to_si
 
-KEYS = (
-    *("name", "description", "coordinates", "parameters", "definitions", "T", "V", "L", "Q", "D"),
-    *("constraints", "initial", "outputs", "simulation"),
-)
-LATER_KEYS = ("inputs", "events", "view")
 _OTHER_KEYS = {
     **dict.fromkeys(["forces", "generalized_forces", "F"], "Q"),
     **dict.fromkeys(["kinetic", "kinetic_energy", "kinetic energy"], "T"),
@@ -34,12 +29,12 @@ _OTHER_KEYS = {
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
-def check_keys(draft: Draft) -> None:
+def check_keys(draft: Draft, keys: tuple[str, ...], later: tuple[str, ...]) -> None:
     """Report the keys that a model file does not have; what they are meant for is not missing."""
     for name, key, _ in draft.root:
-        if name in KEYS:
+        if name in keys:
             continue
-        if name in LATER_KEYS:
+        if name in later:
             draft.report.add(
                 "not-yet",
                 f"the key `{name}` is not part of this version",
@@ -47,13 +42,13 @@ def check_keys(draft: Draft) -> None:
                 "remove it; see docs/model-file.md for the keys of this version",
             )
             continue
-        close = [_OTHER_KEYS[name]] if name in _OTHER_KEYS else nearest(name, KEYS, 1)
+        close = [_OTHER_KEYS[name]] if name in _OTHER_KEYS else nearest(name, keys, 1)
         draft.meant.update(close)
         draft.report.add(
             "unknown-key",
             f"there is no key `{shorten(name)}` in a model file",
             key.location,
-            did_you_mean(close) or "the keys are " + ", ".join(KEYS),
+            did_you_mean(close) or "the keys are " + ", ".join(keys),
         )
 
 

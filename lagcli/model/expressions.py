@@ -130,6 +130,10 @@ _NOT_REAL = (
 )
 
 
+# how often a function of vectors or rotations repeats its arguments
+_COPIES = {"cross": 2, "norm": 2, "rot_x": 4, "rot_y": 4, "rot_z": 4, "rot": 12, "quat": 6}
+
+
 class _Builder:
     def __init__(self, scope: Scope):
         self.scope = scope
@@ -164,10 +168,21 @@ class _Builder:
         raise AssertionError(f"no such tree: {tree!r}")
 
     def made(
-        self, tree: Tree, value: Any, parts: Sequence[Sized], copies: int = 1, levels: int = 0
+        self,
+        tree: Tree,
+        value: Any,
+        parts: Sequence[Sized],
+        copies: int = 1,
+        levels: int = 0,
+        size: int | None = None,
     ) -> Sized:
-        """Return a value made of parts, if it is a real number and not too large."""
-        size = 1 + copies * sum(p.size for p in parts)
+        """Return a value made of parts, if it is a real number and not too large.
+
+        Its size is that of the copies of its parts, if not given; its depth that of the deepest
+        part and the levels put on it.
+        """
+        if size is None:
+            size = 1 + copies * sum(p.size for p in parts)
         depth = levels + max((p.depth for p in parts), default=0)
         if size > MAX_SIZE or depth > MAX_DEPTH:
             raise _error(
@@ -239,16 +254,18 @@ class _Builder:
         parts = [self.operand(factor) for _, factor in tree.factors]
         plain: list[Basic] = []
         tensor: Tensor | None = None
-        copies = 1
+        size = 0
         for (exponent, factor), part in zip(tree.factors, parts, strict=True):
             value = part.value
             if isinstance(value, Tensor):
                 if exponent < 0:
                     raise _error("shape", f"cannot divide by {value.kind}", factor)
-                if tensor is not None:
-                    # each entry of one goes into a row or column of the product
-                    copies *= max(tensor.shape[0], value.shape[1])
-                tensor = value if tensor is None else tensors.multiply(tensor, value)
+                if tensor is None:
+                    tensor, size = value, part.size
+                else:
+                    # an entry goes into a whole row, or a whole column, of the product
+                    size = size * value.shape[1] + part.size * tensor.shape[0]
+                    tensor = tensors.multiply(tensor, value)
             elif exponent > 0:
                 plain.append(value)
             elif value == 0:
@@ -259,7 +276,10 @@ class _Builder:
             return self.made(tree, se.Mul(*plain), parts, levels=1)
         scale = se.Mul(*plain)
         scaled = tensor.map(lambda x: scale * x) if plain else tensor
-        return self.made(tree, scaled, parts, copies, levels=1)
+        size += len(tensor.entries) * sum(
+            p.size for p in parts if not isinstance(p.value, Tensor)
+        )
+        return self.made(tree, scaled, parts, levels=1, size=size)
 
     def power(self, tree: Power) -> Sized:
         base = self.operand(tree.base)
@@ -341,10 +361,11 @@ class _Builder:
                 )
             arguments.append(built)
         value = tensor_call(name, [a.value for a in arguments], self.scope)
-        # a rotation repeats its angle twelve times; omega turns each rate by all later rotations
-        factors = arguments[0].value.factors if name == "omega" else ()
-        copies = 3 ** len(factors) if factors else 12
-        return self.made(tree, value, arguments, copies, levels=2 + len(factors))
+        copies, levels = _COPIES.get(name, 1), 2
+        if name == "omega":  # turns each rate by all later rotations
+            factors = arguments[0].value.factors  # type: ignore[union-attr]
+            copies, levels = 3 ** max(1, len(factors)), 2 + len(factors)
+        return self.made(tree, value, arguments, copies, levels)
 
     # conditions
 

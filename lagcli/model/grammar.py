@@ -39,7 +39,9 @@ from lagcli.model.trees import (
 
 MAX_NESTING = 50  # what a person can read ends at 10; each level costs eleven Python frames
 MAX_DIGITS = 400  # digits of one number
-MAX_EXPONENT = 308  # of a number as written: beyond it lies no double
+# of a number as written: beyond them lies no double
+MAX_EXPONENT = 308
+MIN_EXPONENT = -340
 
 COMPARISONS = ("<=", ">=", "==", "!=", "<", ">")
 KEYWORDS = frozenset({"and", "or", "not", "if"})
@@ -274,13 +276,15 @@ class _Parser:
 
     def _number(self, token: Token) -> Number:
         mantissa, _, exponent = token.text.lower().partition("e")
-        if len(mantissa) > MAX_DIGITS or abs(int(exponent[:9] or 0)) > MAX_EXPONENT:
+        power = int(exponent[:9] or 0)
+        if len(mantissa) > MAX_DIGITS or not MIN_EXPONENT <= power <= MAX_EXPONENT:
             raise ExpressionError(
                 "bad-number",
                 "this number is beyond what a double can hold",
                 token.start,
                 token.end,
-                f"numbers have at most {MAX_DIGITS} digits and exponents up to {MAX_EXPONENT}",
+                f"numbers have at most {MAX_DIGITS} digits and exponents from {MIN_EXPONENT} to"
+                f" {MAX_EXPONENT}",
             )
         if re.match("0[0-9]", mantissa):
             raise self.fail(

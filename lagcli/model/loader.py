@@ -21,6 +21,12 @@ from lagcli.model.report import Report
 from lagcli.model.simulation import read_settings
 from lagcli.model.source import Source
 
+KEYS = (
+    *("name", "description", "coordinates", "parameters", "definitions", "T", "V", "L", "Q", "D"),
+    *("constraints", "initial", "outputs", "simulation"),
+)
+LATER_KEYS = ("inputs", "events", "view")
+
 
 def load(
     path: str | Path,
@@ -69,7 +75,7 @@ def load_text(
 def _model(
     draft: Draft, overrides: Mapping[str, object], initial_overrides: Mapping[str, object]
 ) -> Model:
-    check_keys(draft)
+    check_keys(draft, KEYS, LATER_KEYS)
     coordinates = read_coordinates(draft)
     parameter_entries = _declarations(draft, "parameters")
     definition_entries = _declarations(draft, "definitions")

@@ -205,7 +205,7 @@ class Settings:
                 yield SettingError(
                     key,
                     f"rtol must lie between 1e-13 and 0.1, not {value:g}",
-                    "doubles hold no more than 1e-13",
+                    "doubles hold no more than 1e-13" if value < 1e-13 else "1e-9 is usual",
                 )
             elif key == "samples" and not 1 <= value <= MAX_SAMPLES:
                 yield SettingError(key, f"samples must lie between 1 and 10^8, not {value}")

@@ -75,7 +75,8 @@ def read_parameters(
     }
     order, circles = in_order(needs)
     for circle in circles:
-        report_circle(draft, "parameter", circle, {n: nodes[n][0] for n in circle})
+        keys = {n: texts[n].quantity.parsed.node if n in overrides else nodes[n][0] for n in circle}
+        report_circle(draft, "parameter", circle, keys)
     for name in order:
         if name not in draft.names.broken:
             parameter = _evaluated(draft, name, texts[name], constants)

@@ -78,7 +78,8 @@ class Report:
 
 def _place(diagnostic: Diagnostic) -> tuple[int, int]:
     where = diagnostic.location
-    return (where.line, where.column) if where else (0, 0)
+    # what stands on the command line comes first, in the order in which it was found
+    return (where.line, where.column) if where and where.line else (0, 0)
 
 
 _LISTED = 10  # lines named in "also in"

@@ -236,3 +236,12 @@ def test_simulate_imports_what_it_uses(tmp_path: Path) -> None:
     found = loaded("simulate", str(model), "--t-end", "0.1", "-o", out)
     assert not found & {"sympy", "matplotlib", "pandas", "pint", "rich", "h5py", "dask"}
     assert {"numpy", "symengine"} <= found
+
+
+def test_simulate_can_be_called_whatever_was_imported_first() -> None:
+    code = (
+        "from lagcli.simulation import resolve\nimport lagcli\n"
+        f"m = lagcli.load({str(ROOT / 'models' / 'pendulum_cartesian.yaml')!r})\n"
+        "assert lagcli.simulate(m, t_end=0.01, samples=2).status == 'completed'"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

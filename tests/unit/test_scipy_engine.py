@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -305,6 +306,13 @@ def test_timeout() -> None:
     assert 0 < len(trajectory.time) < 10**6
 
 
+def test_samples_beyond_the_end_of_a_run_cost_nothing() -> None:
+    began = time.monotonic()
+    failed(PENDULUM, timeout=0.01, t_end=1e6, samples=10**7)
+    # the times themselves are 80 MB; a list of them would take seconds
+    assert time.monotonic() - began < 2
+
+
 def test_max_step() -> None:
     free, bounded = (
         completed(PENDULUM, t_end=1, samples=2, rtol=1e-3, atol=1e-3, **limit)
@@ -451,7 +459,7 @@ initial: {phi: 0.5, phi': 2, psi: {guess: 0.5}, psi': {guess: 0}}
 
 @pytest.mark.parametrize("rtol", [1e-5, 1e-9, 1e-12])
 @pytest.mark.parametrize(
-    ("model", "time", "names"),
+    ("model", "instant", "names"),
     [
         (
             lambda: shipped("parallelogram", alpha_1_dot=6),
@@ -463,9 +471,9 @@ initial: {phi: 0.5, phi': 2, psi: {guess: 0.5}, psi': {guess: 0}}
     ],
 )
 def test_stops_at_a_singular_configuration(
-    model: Callable[[], Model], time: Callable[[], float], names: tuple[str, ...], rtol: float
+    model: Callable[[], Model], instant: Callable[[], float], names: tuple[str, ...], rtol: float
 ) -> None:
-    expected = time()
+    expected = instant()
     trajectory = failed(model(), t_end=3 * expected, samples=301, rtol=rtol, atol=rtol)
     assert "singular configuration" in trajectory.message
     assert "--through-singular" in trajectory.message
@@ -515,8 +523,13 @@ initial: {{phi: 0, phi': {speed}, psi: 0, psi': {speed}}}
     assert len(trajectory.time) == 0
 
 
+def test_constraint_without_a_gradient_is_a_singular_start() -> None:
+    trajectory = failed(lagcli.load(MODELS / "pendulum_cartesian.yaml", set={"l": 0}), t_end=1)
+    assert "the start is a singular configuration" in trajectory.message
+    assert "`rod`" in trajectory.message
+
+
 def test_redundant_start_is_no_singular_one() -> None:
-    # the same rod twice, and a third time squared: its gradient vanishes on it
     twice = text_model("""
 coordinates: [x, y]
 T: (x'^2 + y'^2)/2

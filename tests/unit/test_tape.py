@@ -270,8 +270,8 @@ def test_time_grows_like_the_size() -> None:
         compile_tape([total], VARIABLES)
         return time.perf_counter() - began
 
-    small = min(seconds(1000) for _ in range(3))
-    large = min(seconds(8000) for _ in range(2))
+    small = min(seconds(500) for _ in range(3))
+    large = min(seconds(4000) for _ in range(2))
     # eight times as long; square growth would be sixty-four
     assert large < 24 * small
 
