@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 import time
-import types
 from collections.abc import Callable
 from typing import Any
 
@@ -25,6 +23,7 @@ from lagcli.engine.system import System, compile_system
 from lagcli.equations.lagrange import Equations, derive
 from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
 from lagcli.model.model import DEFAULTS, InitialValue, Model, SettingError, Settings
+from lagcli.model.units import si_notation
 from lagcli.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -364,19 +363,5 @@ def _largest(scale: Array) -> Array:
 
 def _units(model: Model) -> dict[str, str]:
     units = {c.name: c.unit for c in model.coordinates if c.unit}
-    units |= {p.name: p.unit for p in model.parameters.values() if p.unit}
+    units |= {p.name: si_notation(p.unit) for p in model.parameters.values() if p.unit}
     return units | dict(model.output_units)
-
-
-class _Callable(types.ModuleType):
-    """This module, which is called as its function.
-
-    The package's function has the name of this module, and the import of a submodule takes that
-    name in the package: ``lagcli.simulate(model)`` works whichever of the two came first.
-    """
-
-    def __call__(self, *arguments: Any, **options: Any) -> Trajectory:
-        return simulate(*arguments, **options)
-
-
-sys.modules[__name__].__class__ = _Callable

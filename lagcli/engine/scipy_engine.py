@@ -95,6 +95,7 @@ class _Integration:
         self.steps = self.rejected = 0
         self.samples: list[_Sample] = []
         self.sampled = 0
+        self.began = time.monotonic()
         if request.formulation == "baumgarte":
             alpha = 1.0 if request.alpha is None else request.alpha
             self.motion.damping = alpha, alpha if request.beta is None else request.beta
@@ -114,9 +115,8 @@ class _Integration:
             return
         solver = self.solver(t, y)
         watch.add(t, y)
-        began = time.monotonic()
         while solver.status == "running":
-            self.check_limits(t, began)
+            self.check_limits(t)
             solver.max_step = min(request.max_step, watch.largest_step())  # LSODA: has no effect
             self.step(solver, t)
             t, y = self.accept(solver, t, y)
@@ -241,6 +241,8 @@ class _Integration:
 
     def sample(self, t: float, y: Array) -> None:
         """Write the consistent state at a sample time, with its a and λ."""
+        if self.samples:  # one step may hold more samples than the time allows
+            self.check_timeout(t)
         q, v = self.motion.split(self.project(t, y))
         a, multipliers, _ = self.motion.accelerations(t, q, v)
         if not np.isfinite(a).all():
@@ -254,14 +256,18 @@ class _Integration:
             self.samples.append(_Sample(at, *crossing(at)))
         return crossing.end, crossing.state
 
-    def check_limits(self, t: float, began: float) -> None:
+    def check_limits(self, t: float) -> None:
         """Stop a run that takes more steps or time than allowed."""
-        steps, timeout = self.request.max_steps, self.request.timeout
-        if self.steps >= steps:
+        if self.steps >= self.request.max_steps:
             raise Stop(
                 f"gave up after {self.steps} steps at t = {t:.9g} s; --max-steps allows more"
             )
-        if timeout is not None and time.monotonic() - began > timeout:
+        self.check_timeout(t)
+
+    def check_timeout(self, t: float) -> None:
+        """Stop a run that takes more time than allowed."""
+        timeout = self.request.timeout
+        if timeout is not None and time.monotonic() - self.began > timeout:
             raise Stop(
                 f"gave up after {timeout:g} s of time at t = {t:.9g} s; --timeout allows more"
             )

@@ -113,6 +113,15 @@ _UNARY = {
     se.ceiling: Op.CEIL,
     se.Abs: Op.ABS,
 }
+#: SymEngine writes tan(x + pi/2) as −cot(x), and atan2(x, x) by sign(x).
+_RECIPROCAL = {
+    se.cot: Op.TAN,
+    se.sec: Op.COS,
+    se.csc: Op.SIN,
+    se.coth: Op.TANH,
+    se.sech: Op.COSH,
+    se.csch: Op.SINH,
+}
 _RELATION = {
     se.StrictLessThan: Op.LT,
     se.LessThan: Op.LE,
@@ -216,6 +225,10 @@ class _Builder:
             return self.emit(_UNARY[kind], operands[0])
         if kind in _RELATION:
             return self.emit(_RELATION[kind], *operands)
+        if kind in _RECIPROCAL:
+            return self.emit(Op.DIV, self.constant(1.0), self.emit(_RECIPROCAL[kind], operands[0]))
+        if kind is se.sign:
+            return self._sign(operands[0])
         if kind is se.atan2:
             return self.emit(Op.ATAN2, *operands)
         if kind in (se.And, se.Or):
@@ -224,9 +237,19 @@ class _Builder:
             for x in operands[1:]:
                 total = self.emit(op, total, x)
             return total
+        if kind is se.sign:  # SymEngine's own: atan2(x, x) becomes one
+            zero = self.constant(0.0)
+            positive = self.emit(Op.LT, zero, operands[0])
+            return self.emit(Op.SUB, positive, self.emit(Op.LT, operands[0], zero))
         if kind is se.Not:
             return self.emit(Op.NOT, operands[0])
         raise TypeError(f"no operation for {kind.__name__}: {e}")
+
+    def _sign(self, x: int) -> int:
+        zero, one = self.constant(0.0), self.constant(1.0)
+        # where it is neither, x itself: 0 or NaN
+        negative = self.emit(Op.SELECT, self.emit(Op.LT, x, zero), self.emit(Op.NEG, one), x)
+        return self.emit(Op.SELECT, self.emit(Op.LT, zero, x), one, negative)
 
     def _sum(self, e: Basic) -> int:
         plus: list[int] = []

@@ -21,6 +21,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model import model as symbols
+from lagcli.model.functions import derivative
 from lagcli.model.model import Constraint, Model
 
 ZERO = se.Integer(0)
@@ -206,6 +207,11 @@ class _Motion:
         explicit = _derivative(terms[symbols.TIME], symbols.TIME) if timed else ZERO
         return {j: m for j, m in row.items() if m != 0}, convective, explicit
 
+    def slope(self, expression: Basic, j: int) -> Basic:
+        """Return ∂/∂v_j of an expression affine in v; written out only where that is not seen."""
+        slope = derivative(expression, self.v[j])
+        return se.expand(slope) if slope.free_symbols & set(self.v) else slope
+
     def constraint(self, constraint: Constraint) -> ConstraintEquation:
         expression = constraint.expression
         if constraint.kind == "holonomic":
@@ -216,8 +222,8 @@ class _Motion:
             position: Basic | None = expression
         else:
             _, rates, _ = self.occurring(expression)
-            row = {j: se.expand(expression.diff(self.v[j])) for j in rates}
-            drift = se.expand(expression.subs({self.v[j]: ZERO for j in rates}))
+            row = {j: self.slope(expression, j) for j in rates}
+            drift = expression.subs({self.v[j]: ZERO for j in rates})
             position = None
         row = {j: b for j, b in row.items() if b != 0}
         velocity = se.Add(*[b * self.v[j] for j, b in row.items()], drift)
@@ -254,13 +260,7 @@ def _by_symbol(terms: Iterable[Basic]) -> dict[Basic, list[Basic]]:
 
 def _derivative(terms: Iterable[Basic], symbol: Basic) -> Basic:
     """Return ∂/∂symbol of a sum of terms."""
-    return se.Add(*[_without_jumps(term.diff(symbol)) for term in terms])
-
-
-def _without_jumps(expression: Basic) -> Basic:
-    """Set the derivative of floor and ceil to zero, which it is wherever it exists."""
-    jumps = expression.atoms(se.Derivative)
-    return expression.xreplace(dict.fromkeys(jumps, ZERO)) if jumps else expression
+    return se.Add(*[derivative(term, symbol) for term in terms])
 
 
 def _outputs(model: Model, constraints: tuple[ConstraintEquation, ...]) -> dict[str, Basic]:

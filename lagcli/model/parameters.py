@@ -16,7 +16,7 @@ from lagcli.model.definitions import report_circle
 from lagcli.model.dependencies import in_order
 from lagcli.model.draft import Draft, Entry
 from lagcli.model.model import Parameter
-from lagcli.model.quantities import Quantity, constant, evaluate, read_quantity
+from lagcli.model.quantities import Quantity, constant, evaluate, read_quantity, unit_of
 from lagcli.model.scope import Context, Names
 from lagcli.model.source import Mapping as MappingNode
 from lagcli.model.source import Node, Scalar, Source
@@ -107,12 +107,30 @@ def _read(
                 f"write `{name}: {{value: 1}}`, or just `{name}: 1`",
             )
     if name in overrides:
-        # a number alone is SI, whatever the unit in the file
-        value, unit = override_node("--set", name, overrides[name]), None
+        unit = unit or unit_of(value)
+        value = override_node("--set", name, overrides[name])
+        if not _is_number(value.value):
+            unit = None
+        elif unit is not None and to_si(unit) != 1:
+            draft.report.add(
+                "ambiguous-unit",
+                f"`{name}` is given in {unit} in the file, and without a unit here",
+                value.location,
+                f"write the unit: --set '{name}={value.value} {unit}'",
+            )
+            return None
     if value is None or not good:
         return None
     quantity = read_quantity(draft, value, what, names, unit)
     return None if quantity is None else _Text(quantity, description)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _unit(draft: Draft, node: Node | None, what: str) -> tuple[str | None, bool]:

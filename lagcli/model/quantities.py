@@ -111,6 +111,12 @@ def read_quantity(
     return None
 
 
+def unit_of(node: Node | None) -> str | None:
+    """Return the unit that stands behind a number, or None."""
+    match = _WITH_UNIT.fullmatch(node.value) if isinstance(node, Scalar) else None
+    return match[2].strip() if match and _is_unit(match[2].strip()) else None
+
+
 def _is_unit(text: str) -> bool:
     try:
         to_si(text)

@@ -35,6 +35,10 @@ _WHOLE: dict[str, Factor] = {
     **dict.fromkeys(["hertz", "kilogram", "kelvin", "ampere", "volt", "coulomb", "tesla"], _ONE),
     **{"min": Fraction(60), "h": Fraction(3600), "L": Fraction(1, 1000), "t": Fraction(1000)},
 }
+_SI_NAMES = {
+    **dict.fromkeys(["deg", "°", "degree", "degrees"], "rad"),
+    **{"min": "s", "h": "s", "L": "m^3", "t": "kg", "g": "kg"},
+}
 _TOKEN = re.compile(
     r"\s*(?:(\*\*|\^)\s*([+-]?[0-9]{1,2})(?![0-9])|([*/()·])|([^\W\d]+|°|1)|([²³]))"
 )
@@ -69,6 +73,21 @@ def to_si(unit: str) -> Factor:
     if not 0 < size < math.inf:
         raise UnknownUnit(f"`{shorten(unit)}` is too large or too small")
     return factor
+
+
+def si_notation(unit: str) -> str:
+    """Return the SI unit of values that were given in a unit: ``deg/s`` becomes ``rad/s``."""
+
+    def replaced(match: re.Match[str]) -> str:
+        name = match[0]
+        si = _SI_NAMES.get(name) or (name if _single(name) == 1 else None)
+        if si is None and name[1:] in _BASE:
+            si = "kg" if name[1:] == "g" else name[1:]
+        if si is None:
+            si = f"{_registry().Quantity(1, name).to_base_units().units:~C}".replace("**", "^")
+        return f"({si})" if re.search("[*/^]", si) and name != unit else si
+
+    return unit if to_si(unit) == 1 else re.sub(r"[^\W\d]+|°", replaced, unit)
 
 
 def _single(name: str) -> Factor:

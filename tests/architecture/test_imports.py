@@ -27,7 +27,7 @@ ROOMS = {
     # symbols enter an engine where a System is compiled; beyond that it knows numbers
     "engine": {"errors", "model", "equations"},
     "results": {"errors", "trajectory", "lagcli"},
-    "simulate": {"errors", "model", "equations", "engine", "trajectory", "undefined", "lagcli"},
+    "simulation": {"errors", "model", "equations", "engine", "trajectory", "undefined", "lagcli"},
     "undefined": {"errors", "model", "equations", "engine"},
 }
 
@@ -39,7 +39,7 @@ FOREIGN = {
     "equations": {"numpy", "scipy", "h5py", "yaml", "typer", "rich"},
     "engine": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "os", "pathlib", "io"},
     "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
-    "simulate": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
+    "simulation": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
     "undefined": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
 }
 
@@ -55,7 +55,7 @@ HEAVY = {
     "rich": set(),
     "h5py": set(),
     "scipy": {"engine"},
-    "numpy": {"engine", "results", "simulate", "trajectory", "cli"},
+    "numpy": {"engine", "results", "simulation", "trajectory", "cli"},
     "symengine": {"model", "equations", "engine", "undefined"},
 }
 
@@ -125,7 +125,7 @@ def test_numeric_engine_knows_no_symbols(module: str) -> None:
 
 def test_files_are_opened_by_the_loader_the_results_and_the_command_line_alone() -> None:
     for module in MODULES:
-        if room(module) in ("engine", "equations", "simulate", "undefined", "trajectory"):
+        if room(module) in ("engine", "equations", "simulation", "undefined", "trajectory"):
             for node in ast.walk(tree(module)):
                 if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
                     assert node.func.id != "open", f"{module}:{node.lineno}"

@@ -139,7 +139,7 @@ def test_overrides() -> None:
     assert model.parameter_values["m"] == 4
     assert model.parameter_values["l"] == 1.5  # depends on m
     assert model.parameters["l"].description == "rod"
-    assert model.initial_positions["y"] .value == 0.25
+    assert model.initial_positions["y"].value == 0.25
     assert model.initial_positions["y"].fixed
     assert model.initial_velocities["y"].value == 4
     assert math.isclose(model.initial_positions["x"].value, 1.5 * math.sin(math.pi / 3))
@@ -311,3 +311,21 @@ def test_shipped_models_load(name: str) -> None:
     assert time.perf_counter() - began < 1
     assert model.initial_positions.keys() == set(model.coordinate_names)
     assert model.initial_velocities.keys() == set(model.coordinate_names)
+
+
+def with_length(unit: str) -> str:
+    return (
+        f"coordinates: [x]\nparameters: {{m: 1 kg, a: 30 {unit}}}\nT: m/2*x'^2\nV: m*a*x\n"
+        "initial: {x: 0, x': 0}\n"
+    )
+
+
+def test_a_bare_number_replaces_a_value_given_in_si_and_keeps_its_unit() -> None:
+    parameter = load_text(with_length("m/s^2"), set={"a": 2}).parameters["a"]
+    assert (parameter.value, parameter.unit) == (2.0, "m/s^2")
+
+
+def test_a_bare_number_for_a_value_in_another_unit_is_ambiguous() -> None:
+    with pytest.raises(ModelError, match=r"write the unit: --set 'a=2 cm/s\^2'"):
+        load_text(with_length("cm/s^2"), set={"a": 2})
+    assert load_text(with_length("cm/s^2"), set={"a": "2 cm/s^2"}).parameters["a"].value == 0.02

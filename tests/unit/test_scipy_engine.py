@@ -300,6 +300,12 @@ def test_max_steps() -> None:
     assert 0 < trajectory.time[-1] < 10
 
 
+def test_max_steps_that_are_just_enough() -> None:
+    free = completed(PENDULUM, t_end=0.5, samples=11)
+    again = completed(PENDULUM, t_end=0.5, samples=11, max_steps=free.counts["steps"])
+    np.testing.assert_array_equal(again.q, free.q)
+
+
 def test_timeout() -> None:
     trajectory = failed(PENDULUM, timeout=0.05, t_end=1e6, samples=10**6)
     assert "--timeout" in trajectory.message
@@ -311,6 +317,13 @@ def test_samples_beyond_the_end_of_a_run_cost_nothing() -> None:
     failed(PENDULUM, timeout=0.01, t_end=1e6, samples=10**7)
     # the times themselves are 80 MB; a list of them would take seconds
     assert time.monotonic() - began < 2
+
+
+def test_timeout_within_one_step() -> None:
+    began = time.monotonic()
+    trajectory = failed(PENDULUM, timeout=0.2, t_end=0.01, samples=10**6)
+    assert time.monotonic() - began < 3  # all the samples would take minutes
+    assert len(trajectory.time) > 1
 
 
 def test_max_step() -> None:

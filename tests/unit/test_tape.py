@@ -318,6 +318,31 @@ def test_undefined_values_are_those_of_ieee_754(
     assert batch(expression, (x, 0, 0))[0] == pytest.approx(expected, nan_ok=True)
 
 
+@pytest.mark.parametrize("x", [-1.3, 0.7])
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        (se.tan(X + se.pi / 2), lambda x: -1 / math.tan(x)),
+        (se.atan2(X, X), lambda x: math.atan2(x, x)),
+        (se.atan2(-2 * X, X), lambda x: math.atan2(-2 * x, x)),
+        (se.sign(X), lambda x: math.copysign(1, x)),
+        (se.sec(X) + se.csc(X), lambda x: 1 / math.cos(x) + 1 / math.sin(x)),
+        (se.coth(X) + se.sech(X), lambda x: 1 / math.tanh(x) + 1 / math.cosh(x)),
+        (se.csch(X), lambda x: 1 / math.sinh(x)),
+    ],
+)
+def test_functions_that_symengine_brings_in(
+    expression: se.Basic, expected: Callable[[float], float], x: float
+) -> None:
+    assert value(expression, x) == pytest.approx(expected(x), rel=1e-14)
+    assert batch(expression, (x, 0, 0))[0] == pytest.approx(expected(x), rel=1e-14)
+
+
+def test_sign_of_zero_and_of_nothing() -> None:
+    assert value(se.sign(X), 0.0) == 0.0
+    assert math.isnan(value(se.sign(X), math.nan))
+
+
 def test_branch_that_is_not_taken_may_be_undefined() -> None:
     expression = cases(se.Gt(X, 0), se.log(X) + se.sqrt(X), 1 / (X - 1))
     for x, expected in ((2.0, math.log(2) + math.sqrt(2)), (-1.0, -0.5)):

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import pytest
 
-from lagcli.model.units import UnknownUnit, to_si
+from lagcli.model.units import UnknownUnit, si_notation, to_si
 
 
 @pytest.mark.parametrize(
@@ -88,3 +88,21 @@ def test_pint_is_loaded_only_for_what_the_table_lacks() -> None:
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "False"
+
+
+@pytest.mark.parametrize(
+    ("unit", "si"),
+    [
+        ("deg/s", "rad/s"),
+        ("mm", "m"),
+        ("kN/m", "N/m"),
+        ("g*cm^2", "kg*m^2"),
+        ("ft", "m"),
+        ("L^2", "(m^3)^2"),
+        ("1/min", "1/s"),
+        ("kg*m^2/s^2", "kg*m^2/s^2"),
+    ],
+)
+def test_si_notation_names_the_unit_of_the_converted_value(unit, si):
+    assert si_notation(unit) == si
+    assert to_si(si_notation(unit)) == 1
