@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,8 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 DEFAULT_SAMPLES = 1001
+#: What the compiled engine can do; the reference engine can do all.
+COMPILED_METHODS = ("DOP853",)
 
 
 def simulate(
@@ -79,7 +82,7 @@ def simulate(
     system = compile_system(equations)
     compiled = time.perf_counter()
     start = find_start(equations, system, chosen)
-    run = _engine(chosen.engine)(system, _request(start, chosen), progress)
+    run = _engine(chosen)(system, _request(start, chosen), progress)
     integrated = time.perf_counter()
     if run.undefined is not None:
         run.message += "; " + _undefined(equations, *run.undefined)
@@ -105,14 +108,40 @@ def resolve(settings: Settings, model: Model) -> Settings:
         chosen = dataclasses.replace(chosen, times=times)
     elif chosen.samples is None and chosen.dt is None:
         chosen = dataclasses.replace(chosen, samples=DEFAULT_SAMPLES)
+    if chosen.engine is None:
+        suits = chosen.method in COMPILED_METHODS and compiled_available()
+        chosen = dataclasses.replace(chosen, engine="compiled" if suits else "scipy")
     try:
         if settings.times is not None:
             chosen = dataclasses.replace(chosen, t_end=settings.t_end)
         chosen.check()
+        _check_engine(chosen)
     except SettingError as error:
         help_ = f"; {error.help}" if error.help else ""
         raise UsageError(f"{error}{help_}") from None
     return chosen
+
+
+def compiled_available() -> bool:
+    """Return whether the compiled engine was built when the package was installed."""
+    return find_spec("lagcli.engine.core.binding") is not None
+
+
+def _check_engine(settings: Settings) -> None:
+    if settings.engine != "compiled":
+        return
+    if settings.method not in COMPILED_METHODS:
+        raise SettingError(
+            "engine",
+            f"the compiled engine has no method {settings.method}",
+            f"its methods are {', '.join(COMPILED_METHODS)}; --engine scipy has all",
+        )
+    if not compiled_available():
+        raise SettingError(
+            "engine",
+            "the compiled engine was not built: there was no C compiler at installation",
+            "install one and lagcli again, or give --engine scipy",
+        )
 
 
 def sample_times(settings: Settings) -> Array:
@@ -130,8 +159,11 @@ def sample_times(settings: Settings) -> Array:
     return np.array([end]) if settings.samples == 1 else np.linspace(start, end, settings.samples)
 
 
-def _engine(name: str | None) -> Engine:
-    assert name == "scipy", name
+def _engine(settings: Settings) -> Engine:
+    if settings.engine == "compiled":
+        from lagcli.engine import compiled_engine
+
+        return compiled_engine.run
     from lagcli.engine import scipy_engine
 
     return scipy_engine.run

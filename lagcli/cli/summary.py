@@ -130,7 +130,7 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     lines.append(f"  {'energy':<12}balance within {s['energy_balance']:.1e} J{relative}")
     if s["multipliers"]:
         width = max(len(f"lambda.{n}") for n in s["multipliers"])
-        lines.append(f"  {'multipliers':<12}")
+        lines.append("  multipliers")
         for n, m in s["multipliers"].items():
             lines.append(
                 f"    {'lambda.' + n:<{width}}  min {m['min']:>13.6g} at t = {m['t_min']:<9.4g}"

@@ -20,10 +20,16 @@ from lagcli.engine.tape import Op, Tape, arity
 Array = NDArray[np.float64]
 
 
+def _special() -> Any:
+    # imported when used: a run without error functions must not pay for it
+    from scipy import special
+
+    return special
+
+
 @cache
 def _arrays() -> dict[Op, Callable[..., Any]]:
     """Return the operations on arrays."""
-    from scipy import special
 
     def as_number(relation: Callable[..., Any]) -> Callable[..., Any]:
         return lambda a, b: np.where(relation(a, b), 1.0, 0.0)
@@ -51,8 +57,8 @@ def _arrays() -> dict[Op, Callable[..., Any]]:
         Op.ATANH: np.arctanh,
         Op.EXP: np.exp,
         Op.LOG: np.log,
-        Op.ERF: special.erf,
-        Op.ERFC: special.erfc,
+        Op.ERF: lambda x: _special().erf(x),
+        Op.ERFC: lambda x: _special().erfc(x),
         Op.FLOOR: np.floor,
         Op.CEIL: np.ceil,
         Op.ABS: np.abs,

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 Array = NDArray[np.float64]
 
@@ -87,7 +86,7 @@ def solve_regular(mass: Array, forcing: Array, jacobian: Array, rhs: Array) -> t
     nq, n = len(forcing), len(forcing) + len(rhs)
     # rows of B are brought to M's magnitude, so that pivoting compares like with like
     weight = (mass.max() or 1.0) / row_scale(jacobian)  # M's largest entry is on its diagonal
-    matrix = np.zeros((n, n), order="F")
+    matrix = np.zeros((n, n))
     matrix[:nq, :nq] = mass
     scaled = jacobian * weight[:, None]
     matrix[nq:, :nq] = scaled
@@ -95,12 +94,11 @@ def solve_regular(mass: Array, forcing: Array, jacobian: Array, rhs: Array) -> t
     right = np.empty(n)
     right[:nq] = forcing
     right[nq:] = rhs * weight
-    lu, pivots, info = lapack.dgetrf(matrix)
-    if info != 0:
-        raise SingularSystem
-    x, _ = lapack.dgetrs(lu, pivots, right)
-    correction, _ = lapack.dgetrs(lu, pivots, right - matrix @ x)
-    x += correction
+    try:
+        x = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+        x += np.linalg.solve(matrix, right - matrix @ x)
+    except np.linalg.LinAlgError:
+        raise SingularSystem from None
     return x[:nq], -x[nq:] * weight
 
 
@@ -120,10 +118,10 @@ def solve_redundant(
     a = particular
     if d.null.shape[1]:
         reduced = d.null.T @ mass @ d.null
-        lu, pivots, info = lapack.dgetrf(reduced)
-        if info != 0:
-            raise SingularSystem
-        z, _ = lapack.dgetrs(lu, pivots, d.null.T @ (forcing - mass @ particular))
+        try:
+            z = np.linalg.solve(reduced, d.null.T @ (forcing - mass @ particular))
+        except np.linalg.LinAlgError:
+            raise SingularSystem from None
         a = particular + d.null @ z
     reaction = mass @ a - forcing
     multipliers = d.left @ ((d.right.T @ reaction) / d.values[: d.rank]) / d.scale

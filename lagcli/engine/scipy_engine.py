@@ -169,15 +169,7 @@ class _Integration:
             return
         if motion.undefined is not None:
             raise Undefined(*motion.undefined)
-        q, v = motion.split(solver.y)
-        if self.watch.near(t, solver.y):
-            raise self.watch.stop(t, q, v)
-        fastest = self.system.coordinates[int(np.argmax(np.abs(v)))]
-        raise Stop(
-            f"the step size fell to the floor at t = {t:.9g} s, where `{fastest}` changes fastest"
-            f" ({np.abs(v).max():.3g} per second): the motion is stiff or singular there; try"
-            f" --method Radau ({message or 'no progress'})"
-        )
+        raise self.watch.floor(t, solver.y, f" ({message})" if message else "")
 
     def accept(self, solver: OdeSolver, t_old: float, y_old: Array) -> tuple[float, Array]:
         """Sample the last step, and return the state at its end, on the constraints."""
@@ -276,9 +268,4 @@ class _Integration:
         """Stop if redundant constraints contradict each other."""
         if not self.motion.redundant or self.request.formulation != "projection":
             return  # beside the constraints, the combinations that vanish on them do not
-        worst = self.motion.contradicting(t, *self.motion.split(y))
-        if worst is not None and not self.watch.near(t, y):
-            raise Stop(
-                f"the redundant constraints contradict each other at t = {t:.9g} s: they cannot"
-                f" all hold with `{self.system.constraints[worst]}`; mend or drop one of them"
-            )
+        self.watch.check_redundancy(t, y)

@@ -126,7 +126,7 @@ class RankWatch:
         self._history = history
         for low, high in self._suspects(history):
             if high > t_old:
-                found = self._least(path, max(low, t_old), high)
+                found = self.singular_time(path, max(low, t_old), high)
                 if found is not None:
                     return found
         return None
@@ -149,7 +149,7 @@ class RankWatch:
         slope[: self.motion.nq] = self.motion.split(y)[1]
         return slope
 
-    def _least(self, path: Path, low: float, high: float) -> float | None:
+    def singular_time(self, path: Path, low: float, high: float) -> float | None:
         """Return the time between two at which a path is singular, or None."""
         found = minimize_scalar(
             lambda t: self.weakest(t, path(t)),
@@ -204,7 +204,7 @@ class RankWatch:
             return q, v
 
         now = self._nodes[-1]
-        found = self._least(
+        found = self.singular_time(
             lambda t: np.concatenate(path(t)), now.t, now.t + 3 * now.weakest / rate
         )
         if found is None:
@@ -220,6 +220,27 @@ class RankWatch:
             f" {self._weak_constraints(t, q, v)} become dependent there and do not determine the"
             " motion; --through-singular passes it"
         )
+
+    def floor(self, t: float, y: Array, remark: str = "") -> Stop:
+        """Return the end of a run whose step size fell to the floor."""
+        q, v = self.motion.split(y)
+        if self.near(t, y):
+            return self.stop(t, q, v)
+        fastest = self.motion.evaluator.system.coordinates[int(np.argmax(np.abs(v)))]
+        return Stop(
+            f"the step size fell to the floor at t = {t:.9g} s, where `{fastest}` changes fastest"
+            f" ({np.abs(v).max():.3g} per second): the motion is stiff or singular there; try"
+            f" --method Radau{remark}"
+        )
+
+    def check_redundancy(self, t: float, y: Array) -> None:
+        """Stop if redundant constraints contradict each other at a state on them."""
+        worst = self.motion.contradicting(t, *self.motion.split(y))
+        if worst is not None and not self.near(t, y):
+            raise Stop(
+                f"the redundant constraints contradict each other at t = {t:.9g} s: they cannot"
+                f" all hold with `{self.names[worst]}`; mend or drop one of them"
+            )
 
     def check_start(self, t: float, q: Array, v: Array, project: Projection) -> None:
         """Stop if the start is singular: B has a higher rank at consistent states beside it.

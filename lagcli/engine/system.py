@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import symengine as se
+
 from lagcli.engine.tape import Tape, compile_tape
 
 if TYPE_CHECKING:
@@ -68,8 +70,6 @@ def compile_system(equations: Equations) -> System:
     System
         With the model's parameter values.
     """
-    import symengine as se
-
     from lagcli.model.model import TIME
 
     eq, model = equations, equations.model
@@ -82,10 +82,6 @@ def compile_system(equations: Equations) -> System:
     mass = [eq.mass_matrix[i][j] for i, j in mass_pattern]
     jacobian = [rows[i][j] for i, j in jacobian_pattern]
     applied = se.Add(*[q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)])
-
-    def scale(expression: se.Basic) -> se.Basic:
-        terms = expression.args if isinstance(expression, se.Add) else (expression,)
-        return se.Add(*[se.Abs(term) for term in terms])
 
     positions = [eq.constraints[i].position for i in holonomic]
     return System(
@@ -110,8 +106,8 @@ def compile_system(equations: Equations) -> System:
                 *positions,
                 *jacobian,
                 *(c.drift for c in eq.constraints),
-                *(scale(x) for x in positions if x is not None),
-                *(scale(c.velocity) for c in eq.constraints),
+                *(_magnitude(x) for x in positions if x is not None),
+                *(_magnitude(c.velocity) for c in eq.constraints),
             ],
             [*state, *parameters],
         ),
@@ -121,3 +117,19 @@ def compile_system(equations: Equations) -> System:
         ),
         outputs=tuple(eq.outputs),
     )
+
+
+def _magnitude(expression: se.Basic) -> se.Basic:
+    """Return the sum of the magnitudes of an expression's terms, products of sums written out.
+
+    It is what the rounding error of the expression is proportional to.
+    """
+    if isinstance(expression, se.Add):
+        return se.Add(*[_magnitude(x) for x in expression.args])
+    if isinstance(expression, se.Mul):
+        return se.Mul(*[_magnitude(x) for x in expression.args])
+    if isinstance(expression, se.Pow):
+        base, exponent = expression.args
+        if isinstance(exponent, se.Integer) and exponent > 0:
+            return _magnitude(base) ** exponent
+    return se.Abs(expression)

@@ -132,8 +132,7 @@ def derive(model: Model) -> Equations:
     """
     names = model.coordinate_names
     q, v, a = (
-        tuple(map(f, names))
-        for f in (symbols.coordinate, symbols.velocity, symbols.acceleration)
+        tuple(map(f, names)) for f in (symbols.coordinate, symbols.velocity, symbols.acceleration)
     )
     motion = _Motion(q, v, a)
     lagrangian = -model.potential if model.kinetic is None else model.kinetic - model.potential

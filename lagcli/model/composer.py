@@ -231,7 +231,7 @@ class _Composer:
             "comma",
             f"inside {{ }} a comma ends the value: {cut[1].what} is taken for an entry of its own",
             cut[1],
-            f"put quotes around the whole value: `{name}: \"{shorten(text)}\"`",
+            f'put quotes around the whole value: `{name}: "{shorten(text)}"`',
         )
 
     def split_at_colon(self, key: Scalar) -> _Entry:

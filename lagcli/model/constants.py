@@ -75,7 +75,11 @@ def relation(sign: str, left: Basic, right: Basic) -> Basic:
     exact = isinstance(left, se.Rational) and isinstance(right, se.Rational)
     if exact or left.free_symbols or right.free_symbols:
         return _RELATIONS[sign](left, right)
-    return se.true if _OF_FLOATS[sign](number(left), number(right)) else se.false
+    try:
+        holds = _OF_FLOATS[sign](number(left), number(right))
+    except ValueError:  # a constant that is no number is reported where it stands
+        return _RELATIONS[sign](left, right)
+    return se.true if holds else se.false
 
 
 def cases(condition: Basic, when_true: Basic, when_false: Basic) -> Basic:

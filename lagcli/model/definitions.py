@@ -59,9 +59,7 @@ def _definitions_in(draft: Draft, parsed: Parsed) -> list[str]:
     return [name for name in names if name in draft.names.definitions]
 
 
-def report_circle(
-    draft: Draft, what: str, circle: list[str], keys: Mapping[str, Node]
-) -> None:
+def report_circle(draft: Draft, what: str, circle: list[str], keys: Mapping[str, Node]) -> None:
     """Report names that are defined by each other."""
     places = [keys[name].location for name in circle]
     first = min(range(len(circle)), key=lambda i: places[i].line)

@@ -105,8 +105,13 @@ class Draft:
         return fields
 
     def expression_node(
-        self, key: Scalar, node: Node, what: str, known: tuple[str, ...] = ("expr", "description"),
-        later: tuple[str, ...] = (), example: str = "expression",
+        self,
+        key: Scalar,
+        node: Node,
+        what: str,
+        known: tuple[str, ...] = ("expr", "description"),
+        later: tuple[str, ...] = (),
+        example: str = "expression",
     ) -> tuple[Node | None, dict[str, Node]]:
         """Return the node of an expression that may be the field ``expr`` of a mapping."""
         if not isinstance(node, Mapping):
@@ -169,9 +174,7 @@ class Draft:
             return build(parsed.tree, scope)
         return None
 
-    def scalar(
-        self, parsed: Parsed, context: Context, names: Names | None = None
-    ) -> Basic | None:
+    def scalar(self, parsed: Parsed, context: Context, names: Names | None = None) -> Basic | None:
         """Build a scalar expression; report what is wrong with it."""
         sized = self.build(parsed, context, names)
         if sized is None:

@@ -233,9 +233,7 @@ class _Builder:
 
     def sum(self, tree: Sum) -> Sized:
         parts = [self.operand(term) for _, term in tree.terms]
-        signed = [
-            (sign, part.value) for (sign, _), part in zip(tree.terms, parts, strict=True)
-        ]
+        signed = [(sign, part.value) for (sign, _), part in zip(tree.terms, parts, strict=True)]
         if not any(isinstance(value, Tensor) for _, value in signed):
             terms = [value if sign > 0 else -value for sign, value in signed]  # type: ignore[operator]
             return self.made(tree, se.Add(*terms), parts)
@@ -276,9 +274,7 @@ class _Builder:
             return self.made(tree, se.Mul(*plain), parts, levels=1)
         scale = se.Mul(*plain)
         scaled = tensor.map(lambda x: scale * x) if plain else tensor
-        size += len(tensor.entries) * sum(
-            p.size for p in parts if not isinstance(p.value, Tensor)
-        )
+        size += len(tensor.entries) * sum(p.size for p in parts if not isinstance(p.value, Tensor))
         return self.made(tree, scaled, parts, levels=1, size=size)
 
     def power(self, tree: Power) -> Sized:

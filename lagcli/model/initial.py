@@ -99,8 +99,11 @@ def _report_unknown(draft: Draft, name: str, key: Scalar) -> None:
         if what:
             help_ = f"`{base}` is a {what} (line {line}); remove the entry"
     draft.report.add(
-        "unknown-name", message, key.location, help_ or "the coordinates are "
-        + ", ".join(f"`{q}`" for q in list(names.coordinates)[:_SHOWN]),
+        "unknown-name",
+        message,
+        key.location,
+        help_
+        or "the coordinates are " + ", ".join(f"`{q}`" for q in list(names.coordinates)[:_SHOWN]),
     )
 
 

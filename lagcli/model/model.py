@@ -22,7 +22,7 @@ TIME = se.Symbol("t")
 
 METHODS = ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA")
 FORMULATIONS = ("projection", "baumgarte", "index1")
-ENGINES = ("scipy",)
+ENGINES = ("compiled", "scipy")
 MAX_SAMPLES = 10**8
 
 _POSITIVE = ("dt", "rtol", "atol", "max_step", "max_steps", "timeout")
@@ -257,7 +257,6 @@ DEFAULTS = Settings(
     atol=1e-10,
     method="DOP853",
     formulation="projection",
-    engine="scipy",
     max_steps=10_000_000,
     through_singular=False,
 )

@@ -56,9 +56,7 @@ def read_parameters(
     def value(name: str) -> Basic:
         return constant(found[name].value)
 
-    constants = replace(
-        draft.names, parameters={name: partial(value, name) for name in nodes}
-    )
+    constants = replace(draft.names, parameters={name: partial(value, name) for name in nodes})
     texts: dict[str, _Text] = {}
     for name, (_, node) in nodes.items():
         text = _read(draft, name, node, overrides, constants)
@@ -167,9 +165,7 @@ def override_node(option: str, name: str, value: object) -> Scalar:
     return Scalar(source, (0, 0), (0, len(text)), text)
 
 
-def _report_unknown_override(
-    draft: Draft, name: str, given: object, known: list[str]
-) -> None:
+def _report_unknown_override(draft: Draft, name: str, given: object, known: list[str]) -> None:
     names = draft.names
     where = override_node("--set", name, given).source.path
     base = name.rstrip("'").removesuffix("_ddot").removesuffix("_dot")

@@ -125,9 +125,7 @@ def _is_unit(text: str) -> bool:
     return True
 
 
-def evaluate(
-    draft: Draft, quantity: Quantity, context: Context, names: Names
-) -> float | None:
+def evaluate(draft: Draft, quantity: Quantity, context: Context, names: Names) -> float | None:
     """Return the SI value of a quantity; report why it has none."""
     parsed = quantity.parsed
     value = draft.scalar(parsed, context, names)

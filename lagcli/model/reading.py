@@ -73,9 +73,7 @@ def _decode(data: bytes, name: str) -> str:
         raise _refuse(name, f"the file is larger than {MAX_BYTES // 10**6} MB", _IS_IT)
     even, odd = any(data[:8:2]), any(data[1:8:2])
     if data.startswith(_UTF16) or (len(data) >= 8 and even != odd):
-        raise _refuse(
-            name, "the file is UTF-16 text, not UTF-8", "save it as UTF-8 in your editor"
-        )
+        raise _refuse(name, "the file is UTF-16 text, not UTF-8", "save it as UTF-8 in your editor")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -99,9 +97,7 @@ def check_text(source: Source) -> None:
     found = _NOT_TEXT.search(source.text)
     if found is None:
         return
-    line = next(
-        i for i, text in enumerate(source.lines) if _NOT_TEXT.search(text)
-    )
+    line = next(i for i, text in enumerate(source.lines) if _NOT_TEXT.search(text))
     column = _NOT_TEXT.search(source.lines[line])
     assert column is not None
     raise _refuse(

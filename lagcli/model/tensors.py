@@ -187,8 +187,10 @@ def angular_velocity(r: Tensor, derivative: Derivative) -> Tensor:
         )
     omega = vector(*r.factors[0].rate(derivative))
     for turn in r.factors[1:]:
-        matrix = rotation(vector(*turn.axis), *turn.parameters) if turn.axis else quaternion(
-            *turn.parameters
+        matrix = (
+            rotation(vector(*turn.axis), *turn.parameters)
+            if turn.axis
+            else quaternion(*turn.parameters)
         )
         omega = add(multiply(transpose(matrix), omega), vector(*turn.rate(derivative)))
     return omega

@@ -152,7 +152,9 @@ def _unexpected(text: str, at: int) -> ExpressionError:
             )
     if special := _SPECIAL.match(text, at):
         return ExpressionError(
-            "syntax", f"`{special[0]}` is not a number of a model", *special.span(),
+            "syntax",
+            f"`{special[0]}` is not a number of a model",
+            *special.span(),
             "numbers are finite",
         )
     char = text[at]

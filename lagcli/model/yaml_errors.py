@@ -75,7 +75,7 @@ def explain(source: Source, error: yaml.YAMLError) -> Diagnostic:
         )
     if "anchor" in context or "alias" in context:
         return at(
-            "a value that begins with * or & must be quoted", "write it in quotes: \"*…\"", True
+            "a value that begins with * or & must be quoted", 'write it in quotes: "*…"', True
         )
     if text[:column].rstrip().endswith(("]", "}")) and here:
         return at(

@@ -354,7 +354,8 @@ def test_interrupt_leaves_a_whole_file(tmp_path: Path, suffix: str) -> None:
     assert "Traceback" not in done.stderr
     trajectory = read(target)
     assert trajectory.status == "interrupted"
-    assert 50 <= len(trajectory.time) < 100
+    # of 10^7: what was reached when the progress was next shown
+    assert 50 <= len(trajectory.time) < 10**6
     leftovers = {p.name for p in tmp_path.iterdir()} - {target.name, f"{target.name}.json"}
     assert not leftovers
 

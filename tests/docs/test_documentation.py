@@ -34,7 +34,9 @@ def same(word, other):
     return max(abs(a), abs(b)) < 1e-6 or abs(a - b) <= max(1e-3 * max(abs(a), abs(b)), 0)
 
 
-VOLATILE = re.compile(r"^\s*(time\s+\d|seconds|derive =|counts|method|energy|residuals|file|parameters|options)")
+VOLATILE = re.compile(
+    r"^\s*(time\s+\d|seconds|derive =|counts|method|energy|residuals|file|parameters|options)"
+)
 
 
 def test_readme_console_blocks_print_what_they_say(tmp_path):
@@ -47,7 +49,11 @@ def test_readme_console_blocks_print_what_they_say(tmp_path):
         assert words[0] == "lagcli"
         done = subprocess.run(
             [sys.executable, "-m", "lagcli", *words[1:]],
-            cwd=tmp_path, capture_output=True, text=True, encoding="utf-8", check=False,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            check=False,
         )
         assert done.returncode == 0, done.stderr
         got, want = done.stdout.rstrip().split("\n"), expected.rstrip().split("\n")
@@ -57,7 +63,8 @@ def test_readme_console_blocks_print_what_they_say(tmp_path):
                 assert line.split()[0] == shown.split()[0]
                 continue
             a, b = line.split(), shown.split()
-            assert len(a) == len(b) and all(map(same, a, b)), f"{command}:\n{line}\n{shown}"
+            alike = len(a) == len(b) and all(map(same, a, b))
+            assert alike, f"{command}:\n{line}\n{shown}"
 
 
 def test_readme_names_the_two_commands_and_they_are_targets():
@@ -98,8 +105,17 @@ def test_summary_keys_are_documented(tmp_path):
     import json
 
     done = subprocess.run(
-        [sys.executable, "-m", "lagcli", "simulate", str(ROOT / "models" / "atwood.yaml"), "--json"],
-        capture_output=True, text=True, check=True,
+        [
+            sys.executable,
+            "-m",
+            "lagcli",
+            "simulate",
+            str(ROOT / "models" / "atwood.yaml"),
+            "--json",
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     page = (ROOT / "docs" / "command-line.md").read_text()
     assert not [key for key in json.loads(done.stdout) if f"`{key}`" not in page]

@@ -63,7 +63,7 @@ def test_hanging_pendulum_pins_the_sign_of_lambda() -> None:
 
 
 def test_hanging_double_pendulum_carries_the_weights() -> None:
-    trajectory = run("double_pendulum_cartesian", 1, set={"theta_1": 0, "theta_2": 0})
+    trajectory = run("double_pendulum_cartesian", 1, set={"theta_1": "0 deg", "theta_2": "0 deg"})
     p = trajectory.parameters
     assert_close(trajectory.outputs["tension_1"], (p["m_1"] + p["m_2"]) * p["g"], 1e-12)
     assert_close(trajectory.outputs["tension_2"], p["m_2"] * p["g"], 1e-12)

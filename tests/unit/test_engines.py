@@ -1,4 +1,4 @@
-"""The reference engine: samples, limits, failures, singular configurations, every method."""
+"""Both engines: samples, limits, failures, singular configurations, every method."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from scipy.integrate import quad
 from scipy.special import ellipj, ellipk
 
 import lagcli
+from lagcli import simulation
 from lagcli.engine import scipy_engine
 from lagcli.engine.run import Request
 from lagcli.engine.system import System
@@ -24,6 +25,14 @@ from lagcli.model.model import METHODS, Model
 from lagcli.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[2] / "models"
+
+
+@pytest.fixture(autouse=True, params=["compiled", "scipy"])
+def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Run each test on the compiled engine, where it has the method, and on the reference."""
+    assert simulation.compiled_available()
+    monkeypatch.setattr(simulation, "compiled_available", lambda: request.param == "compiled")
+    return request.param
 
 
 @cache

@@ -1,0 +1,246 @@
+"""The compiled engine: DOP853 with projection in C, steered from here.
+
+The core runs in slices and comes back when it is done, when its sample block is full, when a slice
+is over (for interrupts, progress and limits), and when something needs thought: a singular
+configuration ahead or inside the last step, a state without finite values, a step size at its
+floor. What is then done is the same code as the reference engine's.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.run import Request, Run, Stop, Undefined
+from lagcli.engine.system import System
+
+if TYPE_CHECKING:
+    from lagcli.engine.index1 import Index1
+    from lagcli.engine.projection import Projection
+    from lagcli.engine.singular import RankWatch
+
+Array = NDArray[np.float64]
+
+#: Samples that the core keeps before it hands them over.
+_BLOCK = 4096
+#: Seconds that a slice of steps should take: what an interrupt waits for.
+_SLICE = 0.03
+#: Steps between two looks at whether redundant constraints contradict each other.
+_LOOK = 4
+
+
+def run(system: System, request: Request, progress: Callable[[float], None] | None = None) -> Run:
+    """Integrate a System; see the contract in `lagcli.engine.run`."""
+    session = _Session(system, request, progress)
+    status: Literal["completed", "failed", "interrupted"] = "completed"
+    message, undefined = "", None
+    try:
+        session.integrate()
+    except Stop as stop:
+        status, message, undefined = "failed", str(stop), stop.undefined
+    except KeyboardInterrupt:
+        status, message = "interrupted", "interrupted; the samples so far are kept"
+    session.collect()
+    rows, nq = session.rows(), len(system.coordinates)
+    steps, rejected, evaluations = session.core.counts
+    return Run(
+        time=rows[:, 0],
+        q=rows[:, 1 : 1 + nq],
+        v=rows[:, 1 + nq : 1 + 2 * nq],
+        a=rows[:, 1 + 2 * nq : 1 + 3 * nq],
+        multipliers=rows[:, 1 + 3 * nq : -1],
+        work=rows[:, -1],
+        status=status,
+        message=message,
+        steps=steps,
+        rejected=rejected,
+        evaluations=evaluations,
+        undefined=undefined,
+    )
+
+
+class _Session:
+    """One run: the core, its samples so far, and what thinks for it."""
+
+    def __init__(self, system: System, request: Request, progress: Callable[[float], None] | None):
+        self.system, self.request = system, request
+        self.progress = progress or (lambda t: None)
+        self.evaluator = Evaluator(system)
+        self.nq = len(system.coordinates)
+        self.redundant = request.rank < len(system.constraints)
+        self.blocks: list[Array] = []
+        self.last_near = -1
+        projecting = request.formulation == "projection"
+        c = self.evaluator.constraints(request.t_start, request.q, request.v)
+        # an explicit damping is kept; a negative one asks the core for that of the step
+        alpha = -1.0 if request.alpha is None else request.alpha
+        self.core = binding.Integrator(
+            system,
+            request.t_start,
+            request.t_end,
+            np.concatenate([request.q, request.v, [0.0]]),
+            request.times,
+            self.evaluator.row_lengths(c, request.q, request.v),
+            request.rank,
+            request.rtol,
+            request.atol,
+            request.max_step,
+            projecting,
+            0 if not request.rank else 1 if request.through_singular else 2,
+            alpha,
+            alpha if request.beta is None else request.beta,
+            request.formulation == "baumgarte",
+            _BLOCK,
+        )
+
+    # what thinks, made when it is needed: most runs need none of it
+
+    @cached_property
+    def motion(self) -> Index1:
+        from lagcli.engine.index1 import Index1
+
+        motion = Index1(self.evaluator, self.request.rank)
+        motion.measure(self.request.t_start, self.request.q, self.request.v)
+        return motion
+
+    @cached_property
+    def projection(self) -> Projection:
+        from lagcli.engine.projection import Projection
+
+        return Projection(self.evaluator, self.request.rank)
+
+    @cached_property
+    def watch(self) -> RankWatch:
+        from lagcli.engine.singular import RankWatch
+
+        watch = RankWatch(self.motion)
+        watch.add(self.request.t_start, np.concatenate([self.request.q, self.request.v, [0.0]]))
+        return watch
+
+    def split(self, y: Array) -> tuple[Array, Array]:
+        return y[: self.nq], y[self.nq : 2 * self.nq]
+
+    # the run
+
+    def integrate(self) -> None:
+        request, core = self.request, self.core
+        began = time.monotonic()
+        if self.redundant:
+            self.watch.check_start(request.t_start, request.q, request.v, self.projection)
+            self.check_redundancy()
+        self.heed(core.start())
+        slice_ = 64
+        while True:
+            steps = core.counts[0]
+            left = request.max_steps - steps
+            if left <= 0:
+                raise Stop(
+                    f"gave up after {steps} steps at t = {core.t:.9g} s; --max-steps allows more"
+                )
+            started = time.monotonic()
+            status = core.advance(min(left, slice_))
+            if self.heed(status):
+                return
+            now = time.monotonic()
+            if request.timeout is not None and now - began > request.timeout:
+                raise Stop(
+                    f"gave up after {request.timeout:g} s of time at t = {core.t:.9g} s; --timeout"
+                    " allows more"
+                )
+            if status == binding.RUNNING:
+                slice_ = max(1, min(2 * slice_, int(slice_ * _SLICE / max(now - started, 1e-6))))
+                if self.redundant:
+                    slice_ = min(slice_, _LOOK)
+                    self.check_redundancy()
+            elif status == binding.NEAR:
+                slice_ = 1
+            self.progress(core.t)
+
+    def heed(self, status: int) -> bool:
+        """Do what a status of the core asks for; return whether the run is complete."""
+        core = self.core
+        if status == binding.UNDEFINED:
+            raise Undefined(core.t_bad, *self.split(core.y_bad))
+        if status == binding.OFF:
+            self.projection(core.t_bad, *self.split(core.y_bad))
+            raise Stop(
+                f"the motion cannot be brought back onto the constraints at t = {core.t_bad:.9g} s;"
+                " try a smaller --rtol or --max-step, or --engine scipy"
+            )
+        if status == binding.FLOOR:
+            raise self.watch.floor(core.t, core.state)
+        if status == binding.BLOCK_FULL:
+            self.collect()
+        elif status == binding.NEAR:
+            return self.approach()
+        elif status == binding.OVER:
+            self.look_over()
+        core.limit(self.request.max_step if status != binding.NEAR else self.watch.largest_step())
+        return bool(status == binding.DONE)
+
+    def approach(self) -> bool:
+        """Look along the path of the last steps, which go towards a singular configuration."""
+        core, watch = self.core, self.watch
+        t, y, steps = core.t, core.state, core.counts[0]
+        self.motion.measure(t, *self.split(y))
+        if steps != self.last_near + 1:
+            watch.restart()
+        self.last_near = steps
+        watch.add(t, y)
+        ahead = watch.ahead()
+        if ahead is None:
+            core.limit(min(self.request.max_step, watch.largest_step()))
+            return False
+        if not self.request.through_singular:
+            raise watch.stop(ahead.time, *ahead.path(ahead.time))
+        from lagcli.engine.passage import Crossing
+
+        crossing = Crossing(self.motion, self.projection, ahead.before, ahead.time, ahead.path)
+        self.collect()
+        times = self.request.times
+        upto = int(np.searchsorted(times, crossing.end, side="right"))
+        for at in times[core.times_next : upto]:
+            q, v, a, multipliers, work = crossing(at)
+            self.blocks.append(np.concatenate([[at], q, v, a, multipliers, [work]])[None, :])
+        watch.restart()
+        core.limit(self.request.max_step)
+        core.move(crossing.end, crossing.state, upto)
+        return crossing.end >= self.request.t_end or self.heed(core.start())
+
+    def look_over(self) -> None:
+        """Stop where the last step went over a singular configuration."""
+        core = self.core
+        t_old, t = core.step
+        found = self.watch.singular_time(core.dense, t_old, t)
+        if found is not None:
+            while (status := core.sample_until(found)) == binding.BLOCK_FULL:
+                self.collect()
+            self.heed(status)
+            raise self.watch.stop(found, *self.split(core.dense(found)))
+
+    def check_redundancy(self) -> None:
+        """Stop if redundant constraints contradict each other."""
+        t, y = self.core.t, self.core.state
+        self.motion.measure(t, *self.split(y))
+        if self.request.formulation == "projection":
+            self.watch.check_redundancy(t, y)
+
+    # samples
+
+    def collect(self) -> None:
+        """Take the samples that the core holds."""
+        rows = self.core.take()
+        if len(rows):
+            self.blocks.append(rows)
+
+    def rows(self) -> Array:
+        """Return all samples: t, q, v, a, λ, W."""
+        width = 2 + 3 * self.nq + len(self.system.constraints)
+        return np.concatenate(self.blocks) if self.blocks else np.empty((0, width))

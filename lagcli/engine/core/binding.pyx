@@ -1,0 +1,257 @@
+# cython: language_level=3, boundscheck=False, wraparound=False
+"""The compiled engine's binding: memory and calls, no mathematics."""
+
+import numpy as np
+
+from libc.stdint cimport int32_t
+
+
+cdef extern from "tape.h":
+    ctypedef struct lag_step:
+        int32_t op, to, a, b, c
+
+
+cdef extern from "core.h":
+    ctypedef struct lag_tape:
+        const lag_step *steps
+        int length
+        double *registers
+        const int32_t *outputs
+
+    ctypedef struct lag_system:
+        int nq, nc, nh
+        const int32_t *holonomic
+        int nm, nb
+        const int32_t *mass_places
+        const int32_t *jacobian_places
+        lag_tape dynamics
+        lag_tape constraint
+
+    ctypedef struct lag_run:
+        const lag_system *system
+        double t, t_end, h, h_max, rtol, atol, error_old
+        int projecting, watching
+        double alpha, beta
+        int baumgarte, baumgarte_from_step
+        double *y
+        double *f
+        double t_old, h_old
+        double *y_old
+        double *stages
+        double *dense
+        double *y_new
+        double *trial
+        double *y_sample
+        double *work
+        int finishing
+        double *kkt
+        double *lu
+        double *right
+        double *solution
+        int *pivots
+        double *weight
+        double *lengths
+        double *scale_position
+        double *scale_velocity
+        double *rows
+        int *order
+        double *components
+        double *dependencies
+        int rank
+        const double *times
+        long times_count, times_next
+        double *block
+        long block_rows, block_used
+        long steps, rejected, evaluations
+        double t_bad
+        double *y_bad
+
+    int lag_start(lag_run *run) nogil
+    int lag_advance(lag_run *run, long slice) nogil
+    int lag_sample_until(lag_run *run, double end) nogil
+    void lag_dense(lag_run *run, double t, double *y) nogil
+
+RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF = range(8)
+
+
+cdef class Integrator:
+    """DOP853 with projection on a System; see core.h.
+
+    Parameters
+    ----------
+    system : System
+    t, t_end : float
+    y : (2 nq + 1,) array
+    times : (nt,) array
+    lengths : (nc,) array
+        The rows' lengths at the start.
+    rank, rtol, atol, h_max, projecting, watching, alpha, beta, baumgarte
+        As in core.h; alpha negative means "from the step".
+    block_rows : int
+        Samples kept before they are handed over.
+    """
+
+    cdef lag_system system
+    cdef lag_run run
+    cdef object keep  # the arrays that the pointers point into
+    cdef readonly object block, y_bad
+    cdef object y, y_dense, times_kept
+    cdef int nq, nc
+
+    def __init__(
+        self, system, double t, double t_end, y, times, lengths, int rank, double rtol,
+        double atol, double h_max, bint projecting, int watching, double alpha, double beta,
+        bint baumgarte, long block_rows,
+    ):
+        cdef int nq = len(system.coordinates), nc = len(system.constraints)
+        cdef int n = 2 * nq + 1, size = nq + 2 * nc - rank
+        self.nq, self.nc, self.keep = nq, nc, []
+        self.system.nq, self.system.nc = nq, nc
+        self.system.nh = len(system.holonomic)
+        self.system.nm = len(system.mass_pattern)
+        self.system.nb = len(system.jacobian_pattern)
+        self.system.holonomic = self.integers(system.holonomic)
+        self.system.mass_places = self.integers([i * nq + j for i, j in system.mass_pattern])
+        self.system.jacobian_places = self.integers(
+            [i * nq + j for i, j in system.jacobian_pattern]
+        )
+        self.bind(&self.system.dynamics, system.dynamics, system.parameters, nq)
+        self.bind(&self.system.constraint, system.constraint, system.parameters, nq)
+        self.run.system = &self.system
+        self.run.t, self.run.t_end, self.run.h_max = t, t_end, h_max
+        self.run.rtol, self.run.atol = rtol, atol
+        self.run.projecting, self.run.watching = projecting, watching
+        self.run.baumgarte, self.run.baumgarte_from_step = baumgarte, baumgarte and alpha < 0
+        self.run.alpha, self.run.beta = max(alpha, 0.0), max(beta, 0.0)
+        self.run.rank = rank
+        self.y = np.array(y, dtype=float)
+        self.run.y = self.borrow(self.y)
+        self.run.f, self.run.y_old = self.doubles(n), self.doubles(n)
+        self.run.y_new, self.run.trial = self.doubles(n), self.doubles(n)
+        self.run.y_sample = self.doubles(n)
+        self.run.work = self.doubles(max(n, size))
+        self.run.stages, self.run.dense = self.doubles(16 * n), self.doubles(7 * n)
+        self.run.kkt, self.run.lu = self.doubles(size * size), self.doubles(size * size)
+        self.run.right, self.run.solution = self.doubles(size), self.doubles(size)
+        self.run.weight = self.doubles(nc)
+        kept = np.array(lengths, dtype=float)
+        self.run.lengths = self.borrow(kept)
+        self.run.scale_position = self.doubles(self.system.nh)
+        self.run.scale_velocity = self.doubles(nc)
+        self.run.rows = self.doubles(nq * nc)
+        self.run.order = <int *>self.integers([0] * nc)
+        self.run.components = self.doubles(nc * nc)
+        self.run.dependencies = self.doubles((nc - rank) * nc)
+        self.run.pivots = <int *>self.integers([0] * size)
+        kept = np.array(times, dtype=float)
+        self.run.times, self.run.times_count = self.borrow(kept), len(kept)
+        self.block = np.empty((block_rows, 2 + 3 * nq + nc))
+        self.run.block, self.run.block_rows = self.borrow(self.block), block_rows
+        self.y_bad = np.full(n, np.nan)
+        self.run.y_bad = self.borrow(self.y_bad)
+        self.y_dense = np.empty(n)
+
+    cdef double *borrow(self, array) except? NULL:
+        cdef double[::1] view
+        self.keep.append(array)
+        if array.size == 0:
+            return NULL
+        view = array.reshape(-1)
+        return &view[0]
+
+    cdef double *doubles(self, int n) except? NULL:
+        return self.borrow(np.zeros(n))
+
+    cdef int32_t *integers(self, values) except? NULL:
+        cdef int32_t[::1] view
+        array = np.array(values, dtype=np.int32).reshape(-1)
+        self.keep.append(array)
+        if array.size == 0:
+            return NULL
+        view = array
+        return &view[0]
+
+    cdef int bind(self, lag_tape *tape, source, parameters, int nq) except -1:
+        registers = np.zeros(source.registers)
+        first = 1 + 2 * nq
+        registers[first : first + len(parameters)] = parameters
+        registers[source.inputs : source.inputs + len(source.constants)] = source.constants
+        tape.registers = self.borrow(registers)
+        tape.steps = <const lag_step *>self.integers(source.code)
+        tape.length = len(source.code)
+        tape.outputs = self.integers(source.outputs)
+        return 0
+
+    def start(self):
+        """Prepare the first step; sample what lies at the start."""
+        cdef int status
+        with nogil:
+            status = lag_start(&self.run)
+            if status == 0:
+                status = lag_sample_until(&self.run, self.run.t)
+        return status
+
+    def advance(self, long slice):
+        """Take at most ``slice`` steps."""
+        cdef int status
+        with nogil:
+            status = lag_advance(&self.run, slice)
+        return status
+
+    def sample_until(self, double end):
+        """Sample the last step up to a time."""
+        return lag_sample_until(&self.run, end)
+
+    def dense(self, double t):
+        """Return the last step's state at a time in it."""
+        cdef double[::1] view = self.y_dense
+        lag_dense(&self.run, t, &view[0])
+        return self.y_dense.copy()
+
+    def take(self):
+        """Return the samples since the last call."""
+        rows = self.block[: self.run.block_used].copy()
+        self.run.block_used = 0
+        return rows
+
+    def limit(self, double h_max):
+        """Set the largest step, s."""
+        self.run.h_max = h_max
+        if self.run.h > h_max:
+            self.run.h = h_max
+
+    def move(self, double t, y, long times_next):
+        """Go on from another state; `start` must follow."""
+        self.run.t = t
+        self.y[:] = y
+        self.run.times_next = times_next
+
+    @property
+    def t(self):
+        """Time reached, s."""
+        return self.run.t
+
+    @property
+    def state(self):
+        """(q, v, W) there."""
+        return self.y.copy()
+
+    @property
+    def step(self):
+        """Start and end of the last step, s."""
+        return self.run.t_old, self.run.t
+
+    @property
+    def counts(self):
+        """Steps, rejected steps, evaluations."""
+        return self.run.steps, self.run.rejected, self.run.evaluations
+
+    @property
+    def times_next(self):
+        """Index of the next sample time."""
+        return self.run.times_next
+
+    @property
+    def t_bad(self):
+        """Time at which the equations had no finite value."""
+        return self.run.t_bad

@@ -1,0 +1,104 @@
+/*
+ * The compiled engine: DOP853 on the index-1 form, with projection onto the constraints.
+ *
+ * State y = (q, v, W), W the work done on the system. All memory belongs to the caller.
+ */
+#ifndef LAGCLI_CORE_H
+#define LAGCLI_CORE_H
+
+#include "tape.h"
+
+/* A tape bound to its register file; the state's registers come first. */
+typedef struct {
+    const lag_step *steps;
+    int length;
+    double *registers;
+    const int32_t *outputs;
+} lag_tape;
+
+/* M a = f + B' lambda, B a = gamma, phi = 0, psi = 0. */
+typedef struct {
+    int nq, nc, nh;
+    const int32_t *holonomic;          /* nh indices of constraints */
+    int nm, nb;                        /* nonzero entries of M and B */
+    const int32_t *mass_places;        /* nm: row * nq + column */
+    const int32_t *jacobian_places;    /* nb: row * nq + column */
+    lag_tape dynamics;                 /* M entries, f, B entries, gamma, power */
+    lag_tape constraint;               /* phi, B entries, b_0, scale of phi, scale of psi */
+} lag_system;
+
+enum lag_status {
+    LAG_RUNNING,      /* the slice of steps is over */
+    LAG_DONE,         /* t_end is reached */
+    LAG_BLOCK_FULL,   /* the sample block is full */
+    LAG_UNDEFINED,    /* the equations have no finite value at (t_bad, y_bad) */
+    LAG_FLOOR,        /* the step size fell to the floor */
+    LAG_NEAR,         /* the last step went towards a singular configuration */
+    LAG_OVER,         /* the last step may have gone over one */
+    LAG_OFF           /* (t_bad, y_bad) cannot be brought onto the constraints */
+};
+
+typedef struct {
+    const lag_system *system;
+    double t, t_end, h, h_max, rtol, atol, error_old;
+    int projecting;
+    int watching;                      /* 0: no; 1: for NEAR; 2: for OVER too */
+    double alpha, beta;                /* Baumgarte; unused where not asked for */
+    int baumgarte, baumgarte_from_step;
+
+    double *y, *f;                     /* state and its derivative, n */
+    double t_old, h_old;               /* the last step */
+    double *y_old;                     /* n */
+    double *stages;                    /* 16 n */
+    double *dense;                     /* 7 n */
+    int dense_ready;
+    double *y_new;                     /* n: the step's end before projection */
+    double *trial, *y_sample;          /* n each */
+    double *work;                      /* the larger of n and N */
+    int finishing;                     /* the last step is accepted and not yet sampled */
+
+    /* [[M, B'], [B, 0]], bordered by the dependencies of B's rows: N = nq + nc + nc - rank */
+    double *kkt, *lu, *right, *solution;   /* N*N, N*N, N, N */
+    int *pivots;                       /* N */
+    double *weight;                    /* nc */
+    double *lengths;                   /* nc: largest length of each row of B so far */
+    double *scale_position, *scale_velocity;   /* nh, nc */
+    double *rows;                      /* nc * nq */
+    int *order;                        /* nc */
+    double *components;                /* nc * nc */
+    double *dependencies;              /* (nc - rank) * nc */
+    int rank;                          /* of B at the start */
+    double weakest, usual;             /* weakest pivot after the last step; its largest so far */
+
+    const double *times;               /* sample times */
+    long times_count, times_next;
+    double *block;                     /* rows of 1 + 3 nq + nc + 1 */
+    long block_rows, block_used;
+
+    long steps, rejected, evaluations;
+    double t_bad;
+    double *y_bad;                     /* n */
+} lag_run;
+
+/* Prepare the first step from y at t. Returns LAG_RUNNING or LAG_UNDEFINED. */
+int lag_start(lag_run *run);
+
+/* Take at most `slice` steps. */
+int lag_advance(lag_run *run, long slice);
+
+/* Sample the last accepted step, or the start, up to a time. */
+int lag_sample_until(lag_run *run, double end);
+
+/* Sample and project the last accepted step. */
+int lag_finish(lag_run *run);
+
+/* The last step's dense output, n values. */
+void lag_dense(lag_run *run, double t, double *y);
+
+/* Bring y at t to the constraints. Returns LAG_RUNNING, LAG_UNDEFINED or LAG_OFF. */
+int lag_project(lag_run *run, double t, double *y);
+
+/* Smallest pivot of the row-scaled B: near 0 in a singular configuration. */
+double lag_weakest(lag_run *run, double t, const double *y);
+
+#endif

@@ -1,0 +1,131 @@
+#include "linear.h"
+
+#include <math.h>
+
+int lag_lu(double *m, int *pivots, int n)
+{
+    for (int k = 0; k < n; ++k) {
+        int best = k;
+        double largest = fabs(m[k * n + k]);
+        for (int i = k + 1; i < n; ++i) {
+            const double x = fabs(m[i * n + k]);
+            if (x > largest) {
+                largest = x;
+                best = i;
+            }
+        }
+        pivots[k] = best;
+        if (!(largest > 0.0))
+            return 1; /* zero or NaN */
+        double *row = m + k * n;
+        if (best != k) {
+            double *other = m + best * n;
+            for (int j = 0; j < n; ++j) {
+                const double x = row[j];
+                row[j] = other[j];
+                other[j] = x;
+            }
+        }
+        const double inverse = 1.0 / row[k];
+        for (int i = k + 1; i < n; ++i) {
+            double *below = m + i * n;
+            const double factor = below[k] * inverse;
+            below[k] = factor;
+            if (factor != 0.0) /* B's zeros stay zeros */
+                for (int j = k + 1; j < n; ++j)
+                    below[j] -= factor * row[j];
+        }
+    }
+    return 0;
+}
+
+void lag_lu_solve(const double *lu, const int *pivots, int n, double *x)
+{
+    for (int k = 0; k < n; ++k) {
+        const int p = pivots[k];
+        const double t = x[p];
+        x[p] = x[k];
+        x[k] = t;
+    }
+    for (int i = 1; i < n; ++i) {
+        double sum = x[i];
+        const double *row = lu + i * n;
+        for (int j = 0; j < i; ++j)
+            sum -= row[j] * x[j];
+        x[i] = sum;
+    }
+    for (int i = n - 1; i >= 0; --i) {
+        double sum = x[i];
+        const double *row = lu + i * n;
+        for (int j = i + 1; j < n; ++j)
+            sum -= row[j] * x[j];
+        x[i] = sum / row[i];
+    }
+}
+
+double lag_pivot(double *vectors, int size, int count, int rank, int *order, double *r)
+{
+    double length = 0.0;
+    for (int j = 0; j < count; ++j)
+        order[j] = j;
+    for (int k = 0; k < rank; ++k) {
+        int best = k;
+        double largest = -1.0;
+        for (int j = k; j < count; ++j) {
+            double sum = 0.0;
+            const double *v = vectors + j * size;
+            for (int i = 0; i < size; ++i)
+                sum += v[i] * v[i];
+            if (sum > largest) {
+                largest = sum;
+                best = j;
+            }
+        }
+        length = sqrt(largest);
+        if (!(length > 0.0))
+            return 0.0;
+        double *pivot = vectors + k * size, *other = vectors + best * size;
+        for (int i = 0; i < size; ++i) {
+            const double x = other[i] / length;
+            other[i] = pivot[i];
+            pivot[i] = x;
+        }
+        const int number = order[best];
+        order[best] = order[k];
+        order[k] = number;
+        for (int i = 0; i < k; ++i) {
+            const double x = r[i * count + best];
+            r[i * count + best] = r[i * count + k];
+            r[i * count + k] = x;
+        }
+        r[k * count + k] = length;
+        for (int j = k + 1; j < count; ++j) {
+            double *v = vectors + j * size, sum = 0.0;
+            for (int i = 0; i < size; ++i)
+                sum += v[i] * pivot[i];
+            for (int i = 0; i < size; ++i)
+                v[i] -= sum * pivot[i];
+            r[k * count + j] = sum;
+        }
+    }
+    return length;
+}
+
+void lag_dependencies(int count, int rank, const int *order, const double *r, double *out)
+{
+    for (int j = rank; j < count; ++j) {
+        double *row = out + (j - rank) * count, sum = 1.0;
+        for (int i = 0; i < count; ++i)
+            row[i] = 0.0;
+        row[order[j]] = 1.0;
+        for (int k = rank - 1; k >= 0; --k) {
+            double x = r[k * count + j];
+            for (int i = k + 1; i < rank; ++i)
+                x += r[k * count + i] * row[order[i]];
+            row[order[k]] = -x / r[k * count + k];
+            sum += row[order[k]] * row[order[k]];
+        }
+        for (int i = 0; i < count; ++i)
+            row[i] /= sqrt(sum);
+    }
+}

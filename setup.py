@@ -1,0 +1,19 @@
+"""Builds the compiled engine's core; without a C compiler, lagcli runs on its reference engine."""
+
+from pathlib import Path
+
+from Cython.Build import cythonize
+from setuptools import Extension, setup
+
+CORE = Path("lagcli") / "engine" / "core"
+
+core = Extension(
+    "lagcli.engine.core.binding",
+    sources=[str(CORE / name) for name in ("binding.pyx", "core.c", "linear.c", "tape.c")],
+    depends=[str(path) for path in sorted(CORE.glob("*.h"))],
+    # no -ffast-math: NaN and the order of operations mean something here
+    extra_compile_args=["-O3"],
+    optional=True,
+)
+
+setup(ext_modules=cythonize([core], language_level=3))

@@ -1,0 +1,89 @@
+"""The compiled engine: what it has beyond the contract that both engines keep."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.errors import UsageError
+
+MODELS = sorted((Path(__file__).parents[2] / "models").glob("*.yaml"))
+PENDULUM = lagcli.load_text("""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: 1, y: 0, x': 0, y': 0}
+""")
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
+def test_engines_agree_on_every_shipped_model(path):
+    model = lagcli.load(path)
+    # a tenth of the model's own time: what differs is the error of the tolerance, not its growth
+    end = 0.1 * model.settings.t_end
+    runs = [
+        lagcli.simulate(model, engine=e, t_end=end, samples=21, rtol=1e-11, atol=1e-12)
+        for e in ("compiled", "scipy")
+    ]
+    assert [r.status for r in runs] == ["completed", "completed"]
+    for name in ("q", "v", "a", "multipliers"):
+        one, other = (getattr(r, name) for r in runs)
+        size = np.abs(other).max(axis=0, initial=0.0).max(initial=0.0)
+        # 1e-11 per step, over some hundred steps, and once more in λ and a
+        np.testing.assert_allclose(one, other, rtol=0, atol=3e-8 * (size + 1e-3), err_msg=name)
+    for name in ("residual_position", "residual_velocity"):
+        scale = getattr(runs[0], name.replace("residual", "scale"))
+        relative = np.abs(getattr(runs[0], name)) / scale
+        assert np.nanmax(relative, initial=0.0) <= 1e-12
+
+
+def test_samples_come_in_blocks():
+    dense = lagcli.simulate(PENDULUM, t_end=3, samples=30001, engine="compiled")
+    sparse = lagcli.simulate(PENDULUM, t_end=3, samples=31, engine="compiled")
+    np.testing.assert_array_equal(dense.time, np.linspace(0, 3, 30001))
+    # the steps do not depend on the samples: what differs is the rounding of the sample times
+    np.testing.assert_allclose(dense.q[::1000], sparse.q, rtol=0, atol=1e-14)
+
+
+def test_ten_to_the_fifth_samples_take_moments():
+    began = time.perf_counter()
+    trajectory = lagcli.simulate(PENDULUM, t_end=10, samples=100_001, engine="compiled")
+    assert len(trajectory.time) == 100_001
+    assert time.perf_counter() - began < 20  # ten times what a slow machine takes
+
+
+def test_redundant_constraints_get_the_least_multipliers():
+    twice = lagcli.load_text("""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints: {rod: x^2 + y^2 = 1, again: 3*(x^2 + y^2) = 3}
+initial: {x: 1, y: 0, x': 0, y': 0}
+""")
+    one = lagcli.simulate(PENDULUM, t_end=2, engine="compiled")
+    two = lagcli.simulate(twice, t_end=2, engine="compiled")
+    np.testing.assert_allclose(two.q, one.q, atol=1e-8)
+    rod = one.multipliers[:, 0]
+    # λ₁ + 3 λ₂ = λ with λ₁² + λ₂² least: λ₁ = λ/10, λ₂ = 3 λ/10
+    np.testing.assert_allclose(two.multipliers, np.outer(rod, [0.1, 0.3]), atol=1e-6)
+    np.testing.assert_allclose(two.constraint_force, one.constraint_force, atol=1e-6)
+
+
+def test_a_method_that_the_compiled_engine_lacks():
+    assert lagcli.simulate(PENDULUM, t_end=0.1, method="Radau").options["engine"] == "scipy"
+    with pytest.raises(UsageError, match="no method Radau"):
+        lagcli.simulate(PENDULUM, method="Radau", engine="compiled")
+
+
+def test_without_the_extension_the_reference_engine_runs(monkeypatch):
+    from lagcli import simulation
+
+    monkeypatch.setattr(simulation, "compiled_available", lambda: False)
+    assert lagcli.simulate(PENDULUM, t_end=0.1).options["engine"] == "scipy"
+    with pytest.raises(UsageError, match="was not built"):
+        lagcli.simulate(PENDULUM, engine="compiled")
