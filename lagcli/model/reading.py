@@ -55,11 +55,12 @@ def _missing(path: Path) -> str:
     if not path.parent.is_dir():
         return f"there is no folder {path.parent}"
     try:
-        beside = [p.name for p in path.parent.iterdir() if p.suffix in (".yaml", ".yml")]
+        beside = {p.stem: p for p in path.parent.iterdir() if p.suffix in (".yaml", ".yml")}
     except OSError:
-        beside = []
-    close = nearest(path.name, beside) or nearest(f"{path.name}.yaml", beside)
-    guess = f"; did you mean {path.parent / close[0]}?" if close else ""
+        beside = {}
+    # compared without their endings, which would make any two names look alike
+    close = nearest(path.stem, list(beside))
+    guess = f"; did you mean {beside[close[0]]}?" if close else ""
     return f"there is no file {path}{guess}"
 
 
