@@ -151,24 +151,24 @@ cdef class Integrator:
         self.run.y_bad = self.borrow(self.y_bad)
         self.y_dense = np.empty(n)
 
-    cdef double *borrow(self, array) except? NULL:
-        cdef double[::1] view
-        self.keep.append(array)
+    # a pointer is never NULL, also to nothing: C forbids that even for copies of no bytes
+
+    cdef double *borrow(self, array) except NULL:
         if array.size == 0:
-            return NULL
-        view = array.reshape(-1)
+            array = np.zeros(1)
+        self.keep.append(array)
+        cdef double[::1] view = array.reshape(-1)
         return &view[0]
 
-    cdef double *doubles(self, int n) except? NULL:
+    cdef double *doubles(self, int n) except NULL:
         return self.borrow(np.zeros(n))
 
-    cdef int32_t *integers(self, values) except? NULL:
-        cdef int32_t[::1] view
+    cdef int32_t *integers(self, values) except NULL:
         array = np.array(values, dtype=np.int32).reshape(-1)
-        self.keep.append(array)
         if array.size == 0:
-            return NULL
-        view = array
+            array = np.zeros(1, dtype=np.int32)
+        self.keep.append(array)
+        cdef int32_t[::1] view = array
         return &view[0]
 
     cdef int bind(self, lag_tape *tape, source, parameters, int nq) except -1:
