@@ -13,7 +13,10 @@ core = Extension(
     depends=[str(path) for path in sorted(CORE.glob("*.h"))],
     # no -ffast-math: NaN and the order of operations mean something here
     extra_compile_args=["-O3"],
-    optional=True,
 )
+extensions = cythonize([core], language_level=3)
+for extension in extensions:
+    # set here because cythonize does not hand it on
+    extension.optional = True
 
-setup(ext_modules=cythonize([core], language_level=3))
+setup(ext_modules=extensions)
