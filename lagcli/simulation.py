@@ -112,8 +112,6 @@ def resolve(settings: Settings, model: Model) -> Settings:
         suits = chosen.method in COMPILED_METHODS and compiled_available()
         chosen = dataclasses.replace(chosen, engine="compiled" if suits else "scipy")
     try:
-        if settings.times is not None:
-            chosen = dataclasses.replace(chosen, t_end=settings.t_end)
         chosen.check()
         _check_engine(chosen)
     except SettingError as error:

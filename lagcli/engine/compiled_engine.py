@@ -11,14 +11,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.run import Request, Run, Stop, Undefined
+from lagcli.engine.run import Limits, Request, Run, Stop, Undefined, outcome
 from lagcli.engine.system import System
 
 if TYPE_CHECKING:
@@ -39,14 +39,7 @@ _LOOK = 4
 def run(system: System, request: Request, progress: Callable[[float], None] | None = None) -> Run:
     """Integrate a System; see the contract in `lagcli.engine.run`."""
     session = _Session(system, request, progress)
-    status: Literal["completed", "failed", "interrupted"] = "completed"
-    message, undefined = "", None
-    try:
-        session.integrate()
-    except Stop as stop:
-        status, message, undefined = "failed", str(stop), stop.undefined
-    except KeyboardInterrupt:
-        status, message = "interrupted", "interrupted; the samples so far are kept"
+    status, message, undefined = outcome(session.integrate)
     session.collect()
     rows, nq = session.rows(), len(system.coordinates)
     steps, rejected, evaluations = session.core.counts
@@ -79,7 +72,7 @@ class _Session:
         self.last_near = -1
         projecting = request.formulation == "projection"
         c = self.evaluator.constraints(request.t_start, request.q, request.v)
-        # an explicit damping is kept; a negative one asks the core for that of the step
+        # a negative damping asks the core for that of the step
         alpha = -1.0 if request.alpha is None else request.alpha
         self.core = binding.Integrator(
             system,
@@ -131,7 +124,7 @@ class _Session:
 
     def integrate(self) -> None:
         request, core = self.request, self.core
-        began = time.monotonic()
+        limits = Limits(request)
         if self.redundant:
             self.watch.check_start(request.t_start, request.q, request.v, self.projection)
             self.check_redundancy()
@@ -139,23 +132,14 @@ class _Session:
         slice_ = 64
         while True:
             steps = core.counts[0]
-            left = request.max_steps - steps
-            if left <= 0:
-                raise Stop(
-                    f"gave up after {steps} steps at t = {core.t:.9g} s; --max-steps allows more"
-                )
+            limits.check(core.t, steps)
             started = time.monotonic()
-            status = core.advance(min(left, slice_))
+            status = core.advance(min(request.max_steps - steps, slice_))
+            taken = time.monotonic() - started
             if self.heed(status):
                 return
-            now = time.monotonic()
-            if request.timeout is not None and now - began > request.timeout:
-                raise Stop(
-                    f"gave up after {request.timeout:g} s of time at t = {core.t:.9g} s; --timeout"
-                    " allows more"
-                )
             if status == binding.RUNNING:
-                slice_ = max(1, min(2 * slice_, int(slice_ * _SLICE / max(now - started, 1e-6))))
+                slice_ = max(1, min(2 * slice_, int(slice_ * _SLICE / max(taken, 1e-6))))
                 if self.redundant:
                     slice_ = min(slice_, _LOOK)
                     self.check_redundancy()
@@ -182,7 +166,7 @@ class _Session:
             return self.approach()
         elif status == binding.OVER:
             self.look_over()
-        core.limit(self.request.max_step if status != binding.NEAR else self.watch.largest_step())
+        core.limit(self.request.max_step)
         return bool(status == binding.DONE)
 
     def approach(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -13,6 +14,7 @@ from lagcli.engine.system import System
 
 Array = NDArray[np.float64]
 State = tuple[float, Array, Array]  # t, q, v
+Status = Literal["completed", "failed", "interrupted"]
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class Run:
     a: Array
     multipliers: Array
     work: Array
-    status: Literal["completed", "failed", "interrupted"]
+    status: Status
     message: str
     steps: int
     rejected: int
@@ -95,6 +97,43 @@ class Undefined(Stop):
     def __init__(self, t: float, q: Array, v: Array):
         state = (t, np.array(q), np.array(v))
         super().__init__(f"the equations have no finite value at t = {t:.9g} s", state)
+
+
+class Limits:
+    """The steps and the wall time that a run may take; the clock starts here.
+
+    Parameters
+    ----------
+    request : Request
+    """
+
+    def __init__(self, request: Request):
+        self.steps, self.timeout = request.max_steps, request.timeout
+        self.began = time.monotonic()
+
+    def check(self, t: float, steps: int) -> None:
+        """Stop a run that takes more steps or time than allowed."""
+        if steps >= self.steps:
+            raise Stop(f"gave up after {steps} steps at t = {t:.9g} s; --max-steps allows more")
+        self.check_time(t)
+
+    def check_time(self, t: float) -> None:
+        """Stop a run that takes more time than allowed."""
+        if self.timeout is not None and time.monotonic() - self.began > self.timeout:
+            raise Stop(
+                f"gave up after {self.timeout:g} s of time at t = {t:.9g} s; --timeout allows more"
+            )
+
+
+def outcome(integrate: Callable[[], None]) -> tuple[Status, str, State | None]:
+    """Integrate, and return how it ended: status, message and undefined state, as in Run."""
+    try:
+        integrate()
+    except Stop as stop:
+        return "failed", str(stop), stop.undefined
+    except KeyboardInterrupt:
+        return "interrupted", "interrupted; the samples so far are kept", None
+    return "completed", "", None
 
 
 class Engine(Protocol):

@@ -7,10 +7,8 @@ constraints; the integrator goes on from there.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +18,7 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.index1 import Index1
 from lagcli.engine.passage import Crossing
 from lagcli.engine.projection import Projection
-from lagcli.engine.run import Request, Run, Stop, Undefined
+from lagcli.engine.run import Limits, Request, Run, Undefined, outcome
 from lagcli.engine.singular import Ahead, RankWatch
 from lagcli.engine.system import System
 
@@ -55,16 +53,9 @@ class _Sample:
 def run(system: System, request: Request, progress: Callable[[float], None] | None = None) -> Run:
     """Integrate a System; see the contract in `lagcli.engine.run`."""
     integration = _Integration(system, request, progress)
-    status: Literal["completed", "failed", "interrupted"] = "completed"
-    message, undefined = "", None
-    try:
-        # numbers that overflow are seen by what becomes of them
-        with np.errstate(all="ignore"):
-            integration.integrate()
-    except Stop as stop:
-        status, message, undefined = "failed", str(stop), stop.undefined
-    except KeyboardInterrupt:
-        status, message = "interrupted", "interrupted; the samples so far are kept"
+    # numbers that overflow are seen by what becomes of them
+    with np.errstate(all="ignore"):
+        status, message, undefined = outcome(integration.integrate)
     nq, nc, samples = len(system.coordinates), len(system.constraints), integration.samples
     return Run(
         time=np.array([s.time for s in samples]),
@@ -95,7 +86,7 @@ class _Integration:
         self.steps = self.rejected = 0
         self.samples: list[_Sample] = []
         self.sampled = 0
-        self.began = time.monotonic()
+        self.limits = Limits(request)
         if request.formulation == "baumgarte":
             alpha = 1.0 if request.alpha is None else request.alpha
             self.motion.damping = alpha, alpha if request.beta is None else request.beta
@@ -116,7 +107,7 @@ class _Integration:
         solver = self.solver(t, y)
         watch.add(t, y)
         while solver.status == "running":
-            self.check_limits(t)
+            self.limits.check(t, self.steps)
             solver.max_step = min(request.max_step, watch.largest_step())  # LSODA: has no effect
             self.step(solver, t)
             t, y = self.accept(solver, t, y)
@@ -234,7 +225,7 @@ class _Integration:
     def sample(self, t: float, y: Array) -> None:
         """Write the consistent state at a sample time, with its a and λ."""
         if self.samples:  # one step may hold more samples than the time allows
-            self.check_timeout(t)
+            self.limits.check_time(t)
         q, v = self.motion.split(self.project(t, y))
         a, multipliers, _ = self.motion.accelerations(t, q, v)
         if not np.isfinite(a).all():
@@ -247,22 +238,6 @@ class _Integration:
         for at in self.due(crossing.end):
             self.samples.append(_Sample(at, *crossing(at)))
         return crossing.end, crossing.state
-
-    def check_limits(self, t: float) -> None:
-        """Stop a run that takes more steps or time than allowed."""
-        if self.steps >= self.request.max_steps:
-            raise Stop(
-                f"gave up after {self.steps} steps at t = {t:.9g} s; --max-steps allows more"
-            )
-        self.check_timeout(t)
-
-    def check_timeout(self, t: float) -> None:
-        """Stop a run that takes more time than allowed."""
-        timeout = self.request.timeout
-        if timeout is not None and time.monotonic() - self.began > timeout:
-            raise Stop(
-                f"gave up after {timeout:g} s of time at t = {t:.9g} s; --timeout allows more"
-            )
 
     def check_redundancy(self, t: float, y: Array) -> None:
         """Stop if redundant constraints contradict each other."""

@@ -87,3 +87,19 @@ def test_without_the_extension_the_reference_engine_runs(monkeypatch):
     assert lagcli.simulate(PENDULUM, t_end=0.1).options["engine"] == "scipy"
     with pytest.raises(UsageError, match="was not built"):
         lagcli.simulate(PENDULUM, engine="compiled")
+
+
+def test_a_given_beta_is_used_when_alpha_comes_from_the_step():
+    options = {"t_end": 1, "samples": 11, "formulation": "baumgarte", "engine": "compiled"}
+    followed = lagcli.simulate(PENDULUM, **options)
+    given = lagcli.simulate(PENDULUM, **options, beta=50.0)
+    assert not np.array_equal(followed.q, given.q)
+
+
+def test_damping_from_the_step_agrees_with_the_reference_engine():
+    options = {"t_end": 2, "samples": 21, "formulation": "baumgarte", "rtol": 1e-10}
+    one, other = (
+        lagcli.simulate(PENDULUM, engine=e, beta=20.0, **options) for e in ("compiled", "scipy")
+    )
+    # both are the motion up to the drift that damping leaves
+    np.testing.assert_allclose(one.q, other.q, rtol=0, atol=1e-7)

@@ -32,7 +32,8 @@ cdef extern from "core.h":
         double t, t_end, h, h_max, rtol, atol, error_old
         int projecting, watching
         double alpha, beta
-        int baumgarte, baumgarte_from_step
+        int baumgarte
+        int alpha_from_step, beta_from_alpha
         double *y
         double *f
         double t_old, h_old
@@ -86,7 +87,7 @@ cdef class Integrator:
     lengths : (nc,) array
         The rows' lengths at the start.
     rank, rtol, atol, h_max, projecting, watching, alpha, beta, baumgarte
-        As in core.h; alpha negative means "from the step".
+        As in core.h; alpha negative means "from the step", beta "as alpha".
     block_rows : int
         Samples kept before they are handed over.
     """
@@ -121,7 +122,9 @@ cdef class Integrator:
         self.run.t, self.run.t_end, self.run.h_max = t, t_end, h_max
         self.run.rtol, self.run.atol = rtol, atol
         self.run.projecting, self.run.watching = projecting, watching
-        self.run.baumgarte, self.run.baumgarte_from_step = baumgarte, baumgarte and alpha < 0
+        self.run.baumgarte = baumgarte
+        self.run.alpha_from_step = baumgarte and alpha < 0
+        self.run.beta_from_alpha = beta < 0
         self.run.alpha, self.run.beta = max(alpha, 0.0), max(beta, 0.0)
         self.run.rank = rank
         self.y = np.array(y, dtype=float)

@@ -333,6 +333,17 @@ static int first_step(lag_run *run)
     return 0;
 }
 
+/* Set the damping of the next step, and the derivative with it. */
+static int damp(lag_run *run)
+{
+    if (!run->alpha_from_step)
+        return LAG_RUNNING;
+    run->alpha = BAUMGARTE_STEP / run->h;
+    if (run->beta_from_alpha)
+        run->beta = run->alpha;
+    return derivative(run, run->t, run->y, run->f) ? LAG_UNDEFINED : LAG_RUNNING;
+}
+
 int lag_start(lag_run *run)
 {
     if (run->projecting) {
@@ -346,12 +357,8 @@ int lag_start(lag_run *run)
     run->usual = fmax(run->usual, run->weakest);
     run->error_old = 1e-4;
     run->finishing = 0;
-    if (run->baumgarte_from_step)
-        run->alpha = run->beta = 0.0;
     first_step(run);
-    if (run->baumgarte_from_step)
-        run->alpha = run->beta = BAUMGARTE_STEP / run->h;
-    return LAG_RUNNING;
+    return damp(run);
 }
 
 /* One accepted step from (t, y, f) to (t + h, y_new, stage 12). */
@@ -573,8 +580,9 @@ int lag_finish(lag_run *run)
     run->finishing = 0;
     memcpy(run->y, run->y_new, (size_t)n * sizeof(double));
     memcpy(run->f, run->stages + DOP_STAGES * n, (size_t)n * sizeof(double));
-    if (run->baumgarte_from_step)
-        run->alpha = run->beta = BAUMGARTE_STEP / run->h;
+    const int damped = damp(run);
+    if (damped != LAG_RUNNING)
+        return damped;
     if (run->projecting && run->system->nc) {
         const int off = lag_project(run, run->t, run->y);
         if (off != LAG_RUNNING)

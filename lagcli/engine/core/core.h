@@ -44,7 +44,8 @@ typedef struct {
     int projecting;
     int watching;                      /* 0: no; 1: for NEAR; 2: for OVER too */
     double alpha, beta;                /* Baumgarte; unused where not asked for */
-    int baumgarte, baumgarte_from_step;
+    int baumgarte;
+    int alpha_from_step, beta_from_alpha;
 
     double *y, *f;                     /* state and its derivative, n */
     double t_old, h_old;               /* the last step */
