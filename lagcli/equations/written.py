@@ -16,7 +16,7 @@ from lagcli.model import grammar
 from lagcli.model.expressions import Sized, build
 from lagcli.model.grammar import Tree
 from lagcli.model.model import Constraint, Model
-from lagcli.model.scope import DOTS, Context, ModelScope, Names
+from lagcli.model.scope import Context, ModelScope, Names
 
 _HALF = typeset.Number(Fraction(1, 2))
 
@@ -37,6 +37,7 @@ def written(tree: Tree, model: Model, values: Mapping[str, Exact] | None = None)
 
 def named_in(tree: Tree, model: Model) -> tuple[str, ...]:
     """Return the definitions that a tree uses, each after those that it needs itself."""
+    names = _names(model)
     found: dict[str, None] = {}
     stack: list[tuple[Tree | str, bool]] = [(tree, False)]
     while stack:
@@ -48,57 +49,34 @@ def named_in(tree: Tree, model: Model) -> tuple[str, ...]:
                 stack += [(item, True), (model.definitions[item].tree, False)]
             continue
         if isinstance(item, grammar.Name):
-            name, _ = _resolve(item, model)
+            name, _ = names.resolve(item)
             if name in model.definitions:
                 stack.append((name, False))
-        stack.extend((part, False) for part in reversed(_parts(item)))
+        stack.extend((part, False) for part in reversed(item.parts))
     return tuple(found)
 
 
 def sides_built(constraint: Constraint, model: Model) -> tuple[Basic, ...]:
     """Return the sides of a constraint as expressions, definitions written out."""
-    names = Names(
+    scope = ModelScope(_names(model), Context("the constraint"))
+    sides = (constraint.left, constraint.right)
+    return tuple(build(side, scope).value for side in sides if side is not None)
+
+
+def _names(model: Model) -> Names:
+    """Return the names of a model, definitions standing for what they are written out."""
+    return Names(
         coordinates=model.coordinate_names,
         constraints=model.constraint_names,
         parameters={name: partial(se.Symbol, name) for name in model.parameters},
         definitions={name: partial(Sized, d.value, 1) for name, d in model.definitions.items()},
     )
-    scope = ModelScope(names, Context("the constraint"))
-    sides = (constraint.left, constraint.right)
-    return tuple(build(side, scope).value for side in sides if side is not None)
-
-
-def _parts(tree: Tree) -> list[Tree]:
-    match tree:
-        case grammar.Sum():
-            return [t for _, t in tree.terms]
-        case grammar.Product():
-            return [t for _, t in tree.factors]
-        case grammar.Power():
-            return [tree.base, tree.exponent]
-        case grammar.Call():
-            return list(tree.arguments)
-        case grammar.Vector():
-            return list(tree.items)
-        case grammar.Comparison() | grammar.Logical():
-            return list(tree.operands)
-    return []
-
-
-def _resolve(name: grammar.Name, model: Model) -> tuple[str, int]:
-    """Return a name and its number of dots; x_dot is x' unless it is declared itself."""
-    declared = {*model.coordinate_names, *model.parameters, *model.definitions}
-    if name.text not in declared:
-        for suffix, order in DOTS:
-            base = name.text.removesuffix(suffix)
-            if base != name.text and base in declared:
-                return base, name.primes + order
-    return name.text, name.primes
 
 
 class _Writer:
     def __init__(self, model: Model, values: dict[str, Exact]):
         self.model, self.values = model, values
+        self.names = _names(model)
 
     def node(self, tree: Tree) -> Node:
         match tree:
@@ -126,7 +104,7 @@ class _Writer:
         raise AssertionError(f"no such tree: {tree!r}")
 
     def _name(self, tree: grammar.Name) -> Node:
-        name, dots = _resolve(tree, self.model)
+        name, dots = self.names.resolve(tree)
         if name in self.values:
             return typeset.Number(Fraction(self.values[name]))
         if name == "pi" and name not in self.model.parameters:
