@@ -9,7 +9,19 @@ CORE = Path("lagcli") / "engine" / "core"
 
 core = Extension(
     "lagcli.engine.core.binding",
-    sources=[str(CORE / name) for name in ("binding.pyx", "core.c", "linear.c", "tape.c")],
+    sources=[
+        str(CORE / name)
+        for name in (
+            "binding.pyx",
+            "dop853.c",
+            "linear.c",
+            "motion.c",
+            "project.c",
+            "run.c",
+            "tape.c",
+            "watch.c",
+        )
+    ],
     depends=[str(path) for path in sorted(CORE.glob("*.h"))],
     # no -ffast-math: NaN and the order of operations mean something here
     extra_compile_args=["-O3"],

@@ -11,13 +11,14 @@ cdef extern from "tape.h":
         int32_t op, to, a, b, c
 
 
-cdef extern from "core.h":
     ctypedef struct lag_tape:
         const lag_step *steps
         int length
         double *registers
         const int32_t *outputs
 
+
+cdef extern from "system.h":
     ctypedef struct lag_system:
         int nq, nc, nh
         const int32_t *holonomic
@@ -27,6 +28,8 @@ cdef extern from "core.h":
         lag_tape dynamics
         lag_tape constraint
 
+
+cdef extern from "run.h":
     ctypedef struct lag_run:
         const lag_system *system
         double t, t_end, h, h_max, rtol, atol, error_old
@@ -41,6 +44,7 @@ cdef extern from "core.h":
         double *stages
         double *dense
         double *y_new
+        double *f_new
         double *trial
         double *y_sample
         double *work
@@ -76,7 +80,7 @@ RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF = range(8)
 
 
 cdef class Integrator:
-    """DOP853 with projection on a System; see core.h.
+    """DOP853 with projection on a System; see run.h.
 
     Parameters
     ----------
@@ -87,7 +91,7 @@ cdef class Integrator:
     lengths : (nc,) array
         The rows' lengths at the start.
     rank, rtol, atol, h_max, projecting, watching, alpha, beta, baumgarte
-        As in core.h; alpha negative means "from the step", beta "as alpha".
+        As in run.h; alpha negative means "from the step", beta "as alpha".
     block_rows : int
         Samples kept before they are handed over.
     """
@@ -130,7 +134,8 @@ cdef class Integrator:
         self.y = np.array(y, dtype=float)
         self.run.y = self.borrow(self.y)
         self.run.f, self.run.y_old = self.doubles(n), self.doubles(n)
-        self.run.y_new, self.run.trial = self.doubles(n), self.doubles(n)
+        self.run.y_new, self.run.f_new = self.doubles(n), self.doubles(n)
+        self.run.trial = self.doubles(n)
         self.run.y_sample = self.doubles(n)
         self.run.work = self.doubles(max(n, size))
         self.run.stages, self.run.dense = self.doubles(16 * n), self.doubles(7 * n)

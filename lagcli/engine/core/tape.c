@@ -2,10 +2,11 @@
 
 #include <math.h>
 
-void lag_tape_run(const lag_step *steps, int length, double *r)
+void lag_tape_run(const lag_tape *tape)
 {
-    const lag_step *end = steps + length;
-    for (const lag_step *s = steps; s != end; ++s) {
+    double *r = tape->registers;
+    const lag_step *end = tape->steps + tape->length;
+    for (const lag_step *s = tape->steps; s != end; ++s) {
         const double a = r[s->a];
         double x;
         switch (s->op) {

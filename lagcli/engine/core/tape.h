@@ -16,6 +16,17 @@ typedef struct {
     int32_t op, to, a, b, c;
 } lag_step;
 
-void lag_tape_run(const lag_step *steps, int length, double *r);
+/* A tape bound to its register file; the state's registers come first. */
+typedef struct {
+    const lag_step *steps;
+    int length;
+    double *registers;
+    const int32_t *outputs;
+} lag_tape;
+
+void lag_tape_run(const lag_tape *tape);
+
+/* Read output i of a tape. */
+#define OUT(tape, i) ((tape)->registers[(tape)->outputs[i]])
 
 #endif

@@ -3,29 +3,10 @@
  *
  * State y = (q, v, W), W the work done on the system. All memory belongs to the caller.
  */
-#ifndef LAGCLI_CORE_H
-#define LAGCLI_CORE_H
+#ifndef LAGCLI_RUN_H
+#define LAGCLI_RUN_H
 
-#include "tape.h"
-
-/* A tape bound to its register file; the state's registers come first. */
-typedef struct {
-    const lag_step *steps;
-    int length;
-    double *registers;
-    const int32_t *outputs;
-} lag_tape;
-
-/* M a = f + B' lambda, B a = gamma, phi = 0, psi = 0. */
-typedef struct {
-    int nq, nc, nh;
-    const int32_t *holonomic;          /* nh indices of constraints */
-    int nm, nb;                        /* nonzero entries of M and B */
-    const int32_t *mass_places;        /* nm: row * nq + column */
-    const int32_t *jacobian_places;    /* nb: row * nq + column */
-    lag_tape dynamics;                 /* M entries, f, B entries, gamma, power */
-    lag_tape constraint;               /* phi, B entries, b_0, scale of phi, scale of psi */
-} lag_system;
+#include "system.h"
 
 enum lag_status {
     LAG_RUNNING,      /* the slice of steps is over */
@@ -53,7 +34,7 @@ typedef struct {
     double *stages;                    /* 16 n */
     double *dense;                     /* 7 n */
     int dense_ready;
-    double *y_new;                     /* n: the step's end before projection */
+    double *y_new, *f_new;             /* n: the step's end before projection, its derivative */
     double *trial, *y_sample;          /* n each */
     double *work;                      /* the larger of n and N */
     int finishing;                     /* the last step is accepted and not yet sampled */
@@ -81,7 +62,7 @@ typedef struct {
     double *y_bad;                     /* n */
 } lag_run;
 
-/* Prepare the first step from y at t. Returns LAG_RUNNING or LAG_UNDEFINED. */
+/* Prepare the first step from y at t. Returns LAG_RUNNING or what is wrong there. */
 int lag_start(lag_run *run);
 
 /* Take at most `slice` steps. */
@@ -90,16 +71,7 @@ int lag_advance(lag_run *run, long slice);
 /* Sample the last accepted step, or the start, up to a time. */
 int lag_sample_until(lag_run *run, double end);
 
-/* Sample and project the last accepted step. */
-int lag_finish(lag_run *run);
-
 /* The last step's dense output, n values. */
 void lag_dense(lag_run *run, double t, double *y);
-
-/* Bring y at t to the constraints. Returns LAG_RUNNING, LAG_UNDEFINED or LAG_OFF. */
-int lag_project(lag_run *run, double t, double *y);
-
-/* Smallest pivot of the row-scaled B: near 0 in a singular configuration. */
-double lag_weakest(lag_run *run, double t, const double *y);
 
 #endif
