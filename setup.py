@@ -23,8 +23,9 @@ core = Extension(
         )
     ],
     depends=[str(path) for path in sorted(CORE.glob("*.h"))],
-    # no -ffast-math: NaN and the order of operations mean something here
-    extra_compile_args=["-O3"],
+    # no -ffast-math: NaN and the order of operations mean something here; nor may a processor that
+    # multiplies and adds at once change them
+    extra_compile_args=["-O3", "-ffp-contract=off"],
 )
 extensions = cythonize([core], language_level=3)
 for extension in extensions:

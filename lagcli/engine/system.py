@@ -99,7 +99,8 @@ def compile_system(equations: Equations) -> System:
                 *(c.rhs for c in eq.constraints),
                 applied + eq.time_power,
             ],
-            [*state, *parameters],
+            state,
+            parameters,
         ),
         constraint=compile_tape(
             [
@@ -109,11 +110,13 @@ def compile_system(equations: Equations) -> System:
                 *(_magnitude(x) for x in positions if x is not None),
                 *(_magnitude(c.velocity) for c in eq.constraints),
             ],
-            [*state, *parameters],
+            state,
+            parameters,
         ),
         report=compile_tape(
             [eq.kinetic, eq.potential, eq.energy, applied, eq.time_power, *eq.outputs.values()],
-            [*state, *eq.a, *eq.multipliers, *parameters],
+            [*state, *eq.a, *eq.multipliers],
+            parameters,
         ),
         outputs=tuple(eq.outputs),
     )

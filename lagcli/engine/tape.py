@@ -2,7 +2,8 @@
 
 A tape is data: a list of operations on numbered registers, in an order in which every operand is
 ready. Equal subexpressions share one register (hash-consing), constants are folded to doubles,
-integer powers are products. Nothing in a tape is code.
+integer powers are products. What depends on parameters alone is multiplied and added first, so
+that it can be kept from one evaluation to the next. Nothing in a tape is code.
 """
 
 from __future__ import annotations
@@ -80,12 +81,15 @@ class Tape:
         Unused operands are 0.
     outputs : tuple of int
         The registers to read at the end.
+    parameters : int
+        Number of inputs, the last ones, that stay the same along a run.
     """
 
     inputs: int
     constants: tuple[float, ...]
     code: tuple[tuple[int, int, int, int, int], ...]
     outputs: tuple[int, ...]
+    parameters: int = 0
 
     @property
     def registers(self) -> int:
@@ -133,44 +137,80 @@ _TRUTH = (bool, type(se.true), type(se.false))
 _COMMUTATIVE = {Op.ADD, Op.MUL, Op.EQ, Op.NE, Op.AND, Op.OR}
 
 
-def compile_tape(expressions: Iterable[Basic], inputs: Sequence[Basic]) -> Tape:
+def compile_tape(
+    expressions: Iterable[Basic], variables: Sequence[Basic], parameters: Sequence[Basic] = ()
+) -> Tape:
     """Compile expressions to one tape.
 
     Parameters
     ----------
     expressions : iterable of expressions
         One output each.
-    inputs : sequence of symbols
-        One input register each.
+    variables, parameters : sequences of symbols
+        One input register each, in this order; parameters stay the same along a run.
 
     Raises
     ------
     KeyError
         An expression contains a symbol that is not an input.
     """
-    builder = _Builder(inputs)
-    return builder.finish([builder.register(e) for e in expressions])
+    compiler = _Compiler(variables, parameters)
+    return compiler.finish([compiler.register(e) for e in expressions])
 
 
-class _Builder:
-    def __init__(self, inputs: Sequence[Basic]):
-        self.known: dict[Basic, int] = {s: i for i, s in enumerate(inputs)}
-        self.inputs = len(inputs)
+class Builder:
+    """Collects operations; equal ones are one.
+
+    Registers are counted as inputs, then −1 − constant, then inputs + operation until the end.
+
+    Parameters
+    ----------
+    inputs : int
+    parameters : int
+        Number of inputs, the last ones, that stay the same along a run.
+    """
+
+    def __init__(self, inputs: int, parameters: int = 0):
+        self.inputs, self.parameters = inputs, parameters
         self.constants: dict[float, int] = {}
         self.operations: dict[tuple[int, ...], int] = {}
-        # registers are counted as inputs, −1 − constant, inputs + operation until the end
+        self.steady = set(range(inputs - parameters, inputs))
+
+    @classmethod
+    def extending(cls, tape: Tape) -> tuple[Builder, list[int]]:
+        """Return a builder that holds a tape's operations, and the tape's outputs in it."""
+        builder = cls(tape.inputs, tape.parameters)
+        first = tape.inputs + len(tape.constants)
+        place = [*range(tape.inputs), *map(builder.constant, tape.constants)]
+        for op, to, *operands in tape.code:
+            assert to == first
+            place.append(builder.emit(Op(op), *[place[x] for x in operands[: arity(Op(op))]]))
+            first += 1
+        return builder, [place[x] for x in tape.outputs]
 
     def constant(self, value: float) -> int:
+        """Return the register of a number."""
         # 0.0 and -0.0 are equal keys: the sign of a zero constant has no meaning in a model
         return -1 - self.constants.setdefault(float(value), len(self.constants))
 
     def emit(self, op: Op, *operands: int) -> int:
+        """Return the register of an operation's result."""
         if op in _COMMUTATIVE and operands[0] > operands[1]:
             operands = operands[::-1]
         key = (op, *operands)
-        return self.operations.setdefault(key, self.inputs + len(self.operations))
+        register = self.operations.get(key)
+        if register is None:
+            register = self.operations[key] = self.inputs + len(self.operations)
+            if all(x < 0 or x in self.steady for x in operands):
+                self.steady.add(register)
+        return register
 
-    def finish(self, outputs: list[int]) -> Tape:
+    def steady_first(self, registers: Iterable[int]) -> list[int]:
+        """Return registers in one order: those that stay the same along a run, then the others."""
+        return sorted(registers, key=lambda x: (x >= 0 and x not in self.steady, x))
+
+    def finish(self, outputs: Iterable[int]) -> Tape:
+        """Return the tape."""
         shift = len(self.constants)
 
         def place(register: int) -> int:
@@ -183,8 +223,20 @@ class _Builder:
             a, b, c = (*map(place, operands), 0, 0)[:3]
             code.append((int(op), place(register), a, b, c))
         return Tape(
-            self.inputs, tuple(self.constants), tuple(code), tuple(place(r) for r in outputs)
+            self.inputs,
+            tuple(self.constants),
+            tuple(code),
+            tuple(place(r) for r in outputs),
+            self.parameters,
         )
+
+
+class _Compiler(Builder):
+    """Turns expressions into operations."""
+
+    def __init__(self, variables: Sequence[Basic], parameters: Sequence[Basic]):
+        super().__init__(len(variables) + len(parameters), len(parameters))
+        self.known: dict[Basic, int] = {s: i for i, s in enumerate([*variables, *parameters])}
 
     def register(self, expression: Basic) -> int:
         """Return the register of an expression; its parts first, without recursion."""
@@ -257,6 +309,7 @@ class _Builder:
         for term in e.args:
             positive, negative = _sign_split(term)
             (minus if negative else plus).append(self.known[_key(positive)])
+        plus, minus = self.steady_first(plus), self.steady_first(minus)
         if plus:
             total, *rest = plus
         else:
@@ -277,6 +330,7 @@ class _Builder:
         negative = minus_one is not None and -1 - minus_one in numerator
         if negative:
             numerator.remove(-1 - minus_one)  # type: ignore[operator]
+        numerator, denominator = self.steady_first(numerator), self.steady_first(denominator)
         total = numerator[0] if numerator else self.constant(1.0)
         for x in numerator[1:]:
             total = self.emit(Op.MUL, total, x)

@@ -3,19 +3,18 @@
 
 import numpy as np
 
+from lagcli.engine.program import assemble
+
 from libc.stdint cimport int32_t
 
 
 cdef extern from "tape.h":
-    ctypedef struct lag_step:
-        int32_t op, to, a, b, c
-
-
     ctypedef struct lag_tape:
-        const lag_step *steps
-        int length
+        const int32_t *stream
         double *registers
         const int32_t *outputs
+
+    void lag_stream_run(const int32_t *stream, double *registers) nogil
 
 
 cdef extern from "system.h":
@@ -120,8 +119,8 @@ cdef class Integrator:
         self.system.jacobian_places = self.integers(
             [i * nq + j for i, j in system.jacobian_pattern]
         )
-        self.bind(&self.system.dynamics, system.dynamics, system.parameters, nq)
-        self.bind(&self.system.constraint, system.constraint, system.parameters, nq)
+        self.bind(&self.system.dynamics, system.dynamics, system.parameters)
+        self.bind(&self.system.constraint, system.constraint, system.parameters)
         self.run.system = &self.system
         self.run.t, self.run.t_end, self.run.h_max = t, t_end, h_max
         self.run.rtol, self.run.atol = rtol, atol
@@ -179,15 +178,15 @@ cdef class Integrator:
         cdef int32_t[::1] view = array
         return &view[0]
 
-    cdef int bind(self, lag_tape *tape, source, parameters, int nq) except -1:
-        registers = np.zeros(source.registers)
-        first = 1 + 2 * nq
-        registers[first : first + len(parameters)] = parameters
-        registers[source.inputs : source.inputs + len(source.constants)] = source.constants
+    cdef int bind(self, lag_tape *tape, source, parameters) except -1:
+        program = assemble(source)
+        registers = program.registers
+        first = source.inputs - len(parameters)
+        registers[first : source.inputs] = parameters
         tape.registers = self.borrow(registers)
-        tape.steps = <const lag_step *>self.integers(source.code)
-        tape.length = len(source.code)
-        tape.outputs = self.integers(source.outputs)
+        tape.stream = self.integers(program.main)
+        tape.outputs = self.integers(program.outputs)
+        lag_stream_run(self.integers(program.prelude), tape.registers)
         return 0
 
     def start(self):

@@ -14,7 +14,7 @@ void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const dou
 {
     tape->registers[0] = t;
     memcpy(tape->registers + 1, y, 2 * (size_t)s->nq * sizeof(double));
-    lag_tape_run(tape);
+    lag_stream_run(tape->stream, tape->registers);
 }
 
 int lag_order(const lag_run *run)

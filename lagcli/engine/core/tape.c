@@ -1,51 +1,75 @@
+#define _GNU_SOURCE /* sincos */
 #include "tape.h"
 
 #include <math.h>
 
-void lag_tape_run(const lag_tape *tape)
+#if defined(__GLIBC__)
+#define SINCOS(x, s, c) sincos(x, s, c)
+#else
+#define SINCOS(x, s, c) (*(s) = sin(x), *(c) = cos(x))
+#endif
+
+/* A run of operations of one kind: `width` numbers each, the destination first. */
+#define RUN(op, width, value)                                                                     \
+    case op:                                                                                      \
+        for (const int32_t *end = p + (width) * n; p != end; p += (width))                        \
+            r[p[0]] = (value);                                                                    \
+        break;
+#define A r[p[1]]
+#define B r[p[2]]
+#define C r[p[3]]
+
+void lag_stream_run(const int32_t *p, double *r)
 {
-    double *r = tape->registers;
-    const lag_step *end = tape->steps + tape->length;
-    for (const lag_step *s = tape->steps; s != end; ++s) {
-        const double a = r[s->a];
-        double x;
-        switch (s->op) {
-        case OP_ADD: x = a + r[s->b]; break;
-        case OP_SUB: x = a - r[s->b]; break;
-        case OP_MUL: x = a * r[s->b]; break;
-        case OP_DIV: x = a / r[s->b]; break;
-        case OP_NEG: x = -a; break;
-        case OP_POW: x = pow(a, r[s->b]); break;
-        case OP_SQRT: x = sqrt(a); break;
-        case OP_SIN: x = sin(a); break;
-        case OP_COS: x = cos(a); break;
-        case OP_TAN: x = tan(a); break;
-        case OP_ASIN: x = asin(a); break;
-        case OP_ACOS: x = acos(a); break;
-        case OP_ATAN: x = atan(a); break;
-        case OP_ATAN2: x = atan2(a, r[s->b]); break;
-        case OP_SINH: x = sinh(a); break;
-        case OP_COSH: x = cosh(a); break;
-        case OP_TANH: x = tanh(a); break;
-        case OP_ASINH: x = asinh(a); break;
-        case OP_ACOSH: x = acosh(a); break;
-        case OP_ATANH: x = atanh(a); break;
-        case OP_EXP: x = exp(a); break;
-        case OP_LOG: x = log(a); break;
-        case OP_ERF: x = erf(a); break;
-        case OP_ERFC: x = erfc(a); break;
-        case OP_FLOOR: x = floor(a); break;
-        case OP_CEIL: x = ceil(a); break;
-        case OP_ABS: x = fabs(a); break;
-        case OP_LT: x = a < r[s->b]; break;
-        case OP_LE: x = a <= r[s->b]; break;
-        case OP_EQ: x = a == r[s->b]; break;
-        case OP_NE: x = a != r[s->b]; break;
-        case OP_AND: x = a * r[s->b]; break;
-        case OP_OR: x = fmax(a, r[s->b]); break;
-        case OP_NOT: x = 1.0 - a; break;
-        default: x = a != 0.0 ? r[s->b] : r[s->c]; break; /* OP_SELECT */
+    for (;;) {
+        const int32_t op = *p++, n = *p++;
+        switch (op) {
+            RUN(OP_ADD, 3, A + B)
+            RUN(OP_SUB, 3, A - B)
+            RUN(OP_MUL, 3, A * B)
+            RUN(OP_DIV, 3, A / B)
+            RUN(OP_NEG, 2, -A)
+            RUN(OP_POW, 3, pow(A, B))
+            RUN(OP_SQRT, 2, sqrt(A))
+            RUN(OP_SIN, 2, sin(A))
+            RUN(OP_COS, 2, cos(A))
+            RUN(OP_TAN, 2, tan(A))
+            RUN(OP_ASIN, 2, asin(A))
+            RUN(OP_ACOS, 2, acos(A))
+            RUN(OP_ATAN, 2, atan(A))
+            RUN(OP_ATAN2, 3, atan2(A, B))
+            RUN(OP_SINH, 2, sinh(A))
+            RUN(OP_COSH, 2, cosh(A))
+            RUN(OP_TANH, 2, tanh(A))
+            RUN(OP_ASINH, 2, asinh(A))
+            RUN(OP_ACOSH, 2, acosh(A))
+            RUN(OP_ATANH, 2, atanh(A))
+            RUN(OP_EXP, 2, exp(A))
+            RUN(OP_LOG, 2, log(A))
+            RUN(OP_ERF, 2, erf(A))
+            RUN(OP_ERFC, 2, erfc(A))
+            RUN(OP_FLOOR, 2, floor(A))
+            RUN(OP_CEIL, 2, ceil(A))
+            RUN(OP_ABS, 2, fabs(A))
+            RUN(OP_LT, 3, A < B)
+            RUN(OP_LE, 3, A <= B)
+            RUN(OP_EQ, 3, A == B)
+            RUN(OP_NE, 3, A != B)
+            RUN(OP_AND, 3, A * B)
+            RUN(OP_OR, 3, fmax(A, B))
+            RUN(OP_NOT, 2, 1.0 - A)
+            RUN(OP_SELECT, 4, A != 0.0 ? B : C)
+            RUN(OP_MULADD, 4, A * B + C)
+            RUN(OP_MULSUB, 4, A * B - C)
+            RUN(OP_SUBMUL, 4, C - A * B)
+        case OP_SINCOS:
+            for (const int32_t *end = p + 3 * n; p != end; p += 3) {
+                const double x = r[p[2]];
+                SINCOS(x, r + p[0], r + p[1]);
+            }
+            break;
+        default: /* OP_END */
+            return;
         }
-        r[s->to] = x;
     }
 }

@@ -1,4 +1,5 @@
-/* The tape evaluator: operations on a register file. The operations are those of engine/tape.py. */
+/* The tape evaluator. The streams are those of engine/program.py, the operations those of
+ * engine/tape.py and after them the ones that only programs have. */
 #ifndef LAGCLI_TAPE_H
 #define LAGCLI_TAPE_H
 
@@ -8,23 +9,19 @@ enum lag_op {
     OP_ADD, OP_SUB, OP_MUL, OP_DIV, OP_NEG, OP_POW, OP_SQRT, OP_SIN, OP_COS, OP_TAN,
     OP_ASIN, OP_ACOS, OP_ATAN, OP_ATAN2, OP_SINH, OP_COSH, OP_TANH, OP_ASINH, OP_ACOSH,
     OP_ATANH, OP_EXP, OP_LOG, OP_ERF, OP_ERFC, OP_FLOOR, OP_CEIL, OP_ABS, OP_LT, OP_LE,
-    OP_EQ, OP_NE, OP_AND, OP_OR, OP_NOT, OP_SELECT
+    OP_EQ, OP_NE, OP_AND, OP_OR, OP_NOT, OP_SELECT,
+    OP_MULADD, OP_MULSUB, OP_SUBMUL, OP_SINCOS, OP_END
 };
 
-/* One operation: r[to] = op(r[a], r[b], r[c]). */
+/* A tape bound to its register file; inputs come first. */
 typedef struct {
-    int32_t op, to, a, b, c;
-} lag_step;
-
-/* A tape bound to its register file; the state's registers come first. */
-typedef struct {
-    const lag_step *steps;
-    int length;
+    const int32_t *stream;
     double *registers;
     const int32_t *outputs;
 } lag_tape;
 
-void lag_tape_run(const lag_tape *tape);
+/* Run a stream on a register file. */
+void lag_stream_run(const int32_t *stream, double *registers);
 
 /* Read output i of a tape. */
 #define OUT(tape, i) ((tape)->registers[(tape)->outputs[i]])

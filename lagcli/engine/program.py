@@ -1,0 +1,208 @@
+"""Tape → program: what the core's evaluator runs.
+
+Operations of a kind are put in runs, so that the evaluator decides once for many of them; what
+depends on parameters alone goes into a prelude that is run once; a product that is only added
+becomes one operation with its sum, and the sine and cosine of one angle become one; registers are
+used again when their values are dead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.tape import Op, Tape, arity
+
+#: Operations that only programs have, after those of tapes.
+MULADD, MULSUB, SUBMUL, SINCOS, END = range(len(Op), len(Op) + 5)
+#: Operations that are put in order at a time: the values that live at once stay near each other.
+_WINDOW = 4096
+
+Node = tuple[int, tuple[int, ...], tuple[int, ...]]  # operation, destinations, operands
+
+
+@dataclass(frozen=True)
+class Program:
+    """A tape in the order and with the registers in which it is run.
+
+    A stream is, for each run of operations: the operation, their number, and for each of them its
+    destinations and operands; it ends with END. MULADD is a b + c, MULSUB a b − c, SUBMUL c − a b
+    for operands a, b, c; SINCOS has two destinations.
+
+    Parameters
+    ----------
+    prelude, main : int32 arrays
+        Streams; the prelude is run once.
+    registers : (n,) array
+        The register file before the prelude: inputs (zero), constants.
+    outputs : int32 array
+        The registers to read at the end.
+    size : int
+        Number of operations in ``main``.
+    """
+
+    prelude: NDArray[np.int32]
+    main: NDArray[np.int32]
+    registers: NDArray[np.float64]
+    outputs: NDArray[np.int32]
+    size: int
+
+
+def assemble(tape: Tape) -> Program:
+    """Put a tape in order.
+
+    Parameters
+    ----------
+    tape : Tape
+    """
+    fixed = tape.inputs + len(tape.constants)
+    steady = set(range(tape.inputs - tape.parameters, fixed))
+    prelude: list[Node] = []
+    main: list[Node] = []
+    for op, to, a, b, c in tape.code:
+        operands = (a, b, c)[: arity(Op(op))]
+        if all(x in steady for x in operands):
+            steady.add(to)
+            prelude.append((op, (to,), operands))
+        else:
+            main.append((op, (to,), operands))
+    main = _sines_with_cosines(_products_with_sums(main, tape.outputs))
+    ordered = [
+        node
+        for first in range(0, len(main), _WINDOW)
+        for node in _in_runs(main[first : first + _WINDOW])
+    ]
+    place = {x: x for x in range(fixed)}
+    for _, destinations, _ in prelude:
+        place[destinations[0]] = len(place)
+    prelude = [_placed(node, place) for node in prelude]
+    count = len(place)
+    ordered, count = _allocate(ordered, place, count, set(tape.outputs))
+    registers = np.zeros(count)
+    registers[tape.inputs : fixed] = tape.constants
+    return Program(
+        prelude=_stream(prelude),
+        main=_stream(ordered),
+        registers=registers,
+        outputs=np.array([place[x] for x in tape.outputs], dtype=np.int32),
+        size=len(ordered),
+    )
+
+
+def _products_with_sums(nodes: list[Node], outputs: Sequence[int]) -> list[Node]:
+    """Merge each product that is used once, by a sum, into that sum."""
+    uses: dict[int, int] = dict.fromkeys(outputs, 2)
+    for _, _, operands in nodes:
+        for x in operands:
+            uses[x] = uses.get(x, 0) + 1
+    products = {d[0]: o for op, d, o in nodes if op == Op.MUL and uses.get(d[0]) == 1}
+    merged: set[int] = set()
+    found: list[Node] = []
+    for op, to, operands in nodes:
+        if op in (Op.ADD, Op.SUB):
+            a, b = operands
+            if b in products and b != a:
+                merged.add(b)
+                found.append((MULADD if op == Op.ADD else SUBMUL, to, (*products[b], a)))
+                continue
+            if a in products and b != a:
+                merged.add(a)
+                found.append((MULADD if op == Op.ADD else MULSUB, to, (*products[a], b)))
+                continue
+        found.append((op, to, operands))
+    return [node for node in found if node[1][0] not in merged]
+
+
+def _sines_with_cosines(nodes: list[Node]) -> list[Node]:
+    """Merge the sine and the cosine of one operand."""
+    sines = {o[0]: d[0] for op, d, o in nodes if op == Op.SIN}
+    both = {o[0]: (sines[o[0]], d[0]) for op, d, o in nodes if op == Op.COS and o[0] in sines}
+    found: list[Node] = []
+    done: set[int] = set()
+    for node in nodes:
+        op, _, operands = node
+        if op in (Op.SIN, Op.COS) and operands[0] in both:
+            if operands[0] not in done:
+                done.add(operands[0])
+                found.append((SINCOS, both[operands[0]], operands))
+        else:
+            found.append(node)
+    return found
+
+
+def _in_runs(nodes: list[Node]) -> list[Node]:
+    """Order operations so that those of a kind follow each other as far as they can."""
+    producer = {x: i for i, (_, destinations, _) in enumerate(nodes) for x in destinations}
+    users: list[list[int]] = [[] for _ in nodes]
+    waiting = [0] * len(nodes)
+    for i, (_, _, operands) in enumerate(nodes):
+        for x in set(operands):
+            if x in producer:
+                users[producer[x]].append(i)
+                waiting[i] += 1
+    ready: dict[int, list[int]] = {}
+    for i, (op, _, _) in enumerate(nodes):
+        if not waiting[i]:
+            ready.setdefault(op, []).append(i)
+    ordered: list[Node] = []
+    while ready:
+        op = max(ready, key=lambda kind: len(ready[kind]))
+        queue = ready.pop(op)
+        for i in queue:  # grows while it is read
+            ordered.append(nodes[i])
+            for user in users[i]:
+                waiting[user] -= 1
+                if not waiting[user]:
+                    kind = nodes[user][0]
+                    (queue if kind == op else ready.setdefault(kind, [])).append(user)
+    return ordered
+
+
+def _allocate(
+    nodes: list[Node], place: dict[int, int], count: int, kept: set[int]
+) -> tuple[list[Node], int]:
+    """Give results registers; those of dead values are used again. ``place`` is completed."""
+    last: dict[int, int] = {}
+    own = {x for _, destinations, _ in nodes for x in destinations}
+    for i, (_, _, operands) in enumerate(nodes):
+        for x in operands:
+            last[x] = i
+    free: list[int] = []
+    placed: list[Node] = []
+    for i, node in enumerate(nodes):
+        _, destinations, operands = node
+        for x in set(operands):
+            if last[x] == i and x in own and x not in kept:
+                free.append(place[x])
+        for x in destinations:
+            if free:
+                place[x] = free.pop()
+            else:
+                place[x] = count
+                count += 1
+        placed.append(_placed(node, place))
+        for x in destinations:
+            if x not in last and x not in kept:
+                free.append(place[x])
+    return placed, count
+
+
+def _placed(node: Node, place: dict[int, int]) -> Node:
+    op, destinations, operands = node
+    return op, tuple(place[x] for x in destinations), tuple(place[x] for x in operands)
+
+
+def _stream(nodes: list[Node]) -> NDArray[np.int32]:
+    numbers: list[int] = []
+    at, kind = 0, -1
+    for op, destinations, operands in nodes:
+        if op != kind:
+            kind, at = op, len(numbers) + 1
+            numbers += (op, 0)
+        numbers[at] += 1
+        numbers += destinations
+        numbers += operands
+    return np.array([*numbers, END, 0], dtype=np.int32)
