@@ -14,6 +14,7 @@ core = Extension(
         for name in (
             "binding.pyx",
             "dop853.c",
+            "ldl.c",
             "linear.c",
             "motion.c",
             "project.c",

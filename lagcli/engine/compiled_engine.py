@@ -8,6 +8,7 @@ floor. What is then done is the same code as the reference engine's.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from functools import cached_property
@@ -17,8 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
+from lagcli.engine.elimination import NoElimination, find_order, unroll
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.run import Limits, Request, Run, Stop, Undefined, outcome
+from lagcli.engine.interpreter import ScalarTape
+from lagcli.engine.run import Limits, Request, Run, State, Stop, Undefined, outcome
 from lagcli.engine.system import System
 
 if TYPE_CHECKING:
@@ -32,6 +35,10 @@ Array = NDArray[np.float64]
 _BLOCK = 4096
 #: Seconds that a slice of steps should take: what an interrupt waits for.
 _SLICE = 0.03
+#: The part of a coordinate by which states beside the start differ from it.
+_ASIDE = 0.1
+#: States for an order of elimination, beyond which the dense solution helps where it fails.
+_MOST_STATES = 20
 #: Steps between two looks at whether redundant constraints contradict each other.
 _LOOK = 4
 
@@ -57,6 +64,17 @@ def run(system: System, request: Request, progress: Callable[[float], None] | No
         evaluations=evaluations,
         undefined=undefined,
     )
+
+
+def _around(request: Request) -> list[State]:
+    """Return states at which an order of elimination is tried: the start, and some beside it.
+
+    Beside it, no entry vanishes by the start's special position.
+    """
+    t, q, v = request.t_start, request.q, request.v
+    size = _ASIDE * (np.abs(q) + 0.1 * np.abs(q).max(initial=0.0))
+    number = np.arange(len(q))
+    return [(t, q, v)] + [(t, q + size * np.cos(k + 1.7 * number), v) for k in (1, 2)]
 
 
 class _Session:
@@ -92,6 +110,55 @@ class _Session:
             request.formulation == "baumgarte",
             _BLOCK,
         )
+        self.states = _around(request)
+        self.reordered = math.nan
+        self.choose_elimination()
+
+    def choose_elimination(self) -> None:
+        """Find an order of elimination from the states so far; redundant constraints have none."""
+        system, core = self.system, self.core
+        try:
+            if self.redundant:
+                raise NoElimination
+            values = self.sampled_matrices()
+            nm, first = len(system.mass_pattern), len(system.mass_pattern) + self.nq
+            plan = find_order(
+                self.nq,
+                len(system.constraints),
+                system.mass_pattern,
+                system.jacobian_pattern,
+                values[:nm],
+                values[first : first + len(system.jacobian_pattern)],
+            )
+        except NoElimination:
+            core.use_dense(system.dynamics)
+            return
+        tape = system.dynamics
+        if plan.unrolled:
+            tape = unroll(tape, self.nq, system.mass_pattern, system.jacobian_pattern, plan)
+        core.use_elimination(tape, plan, plan.unrolled)
+
+    def sampled_matrices(self) -> Array:
+        """Return the dynamics tape's outputs at the sampled states that have finite ones."""
+        tape = ScalarTape(self.system.dynamics)
+        columns = [
+            tape((t, *q.tolist(), *v.tolist(), *self.system.parameters)) for t, q, v in self.states
+        ]
+        finite = [column for column in columns if math.isfinite(sum(column))]
+        if not finite:
+            raise NoElimination
+        return np.array(finite).T
+
+    def reorder(self) -> None:
+        """Find an order that suits the end of the step that failed too; else take it densely."""
+        core = self.core
+        if self.reordered == core.t or len(self.states) > _MOST_STATES:
+            core.allow_dense(1)
+            return
+        self.reordered = core.t
+        self.states.append((core.t, *self.split(core.state)))
+        self.states.append((core.t_bad, *self.split(core.y_bad.copy())))
+        self.choose_elimination()
 
     # what thinks, made when it is needed: most runs need none of it
 
@@ -166,6 +233,8 @@ class _Session:
             return self.approach()
         elif status == binding.OVER:
             self.look_over()
+        elif status == binding.INACCURATE:
+            self.reorder()
         core.limit(self.request.max_step)
         return bool(status == binding.DONE)
 

@@ -17,6 +17,27 @@ cdef extern from "tape.h":
     void lag_stream_run(const int32_t *stream, double *registers) nogil
 
 
+cdef extern from "ldl.h":
+    ctypedef struct lag_ldl:
+        int n
+        const int32_t *order
+        const int32_t *paired
+        const int32_t *start
+        const int32_t *row
+        const int32_t *left_start
+        const int32_t *left_column
+        const int32_t *left_entry
+
+    void lag_ldl_factor(
+        const lag_ldl *plan, double *diagonal, double *beside, double *lower, double *product,
+        double *work,
+    ) nogil
+    void lag_ldl_solve(
+        const lag_ldl *plan, const double *diagonal, const double *beside, const double *lower,
+        double *work, double *x,
+    ) nogil
+
+
 cdef extern from "system.h":
     ctypedef struct lag_system:
         int nq, nc, nh
@@ -48,6 +69,16 @@ cdef extern from "run.h":
         double *y_sample
         double *work
         int finishing
+        double *a
+        double *multipliers
+        int eliminating
+        lag_ldl ldl
+        const int32_t *mass_targets
+        const int32_t *jacobian_targets
+        double *factors
+        double *product
+        double *least
+        long dense_steps
         double *kkt
         double *lu
         double *right
@@ -75,7 +106,7 @@ cdef extern from "run.h":
     int lag_sample_until(lag_run *run, double end) nogil
     void lag_dense(lag_run *run, double t, double *y) nogil
 
-RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF = range(8)
+RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE = range(9)
 
 
 cdef class Integrator:
@@ -99,8 +130,8 @@ cdef class Integrator:
     cdef lag_run run
     cdef object keep  # the arrays that the pointers point into
     cdef readonly object block, y_bad
-    cdef object y, y_dense, times_kept
-    cdef int nq, nc
+    cdef object y, y_dense, parameters, mass_pattern, jacobian_pattern
+    cdef int nq, nc, size
 
     def __init__(
         self, system, double t, double t_end, y, times, lengths, int rank, double rtol,
@@ -109,7 +140,9 @@ cdef class Integrator:
     ):
         cdef int nq = len(system.coordinates), nc = len(system.constraints)
         cdef int n = 2 * nq + 1, size = nq + 2 * nc - rank
-        self.nq, self.nc, self.keep = nq, nc, []
+        self.nq, self.nc, self.size, self.keep = nq, nc, size, []
+        self.parameters = system.parameters
+        self.mass_pattern, self.jacobian_pattern = system.mass_pattern, system.jacobian_pattern
         self.system.nq, self.system.nc = nq, nc
         self.system.nh = len(system.holonomic)
         self.system.nm = len(system.mass_pattern)
@@ -119,8 +152,7 @@ cdef class Integrator:
         self.system.jacobian_places = self.integers(
             [i * nq + j for i, j in system.jacobian_pattern]
         )
-        self.bind(&self.system.dynamics, system.dynamics, system.parameters)
-        self.bind(&self.system.constraint, system.constraint, system.parameters)
+        self.bind(&self.system.constraint, system.constraint)
         self.run.system = &self.system
         self.run.t, self.run.t_end, self.run.h_max = t, t_end, h_max
         self.run.rtol, self.run.atol = rtol, atol
@@ -136,9 +168,11 @@ cdef class Integrator:
         self.run.y_new, self.run.f_new = self.doubles(n), self.doubles(n)
         self.run.trial = self.doubles(n)
         self.run.y_sample = self.doubles(n)
-        self.run.work = self.doubles(max(n, size))
+        self.run.work = self.doubles(2 * (n + size))
         self.run.stages, self.run.dense = self.doubles(16 * n), self.doubles(7 * n)
-        self.run.kkt, self.run.lu = self.doubles(size * size), self.doubles(size * size)
+        self.run.a = self.doubles(nq + nc)
+        self.run.multipliers = self.run.a + nq
+        self.run.least = self.doubles(nq + nc)
         self.run.right, self.run.solution = self.doubles(size), self.doubles(size)
         self.run.weight = self.doubles(nc)
         kept = np.array(lengths, dtype=float)
@@ -178,16 +212,61 @@ cdef class Integrator:
         cdef int32_t[::1] view = array
         return &view[0]
 
-    cdef int bind(self, lag_tape *tape, source, parameters) except -1:
+    cdef int bind(self, lag_tape *tape, source) except -1:
         program = assemble(source)
         registers = program.registers
-        first = source.inputs - len(parameters)
-        registers[first : source.inputs] = parameters
+        registers[source.inputs - len(self.parameters) : source.inputs] = self.parameters
+        registers[0] = np.nan  # no state yet
         tape.registers = self.borrow(registers)
         tape.stream = self.integers(program.main)
         tape.outputs = self.integers(program.outputs)
         lag_stream_run(self.integers(program.prelude), tape.registers)
         return 0
+
+    def use_dense(self, dynamics):
+        """Solve for a and λ densely. Parameters: dynamics, the System's tape."""
+        self.bind(&self.system.dynamics, dynamics)
+        self.run.eliminating = 0
+        self.allow_dense(0)
+
+    def use_elimination(self, dynamics, plan, bint unrolled):
+        """Solve for a and λ by a static elimination.
+
+        Parameters
+        ----------
+        dynamics : Tape
+            The System's, the elimination appended where it is unrolled.
+        plan : Elimination
+        unrolled : bool
+        """
+        cdef lag_ldl *ldl = &self.run.ldl
+        cdef int nq = self.nq, n = nq + self.nc
+        self.bind(&self.system.dynamics, dynamics)
+        self.run.eliminating = 1 if unrolled else 2
+        ldl.n = n
+        ldl.order = self.integers(plan.order)
+        ldl.paired = self.integers(plan.paired)
+        ldl.start = self.integers(plan.starts)
+        ldl.row = self.integers([i for column in plan.columns for i in column])
+        starts, columns, entries = plan.left
+        ldl.left_start = self.integers(starts)
+        ldl.left_column = self.integers(columns)
+        ldl.left_entry = self.integers(entries)
+        self.run.factors = self.doubles(2 * n + len(entries))
+        self.run.product = self.doubles(len(entries))
+        self.run.least = self.borrow(np.full(n, np.inf))
+        self.run.mass_targets = self.integers(plan.targets(self.mass_pattern))
+        # an entry of B stands in the matrix twice; one of them in the half that is stored
+        places = plan.targets([(nq + i, j) for i, j in self.jacobian_pattern])
+        others = plan.targets([(j, nq + i) for i, j in self.jacobian_pattern])
+        self.run.jacobian_targets = self.integers(np.maximum(places, others))
+
+    def allow_dense(self, long steps):
+        """Take the next steps by the dense solution, whatever is used otherwise."""
+        self.run.dense_steps = steps
+        if self.run.kkt == NULL:
+            self.run.kkt = self.doubles(self.size * self.size)
+            self.run.lu = self.doubles(self.size * self.size)
 
     def start(self):
         """Prepare the first step; sample what lies at the start."""

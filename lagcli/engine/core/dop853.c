@@ -46,6 +46,7 @@ int lag_dop853_step(lag_run *run)
         }
         memcpy(stage, run->f, (size_t)n * sizeof(double));
         int bad = 0;
+        run->alarmed = 0;
         for (int i = 1; i <= DOP_STAGES && !bad; ++i) {
             const double *a = i < DOP_STAGES ? dop_a[i] : dop_b;
             double *y = run->y_new;
@@ -63,6 +64,8 @@ int lag_dop853_step(lag_run *run)
                 y[m] += run->y[m];
             const double c = i < DOP_STAGES ? dop_c[i] : 1.0;
             bad = lag_derivative(run, run->t + c * h, y, stage + i * n);
+            if (!bad && run->watching)
+                run->alarmed |= lag_alarmed(run);
         }
         double factor = 0.2;
         if (!bad) {

@@ -5,6 +5,12 @@
 
 #include "linear.h"
 
+#define ACCURATE 0.1        /* of rtol: what the residual of the equations may be, row by row */
+#define LEAST_ACCURATE 1e-9 /* the largest and the smallest residual that is asked for */
+#define MOST_ACCURATE 1e-12
+#define SMALL_PIVOT 0.1     /* of its largest value so far: a singular configuration may be near */
+#define NEXT_TO_ALL 1e-4    /* of the largest row: what a row of small terms is compared with */
+
 int lag_size(const lag_system *s)
 {
     return 2 * s->nq + 1;
@@ -12,14 +18,45 @@ int lag_size(const lag_system *s)
 
 void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const double *y)
 {
-    tape->registers[0] = t;
-    memcpy(tape->registers + 1, y, 2 * (size_t)s->nq * sizeof(double));
-    lag_stream_run(tape->stream, tape->registers);
+    const size_t bytes = 2 * (size_t)s->nq * sizeof(double);
+    double *r = tape->registers;
+    if (r[0] == t && memcmp(r + 1, y, bytes) == 0)
+        return;
+    r[0] = t;
+    memcpy(r + 1, y, bytes);
+    lag_stream_run(tape->stream, r);
 }
 
-int lag_order(const lag_run *run)
+/* Where the dynamics tape's outputs begin. */
+static int first_forcing(const lag_system *s)
+{
+    return s->nm;
+}
+
+static int first_jacobian(const lag_system *s)
+{
+    return s->nm + s->nq;
+}
+
+static int first_rhs(const lag_system *s)
+{
+    return s->nm + s->nq + s->nb;
+}
+
+static int first_solution(const lag_system *s)
+{
+    return s->nm + s->nq + s->nb + s->nc + 1;
+}
+
+/* Order of the dense linear system. */
+static int order_of(const lag_run *run)
 {
     return run->system->nq + 2 * run->system->nc - run->rank;
+}
+
+static int is_eliminating(const lag_run *run)
+{
+    return run->dense_steps ? 0 : run->eliminating;
 }
 
 int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first)
@@ -36,16 +73,16 @@ int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first)
 }
 
 /*
- * Set up and factor [[M, B'], [B, 0]], B's rows brought to M's magnitude. Returns 0, or 1.
+ * Set up and factor the dense matrix, B's rows brought to M's magnitude. Returns 0, or 1.
  *
  * Where B's rows depend on each other by N, N'B = 0, the system is bordered: what of the right side
  * contradicts is taken up by N, and N' lambda = 0 makes lambda the one of least norm.
  */
-int lag_factor(lag_run *run)
+static int factor_dense(lag_run *run)
 {
     const lag_system *s = run->system;
     const lag_tape *d = &s->dynamics;
-    const int nq = s->nq, nc = s->nc, n = lag_order(run), first = s->nm + nq;
+    const int nq = s->nq, nc = s->nc, n = order_of(run), first = first_jacobian(s);
     double largest = 0.0, *k = run->kkt, *w = run->weight;
     memset(k, 0, (size_t)n * n * sizeof(double));
     for (int i = 0; i < s->nm; ++i) {
@@ -86,81 +123,174 @@ int lag_factor(lag_run *run)
     return lag_lu(run->lu, run->pivots, n);
 }
 
-/* Solve with the factors, with one step of iterative refinement. */
-static void solve_refined(lag_run *run)
+static void solve_dense(lag_run *run, const double *right, double *x, int refined)
 {
-    const int n = lag_order(run);
-    double *x = run->solution, *r = run->work;
-    memcpy(x, run->right, (size_t)n * sizeof(double));
-    lag_lu_solve(run->lu, run->pivots, n, x);
-    for (int i = 0; i < n; ++i) {
-        double sum = run->right[i];
-        const double *row = run->kkt + i * n;
-        for (int j = 0; j < n; ++j)
-            sum -= row[j] * x[j];
-        r[i] = sum;
+    const int nq = run->system->nq, nc = run->system->nc, n = order_of(run);
+    double *z = run->solution, *b = run->right, *r = run->work;
+    memmove(b, right, (size_t)(nq + nc) * sizeof(double));
+    for (int i = 0; i < nc; ++i)
+        b[nq + i] *= run->weight[i];
+    for (int i = nq + nc; i < n; ++i)
+        b[i] = 0.0;
+    memcpy(z, b, (size_t)n * sizeof(double));
+    lag_lu_solve(run->lu, run->pivots, n, z);
+    if (refined) {
+        for (int i = 0; i < n; ++i) {
+            double sum = b[i];
+            const double *row = run->kkt + i * n;
+            for (int j = 0; j < n; ++j)
+                sum -= row[j] * z[j];
+            r[i] = sum;
+        }
+        lag_lu_solve(run->lu, run->pivots, n, r);
+        for (int i = 0; i < n; ++i)
+            z[i] += r[i];
     }
-    lag_lu_solve(run->lu, run->pivots, n, r);
-    for (int i = 0; i < n; ++i)
-        x[i] += r[i];
+    memcpy(x, z, (size_t)nq * sizeof(double));
+    for (int i = 0; i < nc; ++i)
+        x[nq + i] = z[nq + i] * run->weight[i];
+}
+
+int lag_factor(lag_run *run)
+{
+    const lag_system *s = run->system;
+    const lag_tape *d = &s->dynamics;
+    const lag_ldl *ldl = &run->ldl;
+    double *f = run->factors;
+    double sum = 0.0;
+    if (!is_eliminating(run))
+        return factor_dense(run);
+    const int n = ldl->n, count = 2 * n + ldl->start[n];
+    if (run->eliminating == 1) {
+        const int first = first_solution(s) + n;
+        for (int i = 0; i < count; ++i)
+            f[i] = OUT(d, first + i);
+    } else {
+        memset(f, 0, (size_t)count * sizeof(double));
+        for (int i = 0; i < s->nm; ++i)
+            if (run->mass_targets[i] >= 0)
+                f[run->mass_targets[i]] = OUT(d, i);
+        for (int i = 0; i < s->nb; ++i)
+            f[run->jacobian_targets[i]] = OUT(d, first_jacobian(s) + i);
+        lag_ldl_factor(ldl, f, f + n, f + 2 * n, run->product, run->work);
+    }
+    for (int i = 0; i < count; ++i)
+        sum += f[i];
+    return !isfinite(sum);
+}
+
+/* right less the matrix times x, to r; the sums of the magnitudes to size, where it is given. */
+static void residual(const lag_run *run, const double *right, const double *x, double *r,
+                     double *size)
+{
+    const lag_system *s = run->system;
+    const lag_tape *d = &s->dynamics;
+    const int nq = s->nq, n = nq + s->nc;
+    memcpy(r, right, (size_t)n * sizeof(double));
+    if (size)
+        for (int i = 0; i < n; ++i)
+            size[i] = fabs(right[i]);
+    for (int i = 0; i < s->nm; ++i) {
+        const int row = s->mass_places[i] / nq;
+        const double part = OUT(d, i) * x[s->mass_places[i] % nq];
+        r[row] -= part;
+        if (size)
+            size[row] += fabs(part);
+    }
+    for (int i = 0; i < s->nb; ++i) {
+        const int row = nq + s->jacobian_places[i] / nq, column = s->jacobian_places[i] % nq;
+        const double b = OUT(d, first_jacobian(s) + i);
+        r[row] -= b * x[column];
+        r[column] -= b * x[row];
+        if (size) {
+            size[row] += fabs(b * x[column]);
+            size[column] += fabs(b * x[row]);
+        }
+    }
+}
+
+void lag_solve(lag_run *run, double *right, double *x, int refined)
+{
+    const lag_ldl *ldl = &run->ldl;
+    const int n = run->system->nq + run->system->nc;
+    const double *f = run->factors;
+    double *r = run->work, *z = run->work + n;
+    if (!is_eliminating(run)) {
+        solve_dense(run, right, x, refined);
+        return;
+    }
+    memcpy(x, right, (size_t)n * sizeof(double));
+    lag_ldl_solve(ldl, f, f + n, f + 2 * n, z, x);
+    if (refined) {
+        residual(run, right, x, r, 0);
+        lag_ldl_solve(ldl, f, f + n, f + 2 * n, z, r);
+        for (int i = 0; i < n; ++i)
+            x[i] += r[i];
+    }
+}
+
+/* The right side (f, gamma) at the state that the tapes hold, to run->right. */
+static void right_side(lag_run *run, const double *y)
+{
+    const lag_system *s = run->system;
+    const lag_tape *d = &s->dynamics, *c = &s->constraint;
+    const int nq = s->nq, nc = s->nc;
+    double *right = run->right, *psi = run->work;
+    for (int i = 0; i < nq; ++i)
+        right[i] = OUT(d, first_forcing(s) + i);
+    for (int i = 0; i < nc; ++i)
+        right[nq + i] = OUT(d, first_rhs(s) + i);
+    if (!run->baumgarte)
+        return;
+    for (int i = 0; i < nc; ++i)
+        psi[i] = OUT(c, s->nh + s->nb + i);
+    for (int i = 0; i < s->nb; ++i)
+        psi[s->jacobian_places[i] / nq] +=
+            OUT(c, s->nh + i) * y[nq + s->jacobian_places[i] % nq];
+    for (int i = 0; i < nc; ++i)
+        right[nq + i] -= run->alpha * psi[i];
+    for (int i = 0; i < s->nh; ++i) {
+        const int k = s->holonomic[i];
+        right[nq + k] -= run->alpha * psi[k] + run->beta * run->beta * OUT(c, i);
+    }
 }
 
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power)
 {
     const lag_system *s = run->system;
-    const int nq = s->nq, nc = s->nc, n = lag_order(run), first = s->nm + nq + s->nb;
+    const lag_tape *d = &s->dynamics;
+    const int nq = s->nq, nc = s->nc, n = nq + nc;
+    double *x = run->a; /* a, then lambda */
+    int bad = 0;
     ++run->evaluations;
     if (run->baumgarte)
         lag_evaluate(&s->constraint, s, t, y);
-    lag_evaluate(&s->dynamics, s, t, y);
-    int bad = lag_factor(run);
-    if (!bad) {
-        double *right = run->right;
-        for (int i = 0; i < nq; ++i)
-            right[i] = OUT(&s->dynamics, s->nm + i);
-        for (int i = 0; i < nc; ++i)
-            right[nq + i] = OUT(&s->dynamics, first + i);
-        if (run->baumgarte) {
-            const lag_tape *c = &s->constraint;
-            double *psi = run->work;
-            for (int i = 0; i < nc; ++i)
-                psi[i] = OUT(c, s->nh + s->nb + i);
-            for (int i = 0; i < s->nb; ++i)
-                psi[s->jacobian_places[i] / nq] +=
-                    OUT(c, s->nh + i) * y[nq + s->jacobian_places[i] % nq];
-            for (int i = 0; i < nc; ++i)
-                right[nq + i] -= run->alpha * psi[i];
-            for (int i = 0; i < s->nh; ++i) {
-                const int k = s->holonomic[i];
-                right[nq + k] -= run->alpha * psi[k] + run->beta * run->beta * OUT(c, i);
-            }
-        }
-        for (int i = 0; i < nc; ++i)
-            right[nq + i] *= run->weight[i];
-        for (int i = nq + nc; i < n; ++i)
-            right[i] = 0.0;
-        if (refined) {
-            solve_refined(run);
-        } else {
-            memcpy(run->solution, right, (size_t)n * sizeof(double));
-            lag_lu_solve(run->lu, run->pivots, n, run->solution);
-        }
-        double sum = 0.0;
+    lag_evaluate(d, s, t, y);
+    if (is_eliminating(run) == 1 && !refined && !run->baumgarte) {
+        const int32_t *place = d->outputs + first_solution(s);
         for (int i = 0; i < n; ++i)
-            sum += run->solution[i];
-        bad = !isfinite(sum);
+            x[i] = d->registers[place[i]];
+    } else {
+        bad = lag_factor(run);
+        if (!bad) {
+            right_side(run, y);
+            lag_solve(run, run->right, x, refined);
+            for (int i = nq; i < n; ++i)
+                x[i] = -x[i];
+        }
     }
-    if (bad) {
+    double sum = 0.0;
+    for (int i = 0; i < n; ++i)
+        sum += x[i];
+    if (bad || !isfinite(sum)) {
         run->t_bad = t;
         memcpy(run->y_bad, y, (size_t)lag_size(s) * sizeof(double));
         return 1;
     }
-    double p = OUT(&s->dynamics, first + nc);
-    for (int i = 0; i < s->nb; ++i) {
-        const int row = s->jacobian_places[i] / nq, column = s->jacobian_places[i] % nq;
-        p -= run->solution[nq + row] * run->weight[row] * OUT(&s->dynamics, s->nm + nq + i)
-             * y[nq + column];
-    }
+    double p = OUT(d, first_rhs(s) + nc);
+    for (int i = 0; i < s->nb; ++i)
+        p += x[nq + s->jacobian_places[i] / nq] * OUT(d, first_jacobian(s) + i)
+             * y[nq + s->jacobian_places[i] % nq];
     *power = p;
     return 0;
 }
@@ -171,8 +301,47 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
     if (lag_accelerate(run, t, y, 0, f + 2 * nq))
         return 1;
     memcpy(f, y + nq, (size_t)nq * sizeof(double));
-    memcpy(f + nq, run->solution, (size_t)nq * sizeof(double));
+    memcpy(f + nq, run->a, (size_t)nq * sizeof(double));
     return 0;
+}
+
+int lag_inaccurate(lag_run *run, double t, const double *y)
+{
+    const lag_system *s = run->system;
+    const int nq = s->nq, n = nq + s->nc;
+    double *r = run->work, *size = run->work + n, *x = run->solution, power, all = 0.0;
+    if (!is_eliminating(run) || lag_accelerate(run, t, y, 0, &power))
+        return 0;
+    --run->evaluations;
+    right_side(run, y);
+    for (int i = 0; i < n; ++i)
+        x[i] = i < nq ? run->a[i] : -run->a[i];
+    residual(run, run->right, x, r, size);
+    for (int i = 0; i < n; ++i)
+        all = fmax(all, size[i]);
+    const double allowed = fmin(fmax(ACCURATE * run->rtol, MOST_ACCURATE), LEAST_ACCURATE);
+    for (int i = 0; i < n; ++i)
+        if (!(fabs(r[i]) <= allowed * (size[i] + NEXT_TO_ALL * all)))
+            return 1;
+    return 0;
+}
+
+int lag_alarmed(lag_run *run)
+{
+    const int n = run->system->nq + run->system->nc;
+    const lag_tape *d = &run->system->dynamics;
+    const int32_t *place = d->outputs + first_solution(run->system) + n;
+    int alarmed = 0;
+    if (!is_eliminating(run))
+        return 1;
+    for (int i = 0; i < n; ++i) {
+        const double x = fabs(run->eliminating == 1 ? d->registers[place[i]] : run->factors[i]);
+        if (x < run->least[i])
+            run->least[i] = x;
+        else if (x * SMALL_PIVOT > run->least[i])
+            alarmed = 1;
+    }
+    return alarmed;
 }
 
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z)

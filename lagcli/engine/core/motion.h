@@ -7,25 +7,35 @@
 /* Size of the state y = (q, v, W). */
 int lag_size(const lag_system *system);
 
-/* Order of the linear system. */
-int lag_order(const lag_run *run);
-
-/* Evaluate a tape at a state; its outputs can be read afterwards. */
+/* Evaluate a tape at a state, unless it holds that state; its outputs can be read afterwards. */
 void lag_evaluate(const lag_tape *tape, const lag_system *system, double t, const double *y);
 
 /* Write B's rows over their lengths to run->rows, from a tape whose B entries begin at output
  * `first`. Returns 0, or 1 where they are not finite. */
 int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first);
 
-/* Factor [[M, B'], [B, 0]] as the dynamics tape holds it. Returns 0, or 1 if it is singular. */
+/* Make [[M, B'], [B, 0]], as the dynamics tape holds it, ready for lag_solve. Returns 0, or 1 if it
+ * is singular. */
 int lag_factor(lag_run *run);
 
-/* a and -lambda over the weights (in run->solution) and the power at a state; `refined` by one step
- * of iterative refinement. Returns 0, or 1 where they are undefined. */
+/* Solve [[M, B'], [B, 0]] x = right with the last factors; both have nq + nc entries. `refined` by
+ * one step of iterative refinement. right is destroyed. */
+void lag_solve(lag_run *run, double *right, double *x, int refined);
+
+/* a, lambda (in run->a, run->multipliers) and the power at a state. Returns 0, or 1 where they are
+ * undefined. */
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power);
 
 /* y' at a state. Returns 0, or 1 where it is undefined. */
 int lag_derivative(lag_run *run, double t, const double *y, double *f);
+
+/* Whether the static elimination gives a and lambda at a state less accurately than they need be:
+ * M a = f + B' lambda, B a = gamma are evaluated with them. */
+int lag_inaccurate(lag_run *run, double t, const double *y);
+
+/* Whether a pivot at the state accelerated last is small next to its largest value so far, so that
+ * a singular configuration may be near; always, where the elimination is not static. */
+int lag_alarmed(lag_run *run);
 
 /* The 2-norm of x over the tolerances at y and z: every component within its own where <= 1. */
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z);

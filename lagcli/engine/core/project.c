@@ -3,7 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "linear.h"
 #include "motion.h"
 
 #define PROJECTIONS 10      /* Newton steps of a projection; the drift of one step takes two */
@@ -14,8 +13,8 @@ int lag_project(lag_run *run, double t, double *y)
 {
     const lag_system *s = run->system;
     const lag_tape *c = &s->constraint;
-    const int nq = s->nq, nc = s->nc, nh = s->nh, n = lag_order(run);
-    double *x = run->solution, best = INFINITY;
+    const int nq = s->nq, nc = s->nc, nh = s->nh;
+    double *right = run->right, *x = run->a, best = INFINITY;
     int met = 0;
     if (nc == 0)
         return LAG_RUNNING;
@@ -51,10 +50,10 @@ int lag_project(lag_run *run, double t, double *y)
             break;
         best = worst;
         memcpy(run->trial, y, (size_t)nq * sizeof(double));
-        memset(x, 0, (size_t)n * sizeof(double));
+        memset(right, 0, (size_t)(nq + nc) * sizeof(double));
         for (int i = 0; i < nh; ++i)
-            x[nq + s->holonomic[i]] = -OUT(c, i) * run->weight[s->holonomic[i]];
-        lag_lu_solve(run->lu, run->pivots, n, x);
+            right[nq + s->holonomic[i]] = -OUT(c, i);
+        lag_solve(run, right, x, 0);
         for (int i = 0; i < nq; ++i)
             y[i] += x[i];
     }
@@ -63,23 +62,24 @@ int lag_project(lag_run *run, double t, double *y)
     /* linear in the velocities: the second time removes rounding */
     for (int iteration = 0; iteration < 2; ++iteration) {
         met = 1;
-        memset(x, 0, (size_t)n * sizeof(double));
+        double *psi = right + nq;
+        memset(right, 0, (size_t)nq * sizeof(double));
         for (int i = 0; i < nc; ++i)
-            x[nq + i] = OUT(c, nh + s->nb + i);
+            psi[i] = OUT(c, nh + s->nb + i);
         for (int i = 0; i < s->nb; ++i)
-            x[nq + s->jacobian_places[i] / nq] +=
+            psi[s->jacobian_places[i] / nq] +=
                 OUT(c, nh + i) * y[nq + s->jacobian_places[i] % nq];
         for (int i = 0; i < nc; ++i) {
             const double scale = OUT(c, nh + s->nb + nc + nh + i);
             if (scale > run->scale_velocity[i])
                 run->scale_velocity[i] = scale;
-            if (!(fabs(x[nq + i]) <= RESIDUAL * run->scale_velocity[i]))
+            if (!(fabs(psi[i]) <= RESIDUAL * run->scale_velocity[i]))
                 met = 0;
-            x[nq + i] *= -run->weight[i];
+            psi[i] = -psi[i];
         }
         if (met)
             break;
-        lag_lu_solve(run->lu, run->pivots, n, x);
+        lag_solve(run, right, x, 0);
         for (int i = 0; i < nq; ++i)
             y[nq + i] += x[i];
     }

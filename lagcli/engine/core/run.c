@@ -55,9 +55,8 @@ static int sample(lag_run *run, double t, double *y)
         return LAG_UNDEFINED;
     row[0] = t;
     memcpy(row + 1, y, 2 * (size_t)nq * sizeof(double));
-    memcpy(row + 1 + 2 * nq, run->solution, (size_t)nq * sizeof(double));
-    for (int i = 0; i < nc; ++i)
-        row[1 + 3 * nq + i] = -run->solution[nq + i] * run->weight[i];
+    memcpy(row + 1 + 2 * nq, run->a, (size_t)nq * sizeof(double));
+    memcpy(row + 1 + 3 * nq, run->multipliers, (size_t)nc * sizeof(double));
     row[1 + 3 * nq + nc] = y[2 * nq];
     ++run->block_used;
     ++run->times_next;
@@ -124,12 +123,14 @@ int lag_advance(lag_run *run, long slice)
             const int status = finish(run);
             if (status != LAG_RUNNING)
                 return status;
-            if (run->watching) {
+            if (run->watching && run->alarmed) {
                 const double before = run->weakest;
                 run->weakest = lag_weakest(run, run->t, run->y);
                 run->usual = fmax(run->usual, run->weakest);
                 if (run->weakest < fmin(before, NEAR * run->usual))
                     return LAG_NEAR;
+            } else {
+                run->weakest = run->usual;
             }
         }
         if (run->t >= run->t_end)
@@ -139,8 +140,18 @@ int lag_advance(lag_run *run, long slice)
         const int status = lag_dop853_step(run);
         if (status != LAG_RUNNING)
             return status;
+        if (lag_inaccurate(run, run->t, run->y_new)) {
+            run->t_bad = run->t;
+            memcpy(run->y_bad, run->y_new, (size_t)lag_size(run->system) * sizeof(double));
+            run->t = run->t_old;
+            run->h = run->h_old;
+            --run->steps;
+            return LAG_INACCURATE;
+        }
+        if (run->dense_steps)
+            --run->dense_steps;
         run->finishing = 1;
-        if (run->watching > 1 && lag_goes_over(run))
+        if (run->watching > 1 && run->alarmed && lag_goes_over(run))
             return LAG_OVER;
     }
 }

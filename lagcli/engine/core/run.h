@@ -6,6 +6,7 @@
 #ifndef LAGCLI_RUN_H
 #define LAGCLI_RUN_H
 
+#include "ldl.h"
 #include "system.h"
 
 enum lag_status {
@@ -16,7 +17,9 @@ enum lag_status {
     LAG_FLOOR,        /* the step size fell to the floor */
     LAG_NEAR,         /* the last step went towards a singular configuration */
     LAG_OVER,         /* the last step may have gone over one */
-    LAG_OFF           /* (t_bad, y_bad) cannot be brought onto the constraints */
+    LAG_OFF,          /* (t_bad, y_bad) cannot be brought onto the constraints */
+    LAG_INACCURATE    /* the static elimination is inaccurate at (t_bad, y_bad), the end of a
+                       * step that was not taken */
 };
 
 typedef struct {
@@ -36,13 +39,27 @@ typedef struct {
     int dense_ready;
     double *y_new, *f_new;             /* n: the step's end before projection, its derivative */
     double *trial, *y_sample;          /* n each */
-    double *work;                      /* the larger of n and N */
+    double *work;                      /* 2 N and 2 n */
     int finishing;                     /* the last step is accepted and not yet sampled */
 
-    /* [[M, B'], [B, 0]], bordered by the dependencies of B's rows: N = nq + nc + nc - rank */
-    double *kkt, *lu, *right, *solution;   /* N*N, N*N, N, N */
+    double *a, *multipliers;           /* nq, nc: at the state evaluated last */
+
+    /* [[M, B'], [B, 0]] by a static elimination ... */
+    int eliminating;                   /* 0: not; 1: unrolled in the dynamics tape; 2: by ldl */
+    lag_ldl ldl;
+    const int32_t *mass_targets;       /* nm: where M's entries go in `factors`; -1: nowhere */
+    const int32_t *jacobian_targets;   /* nb */
+    double *factors;                   /* inverse of D: 2 (nq + nc); L */
+    double *product;                   /* as long as L */
+    double *least;                     /* nq + nc: the diagonal's least magnitudes so far */
+    int alarmed;                       /* whether a pivot became small during the last step */
+    long dense_steps;                  /* steps to take by the dense one all the same */
+
+    /* ... or dense, bordered by the dependencies of B's rows: N = nq + nc + nc - rank */
+    double *kkt, *lu;                  /* N*N each; null until they are needed */
+    double *right, *solution;          /* N each */
     int *pivots;                       /* N */
-    double *weight;                    /* nc */
+    double *weight;                    /* nc: brings B's rows to M's magnitude */
     double *lengths;                   /* nc: largest length of each row of B so far */
     double *scale_position, *scale_velocity;   /* nh, nc */
     double *rows;                      /* nc * nq */
