@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
 from lagcli.engine.elimination import NoElimination, find_order, unroll
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.interpreter import ScalarTape
 from lagcli.engine.run import Limits, Request, Run, State, Stop, Undefined, outcome
 from lagcli.engine.system import System
 
@@ -140,10 +139,7 @@ class _Session:
 
     def sampled_matrices(self) -> Array:
         """Return the dynamics tape's outputs at the sampled states that have finite ones."""
-        tape = ScalarTape(self.system.dynamics)
-        columns = [
-            tape((t, *q.tolist(), *v.tolist(), *self.system.parameters)) for t, q, v in self.states
-        ]
+        columns = [self.evaluator.entries(*state) for state in self.states]
         finite = [column for column in columns if math.isfinite(sum(column))]
         if not finite:
             raise NoElimination

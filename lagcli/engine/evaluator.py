@@ -104,9 +104,13 @@ class Evaluator:
         self._holonomic = list(system.holonomic)
         self._rates = [i for i in range(self._layout.nc) if i not in system.holonomic]
 
+    def entries(self, t: float, q: Array, v: Array) -> list[float]:
+        """Return the outputs of the dynamics tape."""
+        return self._dynamics((t, *q.tolist(), *v.tolist(), *self.system.parameters))
+
     def dynamics(self, t: float, q: Array, v: Array) -> Dynamics:
         """Return M, f, B, γ and the external power."""
-        numbers = self._dynamics((t, *q.tolist(), *v.tolist(), *self.system.parameters))
+        numbers = self.entries(t, q, v)
         # a sum is finite when its terms are, and costs nothing next to them
         return self._layout.dynamics(np.array(numbers), math.isfinite(sum(numbers)))
 

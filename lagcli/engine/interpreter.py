@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.tape import Op, Tape, arity
+from lagcli.engine.tape import ARITY, Op, Tape
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ def _special() -> Any:
 
 
 @cache
-def _arrays() -> dict[Op, Callable[..., Any]]:
+def _arrays() -> dict[int, Callable[..., Any]]:
     """Return the operations on arrays."""
 
     def as_number(relation: Callable[..., Any]) -> Callable[..., Any]:
@@ -130,7 +130,7 @@ _PARTIAL: dict[Op, Callable[..., float]] = {
     Op.FLOOR: lambda x: float(math.floor(x)),
     Op.CEIL: lambda x: float(math.ceil(x)),
 }
-_SCALAR = _TOTAL | {op: _guarded(op, function) for op, function in _PARTIAL.items()}
+_SCALAR: dict[int, Callable[..., float]] = _TOTAL | {op: _guarded(op, function) for op, function in _PARTIAL.items()}
 
 
 class ScalarTape:
@@ -141,7 +141,7 @@ class ScalarTape:
         self._rest = list(tape.constants) + [0.0] * len(tape.code)
         self._outputs = tape.outputs
         self._steps = [
-            (_SCALAR[Op(op)], arity(Op(op)), to, a, b, c) for op, to, a, b, c in tape.code
+            (_SCALAR[op], ARITY[op], to, a, b, c) for op, to, a, b, c in tape.code
         ]
 
     def __call__(self, inputs: Iterable[float]) -> list[float]:
@@ -175,8 +175,8 @@ def run_arrays(tape: Tape, inputs: Iterable[Array | float], count: int) -> Array
     r: list[Any] = [*inputs, *tape.constants, *([None] * len(tape.code))]
     with np.errstate(all="ignore"):
         for op, to, a, b, c in tape.code:
-            operands = (r[a], r[b], r[c])[: arity(Op(op))]
-            r[to] = functions[Op(op)](*operands)
+            operands = (r[a], r[b], r[c])[: ARITY[op]]
+            r[to] = functions[op](*operands)
     out = np.empty((len(tape.outputs), count))
     for i, register in enumerate(tape.outputs):
         out[i] = r[register]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.tape import Op, Tape, arity
+from lagcli.engine.tape import ARITY, Op, Tape
 
 #: Operations that only programs have, after those of tapes.
 MULADD, MULSUB, SUBMUL, SINCOS, END = range(len(Op), len(Op) + 5)
@@ -63,8 +63,8 @@ def assemble(tape: Tape) -> Program:
     prelude: list[Node] = []
     main: list[Node] = []
     for op, to, a, b, c in tape.code:
-        operands = (a, b, c)[: arity(Op(op))]
-        if all(x in steady for x in operands):
+        operands = (a, b, c)[: ARITY[op]]
+        if steady.issuperset(operands):
             steady.add(to)
             prelude.append((op, (to,), operands))
         else:

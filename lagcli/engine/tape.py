@@ -62,9 +62,8 @@ class Op(IntEnum):
 _TWO = {Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.POW, Op.ATAN2, Op.LT, Op.LE, Op.EQ, Op.NE, Op.AND, Op.OR}
 
 
-def arity(op: Op) -> int:
-    """Return the number of an operation's operands."""
-    return 3 if op is Op.SELECT else 2 if op in _TWO else 1
+#: Numbers of operands, by operation.
+ARITY = tuple(3 if op is Op.SELECT else 2 if op in _TWO else 1 for op in Op)
 
 
 @dataclass(frozen=True)
@@ -134,6 +133,7 @@ _RELATION = {
 }
 _NOT_FINITE = (type(se.oo), type(-se.oo), type(se.zoo), type(se.nan))
 _TRUTH = (bool, type(se.true), type(se.false))
+_UNUSED = ((), (), (0, 0), (0,), ())  # operands, by the number of used ones and one
 _COMMUTATIVE = {Op.ADD, Op.MUL, Op.EQ, Op.NE, Op.AND, Op.OR}
 
 
@@ -180,12 +180,14 @@ class Builder:
     def extending(cls, tape: Tape) -> tuple[Builder, list[int]]:
         """Return a builder that holds a tape's operations, and the tape's outputs in it."""
         builder = cls(tape.inputs, tape.parameters)
-        first = tape.inputs + len(tape.constants)
-        place = [*range(tape.inputs), *map(builder.constant, tape.constants)]
-        for op, to, *operands in tape.code:
-            assert to == first
-            place.append(builder.emit(Op(op), *[place[x] for x in operands[: arity(Op(op))]]))
-            first += 1
+        operations, steady, first = builder.operations, builder.steady, tape.inputs
+        place = [*range(first), *map(builder.constant, tape.constants)]
+        for register, (op, _, a, b, c) in enumerate(tape.code, first):
+            operands = tuple([place[x] for x in (a, b, c)[: ARITY[op]]])
+            operations[(op, *operands)] = register
+            if all([x < 0 or x in steady for x in operands]):
+                steady.add(register)
+            place.append(register)
         return builder, [place[x] for x in tape.outputs]
 
     def constant(self, value: float) -> int:
@@ -201,7 +203,7 @@ class Builder:
         register = self.operations.get(key)
         if register is None:
             register = self.operations[key] = self.inputs + len(self.operations)
-            if all(x < 0 or x in self.steady for x in operands):
+            if all([x < 0 or x in self.steady for x in operands]):
                 self.steady.add(register)
         return register
 
@@ -211,22 +213,18 @@ class Builder:
 
     def finish(self, outputs: Iterable[int]) -> Tape:
         """Return the tape."""
-        shift = len(self.constants)
-
-        def place(register: int) -> int:
-            if register < 0:
-                return self.inputs - 1 - register
-            return register if register < self.inputs else register + shift
-
-        code = []
-        for (op, *operands), register in self.operations.items():
-            a, b, c = (*map(place, operands), 0, 0)[:3]
-            code.append((int(op), place(register), a, b, c))
+        first, shift = self.inputs, len(self.constants)
+        place = [*range(first), *range(first + shift, first + shift + len(self.operations))]
+        place += range(first + shift - 1, first - 1, -1)  # constants are counted from the end
+        code = [
+            (int(key[0]), to, *[place[x] for x in key[1:]], *_UNUSED[len(key)])
+            for to, key in enumerate(self.operations, first + shift)
+        ]
         return Tape(
-            self.inputs,
+            first,
             tuple(self.constants),
             tuple(code),
-            tuple(place(r) for r in outputs),
+            tuple([place[x] for x in outputs]),
             self.parameters,
         )
 

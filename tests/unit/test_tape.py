@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lagcli.engine.interpreter import ScalarTape, run_arrays
-from lagcli.engine.tape import Op, Tape, arity, compile_tape
+from lagcli.engine.tape import ARITY, Op, Tape, compile_tape
 from lagcli.model.functions import FUNCTIONS, cases
 
 X, Y, Z = VARIABLES = se.symbols("x y z")
@@ -207,7 +207,7 @@ def test_operands_are_ready_before_they_are_used() -> None:
     tape = compile_tape([se.sin(X) * Y + se.cos(X) ** 3, cases(se.Lt(X, Y), X, Z**2)], VARIABLES)
     ready = set(range(tape.inputs + len(tape.constants)))
     for op, to, *operands in tape.code:
-        assert set(operands[: arity(Op(op))]) <= ready
+        assert set(operands[: ARITY[op]]) <= ready
         assert to not in ready
         ready.add(to)
     assert set(tape.outputs) <= ready

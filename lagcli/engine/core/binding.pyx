@@ -77,7 +77,6 @@ cdef extern from "run.h":
         const int32_t *jacobian_targets
         double *factors
         double *product
-        double *least
         long dense_steps
         double *kkt
         double *lu
@@ -172,7 +171,6 @@ cdef class Integrator:
         self.run.stages, self.run.dense = self.doubles(16 * n), self.doubles(7 * n)
         self.run.a = self.doubles(nq + nc)
         self.run.multipliers = self.run.a + nq
-        self.run.least = self.doubles(nq + nc)
         self.run.right, self.run.solution = self.doubles(size), self.doubles(size)
         self.run.weight = self.doubles(nc)
         kept = np.array(lengths, dtype=float)
@@ -254,7 +252,6 @@ cdef class Integrator:
         ldl.left_entry = self.integers(entries)
         self.run.factors = self.doubles(2 * n + len(entries))
         self.run.product = self.doubles(len(entries))
-        self.run.least = self.borrow(np.full(n, np.inf))
         self.run.mass_targets = self.integers(plan.targets(self.mass_pattern))
         # an entry of B stands in the matrix twice; one of them in the half that is stored
         places = plan.targets([(nq + i, j) for i, j in self.jacobian_pattern])

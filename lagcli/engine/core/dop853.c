@@ -6,6 +6,7 @@
 
 #include "dop853_tableau.h"
 #include "motion.h"
+#include "watch.h"
 
 /* Hairer, Norsett & Wanner, II.4: a first step from the sizes of y, y' and y''. */
 void lag_dop853_first_step(lag_run *run)
@@ -46,7 +47,7 @@ int lag_dop853_step(lag_run *run)
         }
         memcpy(stage, run->f, (size_t)n * sizeof(double));
         int bad = 0;
-        run->alarmed = 0;
+        run->kept = INFINITY;
         for (int i = 1; i <= DOP_STAGES && !bad; ++i) {
             const double *a = i < DOP_STAGES ? dop_a[i] : dop_b;
             double *y = run->y_new;
@@ -65,7 +66,7 @@ int lag_dop853_step(lag_run *run)
             const double c = i < DOP_STAGES ? dop_c[i] : 1.0;
             bad = lag_derivative(run, run->t + c * h, y, stage + i * n);
             if (!bad && run->watching)
-                run->alarmed |= lag_alarmed(run);
+                lag_watch_stage(run);
         }
         double factor = 0.2;
         if (!bad) {

@@ -8,7 +8,6 @@
 #define ACCURATE 0.1        /* of rtol: what the residual of the equations may be, row by row */
 #define LEAST_ACCURATE 1e-9 /* the largest and the smallest residual that is asked for */
 #define MOST_ACCURATE 1e-12
-#define SMALL_PIVOT 0.1     /* of its largest value so far: a singular configuration may be near */
 #define NEXT_TO_ALL 1e-4    /* of the largest row: what a row of small terms is compared with */
 
 int lag_size(const lag_system *s)
@@ -54,7 +53,7 @@ static int order_of(const lag_run *run)
     return run->system->nq + 2 * run->system->nc - run->rank;
 }
 
-static int is_eliminating(const lag_run *run)
+int lag_eliminating(const lag_run *run)
 {
     return run->dense_steps ? 0 : run->eliminating;
 }
@@ -158,7 +157,7 @@ int lag_factor(lag_run *run)
     const lag_ldl *ldl = &run->ldl;
     double *f = run->factors;
     double sum = 0.0;
-    if (!is_eliminating(run))
+    if (!lag_eliminating(run))
         return factor_dense(run);
     const int n = ldl->n, count = 2 * n + ldl->start[n];
     if (run->eliminating == 1) {
@@ -215,7 +214,7 @@ void lag_solve(lag_run *run, double *right, double *x, int refined)
     const int n = run->system->nq + run->system->nc;
     const double *f = run->factors;
     double *r = run->work, *z = run->work + n;
-    if (!is_eliminating(run)) {
+    if (!lag_eliminating(run)) {
         solve_dense(run, right, x, refined);
         return;
     }
@@ -266,7 +265,7 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     if (run->baumgarte)
         lag_evaluate(&s->constraint, s, t, y);
     lag_evaluate(d, s, t, y);
-    if (is_eliminating(run) == 1 && !refined && !run->baumgarte) {
+    if (lag_eliminating(run) == 1 && !refined && !run->baumgarte) {
         const int32_t *place = d->outputs + first_solution(s);
         for (int i = 0; i < n; ++i)
             x[i] = d->registers[place[i]];
@@ -310,7 +309,7 @@ int lag_inaccurate(lag_run *run, double t, const double *y)
     const lag_system *s = run->system;
     const int nq = s->nq, n = nq + s->nc;
     double *r = run->work, *size = run->work + n, *x = run->solution, power, all = 0.0;
-    if (!is_eliminating(run) || lag_accelerate(run, t, y, 0, &power))
+    if (!lag_eliminating(run) || lag_accelerate(run, t, y, 0, &power))
         return 0;
     --run->evaluations;
     right_side(run, y);
@@ -324,24 +323,6 @@ int lag_inaccurate(lag_run *run, double t, const double *y)
         if (!(fabs(r[i]) <= allowed * (size[i] + NEXT_TO_ALL * all)))
             return 1;
     return 0;
-}
-
-int lag_alarmed(lag_run *run)
-{
-    const int n = run->system->nq + run->system->nc;
-    const lag_tape *d = &run->system->dynamics;
-    const int32_t *place = d->outputs + first_solution(run->system) + n;
-    int alarmed = 0;
-    if (!is_eliminating(run))
-        return 1;
-    for (int i = 0; i < n; ++i) {
-        const double x = fabs(run->eliminating == 1 ? d->registers[place[i]] : run->factors[i]);
-        if (x < run->least[i])
-            run->least[i] = x;
-        else if (x * SMALL_PIVOT > run->least[i])
-            alarmed = 1;
-    }
-    return alarmed;
 }
 
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z)

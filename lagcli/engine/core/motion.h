@@ -14,6 +14,9 @@ void lag_evaluate(const lag_tape *tape, const lag_system *system, double t, cons
  * `first`. Returns 0, or 1 where they are not finite. */
 int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first);
 
+/* How a and lambda are found now: as run->eliminating says, or densely (0). */
+int lag_eliminating(const lag_run *run);
+
 /* Make [[M, B'], [B, 0]], as the dynamics tape holds it, ready for lag_solve. Returns 0, or 1 if it
  * is singular. */
 int lag_factor(lag_run *run);
@@ -32,10 +35,6 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f);
 /* Whether the static elimination gives a and lambda at a state less accurately than they need be:
  * M a = f + B' lambda, B a = gamma are evaluated with them. */
 int lag_inaccurate(lag_run *run, double t, const double *y);
-
-/* Whether a pivot at the state accelerated last is small next to its largest value so far, so that
- * a singular configuration may be near; always, where the elimination is not static. */
-int lag_alarmed(lag_run *run);
 
 /* The 2-norm of x over the tolerances at y and z: every component within its own where <= 1. */
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z);

@@ -10,7 +10,6 @@
 
 #define NEGLIGIBLE 0.01     /* of the tolerance: a projection that moves less leaves f as it is */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
-#define NEAR 0.3            /* of its largest value: the weakest pivot next to a singular place */
 
 /* Set the damping of the next step, and the derivative with it. */
 static int damp(lag_run *run)
@@ -123,15 +122,8 @@ int lag_advance(lag_run *run, long slice)
             const int status = finish(run);
             if (status != LAG_RUNNING)
                 return status;
-            if (run->watching && run->alarmed) {
-                const double before = run->weakest;
-                run->weakest = lag_weakest(run, run->t, run->y);
-                run->usual = fmax(run->usual, run->weakest);
-                if (run->weakest < fmin(before, NEAR * run->usual))
-                    return LAG_NEAR;
-            } else {
-                run->weakest = run->usual;
-            }
+            if (run->watching && lag_approaches(run))
+                return LAG_NEAR;
         }
         if (run->t >= run->t_end)
             return LAG_DONE;
@@ -151,7 +143,7 @@ int lag_advance(lag_run *run, long slice)
         if (run->dense_steps)
             --run->dense_steps;
         run->finishing = 1;
-        if (run->watching > 1 && run->alarmed && lag_goes_over(run))
+        if (run->watching > 1 && lag_goes_over(run))
             return LAG_OVER;
     }
 }

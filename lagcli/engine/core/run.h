@@ -51,8 +51,6 @@ typedef struct {
     const int32_t *jacobian_targets;   /* nb */
     double *factors;                   /* inverse of D: 2 (nq + nc); L */
     double *product;                   /* as long as L */
-    double *least;                     /* nq + nc: the diagonal's least magnitudes so far */
-    int alarmed;                       /* whether a pivot became small during the last step */
     long dense_steps;                  /* steps to take by the dense one all the same */
 
     /* ... or dense, bordered by the dependencies of B's rows: N = nq + nc + nc - rank */
@@ -68,6 +66,8 @@ typedef struct {
     double *dependencies;              /* (nc - rank) * nc */
     int rank;                          /* of B at the start */
     double weakest, usual;             /* weakest pivot after the last step; its largest so far */
+    double kept, usually_kept;         /* least part that pivots kept of their terms at the stages
+                                        * of the last step; its largest so far */
 
     const double *times;               /* sample times */
     long times_count, times_next;

@@ -6,8 +6,68 @@
 #include "linear.h"
 #include "motion.h"
 
+#define NEAR 0.3            /* of its largest value: the weakest pivot next to a singular place */
+#define LARGE 20000.0       /* operations beyond which the rows of B are not orthogonalized */
 #define OVER 0.05           /* of its largest value: the weakest pivot that is looked at again */
 #define GOLDEN 0.6180339887498949
+
+/*
+ * The least part that a pivot of the static elimination keeps of the terms that it is the sum of,
+ * scaled so that a multiplier's pivot without cancellation counts one. 0 where the matrix is
+ * singular. The square root, because pivots are quadratic in B.
+ */
+static double least_kept(lag_run *run)
+{
+    const lag_ldl *ldl = &run->ldl;
+    const int n = ldl->n;
+    const double *d, *beside, *l;
+    double *taken = run->work, least = 1.0;
+    if (lag_factor(run))
+        return 0.0;
+    d = run->factors;
+    beside = d + n;
+    l = beside + n;
+    memset(taken, 0, (size_t)n * sizeof(double));
+    for (int k = 0; k < n; ++k) {
+        double part;
+        if (ldl->paired[k]) {
+            const double inverse = d[k] * d[k + 1] - beside[k] * beside[k];
+            const double a = d[k + 1] / inverse, b = -beside[k] / inverse, c = d[k] / inverse;
+            const int shift = ldl->start[k + 1] - ldl->start[k];
+            for (int e = ldl->start[k]; e < ldl->start[k + 1]; ++e) {
+                const double x = l[e], y = l[e + shift];
+                taken[ldl->row[e]] += fabs(a * x * x) + fabs(2.0 * b * x * y) + fabs(c * y * y);
+            }
+            part = fabs(inverse) / (fabs(d[k] * d[k + 1]) + beside[k] * beside[k]);
+            ++k;
+        } else {
+            const double pivot = fabs(1.0 / d[k]);
+            for (int e = ldl->start[k]; e < ldl->start[k + 1]; ++e)
+                taken[ldl->row[e]] += l[e] * l[e] * pivot;
+            part = 2.0 * pivot / (pivot + taken[k]);
+        }
+        if (part < least)
+            least = part;
+    }
+    return sqrt(least);
+}
+
+/* The same, or what the shortest row of B keeps of its largest length, if that is less. */
+static double least_kept_of_all(lag_run *run)
+{
+    const lag_system *s = run->system;
+    const int first = s->nm + s->nq;
+    const double least = least_kept(run);
+    double *sum = run->work, shortest = 1.0;
+    memset(sum, 0, (size_t)s->nc * sizeof(double));
+    for (int i = 0; i < s->nb; ++i) {
+        const double x = OUT(&s->dynamics, first + i);
+        sum[s->jacobian_places[i] / s->nq] += x * x;
+    }
+    for (int i = 0; i < s->nc; ++i)
+        shortest = fmin(shortest, sum[i] / (run->lengths[i] * run->lengths[i]));
+    return fmin(least, sqrt(shortest));
+}
 
 double lag_weakest(lag_run *run, double t, const double *y)
 {
@@ -15,10 +75,22 @@ double lag_weakest(lag_run *run, double t, const double *y)
     const lag_tape *c = &s->constraint;
     if (run->rank == 0)
         return 1.0;
+    if (lag_eliminating(run) && (double)s->nc * s->nc * s->nq > LARGE) {
+        lag_evaluate(&s->dynamics, s, t, y);
+        return least_kept_of_all(run);
+    }
     lag_evaluate(c, s, t, y);
     if (lag_scaled_rows(run, c, s->nh))
         return 1.0;
     return lag_pivot(run->rows, s->nq, s->nc, run->rank, run->order, run->components);
+}
+
+void lag_watch_stage(lag_run *run)
+{
+    /* without a static elimination every step is looked at */
+    const double kept = lag_eliminating(run) ? least_kept_of_all(run) : 0.0;
+    run->kept = fmin(run->kept, kept);
+    run->usually_kept = fmax(run->usually_kept, kept);
 }
 
 void lag_measure(lag_run *run)
@@ -33,6 +105,12 @@ void lag_measure(lag_run *run)
     for (int i = 0; i < s->nc; ++i)
         if (sqrt(sum[i]) > run->lengths[i])
             run->lengths[i] = sqrt(sum[i]);
+}
+
+/* Whether the stages of the last step may have come near to a singular configuration. */
+static int alarmed(const lag_run *run)
+{
+    return run->kept <= NEAR * run->usually_kept;
 }
 
 /* The weakest pivot on the cubic through the last step's ends: B depends on q and t alone. */
@@ -51,11 +129,12 @@ static double weakest_inside(lag_run *run, double x)
 
 int lag_goes_over(lag_run *run)
 {
+    if (!alarmed(run))
+        return 0;
     /* the places next to the ends show whether it falls or rises there */
     static const double place[] = {0.0, 0.001, 0.25, 0.5, 0.75, 0.999, 1.0};
     double value[7];
-    value[0] = run->weakest;
-    for (int i = 1; i < 7; ++i)
+    for (int i = 0; i < 7; ++i)
         value[i] = weakest_inside(run, place[i]);
     for (int i = 1; i < 6; ++i) {
         if (value[i] > value[i - 1] || value[i] > value[i + 1])
@@ -78,4 +157,15 @@ int lag_goes_over(lag_run *run)
             return 1;
     }
     return 0;
+}
+
+int lag_approaches(lag_run *run)
+{
+    const double before = run->weakest;
+    run->weakest = run->usual;
+    if (!alarmed(run))
+        return 0;
+    run->weakest = lag_weakest(run, run->t, run->y);
+    run->usual = fmax(run->usual, run->weakest);
+    return run->weakest < fmin(before, NEAR * run->usual);
 }

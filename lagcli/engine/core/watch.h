@@ -4,13 +4,21 @@
 
 #include "run.h"
 
-/* Smallest pivot of the row-scaled B: near 0 in a singular configuration. */
+/* The weakest pivot, at most about 1; near 0 in a singular configuration. Of the row-scaled B or,
+ * where that is large, of the static elimination. */
 double lag_weakest(lag_run *run, double t, const double *y);
+
+/* Keep what shows at a stage of a step that B may be losing rank; it is that of the state
+ * accelerated last, and costs little next to that. */
+void lag_watch_stage(lag_run *run);
 
 /* Keep the largest length that each row of B has had; the constraint tape holds the state. */
 void lag_measure(lag_run *run);
 
 /* Whether the weakest pivot passes a small minimum inside the last step. */
 int lag_goes_over(lag_run *run);
+
+/* Whether the state after the last step is nearer to a singular configuration than the one before. */
+int lag_approaches(lag_run *run);
 
 #endif
