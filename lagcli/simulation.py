@@ -223,7 +223,8 @@ def find_start(equations: Equations, system: System, settings: Settings) -> Cons
         ) from None
     except NoConsistentState as error:
         raise _no_start(model, error) from None
-    _check_inertia(equations, system, t, start)
+    if not start.regular:
+        _check_inertia(equations, system, t, start)
     return start
 
 

@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
-from lagcli.engine.elimination import NoElimination, find_order, unroll
+from lagcli.engine.elimination import NoElimination, order_at
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.run import Limits, Request, Run, State, Stop, Undefined, outcome
 from lagcli.engine.system import System
+from lagcli.engine.unrolling import unroll
 
 if TYPE_CHECKING:
     from lagcli.engine.index1 import Index1
@@ -119,31 +120,12 @@ class _Session:
         try:
             if self.redundant:
                 raise NoElimination
-            values = self.sampled_matrices()
-            nm, first = len(system.mass_pattern), len(system.mass_pattern) + self.nq
-            plan = find_order(
-                self.nq,
-                len(system.constraints),
-                system.mass_pattern,
-                system.jacobian_pattern,
-                values[:nm],
-                values[first : first + len(system.jacobian_pattern)],
-            )
+            plan = order_at(system, [self.evaluator.entries(*state) for state in self.states])
         except NoElimination:
             core.use_dense(system.dynamics)
             return
-        tape = system.dynamics
-        if plan.unrolled:
-            tape = unroll(tape, self.nq, system.mass_pattern, system.jacobian_pattern, plan)
+        tape = unroll(system, plan) if plan.unrolled else system.dynamics
         core.use_elimination(tape, plan, plan.unrolled)
-
-    def sampled_matrices(self) -> Array:
-        """Return the dynamics tape's outputs at the sampled states that have finite ones."""
-        columns = [self.evaluator.entries(*state) for state in self.states]
-        finite = [column for column in columns if math.isfinite(sum(column))]
-        if not finite:
-            raise NoElimination
-        return np.array(finite).T
 
     def reorder(self) -> None:
         """Find an order that suits the end of the step that failed too; else take it densely."""
@@ -241,6 +223,11 @@ class _Session:
         self.motion.measure(t, *self.split(y))
         if steps != self.last_near + 1:
             watch.restart()
+            since, _ = core.step
+            for at in (since, (since + t) / 2):
+                before = core.dense(at)
+                q, v = self.projection(at, *self.split(before))
+                watch.add(at, np.concatenate([q, v, before[-1:]]))
         self.last_near = steps
         watch.add(t, y)
         ahead = watch.ahead()

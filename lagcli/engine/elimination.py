@@ -1,4 +1,4 @@
-"""LDLᵀ of [[M, Bᵀ], [B, 0]] with a static order, found once from numbers and unrolled into a tape.
+"""The static order in which [[M, Bᵀ], [B, 0]] = LDLᵀ is eliminated, found from numbers.
 
 The order is that of least degree among the pivots that are large enough at every sampled state
 (Markowitz with a threshold); where no entry of the diagonal is, two unknowns are eliminated at
@@ -15,15 +15,15 @@ ACM TOMS 9 (1983), doi:10.1145/356044.356047.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.system import Pattern
-from lagcli.engine.tape import Builder, Op, Tape
+from lagcli.engine.system import Pattern, System
 
 Array = NDArray[np.float64]
 Rows = list[dict[int, Array]]
@@ -56,11 +56,15 @@ class Elimination:
         Whether the place begins a pivot of order two.
     columns : tuple of n tuples of int
         Below each place, the places where L is not zero; those of a pair are alike.
+    smallest : float
+        The smallest pivot at the sampled states, of the matrix scaled to entries near one; near 0
+        where the matrix is nearly singular.
     """
 
     order: tuple[int, ...]
     paired: tuple[bool, ...]
     columns: tuple[tuple[int, ...], ...]
+    smallest: float
 
     @property
     def unrolled(self) -> bool:
@@ -111,6 +115,34 @@ class Elimination:
         return ((k, i) for k, column in enumerate(self.columns) for i in column)
 
 
+def order_at(system: System, states: Sequence[Sequence[float]]) -> Elimination:
+    """Find a static order of elimination for [[M, Bᵀ], [B, 0]].
+
+    Parameters
+    ----------
+    system : System
+    states : sequence of outputs of ``system.dynamics``
+        At the states that the order is to suit; those with values that are not finite are left out.
+
+    Raises
+    ------
+    NoElimination
+    """
+    finite = [x for x in states if math.isfinite(sum(x))]
+    if not finite:
+        raise NoElimination
+    values = np.array(finite).T
+    nq, nm, nb = len(system.coordinates), len(system.mass_pattern), len(system.jacobian_pattern)
+    return find_order(
+        nq,
+        len(system.constraints),
+        system.mass_pattern,
+        system.jacobian_pattern,
+        values[:nm],
+        values[nm + nq : nm + nq + nb],
+    )
+
+
 def find_order(
     nq: int,
     nc: int,
@@ -138,7 +170,7 @@ def find_order(
     order: list[int] = []
     paired: list[bool] = []
     below: list[tuple[int, ...]] = []
-    updates = 0
+    updates, smallest = 0, 1.0
     queue = [(len(row), i) for i, row in enumerate(rows)]
     heapq.heapify(queue)
     refused: set[int] = set()
@@ -158,6 +190,7 @@ def find_order(
         updates += len(pivots) * len(neighbours) * (len(neighbours) + 1) // 2
         if updates > MOST_UPDATES:
             raise NoElimination
+        smallest = min(smallest, _pivot_size(rows, pivots))
         _eliminate(rows, pivots, neighbours)
         for i in pivots:
             alive[i] = False
@@ -171,12 +204,10 @@ def find_order(
         refused.difference_update(pivots)
     place = {unknown: k for k, unknown in enumerate(order)}
     columns = tuple(tuple(sorted(place[j] for j in column)) for column in below)
-    return Elimination(tuple(order), tuple(paired), columns)
+    return Elimination(tuple(order), tuple(paired), columns, smallest)
 
 
-def _scaled_rows(
-    size: int, nq: int, mass: Pattern, jacobian: Pattern, m: Array, b: Array
-) -> Rows:
+def _scaled_rows(size: int, nq: int, mass: Pattern, jacobian: Pattern, m: Array, b: Array) -> Rows:
     """Return the matrix by rows, scaled so that the largest entry of each row is near one."""
     places = [*mass, *((j, nq + i) for i, j in jacobian), *((nq + i, j) for i, j in jacobian)]
     values = np.concatenate([m, b, b])
@@ -243,6 +274,17 @@ def _pair_size(rows: Rows, i: int, j: int) -> float:
     return float((determinant / np.maximum(grown, 1e-300)).min())
 
 
+def _pivot_size(rows: Rows, pivots: tuple[int, ...]) -> float:
+    """Return the least magnitude of a pivot; of a pair, a bound on its least eigenvalue."""
+    i, j = pivots[0], pivots[-1]
+    if i == j:
+        return float(np.abs(rows[i][i]).min())
+    zero = np.zeros_like(rows[i][j])
+    a, b, c = rows[i].get(i, zero), rows[i][j], rows[j].get(j, zero)
+    largest = np.maximum(np.maximum(np.abs(a), np.abs(c)), np.abs(b))
+    return float((np.abs(a * c - b * b) / (2.0 * np.maximum(largest, 1e-300))).min())
+
+
 def _eliminate(rows: Rows, pivots: tuple[int, ...], neighbours: list[int]) -> None:
     """Take the pivots' part off the rows of their neighbours."""
     zero = np.zeros_like(next(iter(rows[pivots[0]].values())))
@@ -266,155 +308,3 @@ def _eliminate(rows: Rows, pivots: tuple[int, ...], neighbours: list[int]) -> No
     for j in neighbours:
         for i in pivots:
             rows[j].pop(i, None)
-
-
-def unroll(
-    dynamics: Tape, nq: int, mass: Pattern, jacobian: Pattern, elimination: Elimination
-) -> Tape:
-    """Append the solution of [[M, Bᵀ], [B, 0]] [a; −λ] = [f; γ] to a dynamics tape.
-
-    Parameters
-    ----------
-    dynamics : Tape
-        As in System.
-    nq : int
-    mass, jacobian : patterns of M and B
-    elimination : Elimination
-
-    Returns
-    -------
-    Tape
-        With the outputs of ``dynamics``, then a, λ, then the factors: by place, the inverse of D
-        (its diagonal; right of the diagonal where a pair begins, else 0), then L by columns.
-    """
-    builder, outputs = Builder.extending(dynamics)
-    return _Unrolling(builder, outputs, nq, mass, jacobian, elimination).tape()
-
-
-class _Unrolling:
-    """Emits the operations of a factorization and of its use."""
-
-    def __init__(
-        self,
-        builder: Builder,
-        outputs: list[int],
-        nq: int,
-        mass: Pattern,
-        jacobian: Pattern,
-        elimination: Elimination,
-    ):
-        self.builder, self.outputs, self.nq, self.plan = builder, outputs, nq, elimination
-        self.zero, self.one = builder.constant(0.0), builder.constant(1.0)
-        place = {unknown: k for k, unknown in enumerate(elimination.order)}
-        self.place = place
-        nm, nb = len(mass), len(jacobian)
-        self.entries: dict[tuple[int, int], int] = {}
-        for (i, j), x in zip(mass, outputs, strict=False):
-            if place[i] >= place[j]:
-                self.entries[place[i], place[j]] = x
-        for (i, j), x in zip(jacobian, outputs[nm + nq :], strict=False):
-            p, q = place[nq + i], place[j]
-            self.entries[max(p, q), min(p, q)] = x
-        size = len(elimination.order)
-        right = [*outputs[nm : nm + nq], *outputs[nm + nq + nb : nm + nb + size]]
-        self.right = [right[unknown] for unknown in elimination.order]
-
-    # arithmetic that knows zeros and ones
-
-    def times(self, a: int, b: int) -> int:
-        if self.zero in (a, b):
-            return self.zero
-        if a == self.one:
-            return b
-        return a if b == self.one else self.builder.emit(Op.MUL, a, b)
-
-    def minus(self, a: int, b: int) -> int:
-        if b == self.zero:
-            return a
-        if a == self.zero:
-            return self.builder.emit(Op.NEG, b)
-        return self.builder.emit(Op.SUB, a, b)
-
-    def inverse(self, a: int) -> int:
-        return a if a == self.one else self.builder.emit(Op.DIV, self.one, a)
-
-    def tape(self) -> Tape:
-        plan, size = self.plan, len(self.plan.order)
-        diagonal, beside = [self.zero] * size, [self.zero] * size
-        lower: list[list[int]] = [[] for _ in range(size)]
-        k = 0
-        while k < size:
-            width = 2 if plan.paired[k] else 1
-            inverse = self.pivot(k, width)
-            diagonal[k : k + width] = [inverse[i][i] for i in range(width)]
-            if width == 2:
-                beside[k] = inverse[0][1]
-            self.column(k, width, inverse, lower)
-            k += width
-        x = self.backward(diagonal, beside, lower)
-        solution = [x[self.place[i]] for i in range(size)]
-        solution[self.nq :] = [self.minus(self.zero, y) for y in solution[self.nq :]]
-        factors = [*diagonal, *beside, *(y for column in lower for y in column)]
-        return self.builder.finish([*self.outputs, *solution, *factors])
-
-    def pivot(self, k: int, width: int) -> list[list[int]]:
-        """Return the inverse of a pivot."""
-        a = self.entries.get((k, k), self.zero)
-        if width == 1:
-            return [[self.inverse(a)]]
-        b, c = self.entries[k + 1, k], self.entries.get((k + 1, k + 1), self.zero)
-        if a == self.zero and c == self.zero:
-            x = self.inverse(b)
-            return [[self.zero, x], [x, self.zero]]
-        determinant = self.minus(self.times(a, c), self.times(b, b))
-        x = self.inverse(determinant)
-        off = self.minus(self.zero, self.times(b, x))
-        return [[self.times(c, x), off], [off, self.times(a, x)]]
-
-    def column(self, k: int, width: int, inverse: list[list[int]], lower: list[list[int]]) -> None:
-        """Emit a pivot's part of L, its updates, and its part of the forward substitution."""
-        below = self.plan.columns[k]
-        rows: dict[int, list[int]] = {}
-        for i in below:
-            entries = [self.entries.pop((i, k + p), self.zero) for p in range(width)]
-            factors = []
-            for p in range(width):
-                total = self.times(entries[0], inverse[0][p])
-                if width == 2:
-                    total = self.plus(total, self.times(entries[1], inverse[1][p]))
-                factors.append(total)
-                lower[k + p].append(total)
-            for p in range(width):
-                self.right[i] = self.minus(
-                    self.right[i], self.times(factors[p], self.right[k + p])
-                )
-            rows[i] = entries
-        for n, i in enumerate(below):
-            for j in below[: n + 1]:
-                value = self.entries.get((i, j), self.zero)
-                for p in range(width):
-                    value = self.minus(value, self.times(lower[k + p][n], rows[j][p]))
-                if value != self.zero:
-                    self.entries[i, j] = value
-
-    def plus(self, a: int, b: int) -> int:
-        if a == self.zero:
-            return b
-        return a if b == self.zero else self.builder.emit(Op.ADD, a, b)
-
-    def backward(
-        self, diagonal: list[int], beside: list[int], lower: list[list[int]]
-    ) -> list[int]:
-        """Emit the division by D and the backward substitution."""
-        plan, z = self.plan, self.right
-        x = [self.zero] * len(z)
-        for k in reversed(range(len(z))):
-            total = self.times(diagonal[k], z[k])
-            if plan.paired[k]:
-                total = self.plus(total, self.times(beside[k], z[k + 1]))
-            elif k and plan.paired[k - 1]:
-                total = self.plus(total, self.times(beside[k - 1], z[k - 1]))
-            for i, factor in zip(plan.columns[k], lower[k], strict=True):
-                total = self.minus(total, self.times(factor, x[i]))
-            x[k] = total
-        return x

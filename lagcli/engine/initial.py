@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine import linear
+from lagcli.engine.elimination import NoElimination, order_at
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.system import System
 
@@ -23,6 +24,8 @@ Level = Literal["position", "velocity"]
 ACCEPTED = 1e-10
 _REACHED = 1e-15  # of the constraint's scale: where iteration ends
 _ITERATIONS = 200
+_LARGE = 60  # unknowns from which regularity is first looked for by sparse elimination
+_REGULAR = 1e-6  # the smallest pivot that shows it, beside entries near one
 _ASIDE = (1e-3, 0.1)  # of the coordinates' size: where a guess that leads nowhere is moved
 
 
@@ -35,6 +38,9 @@ class ConsistentState:
     q, v : (nq,) arrays
     rank : int
         Rank of B.
+    regular : bool
+        Whether [[M, Bᵀ], [B, 0]] was found regular on the way: B has full rank and inertia resists
+        every motion that it allows. False says nothing.
     moved : mapping of str to (float, float)
         What was moved, coordinate or velocity (``phi'``), from where to where.
     """
@@ -42,6 +48,7 @@ class ConsistentState:
     q: Array
     v: Array
     rank: int
+    regular: bool
     moved: Mapping[str, tuple[float, float]]
 
 
@@ -128,10 +135,11 @@ class _Start:
         new_q = self.positions(q.copy(), v)
         new_v = self.velocities(new_q, v.copy())
         c = self.evaluator.constraints(self.t, new_q, new_v)
-        rank = 0
-        if len(c.jacobian):
+        regular = self.regular(new_q, new_v)
+        rank = len(c.jacobian)
+        if rank and not regular:
             lengths = self.evaluator.row_lengths(c, new_q, new_v)
-            rank = linear.decompose(c.jacobian, scale=lengths).rank
+            rank = linear.count_rank(c.jacobian, scale=lengths)
         names = self.system.coordinates
         moved = {}
         for labels, before, after in (
@@ -141,7 +149,21 @@ class _Start:
             for label, x, y in zip(labels, before, after, strict=True):
                 if x != y:
                     moved[label] = (float(x), float(y))
-        return ConsistentState(new_q, new_v, rank, moved)
+        return ConsistentState(new_q, new_v, rank, regular, moved)
+
+    def regular(self, q: Array, v: Array) -> bool:
+        """Return whether a sparse elimination shows that a large system is regular.
+
+        Singular values would cost the third power of its size.
+        """
+        system = self.system
+        if len(system.coordinates) + len(system.constraints) < _LARGE:
+            return False
+        try:
+            found = order_at(system, [self.evaluator.entries(self.t, q, v)])
+        except NoElimination:
+            return False
+        return found.smallest > _REGULAR
 
     # positions
 
@@ -191,7 +213,7 @@ class _Start:
                 break
             part = jacobian[:, free]
             # near a singular point of the free Jacobian a full step would be wild: cut its rank
-            rank = linear.decompose(part, tolerance=1e-6).rank
+            rank = linear.count_rank(part, 1e-6)
             step = linear.least_change(part, phi, self.weight(q, v, free), rank)
             # an angle beyond a turn or a length beyond the model's size means a bad direction
             length = np.abs(step).max()
@@ -239,7 +261,7 @@ class _Start:
             if np.abs(psi / scale).max() <= _REACHED or not len(free) or not left:
                 break
             part = c.jacobian[:, free]
-            rank = linear.decompose(part).rank
+            rank = linear.count_rank(part)
             v[free] += linear.least_change(part, psi, self.weight(q, v, free), rank)
         if np.abs(psi / scale).max() > ACCEPTED:
             raise self.failure("velocity", psi, scale, c.jacobian, self.fixed_v)

@@ -130,7 +130,9 @@ _PARTIAL: dict[Op, Callable[..., float]] = {
     Op.FLOOR: lambda x: float(math.floor(x)),
     Op.CEIL: lambda x: float(math.ceil(x)),
 }
-_SCALAR: dict[int, Callable[..., float]] = _TOTAL | {op: _guarded(op, function) for op, function in _PARTIAL.items()}
+_SCALAR: dict[int, Callable[..., float]] = _TOTAL | {
+    op: _guarded(op, function) for op, function in _PARTIAL.items()
+}
 
 
 class ScalarTape:
@@ -140,9 +142,7 @@ class ScalarTape:
         self._inputs = tape.inputs
         self._rest = list(tape.constants) + [0.0] * len(tape.code)
         self._outputs = tape.outputs
-        self._steps = [
-            (_SCALAR[op], ARITY[op], to, a, b, c) for op, to, a, b, c in tape.code
-        ]
+        self._steps = [(_SCALAR[op], ARITY[op], to, a, b, c) for op, to, a, b, c in tape.code]
 
     def __call__(self, inputs: Iterable[float]) -> list[float]:
         """Return the outputs for one set of inputs; undefined values are NaN or ±∞."""

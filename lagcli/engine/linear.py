@@ -63,6 +63,14 @@ def decompose(
     return Decomposition(scale, u[:, :rank], s, vt[:rank].T, vt[rank:].T, u[:, rank:])
 
 
+def count_rank(
+    jacobian: Array, tolerance: float = RANK_TOLERANCE, scale: Array | None = None
+) -> int:
+    """Return the numerical rank of the row-scaled B."""
+    values = singular_values(jacobian, row_scale(jacobian) if scale is None else scale)
+    return int((values > tolerance).sum())
+
+
 def singular_values(jacobian: Array, scale: Array) -> Array:
     """Return the singular values of the row-scaled B, largest first."""
     return np.asarray(np.linalg.svd(jacobian / scale[:, None], compute_uv=False), dtype=float)

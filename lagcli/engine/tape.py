@@ -185,7 +185,7 @@ class Builder:
         for register, (op, _, a, b, c) in enumerate(tape.code, first):
             operands = tuple([place[x] for x in (a, b, c)[: ARITY[op]]])
             operations[(op, *operands)] = register
-            if all([x < 0 or x in steady for x in operands]):
+            if all(x < 0 or x in steady for x in operands):
                 steady.add(register)
             place.append(register)
         return builder, [place[x] for x in tape.outputs]
@@ -203,7 +203,7 @@ class Builder:
         register = self.operations.get(key)
         if register is None:
             register = self.operations[key] = self.inputs + len(self.operations)
-            if all([x < 0 or x in self.steady for x in operands]):
+            if all(x < 0 or x in self.steady for x in operands):
                 self.steady.add(register)
         return register
 

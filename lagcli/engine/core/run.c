@@ -8,6 +8,7 @@
 #include "project.h"
 #include "watch.h"
 
+#define SHORTER 0.3         /* of a step that went over a singular configuration to be passed */
 #define NEGLIGIBLE 0.01     /* of the tolerance: a projection that moves less leaves f as it is */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
 
@@ -115,6 +116,15 @@ void lag_dense(lag_run *run, double t, double *y)
     lag_dop853_dense(run, t, y);
 }
 
+/* Undo the last step; the next one is a part of it. */
+static void take_back(lag_run *run, double part)
+{
+    run->t = run->t_old;
+    run->h = part * run->h_old;
+    --run->steps;
+    ++run->rejected;
+}
+
 int lag_advance(lag_run *run, long slice)
 {
     for (;;) {
@@ -135,15 +145,18 @@ int lag_advance(lag_run *run, long slice)
         if (lag_inaccurate(run, run->t, run->y_new)) {
             run->t_bad = run->t;
             memcpy(run->y_bad, run->y_new, (size_t)lag_size(run->system) * sizeof(double));
-            run->t = run->t_old;
-            run->h = run->h_old;
-            --run->steps;
+            take_back(run, 1.0);
             return LAG_INACCURATE;
+        }
+        const int over = run->watching && lag_goes_over(run);
+        if (over && run->watching == 1) {
+            take_back(run, SHORTER);
+            continue;
         }
         if (run->dense_steps)
             --run->dense_steps;
         run->finishing = 1;
-        if (run->watching > 1 && lag_goes_over(run))
+        if (over)
             return LAG_OVER;
     }
 }

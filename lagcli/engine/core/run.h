@@ -26,7 +26,7 @@ typedef struct {
     const lag_system *system;
     double t, t_end, h, h_max, rtol, atol, error_old;
     int projecting;
-    int watching;                      /* 0: no; 1: for NEAR; 2: for OVER too */
+    int watching;                      /* 0: no; 1: for NEAR, taking shorter steps; 2: for OVER too */
     double alpha, beta;                /* Baumgarte; unused where not asked for */
     int baumgarte;
     int alpha_from_step, beta_from_alpha;
