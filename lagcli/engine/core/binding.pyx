@@ -108,6 +108,70 @@ cdef extern from "run.h":
 RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE = range(9)
 
 
+def run_tape(tape, inputs):
+    """Run a tape once, as the engine does.
+
+    Parameters
+    ----------
+    tape : Tape
+    inputs : sequence of float
+
+    Returns
+    -------
+    (outputs,) array
+    """
+    program = assemble(tape)
+    registers = program.registers
+    registers[: tape.inputs] = inputs
+    cdef double[::1] r = registers
+    cdef int32_t[::1] prelude = program.prelude, main = program.main
+    lag_stream_run(&prelude[0], &r[0])
+    lag_stream_run(&main[0], &r[0])
+    return registers[program.outputs]
+
+
+def solve_ldl(plan, places, values, right):
+    """Factor a sparse symmetric matrix and solve with it, as the engine does for large models.
+
+    Parameters
+    ----------
+    plan : Elimination
+    places : sequence of (row, column)
+        Of the nonzero entries, both triangles.
+    values : sequence of float
+    right : (n,) array
+
+    Returns
+    -------
+    (n,) array
+    """
+    starts, columns, entries = plan.left
+    cdef int n = len(plan.order), count = len(entries)
+    cdef int32_t[::1] order = _integers(plan.order), paired = _integers(plan.paired)
+    cdef int32_t[::1] start = _integers(plan.starts), left_start = _integers(starts)
+    cdef int32_t[::1] row = _integers([i for column in plan.columns for i in column])
+    cdef int32_t[::1] left_column = _integers(columns), left_entry = _integers(entries)
+    cdef lag_ldl ldl
+    ldl.n = n
+    ldl.order, ldl.paired, ldl.start, ldl.row = &order[0], &paired[0], &start[0], &row[0]
+    ldl.left_start, ldl.left_column = &left_start[0], &left_column[0]
+    ldl.left_entry = &left_entry[0]
+    cdef double[::1] factors = np.zeros(2 * n + count + 1), product = np.zeros(count + 1)
+    cdef double[::1] work = np.zeros(2 * n), x = np.array(right, dtype=float)
+    for target, value in zip(plan.targets(places), values, strict=True):
+        if target >= 0:
+            factors[<int>target] = value
+    lag_ldl_factor(&ldl, &factors[0], &factors[n], &factors[2 * n], &product[0], &work[0])
+    lag_ldl_solve(&ldl, &factors[0], &factors[n], &factors[2 * n], &work[0], &x[0])
+    return np.asarray(x)
+
+
+def _integers(values):
+    """Return an array that is never empty: C forbids pointers to nothing."""
+    array = np.array(values, dtype=np.int32).reshape(-1)
+    return array if array.size else np.zeros(1, dtype=np.int32)
+
+
 cdef class Integrator:
     """DOP853 with projection on a System; see run.h.
 
@@ -203,9 +267,7 @@ cdef class Integrator:
         return self.borrow(np.zeros(n))
 
     cdef int32_t *integers(self, values) except NULL:
-        array = np.array(values, dtype=np.int32).reshape(-1)
-        if array.size == 0:
-            array = np.zeros(1, dtype=np.int32)
+        array = _integers(values)
         self.keep.append(array)
         cdef int32_t[::1] view = array
         return &view[0]
