@@ -19,6 +19,11 @@ from lagcli.engine.interpreter import ScalarTape, run_arrays
 from lagcli.engine.tape import ARITY, Op, Tape, compile_tape
 from lagcli.model.functions import FUNCTIONS, cases
 
+try:
+    from lagcli.engine.core import binding
+except ImportError:
+    binding = None
+
 X, Y, Z = VARIABLES = se.symbols("x y z")
 
 #: Two ways to evaluate an expression round differently at every operation; a few dozen operations
@@ -27,8 +32,15 @@ CLOSE = 1e-11
 
 
 def value(expression: se.Basic, *point: float) -> float:
-    """Evaluate by a tape, one state at a time."""
-    return ScalarTape(compile_tape([expression], VARIABLES))((*point, *[0.0] * (3 - len(point))))[0]
+    """Evaluate by a tape, one state at a time: by Python and by the compiled engine, alike."""
+    inputs = (*point, *[0.0] * (3 - len(point)))
+    # which inputs stay the same along a run decides the order of the operations
+    tapes = [compile_tape([expression], VARIABLES[: 3 - k], VARIABLES[3 - k :]) for k in (0, 2)]
+    found = [ScalarTape(tape)(inputs)[0] for tape in tapes]
+    if binding is not None:
+        for tape, expected in zip(tapes, found, strict=True):
+            np.testing.assert_array_equal(binding.run_tape(tape, inputs), [expected])
+    return found[0]
 
 
 def batch(expression: se.Basic, *points: tuple[float, float, float]) -> np.ndarray:
