@@ -7,7 +7,11 @@ BIN := $(VENV)/bin
 DEMO := demo
 WORKERS ?= 2
 
-.PHONY: help install demo test lint bench docs-check clean
+#: What runs the core: its own tests and those of both engines.
+CORE_TESTS := tests/unit/test_compiled_engine.py tests/unit/test_engines.py tests/unit/test_tape.py \
+              tests/property/test_property_elimination.py
+
+.PHONY: help install demo test lint bench docs-check sanitize valgrind clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -43,6 +47,21 @@ bench: install ## Run the published problems that take long
 
 docs-check: install ## Run the commands and check the statements of the documentation
 	$(BIN)/python -m pytest tests/docs
+
+# A second build, beside the installed one. The interpreter itself is not instrumented, so the
+# runtime libraries are loaded before it, and its own memory pools and leaks are left out.
+sanitize: install ## Run the core's tests with the address and undefined-behaviour sanitizers
+	CFLAGS="-fsanitize=address,undefined -fno-sanitize-recover=all -g" \
+	  LDFLAGS="-fsanitize=address,undefined" $(BIN)/python -m pip install --quiet \
+	  --disable-pip-version-check --no-deps --upgrade --target build/sanitized .
+	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" \
+	  ASAN_OPTIONS=detect_leaks=0 PYTHONMALLOC=malloc PYTHONPATH=build/sanitized \
+	  $(BIN)/pytest -p no:cacheprovider $(CORE_TESTS)
+
+valgrind: install ## Run the core's own tests under valgrind (Debian: valgrind); minutes
+	PYTHONMALLOC=malloc valgrind --quiet --error-exitcode=99 --leak-check=no \
+	  --suppressions=tests/valgrind.supp \
+	  $(BIN)/python -m pytest -p no:cacheprovider -x tests/unit/test_compiled_engine.py
 
 clean: ## Remove what the targets made
 	rm -rf $(VENV) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
