@@ -22,6 +22,8 @@ $(BIN)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@# an editable installation leaves this to the first run, which may not be allowed to
+	$(BIN)/python -m compileall -q lagcli
 	@touch $@
 
 demo: install ## Derive the slider-crank's equations, simulate it, and look at the result

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import unicodedata
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 
-@dataclass(frozen=True)
-class SourceLocation:
+class SourceLocation(NamedTuple):
     """A span of text in a model file or on the command line.
 
     Parameters
@@ -30,8 +29,7 @@ class SourceLocation:
     text: str = ""
 
 
-@dataclass(frozen=True)
-class Diagnostic:
+class Diagnostic(NamedTuple):
     """One thing that is wrong: what, where, and how to mend it.
 
     Parameters
@@ -50,7 +48,7 @@ class Diagnostic:
     message: str
     location: SourceLocation | None = None
     help: str | None = None
-    notes: tuple[tuple[str, SourceLocation | None], ...] = field(default=())
+    notes: tuple[tuple[str, SourceLocation | None], ...] = ()
 
     def render(self) -> str:
         """Return the diagnostic in the shape that the documentation shows."""

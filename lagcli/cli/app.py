@@ -1,34 +1,21 @@
 """The program `lagcli`: commands, exit statuses, and what happens on an error."""
 
-from __future__ import annotations
-
 import functools
+import gc
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
 from lagcli import __version__
-from lagcli.cli.derive import derive
-from lagcli.cli.info import info
-from lagcli.cli.simulate import simulate
 from lagcli.errors import LagcliError
 
-app = typer.Typer(
-    name="lagcli",
-    help="Lagrange's equations of the first kind from a model file: derive, simulate, inspect.",
-    epilog="Exit status: 0 done; 1 a bug in lagcli; 2 usage or model error; 3 the numbers failed"
-    " (the partial result is kept); 4 input/output error; 130 interrupted.",
-    no_args_is_help=True,
-    add_completion=False,
-    # plain help: the same on every terminal, and no import of a formatter at start-up
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
-)
+#: The commands, in the order of the help; each is a function in the module of its name.
+COMMANDS = ("derive", "simulate", "info")
 
 BUG_STATUS = 1
 INTERRUPTED_STATUS = 130
@@ -38,22 +25,41 @@ class _Interrupted(Exception):
     """Ctrl-C, where no run was there to keep."""
 
 
-def _command(function: Callable[..., int | None]) -> None:
-    """Add a command to the program."""
+def program(arguments: Sequence[str] = ()) -> Any:
+    """Return the program for these arguments: with the command they begin with, or with all.
+
+    Reading the options of a command takes milliseconds, so that of a call that names its command
+    only this one is built.
+    """
+    app = typer.Typer(
+        name="lagcli",
+        help="Lagrange's equations of the first kind from a model file: derive, simulate, inspect.",
+        epilog="Exit status: 0 done; 1 a bug in lagcli; 2 usage or model error; 3 the numbers"
+        " failed (the partial result is kept); 4 input/output error; 130 interrupted.",
+        no_args_is_help=True,
+        add_completion=False,
+        # plain help: the same on every terminal, and no import of a formatter at start-up
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
+    )
+    app.callback()(_program)
+    for name in [a for a in arguments[:1] if a in COMMANDS] or COMMANDS:
+        app.command()(_command(getattr(import_module(f"lagcli.cli.{name}"), name)))
+    return typer.main.get_command(app)
+
+
+def _command(function: Callable[..., int | None]) -> Callable[..., int | None]:
+    """Let an interrupt pass through Typer, which would end without a word."""
 
     @functools.wraps(function)
     def command(*arguments: Any, **options: Any) -> int | None:
         try:
             return function(*arguments, **options)
-        except KeyboardInterrupt:  # Typer would end without a word
+        except KeyboardInterrupt:
             raise _Interrupted from None
 
-    app.command()(command)
-
-
-_command(derive)
-_command(simulate)
-_command(info)
+    return command
 
 
 def _print_version(wanted: bool) -> None:
@@ -62,7 +68,6 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _program(
     version: Annotated[
         bool,
@@ -76,6 +81,9 @@ def _program(
 
 def main() -> None:
     """Run the command line and exit with its status."""
+    # What is imported lives to the end, and a run leaves little in cycles: to look through it all
+    # time and again while modules are imported would cost a tenth of a short run.
+    gc.set_threshold(200_000)
     # a reader that closes the pipe (`lagcli derive … | head`) ends us as it ends any other filter
     if hasattr(signal, "SIGPIPE"):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
@@ -83,14 +91,16 @@ def main() -> None:
         # a terminal without Greek letters shows ? in their place, which beats a traceback
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
-    sys.exit(run(sys.argv[1:]))
+    status = run(sys.argv[1:])
+    # and so would a last look at exit, when the memory is handed back as a whole
+    gc.freeze()
+    sys.exit(status)
 
 
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit status."""
-    command = typer.main.get_command(app)
     try:
-        result = command.main(arguments, prog_name="lagcli", standalone_mode=False)
+        result = program(arguments).main(arguments, prog_name="lagcli", standalone_mode=False)
         sys.stdout.flush()
     except LagcliError as error:
         _say(_rendered(error))

@@ -1,7 +1,5 @@
 """`lagcli derive`: print the equations."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from enum import StrEnum

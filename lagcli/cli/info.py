@@ -1,7 +1,5 @@
 """`lagcli info`: say what a result file holds."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

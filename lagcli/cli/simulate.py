@@ -1,7 +1,5 @@
 """`lagcli simulate`: integrate the motion and write it."""
 
-from __future__ import annotations
-
 import sys
 import time
 from enum import StrEnum

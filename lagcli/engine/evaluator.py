@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,7 @@ Places = NDArray[np.intp]
 _SMALL_ROW = 1e-6
 
 
-@dataclass(frozen=True)
-class Dynamics:
+class Dynamics(NamedTuple):
     """M, f, B, γ and the external power at one state (or, with a last axis, at many)."""
 
     mass_matrix: Array
@@ -30,8 +29,7 @@ class Dynamics:
     finite: bool
 
 
-@dataclass(frozen=True)
-class Constraints:
+class Constraints(NamedTuple):
     """φ, B, b_0 and the constraints' own scales at one state (or, with a last axis, at many)."""
 
     position: Array

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +28,7 @@ _REGULAR = 1e-6  # the smallest pivot that shows it, beside entries near one
 _ASIDE = (1e-3, 0.1)  # of the coordinates' size: where a guess that leads nowhere is moved
 
 
-@dataclass(frozen=True)
-class ConsistentState:
+class ConsistentState(NamedTuple):
     """A state on the constraints.
 
     Parameters
@@ -52,8 +50,7 @@ class ConsistentState:
     moved: Mapping[str, tuple[float, float]]
 
 
-@dataclass(frozen=True)
-class Violation:
+class Violation(NamedTuple):
     """A constraint that does not hold: its name, its residual and that relative to its scale."""
 
     constraint: str

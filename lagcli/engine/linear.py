@@ -7,7 +7,7 @@ in a singular configuration must be seen to vanish.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,7 @@ class SingularSystem(ArithmeticError):
     """The equations do not determine the accelerations."""
 
 
-@dataclass(frozen=True)
-class Decomposition:
+class Decomposition(NamedTuple):
     """Singular value decomposition of the row-scaled B, cut at its rank."""
 
     scale: Array  # (nc,) lengths of the rows

@@ -9,7 +9,7 @@ used again when their values are dead.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,7 @@ _WINDOW = 4096
 Node = tuple[int, tuple[int, ...], tuple[int, ...]]  # operation, destinations, operands
 
 
-@dataclass(frozen=True)
-class Program:
+class Program(NamedTuple):
     """A tape in the order and with the registers in which it is run.
 
     A stream is, for each run of operations: the operation, their number, and for each of them its

@@ -17,7 +17,7 @@ State = tuple[float, Array, Array]  # t, q, v
 Status = Literal["completed", "failed", "interrupted"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Request:
     """What to integrate.
 
@@ -53,7 +53,7 @@ class Request:
     through_singular: bool
 
 
-@dataclass
+@dataclass(eq=False)
 class Run:
     """What an engine returns: the samples reached, and how it ended.
 

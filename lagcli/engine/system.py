@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 Pattern = tuple[tuple[int, int], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class System:
     """M a = f + Bᵀλ, B a = γ, φ = 0, ψ = 0 in numbers.
 

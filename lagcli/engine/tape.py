@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -66,8 +66,7 @@ _TWO = {Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.POW, Op.ATAN2, Op.LT, Op.LE, Op.EQ, O
 ARITY = tuple(3 if op is Op.SELECT else 2 if op in _TWO else 1 for op in Op)
 
 
-@dataclass(frozen=True)
-class Tape:
+class Tape(NamedTuple):
     """Operations on a register file: inputs first, then constants, then results.
 
     Parameters

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -28,8 +29,7 @@ ZERO = se.Integer(0)
 Row = Mapping[int, Basic]  # the nonzero entries, by column
 
 
-@dataclass(frozen=True)
-class ConstraintEquation:
+class ConstraintEquation(NamedTuple):
     """One constraint and its derivatives.
 
     Parameters
@@ -60,7 +60,7 @@ class ConstraintEquation:
         return symbols.TIME in self.constraint.expression.free_symbols
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Equations:
     """The system of a model in symbols.
 

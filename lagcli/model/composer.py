@@ -40,7 +40,7 @@ def compose(source: Source) -> tuple[Mapping, list[Diagnostic]]:
         raise ModelError([explain(source, error)]) from None
 
 
-@dataclass
+@dataclass(eq=False)
 class _Entry:
     key: Node
     value: Node

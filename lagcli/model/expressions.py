@@ -7,8 +7,7 @@ SymEngine's, every step is bounded, and every constant is checked as soon as it 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import symengine as se
 from symengine import Basic
@@ -43,8 +42,7 @@ MAX_SIZE = 2_000_000  # operations of one expression when its definitions are wr
 MAX_DEPTH = 200  # functions of functions; SymEngine differentiates by recursion
 
 
-@dataclass(frozen=True)
-class Sized:
+class Sized(NamedTuple):
     """A value, and what it costs.
 
     Parameters

@@ -7,7 +7,7 @@ that its derivative is right wherever it exists.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -21,8 +21,7 @@ def _once(_: int) -> int:
     return 1
 
 
-@dataclass(frozen=True)
-class Function:
+class Function(NamedTuple):
     """A scalar function: how many arguments it takes and what it makes of them.
 
     ``copies`` says how often the result repeats each argument, given their number.

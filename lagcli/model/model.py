@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -55,8 +55,7 @@ def constraint_force(coordinate_name: str, constraint: str | None = None) -> Bas
     return se.Symbol(f"Qc.{middle}{coordinate_name}")
 
 
-@dataclass(frozen=True)
-class Coordinate:
+class Coordinate(NamedTuple):
     """A generalized coordinate."""
 
     name: str
@@ -66,8 +65,7 @@ class Coordinate:
     location: SourceLocation | None = None
 
 
-@dataclass(frozen=True)
-class Parameter:
+class Parameter(NamedTuple):
     """A parameter with its value in SI."""
 
     name: str
@@ -77,8 +75,7 @@ class Parameter:
     text: str = ""
 
 
-@dataclass(frozen=True)
-class Definition:
+class Definition(NamedTuple):
     """A named expression."""
 
     name: str
@@ -87,8 +84,7 @@ class Definition:
     description: str | None = None
 
 
-@dataclass(frozen=True)
-class Constraint:
+class Constraint(NamedTuple):
     """A constraint, φ(q, t) = 0 or ψ(q, q', t) = 0 affine in q'.
 
     ``expression`` is lhs − rhs.
@@ -103,8 +99,7 @@ class Constraint:
     location: SourceLocation | None = None
 
 
-@dataclass(frozen=True)
-class InitialValue:
+class InitialValue(NamedTuple):
     """An initial coordinate or velocity: fixed, or a guess that the constraints may move."""
 
     value: float
@@ -120,7 +115,7 @@ class SettingError(ValueError):
         self.key, self.help = key, help_
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Settings:
     """How to simulate. What is None is left to the next level: option, model file, default.
 
@@ -262,7 +257,7 @@ DEFAULTS = Settings(
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Model:
     """A checked model.
 

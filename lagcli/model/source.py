@@ -48,7 +48,7 @@ class Source:
         return " ".join(p.strip() for p in parts)
 
 
-@dataclass
+@dataclass(eq=False)
 class Node:
     """A YAML node with its place: lines and columns count from 0."""
 
@@ -67,7 +67,7 @@ class Node:
         return _stretch(self.source, self.start, self.end)
 
 
-@dataclass
+@dataclass(eq=False)
 class Scalar(Node):
     """A scalar; ``value`` is its text, ``style`` one of YAML's ``' " | >`` or None (plain)."""
 
@@ -107,7 +107,7 @@ class Scalar(Node):
         return _stretch(self.source, self._places[start], (last_line, last_column + 1))
 
 
-@dataclass
+@dataclass(eq=False)
 class Sequence(Node):
     """A YAML sequence."""
 
@@ -119,7 +119,7 @@ class Sequence(Node):
         return "a list"
 
 
-@dataclass
+@dataclass(eq=False)
 class Mapping(Node):
     """A YAML mapping with scalar keys, in the order of the file."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -57,8 +58,7 @@ class Tensor:
         return Tensor(tuple(tuple(function(x) for x in row) for row in self.rows))
 
 
-@dataclass(frozen=True)
-class Turn:
+class Turn(NamedTuple):
     """An elementary rotation: about a constant axis by an angle, or a quaternion."""
 
     parameters: tuple[Basic, ...]  # (angle,) or (e0, e1, e2, e3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
 class ExpressionError(Exception):
@@ -33,8 +33,7 @@ class ExpressionError(Exception):
         self.help, self.subject = help, subject
 
 
-@dataclass(frozen=True)
-class Token:
+class Token(NamedTuple):
     """A number, a name, a mark, or the end of the text."""
 
     kind: str

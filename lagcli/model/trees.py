@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tree:
     """A piece of an expression, from ``start`` to ``end`` of its text."""
 
@@ -20,14 +20,14 @@ class Tree:
         return ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Number(Tree):
     """A number, exactly as written."""
 
     value: Fraction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Name(Tree):
     """A name with its primes; ``text`` may be dotted (``lambda.guide``)."""
 
@@ -35,7 +35,7 @@ class Name(Tree):
     primes: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Call(Tree):
     """A function applied to arguments."""
 
@@ -48,7 +48,7 @@ class Call(Tree):
         return self.arguments
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sum(Tree):
     """Terms with their signs, +1 or -1."""
 
@@ -60,7 +60,7 @@ class Sum(Tree):
         return tuple(term for _, term in self.terms)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Product(Tree):
     """Factors with their exponents, +1 or -1, from left to right."""
 
@@ -72,7 +72,7 @@ class Product(Tree):
         return tuple(factor for _, factor in self.factors)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Power(Tree):
     """Base and exponent."""
 
@@ -85,7 +85,7 @@ class Power(Tree):
         return (self.base, self.exponent)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison(Tree):
     """A chain of comparisons: a < b <= c."""
 
@@ -98,7 +98,7 @@ class Comparison(Tree):
         return self.operands
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Logical(Tree):
     """``and``, ``or``, ``not`` and what they join."""
 
@@ -111,7 +111,7 @@ class Logical(Tree):
         return self.operands
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Vector(Tree):
     """A vector of scalars, or a matrix of rows."""
 

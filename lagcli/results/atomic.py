@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import secrets
 import shutil
 import stat
 from collections.abc import Iterator
@@ -111,7 +110,7 @@ def _names(path: str, force: bool) -> tuple[str, str]:
                 raise reasons.exists(path)
     except OSError as error:
         raise reasons.write_failure(path, error) from error
-    hidden = f".lagcli-{os.getpid()}-{secrets.token_hex(8)}"
+    hidden = f".lagcli-{os.getpid()}-{os.urandom(8).hex()}"
     return target, os.path.join(os.path.dirname(target), hidden)
 
 

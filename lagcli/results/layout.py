@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from lagcli.trajectory import Trajectory
 
@@ -13,8 +13,7 @@ NOT_STATED = "not stated"
 MIXED = "mixed: see coordinate_unit"
 
 
-@dataclass(frozen=True)
-class Quantity:
+class Quantity(NamedTuple):
     """One array of a result file.
 
     Parameters

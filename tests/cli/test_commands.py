@@ -389,13 +389,11 @@ def test_plain_surroundings(surroundings: dict[str, str]) -> None:
 
 @pytest.mark.parametrize("command", ["derive", "simulate", "info"])
 def test_help_shows_every_option_with_its_text(here: Here, command: str) -> None:
-    import typer.main
-
-    from lagcli.cli.app import app
+    from lagcli.cli.app import program
 
     assert here(command, "--help") == 0
     words = " ".join(here.out.split())
-    for parameter in typer.main.get_command(app).commands[command].params:
+    for parameter in program().commands[command].params:
         if parameter.param_type_name == "option":
             assert max(parameter.opts, key=len) in words, parameter.name
         assert parameter.help, f"{command}: {parameter.name} has no help"

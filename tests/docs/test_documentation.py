@@ -77,12 +77,10 @@ def test_readme_names_the_two_commands_and_they_are_targets():
 
 @pytest.mark.parametrize("command", ["derive", "simulate", "info"])
 def test_every_option_is_documented(command):
-    import typer
-
-    from lagcli.cli.app import app
+    from lagcli.cli.app import program
 
     page = (ROOT / "docs" / "command-line.md").read_text()
-    options = typer.main.get_command(app).commands[command].params
+    options = program().commands[command].params
     names = [n for p in options for n in p.opts if n.startswith("--")]
     missing = [n for n in names if n != "--help" and f"`{n}" not in page]
     assert len(names) >= 1
