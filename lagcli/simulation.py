@@ -1,38 +1,44 @@
-"""Model + settings → Trajectory."""
+"""Model + settings → samples, block by block, and their record; all at once, a Trajectory."""
 
 from __future__ import annotations
 
 import dataclasses
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import lagcli
-from lagcli.engine.evaluator import Batch, Evaluator
-from lagcli.engine.initial import (
-    ConsistentState,
-    NoConsistentState,
-    UndefinedStart,
-    consistent_state,
-)
-from lagcli.engine.run import Engine, Request, Run
+from lagcli.derived import DerivedColumns
+from lagcli.engine.initial import ConsistentState
+from lagcli.engine.run import Block, Engine, Interrupted, Request
 from lagcli.engine.system import System, compile_system
 from lagcli.equations.lagrange import Equations, derive
-from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
-from lagcli.model.model import DEFAULTS, InitialValue, Model, SettingError, Settings
+from lagcli.errors import UsageError
+from lagcli.interruption import Interruption
+from lagcli.model.model import DEFAULTS, Model, SettingError, Settings
 from lagcli.model.units import si_notation
-from lagcli.trajectory import Trajectory
+from lagcli.samples import Record, Samples
+from lagcli.start import describe_undefined, find_start
+
+if TYPE_CHECKING:
+    from lagcli.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 DEFAULT_SAMPLES = 1001
 #: What the compiled engine can do; the reference engine can do all.
 COMPILED_METHODS = ("DOP853",)
+#: Numbers of a block that are written at once: as CSV, the slowest, they take less than 0.1 s.
+_BLOCK_NUMBERS = 1 << 16
+#: Below so many samples at once, evaluating them together does not pay.
+_LEAST_ROWS = 16
+#: Intermediate results of a block's samples: 16 MB.
+_BLOCK_REGISTERS = 1 << 21
 
 
 def simulate(
@@ -69,29 +75,145 @@ def simulate(
         There is no start: no consistent state near the guesses, no finite value there, or a
         coordinate without inertia.
     """
-    began = time.perf_counter()
     if options:
         try:
             given = Settings(**options)
         except TypeError as error:
             raise UsageError(f"no such option: {error}") from None
         settings = given.over(settings or Settings())
+    from lagcli.trajectory import complete, joined
+
+    simulation = prepare(model, settings)
+    blocks: list[Samples] = []
+    with Interruption() as interruption:
+        record = simulation.run(blocks.append, progress, interruption)
+    return complete(joined(blocks), record)
+
+
+def prepare(model: Model, settings: Settings | None = None) -> Simulation:
+    """Do all that comes before the first step: settings, equations, tapes, a consistent start.
+
+    Parameters
+    ----------
+    model, settings
+        As for `simulate`, which see for the errors too.
+
+    Returns
+    -------
+    Simulation
+        Ready to run.
+    """
+    began = time.perf_counter()
     chosen = resolve(settings or Settings(), model)
     equations = derive(model)
     derived = time.perf_counter()
     system = compile_system(equations)
     compiled = time.perf_counter()
     start = find_start(equations, system, chosen)
-    run = _engine(chosen)(system, _request(start, chosen), progress)
-    integrated = time.perf_counter()
-    if run.undefined is not None:
-        run.message += "; " + _undefined(equations, *run.undefined)
     seconds = {
         "derive": derived - began,
         "compile": compiled - derived,
-        "integrate": integrated - compiled,
+        "integrate": time.perf_counter() - compiled,
     }
-    return _trajectory(model, system, chosen, start, run, seconds)
+    return Simulation(model, chosen, equations, system, start, seconds)
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A model that is ready to run; made by `prepare`.
+
+    Parameters
+    ----------
+    model : Model
+    settings : Settings
+        Complete.
+    equations : Equations
+    system : System
+    start : ConsistentState
+    seconds : dict of str to float
+        Time spent so far, by phase.
+    """
+
+    model: Model
+    settings: Settings
+    equations: Equations
+    system: System
+    start: ConsistentState
+    seconds: dict[str, float]
+
+    def run(
+        self,
+        sink: Callable[[Samples], None],
+        progress: Callable[[float], None] | None = None,
+        interruption: Interruption | None = None,
+    ) -> Record:
+        """Run, and hand the samples over as they come.
+
+        Parameters
+        ----------
+        sink : callable
+            Takes the samples in blocks, in order: at least one, which may be empty if it is the
+            only one. What it raises ends the run and goes on to the caller.
+        progress : callable, optional
+            As for `simulate`.
+        interruption : Interruption, optional
+            Asked several times in 0.1 s whether to end the run.
+
+        Returns
+        -------
+        Record
+            As in `Trajectory`; the run's status among it.
+        """
+        began = time.perf_counter()
+        columns = DerivedColumns(self.system)
+        elsewhere = 0.0  # seconds that are not the engine's
+
+        def take(block: Block) -> None:
+            nonlocal elsewhere
+            entered = time.perf_counter()
+            sink(columns(block))
+            elsewhere += time.perf_counter() - entered
+
+        def heed(t: float) -> None:
+            if interruption is not None and interruption.wished():
+                raise Interrupted
+            if progress is not None:
+                progress(t)
+
+        request = _request(self.start, self.system, self.settings)
+        run = _engine(self.settings)(self.system, request, take, heed)
+        integrating = time.perf_counter() - began - elsewhere
+        if not columns.samples:
+            take(_no_samples(self.system))
+        if run.undefined is not None:
+            run.message += "; " + describe_undefined(self.equations, *run.undefined)
+        settings = dataclasses.asdict(self.settings)
+        return Record(
+            scale_position=columns.scale_position,
+            scale_velocity=columns.scale_velocity,
+            units=_units(self.model),
+            status=run.status,
+            message=run.message,
+            model=self.model.text,
+            model_sha256=self.model.sha256,
+            parameters=self.model.parameter_values,
+            options={k: v for k, v in settings.items() if v is not None},
+            counts={
+                "steps": run.steps,
+                "rejected": run.rejected,
+                "evaluations": run.evaluations,
+            },
+            seconds={**self.seconds, "integrate": self.seconds["integrate"] + integrating},
+            initial_correction=dict(self.start.moved),
+            lagcli_version=lagcli.__version__,
+        )
+
+
+def _no_samples(system: System) -> Block:
+    return Block.of_rows(
+        np.empty((0, 2 + 3 * len(system.coordinates) + len(system.constraints))),
+        len(system.coordinates),
+    )
 
 
 def resolve(settings: Settings, model: Model) -> Settings:
@@ -167,7 +289,7 @@ def _engine(settings: Settings) -> Engine:
     return scipy_engine.run
 
 
-def _request(start: ConsistentState, settings: Settings) -> Request:
+def _request(start: ConsistentState, system: System, settings: Settings) -> Request:
     s = settings
     times = sample_times(s)
     t_end = times[-1] if s.times is not None else s.t_end
@@ -194,202 +316,17 @@ def _request(start: ConsistentState, settings: Settings) -> Request:
         max_steps=s.max_steps,
         timeout=s.timeout,
         through_singular=bool(s.through_singular),
+        block_rows=_block_rows(system),
     )
 
 
-# the start
-
-
-def find_start(equations: Equations, system: System, settings: Settings) -> ConsistentState:
-    """Find the consistent initial state of a model, or explain why there is none.
-
-    Raises
-    ------
-    ModelError
-        The fixed initial values, or the constraints among each other, contradict.
-    NumericalError
-        No consistent state near the guesses, no finite value there, a coordinate without inertia.
-    """
-    model = equations.model
-    q, fixed_q = _initial(model, model.initial_positions)
-    v, fixed_v = _initial(model, model.initial_velocities)
-    t = settings.t_start or 0.0
-    try:
-        start = consistent_state(system, t, q, v, fixed_q, fixed_v)
-    except UndefinedStart as error:
-        at, q0, v0 = error.state
-        raise NumericalError(
-            "no start: " + _undefined(equations, at, q0, v0) + "; change the initial values"
-        ) from None
-    except NoConsistentState as error:
-        raise _no_start(model, error) from None
-    if not start.regular:
-        _check_inertia(equations, system, t, start)
-    return start
-
-
-def _initial(model: Model, table: Any) -> tuple[Array, Flags]:
-    entries: list[InitialValue] = [table[name] for name in model.coordinate_names]
-    return np.array([e.value for e in entries]), np.array([e.fixed for e in entries])
-
-
-def _undefined(equations: Equations, t: float, q: Array, v: Array) -> str:
-    from lagcli.undefined import undefined_expression
-
-    return undefined_expression(equations, t, q.tolist(), v.tolist())
-
-
-def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalError:
-    residuals = "\n".join(
-        f"  {x.constraint}: residual {x.residual:.3g} ({x.relative:.2g} of its terms)"
-        for x in error.violations
-    )
-    names = ", ".join(f"`{x.constraint}`" for x in error.violations)
-    plural = "s" if len(error.violations) > 1 else ""
-    first = next(c for c in model.constraints if c.name == error.violations[0].constraint)
-    level = "" if error.level == "position" else ", differentiated in time,"
-    if error.contradiction and error.stuck:
-        freed = error.stuck[0]
-        base = freed.rstrip("'")
-        table = model.initial_velocities if freed.endswith("'") else model.initial_positions
-        entry = table[base]
-        return ModelError(
-            [
-                Diagnostic(
-                    "inconsistent-start",
-                    f"the fixed initial values violate the constraint{plural} {names}{level}\n"
-                    + residuals,
-                    entry.location,
-                    f"free one of {', '.join(error.stuck)}, for instance"
-                    f" `{freed}: {{guess: {entry.value:.6g}}}`",
-                )
-            ]
-        )
-    if error.contradiction:
-        return ModelError(
-            [
-                Diagnostic(
-                    "contradicting-constraints",
-                    f"no initial values satisfy the constraint{plural} {names}{level}: near the"
-                    f" guesses they contradict\n{residuals}",
-                    first.location,
-                    "mend the constraints, or guess values nearer to a solution",
-                )
-            ]
-        )
-    return NumericalError(
-        f"no consistent initial state was found near the guesses: the constraint{plural} {names}"
-        f"{level} do{'' if plural else 'es'} not hold\n{residuals}\n"
-        "   help: guess values nearer to a solution"
-    )
-
-
-def _check_inertia(equations: Equations, system: System, t: float, start: ConsistentState) -> None:
-    """Refuse a motion that the constraints allow and no inertia resists."""
-    d = Evaluator(system).dynamics(t, start.q, start.v)
-    if not d.finite:
-        raise NumericalError(
-            "no start: "
-            + _undefined(equations, t, start.q, start.v)
-            + "; change the initial values"
-        )
-    nq = len(start.q)
-    free = np.eye(nq)
-    if len(d.jacobian):
-        from lagcli.engine.linear import decompose
-
-        free = decompose(d.jacobian, start.rank).null
-    if not free.shape[1]:
-        return
-    # coordinates of different units are compared by their own inertia
-    size = np.sqrt(np.abs(np.diag(d.mass_matrix)))
-    size = 1 / np.where(size > 0, size, 1.0)
-    basis, _ = np.linalg.qr(free / size[:, None])
-    reduced = basis.T @ (d.mass_matrix * np.outer(size, size)) @ basis
-    values, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
-    weakest = int(np.argmin(np.abs(values)))
-    if abs(values[weakest]) > 1e-12:
-        return
-    direction = np.abs(size * (basis @ vectors[:, weakest]))
-    names = [
-        f"`{n}`"
-        for n, x in zip(system.coordinates, direction, strict=True)
-        if x > 1e-6 * direction.max()
-    ]
-    what = f"coordinate {names[0]} has" if len(names) == 1 else f"motion of {', '.join(names)} has"
-    raise NumericalError(
-        f"the {what} no inertia: `T` does not resist it and no constraint determines it, so that"
-        " its acceleration is undetermined; give it a mass, or a constraint"
-    )
-
-
-# the result
-
-
-def _trajectory(
-    model: Model,
-    system: System,
-    settings: Settings,
-    start: ConsistentState,
-    run: Run,
-    seconds: dict[str, float],
-) -> Trajectory:
-    nt, nc = len(run.time), len(system.constraints)
-    batch = Batch(system, run.time, run.q, run.v)
-    d, c = batch.dynamics(), batch.constraints()
-    kinetic, potential, total, applied, explicit, *outputs = batch.report(run.a, run.multipliers)
-    by = run.multipliers.T[:, None, :] * d.jacobian  # (nc, nq, nt)
-    velocity = np.einsum("cqt,tq->ct", d.jacobian, run.v) + c.drift
-    position = np.full((nc, nt), np.nan)
-    position[list(system.holonomic)] = c.position
-    scale_position = np.full(nc, np.nan)
-    scale_position[list(system.holonomic)] = _largest(c.position_scale)
-    equation = np.einsum("ijt,tj->it", d.mass_matrix, run.a) - d.forcing - by.sum(axis=0)
-    options = {k: v for k, v in dataclasses.asdict(settings).items() if v is not None}
-    return Trajectory(
-        coordinates=system.coordinates,
-        constraints=system.constraints,
-        time=run.time,
-        q=run.q,
-        v=run.v,
-        a=run.a,
-        multipliers=run.multipliers,
-        constraint_force_by=np.ascontiguousarray(by.transpose(2, 0, 1)),
-        energy_kinetic=kinetic,
-        energy_potential=potential,
-        energy_total=total,
-        power_applied=applied,
-        power_constraint=np.einsum("tc,cqt,tq->t", run.multipliers, d.jacobian, run.v),
-        power_time=explicit,
-        energy_balance=total - (total[:1] - run.work[:1]) - run.work if nt else total,
-        residual_position=np.ascontiguousarray(position.T),
-        residual_velocity=np.ascontiguousarray(velocity.T),
-        residual_equation=np.abs(equation).max(axis=0, initial=0.0),
-        scale_position=scale_position,
-        scale_velocity=_largest(c.velocity_scale),
-        outputs=dict(zip(system.outputs, outputs, strict=True)),
-        units=_units(model),
-        status=run.status,
-        message=run.message,
-        model=model.text,
-        model_sha256=model.sha256,
-        parameters=model.parameter_values,
-        options=options,
-        counts={
-            "steps": run.steps,
-            "rejected": run.rejected,
-            "evaluations": run.evaluations,
-        },
-        seconds=seconds,
-        initial_correction=dict(start.moved),
-        lagcli_version=lagcli.__version__,
-    )
-
-
-def _largest(scale: Array) -> Array:
-    """Return each constraint's largest scale along the run; 1 where its terms are always 0."""
-    largest = scale.max(axis=1, initial=0.0)
-    return np.where(largest > 0, largest, 1.0)
+def _block_rows(system: System) -> int:
+    """Return how many samples may be under way at once, by the memory and the time they take."""
+    nq, nc = len(system.coordinates), len(system.constraints)
+    stored = 3 * nq + (3 + nq) * nc + len(system.outputs)
+    held = max(system.dynamics.registers, system.report.registers, nq * nc)
+    in_time = max(_BLOCK_NUMBERS // (stored + 10), _LEAST_ROWS)
+    return max(1, min(in_time, _BLOCK_REGISTERS // held))
 
 
 def _units(model: Model) -> dict[str, str]:

@@ -1,135 +1,51 @@
-"""Trajectory: the samples of one run and everything needed to reproduce it."""
+"""Trajectory: all samples of one run in memory, with everything needed to reproduce it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
-#: Version of the layout of result files.
-SCHEMA_VERSION = "1"
-
-#: The one sign of lambda, written into every file (seed equation 8.85).
-SIGN_CONVENTION = (
-    "d/dt dT/dq' - dT/dq + dV/dq = Q + sum_beta lambda_beta b_beta, "
-    "b_beta = dphi_beta/dq (holonomic) or dpsi_beta/dq' (nonholonomic); "
-    "for lhs = rhs, phi = lhs - rhs"
-)
-
-#: The values of ``Trajectory.status``.
-STATUSES = ("completed", "stopped-by-event", "failed", "interrupted")
+from lagcli.samples import Array, Record, Samples
 
 
-@dataclass(frozen=True)
-class Trajectory:
-    """Samples of one run, in SI units.
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Trajectory(Record, Samples):
+    """All samples of one run with its record; see `Samples` and `Record` for the fields."""
 
-    nt samples, nq coordinates, nc constraints (in the model's order).
+
+def joined(blocks: Sequence[Samples]) -> Samples:
+    """Return consecutive blocks of samples as one.
 
     Parameters
     ----------
-    coordinates, constraints : tuple of str
-        Names, in the model's order.
-    time : (nt,) array
-        s.
-    q, v, a : (nt, nq) arrays
-        Coordinates, velocities, accelerations.
-    multipliers : (nt, nc) array
-        λ.
-    constraint_force_by : (nt, nc, nq) array
-        λ_β b_βi, the generalized force of each constraint on each coordinate.
-    energy_kinetic, energy_potential : (nt,) arrays
-        T and V as the model states them, J.
-    energy_total : (nt,) array
-        v·∂L/∂v − L; equals T + V when T is a quadratic form in the velocities.
-    power_applied : (nt,) array
-        Power of Q and D, W.
-    power_constraint : (nt,) array
-        Σ λ_β b_β·v, W: rheonomic constraints do work.
-    power_time : (nt,) array
-        −∂L/∂t, W: what enters by the explicit time in T or V.
-    energy_balance : (nt,) array
-        energy_total minus its first value minus the integral of the three powers; zero for an
-        exact run.
-    residual_position, residual_velocity : (nt, nc) arrays
-        φ and ψ at the written state; φ of a nonholonomic constraint is NaN.
-    residual_equation : (nt,) array
-        max norm of M a − f − Bᵀλ, evaluated from the written numbers.
-    scale_position, scale_velocity : (nc,) arrays
-        The constraints' own scales: the largest sum of the magnitudes of their terms along the
-        run, by which residuals are judged.
-    outputs : mapping of str to (nt,) array
-        The model's own columns.
-    units : mapping of str to str
-        Unit, in SI, of a coordinate, a parameter or an output, by name, where the model states it.
-    status, message : str
-        One of ``STATUSES``, and one sentence for the reader.
-    model, model_sha256 : str
-        The model file's text, verbatim, and its digest.
-    parameters : mapping of str to float
-        The values used.
-    options : mapping
-        Options of the run.
-    counts : mapping of str to int
-        steps, rejected, evaluations.
-    seconds : mapping of str to float
-        Time spent by phase.
-    initial_correction : mapping of str to (float, float)
-        What the consistent start moved: name → (value before, value after).
+    blocks : sequence of Samples
+        In order, at least one.
+
+    Returns
+    -------
+    Samples
+        The only block itself, or copies.
     """
+    first = blocks[0]
+    if len(blocks) == 1:
+        return first
 
-    coordinates: tuple[str, ...]
-    constraints: tuple[str, ...]
-    time: Array
-    q: Array
-    v: Array
-    a: Array
-    multipliers: Array
-    constraint_force_by: Array
-    energy_kinetic: Array
-    energy_potential: Array
-    energy_total: Array
-    power_applied: Array
-    power_constraint: Array
-    power_time: Array
-    energy_balance: Array
-    residual_position: Array
-    residual_velocity: Array
-    residual_equation: Array
-    scale_position: Array
-    scale_velocity: Array
-    outputs: Mapping[str, Array] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-    status: str = "completed"
-    message: str = ""
-    model: str = ""
-    model_sha256: str = ""
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    options: Mapping[str, Any] = field(default_factory=dict)
-    counts: Mapping[str, int] = field(default_factory=dict)
-    seconds: Mapping[str, float] = field(default_factory=dict)
-    initial_correction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    lagcli_version: str = ""
+    def column(name: str) -> Array:
+        return np.concatenate([getattr(block, name) for block in blocks])
 
-    @property
-    def energy_scale(self) -> float:
-        """The energy by which the balance is judged, J: the largest of |T|, |E| and V's swing."""
-        if not len(self.time):
-            return 0.0
-        return float(
-            max(
-                np.abs(self.energy_kinetic).max(),
-                np.abs(self.energy_total).max(),
-                np.ptp(self.energy_potential),
-            )
-        )
+    arrays = {
+        f.name: column(f.name)
+        for f in fields(Samples)
+        if f.name not in ("coordinates", "constraints", "outputs")
+    }
+    outputs = {n: np.concatenate([block.outputs[n] for block in blocks]) for n in first.outputs}
+    return Samples(
+        coordinates=first.coordinates, constraints=first.constraints, outputs=outputs, **arrays
+    )
 
-    @property
-    def constraint_force(self) -> Array:
-        """Σ_β λ_β b_β, the generalized constraint force, (nt, nq)."""
-        return self.constraint_force_by.sum(axis=1)
+
+def complete(samples: Samples, record: Record) -> Trajectory:
+    """Return samples and record as one Trajectory."""
+    return Trajectory(**vars(samples), **vars(record))

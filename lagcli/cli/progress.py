@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import Any
 
 _PATIENCE = 0.5  # s before a bar appears: a short run should leave nothing on the screen
+_PERIOD = 0.1  # s between two looks at it: engines report more often than anybody can read
 
 
 class Progress:
@@ -24,7 +25,7 @@ class Progress:
         self.start, self.end = start, end if end is not None else start
         self.enabled = enabled and sys.stderr.isatty() and self.end > self.start
         self.color = color
-        self.began = time.monotonic()
+        self.due = time.monotonic() + _PATIENCE
         self.bar: Any = None
         self.task: Any = None
 
@@ -44,9 +45,11 @@ class Progress:
         """Show that the run has reached t."""
         if not self.enabled:
             return
+        now = time.monotonic()
+        if now < self.due:
+            return
+        self.due = now + _PERIOD
         if self.bar is None:
-            if time.monotonic() - self.began < _PATIENCE:
-                return
             self._open()
         self.bar.update(self.task, completed=t - self.start)
 

@@ -1,7 +1,9 @@
 """`lagcli simulate`: integrate the motion and write it."""
 
+import signal
 import sys
 import time
+from contextlib import nullcontext
 from enum import StrEnum
 from typing import Annotated, Any
 
@@ -171,10 +173,12 @@ def _run(
 ) -> int:
     from lagcli.cli import summary
     from lagcli.cli.progress import Progress
+    from lagcli.extremes import Extremes
+    from lagcli.interruption import Interruption
     from lagcli.model.loader import load
-    from lagcli.results import check_target, write
-    from lagcli.simulation import compiled_available, resolve
-    from lagcli.simulation import simulate as run_model
+    from lagcli.results import check_target, open_writer
+    from lagcli.samples import Samples
+    from lagcli.simulation import compiled_available, prepare
 
     if output == "-" and json:
         raise UsageError("-o - and --json both want standard output; write to a file, or drop one")
@@ -184,41 +188,57 @@ def _run(
         check_target(output, force=force, meta=meta)
     loaded = load(model, set=parameters, set_initial=initial)
     load_seconds = time.perf_counter() - began
-    chosen = resolve(settings, loaded)
+    simulation = prepare(loaded, settings)
     if settings.engine is None and not compiled_available() and not quiet:
         print(
             "note: the compiled engine was not built (no C compiler at installation); running on"
             " the reference engine, which is slower",
             file=sys.stderr,
         )
-    end = chosen.times[-1] if chosen.times else chosen.t_end
-    with Progress(chosen.t_start or 0.0, end, enabled=not quiet, color=not no_color) as progress:
-        trajectory = run_model(loaded, settings, progress=progress)
-    writing = time.perf_counter()
-    written = None
-    if output is not None and len(trajectory.time):
-        write(trajectory, output, force=force, meta=meta)
-        written = output
+    extremes = Extremes(loaded.constraint_names)
+    writing = 0.0
+    with (
+        Interruption(signal.SIGINT, signal.SIGTERM) as interruption,
+        nullcontext() if output is None else open_writer(output, force, meta) as writer,
+    ):
+
+        def take(samples: Samples) -> None:
+            nonlocal writing
+            extremes.add(vars(samples))
+            if writer is not None and len(samples.time):
+                entered = time.perf_counter()
+                writer.append(samples)
+                writing += time.perf_counter() - entered
+
+        chosen = simulation.settings
+        start, end = chosen.t_start or 0.0, chosen.times[-1] if chosen.times else chosen.t_end
+        with Progress(start, end, enabled=not quiet, color=not no_color) as progress:
+            record = simulation.run(take, progress, interruption)
+        entered = time.perf_counter()
+        if writer is not None and extremes.samples:
+            writer.finish(record)
     now = time.perf_counter()
     seconds = {
         "load": load_seconds,
-        **trajectory.seconds,
-        "write": now - writing,
+        **record.seconds,
+        "write": writing + now - entered,
         "total": now - began,
     }
-    result = summary.summarize(trajectory, written, seconds)
+    written = output if extremes.samples else None
+    coordinates = len(loaded.coordinate_names)
+    result = summary.summarize(record, extremes, coordinates, written, seconds)
     if json:
         typer.echo(summary.to_json(result))
     elif not quiet:
         stream = sys.stderr if output == "-" else sys.stdout
         print(summary.format_summary(result, loaded.name), file=stream)
-    if trajectory.status == "completed":
+    if record.status == "completed":
         return 0
-    print(f"error: {trajectory.message}", file=sys.stderr)
+    print(f"error: {record.message}", file=sys.stderr)
     if output is not None:
-        kept = f"kept {len(trajectory.time)} samples in {output}" if written else "nothing written"
+        kept = f"kept {extremes.samples} samples in {output}" if written else "nothing written"
         print(f"   note: {kept}", file=sys.stderr)
-    return INTERRUPTED_STATUS if trajectory.status == "interrupted" else FAILED_STATUS
+    return INTERRUPTED_STATUS if record.status == "interrupted" else FAILED_STATUS
 
 
 def _times(text: str | None) -> tuple[float, ...] | None:

@@ -10,56 +10,56 @@ from typing import Any
 import numpy as np
 
 from lagcli.errors import LagcliError, ModelError
-from lagcli.trajectory import Trajectory
+from lagcli.extremes import Extremes, known
+from lagcli.samples import Array, Record
 
 
 def summarize(
-    trajectory: Trajectory, output: str | None, seconds: Mapping[str, float]
+    record: Record,
+    extremes: Extremes,
+    coordinates: int,
+    output: str | None,
+    seconds: Mapping[str, float],
 ) -> dict[str, Any]:
     """Return the summary of a run, as documented in docs/command-line.md.
 
     Residuals are relative to the constraints' own scales; the energy balance is in J.
     """
-    tr = trajectory
-    time = tr.time
-    multipliers = {}
-    for i, name in enumerate(tr.constraints):
-        values = tr.multipliers[:, i]
-        if len(values):
-            low, high = int(values.argmin()), int(values.argmax())
-            multipliers[name] = {
-                "min": float(values[low]),
-                "t_min": float(time[low]),
-                "max": float(values[high]),
-                "t_max": float(time[high]),
-            }
+    options = record.options
     return {
-        "status": tr.status,
-        "message": tr.message,
+        "status": record.status,
+        "message": record.message,
         "output": output,
-        "t_start": float(tr.options["t_start"]),
-        "t_end": float(time[-1]) if len(time) else None,
-        "samples": len(time),
-        **tr.counts,
-        "engine": tr.options["engine"],
-        "method": tr.options["method"],
-        "formulation": tr.options["formulation"],
-        "residual_position": _worst(tr.residual_position, tr.scale_position),
-        "residual_velocity": _worst(tr.residual_velocity, tr.scale_velocity),
-        "energy_balance": float(np.abs(tr.energy_balance).max(initial=0.0)),
-        "energy_scale": tr.energy_scale,
-        "multipliers": multipliers,
-        "initial_correction": {k: list(v) for k, v in tr.initial_correction.items()},
-        "coordinates": len(tr.coordinates),
+        "t_start": float(options["t_start"]),
+        "t_end": known(extremes.last),
+        "samples": extremes.samples,
+        **record.counts,
+        "engine": options["engine"],
+        "method": options["method"],
+        "formulation": options["formulation"],
+        "residual_position": _worst(extremes.residual_position, record.scale_position),
+        "residual_velocity": _worst(extremes.residual_velocity, record.scale_velocity),
+        "energy_balance": known(extremes.energy_balance) or 0.0,
+        "energy_scale": extremes.energy_scale,
+        "multipliers": {
+            name: {
+                "min": found.low,
+                "t_min": found.low_time,
+                "max": found.high,
+                "t_max": found.high_time,
+            }
+            for name, found in extremes.multipliers.items()
+            if known(found.low) is not None
+        },
+        "initial_correction": {k: list(v) for k, v in record.initial_correction.items()},
+        "coordinates": coordinates,
         "seconds": dict(seconds),
     }
 
 
-def _worst(residual: np.ndarray, scale: np.ndarray) -> float | None:
+def _worst(residual: Array, scale: Array) -> float | None:
     """Return the largest scaled residual; None where no constraint has one."""
-    relative = np.abs(residual) / scale
-    relative = relative[~np.isnan(relative)]
-    return float(relative.max()) if relative.size else None
+    return known(np.fmax.reduce(residual / scale, initial=math.nan))
 
 
 def to_json(value: Mapping[str, Any]) -> str:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
 from lagcli.engine.elimination import NoElimination, order_at
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.run import Limits, Request, Run, State, Stop, Undefined, outcome
+from lagcli.engine.run import Block, Limits, Request, Run, State, Stop, Undefined, outcome
 from lagcli.engine.system import System
 from lagcli.engine.unrolling import unroll
 
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Samples that the core keeps before it hands them over.
-_BLOCK = 4096
 #: Seconds that a slice of steps should take: what an interrupt waits for.
 _SLICE = 0.03
 #: The part of a coordinate by which states beside the start differ from it.
@@ -43,20 +41,18 @@ _MOST_STATES = 20
 _LOOK = 4
 
 
-def run(system: System, request: Request, progress: Callable[[float], None] | None = None) -> Run:
+def run(
+    system: System,
+    request: Request,
+    sink: Callable[[Block], None],
+    progress: Callable[[float], None] | None = None,
+) -> Run:
     """Integrate a System; see the contract in `lagcli.engine.run`."""
-    session = _Session(system, request, progress)
+    session = _Session(system, request, sink, progress)
     status, message, undefined = outcome(session.integrate)
     session.collect()
-    rows, nq = session.rows(), len(system.coordinates)
     steps, rejected, evaluations = session.core.counts
     return Run(
-        time=rows[:, 0],
-        q=rows[:, 1 : 1 + nq],
-        v=rows[:, 1 + nq : 1 + 2 * nq],
-        a=rows[:, 1 + 2 * nq : 1 + 3 * nq],
-        multipliers=rows[:, 1 + 3 * nq : -1],
-        work=rows[:, -1],
         status=status,
         message=message,
         steps=steps,
@@ -78,15 +74,20 @@ def _around(request: Request) -> list[State]:
 
 
 class _Session:
-    """One run: the core, its samples so far, and what thinks for it."""
+    """One run: the core, where its samples go, and what thinks for it."""
 
-    def __init__(self, system: System, request: Request, progress: Callable[[float], None] | None):
-        self.system, self.request = system, request
+    def __init__(
+        self,
+        system: System,
+        request: Request,
+        sink: Callable[[Block], None],
+        progress: Callable[[float], None] | None,
+    ):
+        self.system, self.request, self.sink = system, request, sink
         self.progress = progress or (lambda t: None)
         self.evaluator = Evaluator(system)
         self.nq = len(system.coordinates)
         self.redundant = request.rank < len(system.constraints)
-        self.blocks: list[Array] = []
         self.last_near = -1
         projecting = request.formulation == "projection"
         c = self.evaluator.constraints(request.t_start, request.q, request.v)
@@ -108,7 +109,7 @@ class _Session:
             alpha,
             alpha if request.beta is None else request.beta,
             request.formulation == "baumgarte",
-            _BLOCK,
+            request.block_rows,
         )
         self.states = _around(request)
         self.reordered = math.nan
@@ -174,7 +175,7 @@ class _Session:
             self.watch.check_start(request.t_start, request.q, request.v, self.projection)
             self.check_redundancy()
         self.heed(core.start())
-        slice_ = 64
+        slice_ = 1  # a step of a large model may take as long as a slice should
         while True:
             steps = core.counts[0]
             limits.check(core.t, steps)
@@ -207,9 +208,10 @@ class _Session:
             raise self.watch.floor(core.t, core.state)
         if status == binding.BLOCK_FULL:
             self.collect()
-        elif status == binding.NEAR:
+            return False  # in the midst of a step: nothing else changes
+        if status == binding.NEAR:
             return self.approach()
-        elif status == binding.OVER:
+        if status == binding.OVER:
             self.look_over()
         elif status == binding.INACCURATE:
             self.reorder()
@@ -242,9 +244,14 @@ class _Session:
         self.collect()
         times = self.request.times
         upto = int(np.searchsorted(times, crossing.end, side="right"))
-        for at in times[core.times_next : upto]:
-            q, v, a, multipliers, work = crossing(at)
-            self.blocks.append(np.concatenate([[at], q, v, a, multipliers, [work]])[None, :])
+        due = times[core.times_next : upto]
+        for first in range(0, len(due), self.request.block_rows):
+            rows = []
+            for at in due[first : first + self.request.block_rows]:
+                q, v, a, multipliers, work = crossing(at)
+                rows.append(np.concatenate([[at], q, v, a, multipliers, [work]]))
+            self.hand_over(np.array(rows))
+            self.progress(float(rows[-1][0]))
         watch.restart()
         core.limit(self.request.max_step)
         core.move(crossing.end, crossing.state, upto)
@@ -258,6 +265,7 @@ class _Session:
         if found is not None:
             while (status := core.sample_until(found)) == binding.BLOCK_FULL:
                 self.collect()
+                self.progress(core.t)
             self.heed(status)
             raise self.watch.stop(found, *self.split(core.dense(found)))
 
@@ -271,12 +279,11 @@ class _Session:
     # samples
 
     def collect(self) -> None:
-        """Take the samples that the core holds."""
+        """Hand over the samples that the core holds."""
         rows = self.core.take()
         if len(rows):
-            self.blocks.append(rows)
+            self.hand_over(rows)
 
-    def rows(self) -> Array:
-        """Return all samples: t, q, v, a, λ, W."""
-        width = 2 + 3 * self.nq + len(self.system.constraints)
-        return np.concatenate(self.blocks) if self.blocks else np.empty((0, width))
+    def hand_over(self, rows: Array) -> None:
+        """Hand over samples: t, q, v, a, λ, W by row."""
+        self.sink(Block.of_rows(rows, self.nq))

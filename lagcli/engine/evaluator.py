@@ -48,6 +48,22 @@ class Constraints(NamedTuple):
         return self.jacobian @ v + self.drift
 
 
+class Entries(NamedTuple):
+    """M, f, B, φ, b_0 and the constraints' own scales at many states, along the last axis.
+
+    M (nm, n) and B (nb, n) are in their entries at the places of the System's patterns; f is
+    (nq, n), φ and its scale (nh, n), b_0 and the scale of ψ (nc, n).
+    """
+
+    mass_matrix: Array
+    forcing: Array
+    jacobian: Array
+    position: Array
+    drift: Array
+    position_scale: Array
+    velocity_scale: Array
+
+
 class _Layout:
     """Where the numbers of a System's tapes go in M and B."""
 
@@ -152,11 +168,19 @@ class Batch:
         out = run_arrays(s.dynamics, [*self._state, *s.parameters], self.count)
         return self._layout.dynamics(out, bool(np.isfinite(out).all()))
 
-    def constraints(self) -> Constraints:
-        """Return φ (nh, n), B (nc, nq, n), b_0 (nc, n) and the scales."""
-        s = self.system
-        out = run_arrays(s.constraint, [*self._state, *s.parameters], self.count)
-        return self._layout.constraints(out)
+    def entries(self) -> Entries:
+        """Return M, f, B and the constraints without the zeros."""
+        s, layout = self.system, self._layout
+        inputs = [*self._state, *s.parameters]
+        nm, nb = len(s.mass_pattern), len(s.jacobian_pattern)
+        mass, forcing, jacobian, _ = np.split(
+            run_arrays(s.dynamics, inputs, self.count), np.cumsum([nm, layout.nq, nb])
+        )
+        position, _, drift, position_scale, velocity_scale = np.split(
+            run_arrays(s.constraint, inputs, self.count),
+            np.cumsum([layout.nh, nb, layout.nc, layout.nh]),
+        )
+        return Entries(mass, forcing, jacobian, position, drift, position_scale, velocity_scale)
 
     def report(self, a: Array, multipliers: Array) -> Array:
         """Return the report tape's outputs, (outputs, n); a is (n, nq) and λ (n, nc)."""

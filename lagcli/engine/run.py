@@ -1,11 +1,11 @@
-"""The engine's contract: what an engine is asked for, and what it returns."""
+"""The engine's contract: what an engine is asked for, hands over on the way, and returns."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,8 @@ class Request:
         Sample times, increasing, within [t_start, t_end].
     rtol, atol, method, formulation, alpha, beta, max_step, max_steps, timeout, through_singular
         As in Settings; alpha and beta None mean "from the step".
+    block_rows : int
+        The most samples to hand over at once.
     """
 
     q: Array
@@ -51,14 +53,19 @@ class Request:
     max_steps: int
     timeout: float | None
     through_singular: bool
+    block_rows: int = 4096
 
 
-@dataclass(eq=False)
-class Run:
-    """What an engine returns: the samples reached, and how it ended.
+class Block(NamedTuple):
+    """Consecutive samples, as an engine hands them over.
 
-    ``work`` is the integral of all power since ``t_start``. ``undefined`` is the state (t, q, v)
-    at which the equations had no finite value, where that ended the run.
+    Parameters
+    ----------
+    time : (n,) array
+    q, v, a : (n, nq) arrays
+    multipliers : (n, nc) array
+    work : (n,) array
+        The integral of all power since ``t_start``, J.
     """
 
     time: Array
@@ -67,6 +74,28 @@ class Run:
     a: Array
     multipliers: Array
     work: Array
+
+    @classmethod
+    def of_rows(cls, rows: Array, nq: int) -> Block:
+        """Return the block whose rows are t, q, v, a, λ, W."""
+        return cls(
+            time=rows[:, 0],
+            q=rows[:, 1 : 1 + nq],
+            v=rows[:, 1 + nq : 1 + 2 * nq],
+            a=rows[:, 1 + 2 * nq : 1 + 3 * nq],
+            multipliers=rows[:, 1 + 3 * nq : -1],
+            work=rows[:, -1],
+        )
+
+
+@dataclass(eq=False)
+class Run:
+    """What an engine returns: how it ended, and what it took.
+
+    ``undefined`` is the state (t, q, v) at which the equations had no finite value, where that
+    ended the run.
+    """
+
     status: Status
     message: str
     steps: int
@@ -97,6 +126,10 @@ class Undefined(Stop):
     def __init__(self, t: float, q: Array, v: Array):
         state = (t, np.array(q), np.array(v))
         super().__init__(f"the equations have no finite value at t = {t:.9g} s", state)
+
+
+class Interrupted(Exception):
+    """Ends a run at the user's wish; raised by what an engine is given as ``progress``."""
 
 
 class Limits:
@@ -131,7 +164,7 @@ def outcome(integrate: Callable[[], None]) -> tuple[Status, str, State | None]:
         integrate()
     except Stop as stop:
         return "failed", str(stop), stop.undefined
-    except KeyboardInterrupt:
+    except Interrupted:
         return "interrupted", "interrupted; the samples so far are kept", None
     return "completed", "", None
 
@@ -140,7 +173,23 @@ class Engine(Protocol):
     """Integrates a System."""
 
     def __call__(
-        self, system: System, request: Request, progress: Callable[[float], None] | None
+        self,
+        system: System,
+        request: Request,
+        sink: Callable[[Block], None],
+        progress: Callable[[float], None] | None = None,
     ) -> Run:
-        """Integrate; numerical failure is a status with a message, never an exception."""
+        """Integrate; numerical failure is a status with a message, never an exception.
+
+        Parameters
+        ----------
+        system : System
+        request : Request
+        sink : callable
+            Takes the samples in blocks, in order: whatever ends the run, those reached by then
+            are handed over. What it raises ends the run at once and goes on to the caller.
+        progress : callable, optional
+            Called with the time reached, s, several times per 0.1 s, as far as single steps and
+            samples allow. May raise `Interrupted`.
+        """
         ...

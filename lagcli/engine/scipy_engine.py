@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.index1 import Index1
 from lagcli.engine.passage import Crossing
 from lagcli.engine.projection import Projection
-from lagcli.engine.run import Limits, Request, Run, Undefined, outcome
+from lagcli.engine.run import Block, Limits, Request, Run, Undefined, outcome
 from lagcli.engine.singular import Ahead, RankWatch
 from lagcli.engine.system import System
 
@@ -40,30 +39,19 @@ _LSODA_DRIFT = 10.0
 _LEAST_RTOL = 100 * float(np.finfo(float).eps)
 
 
-@dataclass(frozen=True)
-class _Sample:
-    time: float
-    q: Array
-    v: Array
-    a: Array
-    multipliers: Array
-    work: float
-
-
-def run(system: System, request: Request, progress: Callable[[float], None] | None = None) -> Run:
+def run(
+    system: System,
+    request: Request,
+    sink: Callable[[Block], None],
+    progress: Callable[[float], None] | None = None,
+) -> Run:
     """Integrate a System; see the contract in `lagcli.engine.run`."""
-    integration = _Integration(system, request, progress)
+    integration = _Integration(system, request, sink, progress)
     # numbers that overflow are seen by what becomes of them
     with np.errstate(all="ignore"):
         status, message, undefined = outcome(integration.integrate)
-    nq, nc, samples = len(system.coordinates), len(system.constraints), integration.samples
+        integration.hand_over()
     return Run(
-        time=np.array([s.time for s in samples]),
-        q=np.array([s.q for s in samples]).reshape(-1, nq),
-        v=np.array([s.v for s in samples]).reshape(-1, nq),
-        a=np.array([s.a for s in samples]).reshape(-1, nq),
-        multipliers=np.array([s.multipliers for s in samples]).reshape(len(samples), nc),
-        work=np.array([s.work for s in samples]),
         status=status,
         message=message,
         steps=integration.steps,
@@ -74,17 +62,23 @@ def run(system: System, request: Request, progress: Callable[[float], None] | No
 
 
 class _Integration:
-    """One run: its state, its samples so far, and its counts."""
+    """One run: its state, its samples that wait to be handed over, and its counts."""
 
-    def __init__(self, system: System, request: Request, progress: Callable[[float], None] | None):
-        self.system, self.request = system, request
+    def __init__(
+        self,
+        system: System,
+        request: Request,
+        sink: Callable[[Block], None],
+        progress: Callable[[float], None] | None,
+    ):
+        self.system, self.request, self.sink = system, request, sink
         self.progress = progress or (lambda t: None)
         evaluator = Evaluator(system)
         self.motion = Index1(evaluator, request.rank)
         self.projection = Projection(evaluator, request.rank)
         self.watch = RankWatch(self.motion)
         self.steps = self.rejected = 0
-        self.samples: list[_Sample] = []
+        self.rows: list[Array] = []  # t, q, v, a, λ, W
         self.sampled = 0
         self.limits = Limits(request)
         if request.formulation == "baumgarte":
@@ -223,20 +217,33 @@ class _Integration:
             yield float(times[self.sampled - 1])
 
     def sample(self, t: float, y: Array) -> None:
-        """Write the consistent state at a sample time, with its a and λ."""
-        if self.samples:  # one step may hold more samples than the time allows
+        """Keep the consistent state at a sample time, with its a and λ."""
+        if self.sampled > 1:  # one step may hold more samples than the time allows
             self.limits.check_time(t)
+            self.progress(t)
         q, v = self.motion.split(self.project(t, y))
         a, multipliers, _ = self.motion.accelerations(t, q, v)
         if not np.isfinite(a).all():
             raise Undefined(t, q, v)
-        self.samples.append(_Sample(t, q, v, a, multipliers, float(y[-1])))
+        self.keep(t, q, v, a, multipliers, float(y[-1]))
+
+    def keep(self, t: float, q: Array, v: Array, a: Array, multipliers: Array, work: float) -> None:
+        """Add a sample to those that wait, and hand them over when they fill a block."""
+        self.rows.append(np.concatenate([[t], q, v, a, multipliers, [work]]))
+        if len(self.rows) == self.request.block_rows:
+            self.hand_over()
+
+    def hand_over(self) -> None:
+        """Hand over the samples that wait."""
+        rows, self.rows = self.rows, []
+        if rows:
+            self.sink(Block.of_rows(np.array(rows), len(self.system.coordinates)))
 
     def pass_singular(self, ahead: Ahead) -> tuple[float, Array]:
         """Go through a singular configuration, sampling on the way."""
         crossing = Crossing(self.motion, self.projection, ahead.before, ahead.time, ahead.path)
         for at in self.due(crossing.end):
-            self.samples.append(_Sample(at, *crossing(at)))
+            self.keep(at, *crossing(at))
         return crossing.end, crossing.state
 
     def check_redundancy(self, t: float, y: Array) -> None:

@@ -1,6 +1,5 @@
-"""Results: a Trajectory to a file and back, and what a file holds."""
+"""Results: a run to a file and back."""
 
-from lagcli.results.formats import check_target, read, write
-from lagcli.results.info import describe, format_info
+from lagcli.results.formats import check_target, open_writer, read, write
 
-__all__ = ["check_target", "describe", "format_info", "read", "write"]
+__all__ = ["check_target", "open_writer", "read", "write"]

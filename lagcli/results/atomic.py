@@ -7,7 +7,7 @@ import os
 import shutil
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from typing import BinaryIO
 
 from lagcli.errors import FileError
@@ -91,6 +91,20 @@ def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
     except OSError as error:
         raise reasons.write_failure(path, error) from error
     _sync_folder(folder)
+
+
+def abandon(opened: ExitStack, error: BaseException | None) -> None:
+    """Leave files that were not finished, so that nothing remains of them.
+
+    Parameters
+    ----------
+    opened : ExitStack
+        Holds their `whole_file` contexts; those of finished files are closed already.
+    error : exception, optional
+        Why.
+    """
+    error = error or RuntimeError("not finished")
+    opened.__exit__(type(error), error, error.__traceback__)
 
 
 def _names(path: str, force: bool) -> tuple[str, str]:

@@ -1,13 +1,49 @@
-"""The format of a result file, by the suffix of its name."""
+"""The format of a result file, by the suffix of its name; what its writers and readers share."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Protocol
 
 from lagcli.errors import UsageError
 from lagcli.results.atomic import check_writable
-from lagcli.results.csv import check_csv_target, read_csv, write_csv
-from lagcli.trajectory import Trajectory
+from lagcli.results.csv import CsvWriter, check_csv_target, write_csv
+from lagcli.samples import Array, Record, Samples
+
+if TYPE_CHECKING:
+    from lagcli.trajectory import Trajectory
+
+
+class Writer(Protocol):
+    """Writes a run as its samples come.
+
+    A context: the file has its name only after `finish`; if the context ends before, nothing
+    remains. `FileError` is raised as by `write`, here or at the end of the context.
+    """
+
+    def append(self, samples: Samples) -> None:
+        """Take the next samples; the first may be none."""
+
+    def finish(self, record: Record) -> None:
+        """Complete the file, which must have been given samples, and name it."""
+
+
+class Reader(Protocol):
+    """An open result file."""
+
+    coordinates: tuple[str, ...]
+    constraints: tuple[str, ...]
+    outputs: tuple[str, ...]
+    record: Record
+
+    def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
+        """Yield fields of `Samples` by name, for so many samples at a time as memory allows."""
+
+    def trajectory(self) -> Trajectory:
+        """Return all of it."""
+
 
 _SUFFIXES = {".h5": "hdf5", ".hdf5": "hdf5", ".csv": "csv"}
 
@@ -96,6 +132,20 @@ def write(
         write_hdf5(trajectory, output, force)
 
 
+def open_writer(
+    output: str | os.PathLike[str], force: bool = False, meta: bool = False
+) -> AbstractContextManager[Writer]:
+    """Return what writes a run as its samples come; for the parameters and errors see `write`.
+
+    Whether the file could be written, `check_target` says.
+    """
+    if _is_csv(output):
+        return CsvWriter(output, force, meta)
+    from lagcli.results.hdf5 import Hdf5Writer
+
+    return Hdf5Writer(output, force)
+
+
 def read(path: str | os.PathLike[str]) -> Trajectory:
     """Read the trajectory of a result file.
 
@@ -116,11 +166,22 @@ def read(path: str | os.PathLike[str]) -> Trajectory:
     UsageError
         The suffix is unknown.
     """
-    if format_of(path) == "csv":
-        return read_csv(path)
-    from lagcli.results.hdf5 import read_hdf5
+    with open_reader(path) as file:
+        return file.trajectory()
 
-    return read_hdf5(path)
+
+def open_reader(path: str | os.PathLike[str]) -> AbstractContextManager[Reader]:
+    """Open a result file, to look at some of its columns; for the errors see `read`.
+
+    They are raised when the context is entered, or when damage is met.
+    """
+    if format_of(path) == "csv":
+        from lagcli.results.csv_reader import open_csv
+
+        return open_csv(path)
+    from lagcli.results.hdf5 import open_hdf5
+
+    return open_hdf5(path)
 
 
 def _is_csv(output: str | os.PathLike[str]) -> bool:

@@ -3,25 +3,56 @@
 from __future__ import annotations
 
 import json
+import math
 import os
-from collections.abc import Callable
-from typing import Any, BinaryIO
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
 from lagcli.errors import FileError
-from lagcli.results.atomic import whole_file
+from lagcli.results.atomic import abandon
+from lagcli.results.hdf5_file import (
+    add_array,
+    add_growing,
+    add_texts,
+    append,
+    attach_axes,
+    make_axis,
+    new_file,
+    set_text,
+)
 from lagcli.results.layout import NOT_STATED, QUANTITIES, unit
 from lagcli.results.metadata import KIND, MAPPINGS, TEXTS, from_metadata, to_json, to_metadata
 from lagcli.results.reasons import check_readable
-from lagcli.trajectory import SCHEMA_VERSION, Array, Trajectory
+from lagcli.samples import SCHEMA_VERSION, Array, Record, Samples
 
-_TEXT = h5py.string_dtype("utf-8")
+if TYPE_CHECKING:
+    from lagcli.trajectory import Trajectory
 
-# Above this many values, an array of which at most a quarter is not zero is compressed: a chain
-# of 500 bodies has 250 000 terms of constraint force per sample, and 0.4 % of them are not zero.
+#: Bytes of samples that wait to be written together. A run of fewer is written in one piece, which
+#: takes the least time and room; a longer one in chunks.
+_HELD = 1 << 23
+
+#: Numbers that the chunks of all datasets hold together.
+_CHUNK = 1 << 16
+
+# In a long run, and above this many values, an array of which at most a quarter is not zero is
+# compressed: a chain of 500 bodies has 250 000 terms of constraint force per sample, and 0.4 % of
+# them are not zero.
 _LARGE = 1 << 18
+
+#: Bytes of each dataset that are looked at together.
+_SLAB = 1 << 23
+
+#: The quantities that have a value at each sample.
+_BY_TIME = tuple(quantity for quantity in QUANTITIES if quantity.axes[0] == "time")
+_AXES = {quantity.name: quantity.axes for quantity in QUANTITIES}
+
+_OUTPUTS = "outputs/"
 
 
 def write_hdf5(trajectory: Trajectory, path: str | os.PathLike[str], force: bool = False) -> None:
@@ -46,15 +77,135 @@ def write_hdf5(trajectory: Trajectory, path: str | os.PathLike[str], force: bool
     Mappings (parameters, options, counts, …) are JSON in root attributes. Tuples among the
     options come back as lists.
     """
-    with whole_file(os.fspath(path), force) as file:
-        sink = _Sink(file)
-        try:
-            # The format of 2008 (HDF5 1.8): its checksums notice damage in all but the numbers.
-            with h5py.File(sink, "w", libver="v108") as root:
-                _fill(root, trajectory)
-        finally:
-            if sink.failure is not None:
-                raise sink.failure
+    with Hdf5Writer(path, force) as writer:
+        writer.append(trajectory)
+        writer.finish(trajectory)
+
+
+class Hdf5Writer:
+    """Writes a run to an HDF5 file as its samples come; see `lagcli.results.formats.Writer`.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+    force : bool
+        Replace an existing file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], force: bool = False):
+        self._path, self._force = os.fspath(path), force
+        self._opened = ExitStack()
+        self._root: h5py.File | None = None
+        self._held: list[Samples] = []
+        self._held_bytes = 0
+        self._written = 0  # samples
+        self._datasets: dict[str, Any] = {}
+
+    def __enter__(self) -> Hdf5Writer:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        abandon(self._opened, error)
+
+    def append(self, samples: Samples) -> None:
+        """Take the next samples."""
+        self._held.append(samples)
+        self._held_bytes += sum(values.nbytes for values in _columns(samples).values())
+        if len(self._held) > 1 and self._held_bytes > _HELD:
+            self._write_held(growing=True)
+
+    def finish(self, record: Record) -> None:
+        """Write what is still to be written, and give the file its name."""
+        if self._held:
+            self._write_held(growing=bool(self._written))
+        self._describe(record)
+        self._opened.close()
+
+    def _begin(self, first: Samples) -> None:
+        self._coordinates, self._constraints = first.coordinates, first.constraints
+        self._shapes = {name: values.shape[1:] for name, values in _columns(first).items()}
+        self._rows = max(1, _CHUNK // sum(map(math.prod, self._shapes.values())))
+        self._root, self._sink = self._opened.enter_context(new_file(self._path, self._force))
+        # the model's order of outputs, not the alphabet
+        self._root.create_group("outputs", track_order=True)
+
+    def _write_held(self, growing: bool) -> None:
+        """Write the samples that wait, into datasets that grow or in one piece."""
+        if self._root is None:
+            self._begin(self._held[0])
+        held = [_columns(samples) for samples in self._held]
+        for name, shape in self._shapes.items():
+            if math.prod(shape) == 0:
+                continue  # HDF5 has no chunks without numbers
+            values = np.concatenate([columns[name] for columns in held])
+            if name not in self._datasets:
+                large = growing or values.size > _LARGE
+                sparse = large and 4 * int(np.count_nonzero(values)) <= values.size
+                if not growing and not sparse:
+                    self._datasets[name] = add_array(self._root, name, values)
+                    continue
+                self._datasets[name] = add_growing(self._root, name, shape, self._rows, sparse)
+            append(self._datasets[name], self._written, values)
+        self._written += sum(len(samples.time) for samples in self._held)
+        self._held, self._held_bytes = [], 0
+        self._sink.check()
+
+    def _describe(self, record: Record) -> None:
+        """Write everything but the samples."""
+        root, datasets = self._root, self._datasets
+        assert root is not None
+        for name, value in to_metadata(record).items():
+            set_text(root["/"].id, name, value if isinstance(value, str) else to_json(value))
+        for name, shape in self._shapes.items():
+            if name not in datasets:
+                datasets[name] = add_array(root, name, np.empty((self._written, *shape)))
+        for name in ("scale_position", "scale_velocity"):
+            datasets[name] = add_array(root, name, getattr(record, name))
+
+        axes = {
+            "time": datasets["time"],
+            "coordinate": add_texts(root, "coordinate", self._coordinates),
+            "constraint": add_texts(root, "constraint", self._constraints),
+        }
+        for name, axis in axes.items():
+            make_axis(axis, name)
+        _say(axes["coordinate"], "names of the coordinates", "none")
+        _say(axes["constraint"], "names of the constraints", "none")
+        for quantity in QUANTITIES:
+            dataset = datasets[quantity.name]
+            if quantity.name not in axes:
+                attach_axes(dataset, [axes[axis] for axis in quantity.axes])
+            _say(dataset, quantity.long_name, unit(quantity, self._coordinates, record.units))
+
+        units = [record.units.get(name, NOT_STATED) for name in self._coordinates]
+        if any(u != NOT_STATED for u in units):
+            dataset = add_texts(root, "coordinate_unit", units)
+            attach_axes(dataset, [axes["coordinate"]])
+            _say(dataset, "units of the coordinates", "none")
+
+        for place in self._shapes:
+            if place.startswith(_OUTPUTS):
+                name = place.removeprefix(_OUTPUTS)
+                attach_axes(datasets[place], [axes["time"]])
+                _say(datasets[place], name, record.units.get(name, NOT_STATED))
+
+
+def _columns(samples: Samples) -> dict[str, Array]:
+    """Return the datasets that have a value at each sample, by their place in the file."""
+    columns = {quantity.name: getattr(samples, quantity.name) for quantity in _BY_TIME}
+    return columns | {_OUTPUTS + name: values for name, values in samples.outputs.items()}
+
+
+def _say(dataset: Any, long_name: str, units: str) -> None:
+    """Write the two attributes that every dataset has."""
+    set_text(dataset, "long_name", long_name)
+    set_text(dataset, "units", units)
 
 
 def read_hdf5(path: str | os.PathLike[str]) -> Trajectory:
@@ -76,6 +227,13 @@ def read_hdf5(path: str | os.PathLike[str]) -> Trajectory:
         The file is missing or unreadable, is not HDF5, is cut short or damaged, or is not a
         trajectory of lagcli in a layout that this version knows.
     """
+    with open_hdf5(path) as file:
+        return file.trajectory()
+
+
+@contextmanager
+def open_hdf5(path: str | os.PathLike[str]) -> Iterator[Hdf5Reader]:
+    """Open an HDF5 file, to look at some of its columns; raises, then and later, as `read_hdf5`."""
     path = os.fspath(path)
     check_readable(path)
     if not h5py.is_hdf5(path):
@@ -87,7 +245,7 @@ def read_hdf5(path: str | os.PathLike[str]) -> Trajectory:
         # file systems have none.
         with h5py.File(path, "r", locking=False) as root:
             _check_origin(path, root)
-            return _trajectory(root)
+            yield Hdf5Reader(root)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
         # HDF5 reports damage by any of these, depending on where it lies.
         reason = str(error).strip("'\"")
@@ -97,102 +255,59 @@ def read_hdf5(path: str | os.PathLike[str]) -> Trajectory:
         ) from error
 
 
-class _Sink:
-    """A binary file for HDF5 that keeps the first failure to itself until HDF5 is done.
+class Hdf5Reader:
+    """An open file; see `lagcli.results.formats.Reader`. Damage raises whatever HDF5 raises."""
 
-    The HDF5 library does not recover when a disk fills up under it (with h5py 3.10 the process
-    crashes). So it never hears of it, and what it writes after a failure is dropped.
-    """
+    def __init__(self, root: h5py.File):
+        self._root = root
+        self.coordinates, self.constraints = (
+            tuple(root[name].asstr()[()].tolist()) for name in ("coordinate", "constraint")
+        )
+        self.outputs = tuple(root["outputs"])
+        self._length = {
+            "time": root["time"].shape[0],
+            "coordinate": len(self.coordinates),
+            "constraint": len(self.constraints),
+        }
+        metadata = {name: root.attrs[name] for name in TEXTS}
+        metadata |= {name: json.loads(root.attrs[name]) for name in MAPPINGS}
+        self.record = Record(
+            scale_position=self._array("scale_position"),
+            scale_velocity=self._array("scale_velocity"),
+            **from_metadata(metadata),
+        )
 
-    def __init__(self, file: BinaryIO):
-        self.file = file
-        self.failure: BaseException | None = None
-        self.position = 0
-        self.size = 0
+    def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
+        """Yield columns of consecutive samples, by name."""
+        widest = max(self._length["coordinate"], self._length["constraint"], 1)
+        rows = max(1, _SLAB // (8 * widest))
+        for start in range(0, self._length["time"], rows):
+            yield {name: self._array(name, slice(start, start + rows)) for name in names}
 
-    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        self.position = offset + (self.size if whence == os.SEEK_END else 0)
-        return self.position
+    def trajectory(self) -> Trajectory:
+        """Return all of it."""
+        from lagcli.trajectory import Trajectory
 
-    def tell(self) -> int:
-        return self.position
+        arrays: dict[str, Any] = {q.name: self._array(q.name) for q in _BY_TIME}
+        del arrays["constraint_force"]  # the sum of constraint_force_by
+        return Trajectory(
+            coordinates=self.coordinates,
+            constraints=self.constraints,
+            outputs={
+                name: np.asarray(self._root["outputs"][name][()], dtype=np.float64)
+                for name in self.outputs
+            },
+            **arrays,
+            **vars(self.record),
+        )
 
-    def read(self, size: int) -> bytes:
-        return bytes(self._attempt(lambda: self.file.read(size)) or b"").ljust(size, b"\0")
-
-    def write(self, data: memoryview) -> int:
-        self._attempt(lambda: self.file.write(data))
-        self.size = max(self.size, self.position + len(data))
-        return len(data)
-
-    def truncate(self, size: int) -> int:
-        self._attempt(lambda: self.file.truncate(size))
-        self.size = size
-        return size
-
-    def flush(self) -> None:
-        """Leave it to `whole_file`, which syncs once."""
-
-    def _attempt(self, action: Callable[[], Any]) -> Any:
-        """Do the action at the position, unless something failed before."""
-        if self.failure is None:
-            try:
-                self.file.seek(self.position)
-                return action()
-            except BaseException as error:  # Ctrl-C among them
-                self.failure = error
-        return None
-
-
-def _fill(root: h5py.File, trajectory: Trajectory) -> None:
-    """Write all of a trajectory into an open file."""
-    for name, value in to_metadata(trajectory).items():
-        root.attrs[name] = value if isinstance(value, str) else to_json(value)
-    axes = {}
-    for name, values in (
-        ("time", trajectory.time),
-        ("coordinate", trajectory.coordinates),
-        ("constraint", trajectory.constraints),
-    ):
-        data = np.asarray(values, dtype=np.float64 if name == "time" else _TEXT)
-        axes[name] = root.create_dataset(name, data=data)
-        axes[name].make_scale(name)
-    _describe(axes["coordinate"], "names of the coordinates", "none")
-    _describe(axes["constraint"], "names of the constraints", "none")
-
-    for quantity in QUANTITIES:
-        dataset = axes.get(quantity.name)
-        if dataset is None:
-            dataset = _dataset(root, quantity.name, getattr(trajectory, quantity.name))
-            for dimension, axis in zip(dataset.dims, quantity.axes, strict=True):
-                dimension.attach_scale(axes[axis])
-        _describe(dataset, quantity.long_name, unit(quantity, trajectory))
-
-    units = [trajectory.units.get(name, NOT_STATED) for name in trajectory.coordinates]
-    if any(u != NOT_STATED for u in units):
-        dataset = root.create_dataset("coordinate_unit", data=np.asarray(units, dtype=_TEXT))
-        dataset.dims[0].attach_scale(axes["coordinate"])
-        _describe(dataset, "units of the coordinates", "none")
-
-    outputs = root.create_group("outputs", track_order=True)  # the model's order, not the alphabet
-    for name, values in trajectory.outputs.items():
-        dataset = _dataset(outputs, name, values)
-        dataset.dims[0].attach_scale(axes["time"])
-        _describe(dataset, name, trajectory.units.get(name, NOT_STATED))
-
-
-def _dataset(group: h5py.Group, name: str, values: Array) -> h5py.Dataset:
-    """Write one array, compressed if that is sure to pay."""
-    values = np.asarray(values, dtype=np.float64)
-    sparse = values.size > _LARGE and np.count_nonzero(values) <= values.size // 4
-    how = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if sparse else {}
-    return group.create_dataset(name, data=values, **how)
-
-
-def _describe(dataset: h5py.Dataset, long_name: str, units: str) -> None:
-    """Write the two attributes that every dataset has."""
-    dataset.attrs["long_name"] = long_name
-    dataset.attrs["units"] = units
+    def _array(self, name: str, rows: slice = slice(None)) -> Array:
+        """Return some rows of a quantity, or all, if it has the shape that it should have."""
+        dataset = self._root[name]
+        expected = tuple(self._length[axis] for axis in _AXES[name])
+        if dataset.shape != expected:
+            raise ValueError(f"{name} has shape {dataset.shape}, not {expected}")
+        return np.asarray(dataset[rows], dtype=np.float64)
 
 
 def _check_origin(path: str, root: h5py.File) -> None:
@@ -210,33 +325,3 @@ def _check_origin(path: str, root: h5py.File) -> None:
             f"cannot read {path}: its layout has version {version}, and this lagcli knows "
             f"{SCHEMA_VERSION}; read it with lagcli {root.attrs['lagcli_version']}"
         )
-
-
-def _trajectory(root: h5py.File) -> Trajectory:
-    """Return the trajectory of an open file; raise whatever HDF5 raises on damage."""
-    coordinates, constraints = (
-        tuple(root[name].asstr()[()].tolist()) for name in ("coordinate", "constraint")
-    )
-    length = {
-        "time": root["time"].shape[0],
-        "coordinate": len(coordinates),
-        "constraint": len(constraints),
-    }
-    arrays: dict[str, Any] = {}
-    for quantity in QUANTITIES:
-        if quantity.name == "constraint_force":
-            continue  # the sum of constraint_force_by
-        values = np.asarray(root[quantity.name][()], dtype=np.float64)
-        expected = tuple(length[axis] for axis in quantity.axes)
-        if values.shape != expected:
-            raise ValueError(f"{quantity.name} has shape {values.shape}, not {expected}")
-        arrays[quantity.name] = values
-    metadata = {name: root.attrs[name] for name in TEXTS}
-    metadata |= {name: json.loads(root.attrs[name]) for name in MAPPINGS}
-    return Trajectory(
-        coordinates=coordinates,
-        constraints=constraints,
-        outputs={n: np.asarray(d[()], dtype=np.float64) for n, d in root["outputs"].items()},
-        **arrays,
-        **from_metadata(metadata),
-    )

@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from lagcli.results.formats import format_of, read
+from lagcli.extremes import Extremes, known
+from lagcli.results.formats import format_of, open_reader
 from lagcli.results.metadata import KIND, to_metadata
-from lagcli.trajectory import Array, Trajectory
+from lagcli.samples import Array
 
 _WIDTH = 100
 _LABEL = 20  # columns for the labels on the left
@@ -49,10 +50,13 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         The suffix is unknown.
     """
     path = os.fspath(path)
-    trajectory = read(path)
-    metadata = to_metadata(trajectory)
+    with open_reader(path) as file:
+        extremes = Extremes(file.constraints)
+        for columns in file.columns(Extremes.COLUMNS):
+            extremes.add(columns)
+    metadata = to_metadata(file.record)
     model = metadata.pop("model")
-    balance = _largest(trajectory.energy_balance)
+    balance = known(extremes.energy_balance)
     return {
         "path": path,
         "format": format_of(path),
@@ -61,29 +65,31 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         **metadata,
         "model_name": _model_name(model),
         "sizes": {
-            "samples": len(trajectory.time),
-            "coordinates": len(trajectory.coordinates),
-            "constraints": len(trajectory.constraints),
-            "outputs": len(trajectory.outputs),
+            "samples": extremes.samples,
+            "coordinates": len(file.coordinates),
+            "constraints": len(file.constraints),
+            "outputs": len(file.outputs),
         },
-        "coordinates": list(trajectory.coordinates),
-        "constraints": list(trajectory.constraints),
-        "outputs": list(trajectory.outputs),
-        "time": {
-            "first": float(trajectory.time[0]) if len(trajectory.time) else None,
-            "last": float(trajectory.time[-1]) if len(trajectory.time) else None,
-        },
+        "coordinates": list(file.coordinates),
+        "constraints": list(file.constraints),
+        "outputs": list(file.outputs),
+        "time": {"first": known(extremes.first), "last": known(extremes.last)},
         "residual_position": _residuals(
-            trajectory, trajectory.residual_position, trajectory.scale_position
+            file.constraints, extremes.residual_position, file.record.scale_position
         ),
         "residual_velocity": _residuals(
-            trajectory, trajectory.residual_velocity, trajectory.scale_velocity
+            file.constraints, extremes.residual_velocity, file.record.scale_velocity
         ),
-        "residual_equation": _largest(trajectory.residual_equation),
-        "energy_balance": {"max": balance, "relative": _ratio(balance, trajectory.energy_scale)},
+        "residual_equation": known(extremes.residual_equation),
+        "energy_balance": {"max": balance, "relative": _ratio(balance, extremes.energy_scale)},
         "multipliers": {
-            name: _extremes(trajectory.time, trajectory.multipliers[:, i])
-            for i, name in enumerate(trajectory.constraints)
+            name: {
+                "min": known(found.low),
+                "time_min": known(found.low_time),
+                "max": known(found.high),
+                "time_max": known(found.high_time),
+            }
+            for name, found in extremes.multipliers.items()
         },
     }
 
@@ -162,12 +168,6 @@ def _model_name(text: str) -> str | None:
     return name[1:-1] if quoted else name
 
 
-def _largest(values: Array) -> float | None:
-    """Return the largest magnitude, or None where there is no number."""
-    numbers = np.abs(values[~np.isnan(values)])
-    return float(numbers.max()) if numbers.size else None
-
-
 def _ratio(value: float | None, scale: float | None) -> float | None:
     """Return the value by its scale; None where that says nothing."""
     if value is None or scale is None or np.isnan(scale):
@@ -177,25 +177,13 @@ def _ratio(value: float | None, scale: float | None) -> float | None:
     return value / scale if scale else None
 
 
-def _residuals(trajectory: Trajectory, values: Array, scales: Array) -> dict[str, Any]:
+def _residuals(
+    constraints: Sequence[str], largest: Array, scales: Array
+) -> dict[str, dict[str, float | None]]:
     """Return the largest residual of each constraint, as it is and by its scale."""
-    found = {}
-    for i, name in enumerate(trajectory.constraints):
-        largest = _largest(values[:, i])
-        found[name] = {"max": largest, "scaled": _ratio(largest, float(scales[i]))}
-    return found
-
-
-def _extremes(time: Array, values: Array) -> dict[str, float | None]:
-    """Return the least and the greatest value, and when."""
-    if np.isnan(values).all():
-        return dict.fromkeys(("min", "time_min", "max", "time_max"))
-    low, high = np.nanargmin(values), np.nanargmax(values)
     return {
-        "min": float(values[low]),
-        "time_min": float(time[low]),
-        "max": float(values[high]),
-        "time_max": float(time[high]),
+        name: {"max": known(value), "scaled": _ratio(known(value), float(scale))}
+        for name, value, scale in zip(constraints, largest, scales, strict=True)
     }
 
 

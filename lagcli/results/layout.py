@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
-
-from lagcli.trajectory import Trajectory
 
 #: What `units` says where the model states none.
 NOT_STATED = "not stated"
@@ -100,15 +99,17 @@ QUANTITIES = (
 )
 
 
-def unit(quantity: Quantity, trajectory: Trajectory) -> str:
+def unit(quantity: Quantity, coordinates: Sequence[str], units: Mapping[str, str]) -> str:
     """Return what a quantity is measured in.
 
     Parameters
     ----------
     quantity : Quantity
         One of `QUANTITIES`.
-    trajectory : Trajectory
-        Where the units of the coordinates stand.
+    coordinates : sequence of str
+        Names.
+    units : mapping of str to str
+        Their units, by name, where the model states them.
 
     Returns
     -------
@@ -118,12 +119,12 @@ def unit(quantity: Quantity, trajectory: Trajectory) -> str:
     """
     if "{u}" not in quantity.unit:
         return quantity.unit
-    units = {trajectory.units.get(name) for name in trajectory.coordinates}
-    if units <= {None}:
+    found = {units.get(name) for name in coordinates}
+    if found <= {None}:
         return NOT_STATED
-    if len(units) > 1:
+    if len(found) > 1:
         return MIXED
-    symbol = units.pop() or "1"
+    symbol = found.pop() or "1"
     if quantity.unit.startswith("J/") and any(sign in symbol for sign in "*/ "):
         symbol = f"({symbol})"
     return quantity.unit.format(u=symbol)

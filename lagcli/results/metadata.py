@@ -7,19 +7,19 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from lagcli.trajectory import SCHEMA_VERSION, SIGN_CONVENTION, Trajectory
+from lagcli.samples import SCHEMA_VERSION, SIGN_CONVENTION, Record
 
 #: What kind of file it is, so that a reader can tell it from other files of lagcli.
 KIND = "trajectory"
 
-#: Fields of `Trajectory` that are text.
+#: Fields of `Record` that are text.
 TEXTS = ("lagcli_version", "status", "message", "model_sha256", "model")
 
-#: Fields of `Trajectory` that are mappings; `to_metadata` makes JSON values of theirs.
+#: Fields of `Record` that are mappings; `to_metadata` makes JSON values of theirs.
 MAPPINGS = ("units", "parameters", "options", "counts", "seconds", "initial_correction")
 
 
-def to_metadata(trajectory: Trajectory) -> dict[str, Any]:
+def to_metadata(record: Record) -> dict[str, Any]:
     """Return texts, and mappings of JSON values, in the order of the file.
 
     Numbers that JSON lacks become null (NaN) and ``"inf"``, ``"-inf"`` where a number is sure to
@@ -27,15 +27,15 @@ def to_metadata(trajectory: Trajectory) -> dict[str, Any]:
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The run.
+    record : Record
+        Of the run.
 
     Returns
     -------
     dict
         Text or mapping by name, ``kind`` and ``schema_version`` among them.
     """
-    mappings: dict[str, Any] = {name: dict(getattr(trajectory, name)) for name in MAPPINGS}
+    mappings: dict[str, Any] = {name: dict(getattr(record, name)) for name in MAPPINGS}
     for name in ("parameters", "seconds"):
         mappings[name] = {k: to_number(v) for k, v in mappings[name].items()}
     mappings["initial_correction"] = {
@@ -45,13 +45,13 @@ def to_metadata(trajectory: Trajectory) -> dict[str, Any]:
         "kind": KIND,
         "schema_version": SCHEMA_VERSION,
         "sign_convention": SIGN_CONVENTION,
-        **{name: _storable(getattr(trajectory, name)) for name in TEXTS},
+        **{name: _storable(getattr(record, name)) for name in TEXTS},
         **mappings,
     }
 
 
 def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of `Trajectory` that metadata hold.
+    """Return the fields of `Record` that metadata hold.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
     Returns
     -------
     dict
-        Keyword arguments for `Trajectory`.
+        Keyword arguments for `Record`.
 
     Raises
     ------

@@ -20,7 +20,7 @@ from lagcli.results.metadata import (
     to_number,
 )
 from lagcli.results.reasons import check_readable, read_failure
-from lagcli.trajectory import SCHEMA_VERSION, Trajectory
+from lagcli.samples import SCHEMA_VERSION, Record
 
 _MEND = "remove it to read the CSV file alone"
 
@@ -41,40 +41,37 @@ def sidecar_path(path: str) -> str:
     return f"{path}.json"
 
 
-def sidecar_text(trajectory: Trajectory, digest: str) -> bytes:
+def sidecar_text(record: Record, contents: Mapping[str, Any]) -> bytes:
     """Return the whole text of a sidecar.
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The run.
-    digest : str
-        SHA-256 of its CSV file, by which the two are known to belong together.
+    record : Record
+        Of the run.
+    contents : mapping
+        What the CSV file holds: ``csv_sha256``, by which the two are known to belong together,
+        ``samples`` (their number), and the names of ``coordinates``, ``constraints``, ``outputs``.
 
     Returns
     -------
     bytes
-        JSON in UTF-8: what `to_metadata` returns, the sizes and names, and the scales of the
+        JSON in UTF-8: what `to_metadata` returns, the contents, and the scales of the
         constraints (null for NaN).
     """
-    metadata = to_metadata(trajectory)
+    metadata = to_metadata(record)
     model = metadata.pop("model")
     about = {
         **metadata,
-        "csv_sha256": digest,
-        "samples": len(trajectory.time),
-        "coordinates": list(trajectory.coordinates),
-        "constraints": list(trajectory.constraints),
-        "outputs": list(trajectory.outputs),
-        "scale_position": [to_number(x) for x in trajectory.scale_position],
-        "scale_velocity": [to_number(x) for x in trajectory.scale_velocity],
+        **contents,
+        "scale_position": [to_number(x) for x in record.scale_position],
+        "scale_velocity": [to_number(x) for x in record.scale_velocity],
         "model": model,  # last: it is long
     }
     return (to_json(about, indent=1) + "\n").encode()
 
 
-def read_sidecar(path: str, constraints: int) -> dict[str, Any]:
-    """Return the fields of `Trajectory` that CSV does not hold.
+def read_sidecar(path: str, constraints: int) -> Record:
+    """Return what CSV does not hold.
 
     Parameters
     ----------
@@ -85,9 +82,8 @@ def read_sidecar(path: str, constraints: int) -> dict[str, Any]:
 
     Returns
     -------
-    dict
-        Keyword arguments for `Trajectory`; without a sidecar texts and mappings are empty, and
-        scales are NaN.
+    Record
+        Without a sidecar texts and mappings are empty, and scales are NaN.
 
     Raises
     ------
@@ -97,7 +93,7 @@ def read_sidecar(path: str, constraints: int) -> dict[str, Any]:
     sidecar = sidecar_path(path)
     if not os.path.lexists(sidecar):
         unknown = np.full(constraints, np.nan)
-        return {**from_metadata({}), "scale_position": unknown, "scale_velocity": unknown.copy()}
+        return Record(scale_position=unknown, scale_velocity=unknown.copy(), **from_metadata({}))
     check_readable(sidecar)
     try:
         with open(sidecar, encoding="utf-8") as file:
@@ -121,10 +117,10 @@ def read_sidecar(path: str, constraints: int) -> dict[str, Any]:
             "was changed; remove the sidecar to read the CSV file alone"
         )
     try:
-        scales = {
+        scales: dict[str, Any] = {
             name: np.array([from_number(x) for x in about[name]], dtype=np.float64)
             for name in ("scale_position", "scale_velocity")
         }
-        return {**from_metadata(about), **scales}
+        return Record(**scales, **from_metadata(about))
     except (KeyError, ValueError, TypeError, AttributeError) as error:
         raise FileError(f"cannot read {sidecar}: it is damaged ({error!r}); {_MEND}") from error

@@ -27,7 +27,8 @@ from trajectories import (
 )
 
 from lagcli.errors import FileError, UsageError
-from lagcli.results.csv import read_csv, write_csv
+from lagcli.results.csv import write_csv
+from lagcli.results.csv_reader import read_csv
 from lagcli.trajectory import Trajectory
 
 HEADER = (
@@ -344,7 +345,8 @@ def test_csv_needs_neither_h5py_nor_pandas(tmp_path: Path) -> None:
 import sys
 sys.modules.update({"h5py": None, "pandas": None})  # importing either is an error now
 from trajectories import make
-from lagcli.results import describe, write
+from lagcli.results import write
+from lagcli.results.info import describe
 write(make(), sys.argv[1])
 describe(sys.argv[1])
 """

@@ -19,9 +19,11 @@ from hypothesis import strategies as st
 from trajectories import MODEL, assert_same, make, random_trajectories
 
 from lagcli.errors import FileError
-from lagcli.results.hdf5 import _Sink, read_hdf5, write_hdf5
+from lagcli.results.hdf5 import read_hdf5, write_hdf5
+from lagcli.results.hdf5_file import Sink
 from lagcli.results.layout import MIXED, NOT_STATED, QUANTITIES
-from lagcli.trajectory import SIGN_CONVENTION, Trajectory
+from lagcli.samples import SIGN_CONVENTION
+from lagcli.trajectory import Trajectory
 
 # What results.md of the design and the docstring of Trajectory promise, by axes.
 LAYOUT = {
@@ -220,7 +222,7 @@ def test_hdf5_never_hears_of_a_failure(failure: BaseException) -> None:
                 raise failure
             return super().write(data)
 
-    sink = _Sink(Disk())
+    sink = Sink(Disk())
     with h5py.File(sink, "w") as root:
         root["x"] = np.arange(10_000.0)
         root["y"] = np.arange(10_000.0)

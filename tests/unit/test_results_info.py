@@ -14,7 +14,8 @@ import pytest
 from trajectories import make
 
 from lagcli.errors import FileError, UsageError
-from lagcli.results import describe, format_info, read, write
+from lagcli.results import read, write
+from lagcli.results.info import describe, format_info
 from lagcli.trajectory import Trajectory
 
 

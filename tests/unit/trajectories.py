@@ -56,7 +56,8 @@ def make(
         "initial_correction": {"psi": (0.1, 0.16057), "psi_dot": (0.0, 2.9)},
         "lagcli_version": "0.1.0",
     }
-    return Trajectory(coordinates, constraints, **{**arrays, **fields, **changes})
+    names = {"coordinates": coordinates, "constraints": constraints}
+    return Trajectory(**{**names, **arrays, **fields, **changes})
 
 
 def make_for_csv(nt: int = 5, **changes: Any) -> Trajectory:

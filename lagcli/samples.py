@@ -1,0 +1,132 @@
+"""The samples of one run, and the record of everything needed to reproduce it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Version of the layout of result files.
+SCHEMA_VERSION = "1"
+
+#: The one sign of lambda, written into every file (seed equation 8.85).
+SIGN_CONVENTION = (
+    "d/dt dT/dq' - dT/dq + dV/dq = Q + sum_beta lambda_beta b_beta, "
+    "b_beta = dphi_beta/dq (holonomic) or dpsi_beta/dq' (nonholonomic); "
+    "for lhs = rhs, phi = lhs - rhs"
+)
+
+#: The values of ``Record.status``.
+STATUSES = ("completed", "stopped-by-event", "failed", "interrupted")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Samples:
+    """Consecutive samples of a run, in SI units.
+
+    nt samples, nq coordinates, nc constraints (in the model's order).
+
+    Parameters
+    ----------
+    coordinates, constraints : tuple of str
+        Names, in the model's order.
+    time : (nt,) array
+        s.
+    q, v, a : (nt, nq) arrays
+        Coordinates, velocities, accelerations.
+    multipliers : (nt, nc) array
+        λ.
+    constraint_force_by : (nt, nc, nq) array
+        λ_β b_βi, the generalized force of each constraint on each coordinate.
+    energy_kinetic, energy_potential : (nt,) arrays
+        T and V as the model states them, J.
+    energy_total : (nt,) array
+        v·∂L/∂v − L; equals T + V when T is a quadratic form in the velocities.
+    power_applied : (nt,) array
+        Power of Q and D, W.
+    power_constraint : (nt,) array
+        Σ λ_β b_β·v, W: rheonomic constraints do work.
+    power_time : (nt,) array
+        −∂L/∂t, W: what enters by the explicit time in T or V.
+    energy_balance : (nt,) array
+        energy_total minus its first value minus the integral of the three powers; zero for an
+        exact run.
+    residual_position, residual_velocity : (nt, nc) arrays
+        φ and ψ at the written state; φ of a nonholonomic constraint is NaN.
+    residual_equation : (nt,) array
+        max norm of M a − f − Bᵀλ, evaluated from the written numbers.
+    outputs : mapping of str to (nt,) array
+        The model's own columns.
+    """
+
+    coordinates: tuple[str, ...]
+    constraints: tuple[str, ...]
+    time: Array
+    q: Array
+    v: Array
+    a: Array
+    multipliers: Array
+    constraint_force_by: Array
+    energy_kinetic: Array
+    energy_potential: Array
+    energy_total: Array
+    power_applied: Array
+    power_constraint: Array
+    power_time: Array
+    energy_balance: Array
+    residual_position: Array
+    residual_velocity: Array
+    residual_equation: Array
+    outputs: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def constraint_force(self) -> Array:
+        """Σ_β λ_β b_β, the generalized constraint force, (nt, nq)."""
+        return self.constraint_force_by.sum(axis=1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Record:
+    """What is known of a run besides its samples; some of it only at its end.
+
+    Parameters
+    ----------
+    scale_position, scale_velocity : (nc,) arrays
+        The constraints' own scales: the largest sum of the magnitudes of their terms along the
+        run, by which residuals are judged.
+    units : mapping of str to str
+        Unit, in SI, of a coordinate, a parameter or an output, by name, where the model states it.
+    status, message : str
+        One of ``STATUSES``, and one sentence for the reader.
+    model, model_sha256 : str
+        The model file's text, verbatim, and its digest.
+    parameters : mapping of str to float
+        The values used.
+    options : mapping
+        Options of the run.
+    counts : mapping of str to int
+        steps, rejected, evaluations.
+    seconds : mapping of str to float
+        Time spent by phase.
+    initial_correction : mapping of str to (float, float)
+        What the consistent start moved: name → (value before, value after).
+    """
+
+    scale_position: Array
+    scale_velocity: Array
+    units: Mapping[str, str] = field(default_factory=dict)
+    status: str = "completed"
+    message: str = ""
+    model: str = ""
+    model_sha256: str = ""
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    counts: Mapping[str, int] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    initial_correction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    lagcli_version: str = ""

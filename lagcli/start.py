@@ -1,0 +1,147 @@
+"""The start of a run: a consistent state, or why there is none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.initial import (
+    ConsistentState,
+    NoConsistentState,
+    UndefinedStart,
+    consistent_state,
+)
+from lagcli.engine.system import System
+from lagcli.equations.lagrange import Equations
+from lagcli.errors import Diagnostic, ModelError, NumericalError
+from lagcli.model.model import InitialValue, Model, Settings
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+def find_start(equations: Equations, system: System, settings: Settings) -> ConsistentState:
+    """Find the consistent initial state of a model, or explain why there is none.
+
+    Raises
+    ------
+    ModelError
+        The fixed initial values, or the constraints among each other, contradict.
+    NumericalError
+        No consistent state near the guesses, no finite value there, a coordinate without inertia.
+    """
+    model = equations.model
+    q, fixed_q = _initial(model, model.initial_positions)
+    v, fixed_v = _initial(model, model.initial_velocities)
+    t = settings.t_start or 0.0
+    try:
+        start = consistent_state(system, t, q, v, fixed_q, fixed_v)
+    except UndefinedStart as error:
+        at, q0, v0 = error.state
+        raise NumericalError(
+            "no start: " + describe_undefined(equations, at, q0, v0) + "; change the initial values"
+        ) from None
+    except NoConsistentState as error:
+        raise _no_start(model, error) from None
+    if not start.regular:
+        _check_inertia(equations, system, t, start)
+    return start
+
+
+def _initial(model: Model, table: Any) -> tuple[Array, Flags]:
+    entries: list[InitialValue] = [table[name] for name in model.coordinate_names]
+    return np.array([e.value for e in entries]), np.array([e.fixed for e in entries])
+
+
+def describe_undefined(equations: Equations, t: float, q: Array, v: Array) -> str:
+    """Say which expression of the model has no finite value at a state."""
+    from lagcli.undefined import undefined_expression
+
+    return undefined_expression(equations, t, q.tolist(), v.tolist())
+
+
+def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalError:
+    residuals = "\n".join(
+        f"  {x.constraint}: residual {x.residual:.3g} ({x.relative:.2g} of its terms)"
+        for x in error.violations
+    )
+    names = ", ".join(f"`{x.constraint}`" for x in error.violations)
+    plural = "s" if len(error.violations) > 1 else ""
+    first = next(c for c in model.constraints if c.name == error.violations[0].constraint)
+    level = "" if error.level == "position" else ", differentiated in time,"
+    if error.contradiction and error.stuck:
+        freed = error.stuck[0]
+        base = freed.rstrip("'")
+        table = model.initial_velocities if freed.endswith("'") else model.initial_positions
+        entry = table[base]
+        return ModelError(
+            [
+                Diagnostic(
+                    "inconsistent-start",
+                    f"the fixed initial values violate the constraint{plural} {names}{level}\n"
+                    + residuals,
+                    entry.location,
+                    f"free one of {', '.join(error.stuck)}, for instance"
+                    f" `{freed}: {{guess: {entry.value:.6g}}}`",
+                )
+            ]
+        )
+    if error.contradiction:
+        return ModelError(
+            [
+                Diagnostic(
+                    "contradicting-constraints",
+                    f"no initial values satisfy the constraint{plural} {names}{level}: near the"
+                    f" guesses they contradict\n{residuals}",
+                    first.location,
+                    "mend the constraints, or guess values nearer to a solution",
+                )
+            ]
+        )
+    return NumericalError(
+        f"no consistent initial state was found near the guesses: the constraint{plural} {names}"
+        f"{level} do{'' if plural else 'es'} not hold\n{residuals}\n"
+        "   help: guess values nearer to a solution"
+    )
+
+
+def _check_inertia(equations: Equations, system: System, t: float, start: ConsistentState) -> None:
+    """Refuse a motion that the constraints allow and no inertia resists."""
+    d = Evaluator(system).dynamics(t, start.q, start.v)
+    if not d.finite:
+        raise NumericalError(
+            "no start: "
+            + describe_undefined(equations, t, start.q, start.v)
+            + "; change the initial values"
+        )
+    nq = len(start.q)
+    free = np.eye(nq)
+    if len(d.jacobian):
+        from lagcli.engine.linear import decompose
+
+        free = decompose(d.jacobian, start.rank).null
+    if not free.shape[1]:
+        return
+    # coordinates of different units are compared by their own inertia
+    size = np.sqrt(np.abs(np.diag(d.mass_matrix)))
+    size = 1 / np.where(size > 0, size, 1.0)
+    basis, _ = np.linalg.qr(free / size[:, None])
+    reduced = basis.T @ (d.mass_matrix * np.outer(size, size)) @ basis
+    values, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
+    weakest = int(np.argmin(np.abs(values)))
+    if abs(values[weakest]) > 1e-12:
+        return
+    direction = np.abs(size * (basis @ vectors[:, weakest]))
+    names = [
+        f"`{n}`"
+        for n, x in zip(system.coordinates, direction, strict=True)
+        if x > 1e-6 * direction.max()
+    ]
+    what = f"coordinate {names[0]} has" if len(names) == 1 else f"motion of {', '.join(names)} has"
+    raise NumericalError(
+        f"the {what} no inertia: `T` does not resist it and no constraint determines it, so that"
+        " its acceleration is undetermined; give it a mass, or a constraint"
+    )
