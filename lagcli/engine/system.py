@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import symengine as se
@@ -10,6 +12,7 @@ import symengine as se
 from lagcli.engine.tape import Tape, compile_tape
 
 if TYPE_CHECKING:
+    from lagcli.engine.variation import Variation
     from lagcli.equations.lagrange import Equations
 
 Pattern = tuple[tuple[int, int], ...]
@@ -44,6 +47,8 @@ class System:
         (t, q, v, a, λ, parameters) → (T, V, v·∂L/∂v − L, Q·v, −∂L/∂t, outputs).
     outputs : tuple of str
         Names of the outputs at the end of ``report``.
+    variation : callable, optional
+        Returns the derivatives that stiff methods need; called when one is going to run.
     """
 
     coordinates: tuple[str, ...]
@@ -56,6 +61,7 @@ class System:
     constraint: Tape
     report: Tape
     outputs: tuple[str, ...] = ()
+    variation: Callable[[], Variation] | None = None
 
 
 def compile_system(equations: Equations) -> System:
@@ -119,7 +125,15 @@ def compile_system(equations: Equations) -> System:
             parameters,
         ),
         outputs=tuple(eq.outputs),
+        variation=partial(_variation, eq),
     )
+
+
+def _variation(equations: Equations) -> Variation:
+    # imported when called: most runs need none
+    from lagcli.engine.variation import compile_variation
+
+    return compile_variation(equations)
 
 
 def _magnitude(expression: se.Basic) -> se.Basic:

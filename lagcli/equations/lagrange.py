@@ -13,14 +13,14 @@ coordinates that they know, so that N bodies cost N times one.
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
 
+from lagcli.equations.partials import by_symbol, partial, terms_of
 from lagcli.model import model as symbols
 from lagcli.model.functions import derivative
 from lagcli.model.model import Constraint, Model
@@ -136,12 +136,12 @@ def derive(model: Model) -> Equations:
     )
     motion = _Motion(q, v, a)
     lagrangian = -model.potential if model.kinetic is None else model.kinetic - model.potential
-    terms = _by_symbol(_terms(lagrangian))
-    momenta = tuple(_derivative(terms.get(x, ()), x) for x in v)
-    gradient = tuple(_derivative(terms.get(x, ()), x) for x in q)
-    dissipation = _by_symbol(_terms(model.dissipation or ZERO))
+    terms = by_symbol(terms_of(lagrangian))
+    momenta = tuple(partial(terms.get(x, ()), x) for x in v)
+    gradient = tuple(partial(terms.get(x, ()), x) for x in q)
+    dissipation = by_symbol(terms_of(model.dissipation or ZERO))
     applied = tuple(
-        model.applied_forces.get(name, ZERO) - _derivative(dissipation.get(x, ()), x)
+        model.applied_forces.get(name, ZERO) - partial(dissipation.get(x, ()), x)
         for name, x in zip(names, v, strict=True)
     )
     mass, forcing, rates = [], [], []
@@ -173,7 +173,7 @@ def derive(model: Model) -> Equations:
         forcing=tuple(forcing),
         constraints=constraints,
         energy=se.Add(*[x * p for x, p in zip(v, momenta, strict=True)], -lagrangian),
-        time_power=-_derivative(terms.get(symbols.TIME, ()), symbols.TIME),
+        time_power=-partial(terms.get(symbols.TIME, ()), symbols.TIME),
         outputs=_outputs(model, constraints),
     )
 
@@ -198,12 +198,10 @@ class _Motion:
     def split(self, p: Basic) -> tuple[dict[int, Basic], Basic, Basic]:
         """Return ∂p/∂v by column, (∂p/∂q) v, and ∂p/∂t."""
         positions, rates, timed = self.occurring(p)
-        terms = _by_symbol(_terms(p))
-        row = {j: _derivative(terms[self.v[j]], self.v[j]) for j in rates}
-        convective = se.Add(
-            *[_derivative(terms[self.q[j]], self.q[j]) * self.v[j] for j in positions]
-        )
-        explicit = _derivative(terms[symbols.TIME], symbols.TIME) if timed else ZERO
+        terms = by_symbol(terms_of(p))
+        row = {j: partial(terms[self.v[j]], self.v[j]) for j in rates}
+        convective = se.Add(*[partial(terms[self.q[j]], self.q[j]) * self.v[j] for j in positions])
+        explicit = partial(terms[symbols.TIME], symbols.TIME) if timed else ZERO
         return {j: m for j, m in row.items() if m != 0}, convective, explicit
 
     def slope(self, expression: Basic, j: int) -> Basic:
@@ -215,9 +213,9 @@ class _Motion:
         expression = constraint.expression
         if constraint.kind == "holonomic":
             positions, _, timed = self.occurring(expression)
-            terms = _by_symbol(_terms(expression))
-            row = {j: _derivative(terms[self.q[j]], self.q[j]) for j in positions}
-            drift = _derivative(terms[symbols.TIME], symbols.TIME) if timed else ZERO
+            terms = by_symbol(terms_of(expression))
+            row = {j: partial(terms[self.q[j]], self.q[j]) for j in positions}
+            drift = partial(terms[symbols.TIME], symbols.TIME) if timed else ZERO
             position: Basic | None = expression
         else:
             _, rates, _ = self.occurring(expression)
@@ -230,36 +228,6 @@ class _Motion:
         return ConstraintEquation(
             constraint, position, velocity, row, drift, -convective - explicit
         )
-
-
-def _terms(expression: Basic) -> tuple[Basic, ...]:
-    """Return the terms of a sum; a constant times a sum is written out, one level deep."""
-    parts = expression.args if isinstance(expression, se.Add) else (expression,)
-    terms: list[Basic] = []
-    for part in parts:
-        if isinstance(part, se.Mul):
-            factors = part.args
-            sums = [i for i, x in enumerate(factors) if isinstance(x, se.Add)]
-            if len(sums) == 1 and len(factors[sums[0]].args) > 2:
-                rest = se.Mul(*(x for i, x in enumerate(factors) if i != sums[0]))
-                terms.extend(rest * x for x in factors[sums[0]].args)
-                continue
-        terms.append(part)
-    return tuple(terms)
-
-
-def _by_symbol(terms: Iterable[Basic]) -> dict[Basic, list[Basic]]:
-    """Return the terms in which each symbol occurs."""
-    found: dict[Basic, list[Basic]] = defaultdict(list)
-    for term in terms:
-        for symbol in term.free_symbols:
-            found[symbol].append(term)
-    return found
-
-
-def _derivative(terms: Iterable[Basic], symbol: Basic) -> Basic:
-    """Return ∂/∂symbol of a sum of terms."""
-    return se.Add(*[derivative(term, symbol) for term in terms])
 
 
 def _outputs(model: Model, constraints: tuple[ConstraintEquation, ...]) -> dict[str, Basic]:

@@ -143,13 +143,14 @@ FUNCTIONS: dict[str, Function] = {
 
 
 _INNER = se.Symbol("_xi_1")  # SymEngine's name for the argument in Subs(Derivative(…))
-_OUTER_JUMPS = {se.Derivative(jump(_INNER), _INNER): ZERO for jump in (se.floor, se.ceiling)}
+_JUMPS = (se.floor, se.ceiling, se.sign)
+_OUTER_JUMPS = {se.Derivative(jump(_INNER), _INNER): ZERO for jump in _JUMPS}
 
 
 def derivative(expression: Basic, symbol: Basic) -> Basic:
-    """Return ∂expression/∂symbol; that of floor and ceil is zero, which it is wherever it exists.
+    """Return ∂expression/∂symbol; that of a jump is zero, which it is wherever it exists.
 
-    SymEngine leaves an unevaluated derivative of these two.
+    SymEngine leaves an unevaluated derivative of floor, ceil and its own sign.
     """
-    jumps = {se.Derivative(jump(symbol), symbol): ZERO for jump in (se.floor, se.ceiling)}
+    jumps = {se.Derivative(jump(symbol), symbol): ZERO for jump in _JUMPS}
     return expression.diff(symbol).xreplace({**_OUTER_JUMPS, **jumps})

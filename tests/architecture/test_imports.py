@@ -58,7 +58,12 @@ FOREIGN = {
 }
 
 #: Modules of the engine that work on numbers alone; a System can be written by hand for them.
-NUMERIC = {f.stem for f in (PACKAGE / "engine").glob("*.py")} - {"system", "tape", "__init__"}
+NUMERIC = {f.stem for f in (PACKAGE / "engine").glob("*.py")} - {
+    "system",
+    "tape",
+    "variation",
+    "__init__",
+}
 
 #: What `lagcli simulate` may import from outside the standard library: what it uses, and what
 #: Typer brings along.
