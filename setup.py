@@ -14,11 +14,16 @@ core = Extension(
         for name in (
             "binding.pyx",
             "dop853.c",
+            "events.c",
+            "implicit.c",
             "ldl.c",
             "linear.c",
             "motion.c",
             "project.c",
+            "radau5.c",
+            "rodas5p.c",
             "run.c",
+            "sparse.c",
             "tape.c",
             "watch.c",
         )

@@ -32,7 +32,8 @@ Array = NDArray[np.float64]
 
 DEFAULT_SAMPLES = 1001
 #: What the compiled engine can do; the reference engine can do all.
-COMPILED_METHODS = ("DOP853",)
+COMPILED_METHODS = ("auto", "DOP853", "Rodas5P", "Radau")
+IMPLICIT = ("Rodas5P", "Radau")
 #: Numbers of a block that are written at once: as CSV, the slowest, they take less than 0.1 s.
 _BLOCK_NUMBERS = 1 << 16
 #: Below so many samples at once, evaluating them together does not pay.
@@ -188,6 +189,8 @@ class Simulation:
         if run.undefined is not None:
             run.message += "; " + describe_undefined(self.equations, *run.undefined)
         settings = dataclasses.asdict(self.settings)
+        if run.methods:
+            settings["method"] = ", ".join(run.methods)  # what `auto` was
         return Record(
             scale_position=columns.scale_position,
             scale_velocity=columns.scale_velocity,
@@ -231,8 +234,12 @@ def resolve(settings: Settings, model: Model) -> Settings:
     elif chosen.samples is None and chosen.dt is None:
         chosen = dataclasses.replace(chosen, samples=DEFAULT_SAMPLES)
     if chosen.engine is None:
-        suits = chosen.method in COMPILED_METHODS and compiled_available()
-        chosen = dataclasses.replace(chosen, engine="compiled" if suits else "scipy")
+        chosen = dataclasses.replace(chosen, engine="compiled" if _suits(chosen) else "scipy")
+    if chosen.method == "auto" and (
+        chosen.engine == "scipy" or chosen.formulation == "baumgarte"
+    ):
+        # there is nothing to choose
+        chosen = dataclasses.replace(chosen, method="DOP853")
     try:
         chosen.check()
         _check_engine(chosen)
@@ -242,6 +249,15 @@ def resolve(settings: Settings, model: Model) -> Settings:
     return chosen
 
 
+def _suits(settings: Settings) -> bool:
+    """Return whether the compiled engine can do what the settings ask for."""
+    return (
+        settings.method in COMPILED_METHODS
+        and not (settings.method in IMPLICIT and settings.formulation == "baumgarte")
+        and compiled_available()
+    )
+
+
 def compiled_available() -> bool:
     """Return whether the compiled engine was built when the package was installed."""
     return find_spec("lagcli.engine.core.binding") is not None
@@ -249,12 +265,24 @@ def compiled_available() -> bool:
 
 def _check_engine(settings: Settings) -> None:
     if settings.engine != "compiled":
+        if settings.method == "Rodas5P":
+            raise SettingError(
+                "method",
+                "only the compiled engine has Rodas5P, and not with Baumgarte's stabilization",
+                "give --method Radau, or --formulation projection with the compiled engine",
+            )
         return
     if settings.method not in COMPILED_METHODS:
         raise SettingError(
             "engine",
             f"the compiled engine has no method {settings.method}",
             f"its methods are {', '.join(COMPILED_METHODS)}; --engine scipy has all",
+        )
+    if settings.method in IMPLICIT and settings.formulation == "baumgarte":
+        raise SettingError(
+            "formulation",
+            f"the compiled engine's {settings.method} knows no Baumgarte stabilization",
+            "give --formulation projection, --method DOP853, or --engine scipy with --method Radau",
         )
     if not compiled_available():
         raise SettingError(

@@ -28,7 +28,9 @@ FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
 class Method(StrEnum):
     """Integration methods."""
 
+    auto = "auto"
     DOP853 = "DOP853"
+    Rodas5P = "Rodas5P"
     RK45 = "RK45"
     RK23 = "RK23"
     Radau = "Radau"
@@ -78,7 +80,11 @@ def simulate(
     rtol: Annotated[float | None, typer.Option(help="Relative tolerance. [default: 1e-9]")] = None,
     atol: Annotated[float | None, typer.Option(help="Absolute tolerance. [default: 1e-10]")] = None,
     method: Annotated[
-        Method | None, typer.Option(help="Integration method. [default: DOP853]")
+        Method | None,
+        typer.Option(
+            help="Integration method: auto is DOP853, and Rodas5P or Radau where the motion proves"
+            " stiff; RK45, RK23, BDF and LSODA are SciPy's. [default: auto]"
+        ),
     ] = None,
     formulation: Annotated[
         Formulation | None,
@@ -92,7 +98,7 @@ def simulate(
     ] = None,
     beta: Annotated[float | None, typer.Option(help="Baumgarte's β, 1/s. [default: α]")] = None,
     engine: Annotated[
-        EngineName | None, typer.Option(help="Engine. [default: compiled, for DOP853]")
+        EngineName | None, typer.Option(help="Engine. [default: compiled, for its methods]")
     ] = None,
     max_step: Annotated[float | None, typer.Option(help="Largest step, s.")] = None,
     max_steps: Annotated[

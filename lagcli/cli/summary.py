@@ -107,6 +107,8 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
         f"  {'method':<12}{s['method']} with {s['formulation']} ({s['engine']} engine):"
         f" {s['steps']} steps, {s['rejected']} rejected, {s['evaluations']} evaluations",
     ]
+    if s["status"] == "completed" and s["message"]:
+        lines.append(f"  {'':<12}{s['message']}")
     moved = s["initial_correction"]
     if moved:
         lines.append(f"  {'start':<12}moved onto the constraints:")

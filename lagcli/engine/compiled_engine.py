@@ -20,7 +20,18 @@ from numpy.typing import NDArray
 from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
 from lagcli.engine.elimination import NoElimination, order_at
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.run import Block, Limits, Request, Run, State, Stop, Undefined, outcome
+from lagcli.engine.methods import Methods
+from lagcli.engine.run import (
+    Block,
+    Event,
+    Limits,
+    Request,
+    Run,
+    State,
+    Stop,
+    Undefined,
+    outcome,
+)
 from lagcli.engine.system import System
 from lagcli.engine.unrolling import unroll
 
@@ -50,6 +61,7 @@ def run(
     """Integrate a System; see the contract in `lagcli.engine.run`."""
     session = _Session(system, request, sink, progress)
     status, message, undefined = outcome(session.integrate)
+    message = "; ".join(filter(None, [message, session.methods.message()]))
     session.collect()
     steps, rejected, evaluations = session.core.counts
     return Run(
@@ -59,6 +71,7 @@ def run(
         rejected=rejected,
         evaluations=evaluations,
         undefined=undefined,
+        methods=tuple(session.methods.steps),
     )
 
 
@@ -109,11 +122,15 @@ class _Session:
             alpha,
             alpha if request.beta is None else request.beta,
             request.formulation == "baumgarte",
+            request.method == "auto" and system.variation is not None,
             request.block_rows,
         )
         self.states = _around(request)
         self.reordered = math.nan
         self.choose_elimination()
+        self.methods = Methods(self.core, system, request)
+        if request.on_event is not None and system.events is not None:
+            self.core.watch_events(system.events)
 
     def choose_elimination(self) -> None:
         """Find an order of elimination from the states so far; redundant constraints have none."""
@@ -182,6 +199,7 @@ class _Session:
             started = time.monotonic()
             status = core.advance(min(request.max_steps - steps, slice_))
             taken = time.monotonic() - started
+            self.methods.count()
             if self.heed(status):
                 return
             if status == binding.RUNNING:
@@ -189,6 +207,7 @@ class _Session:
                 if self.redundant:
                     slice_ = min(slice_, _LOOK)
                     self.check_redundancy()
+                self.methods.review()
             elif status == binding.NEAR:
                 slice_ = 1
             self.progress(core.t)
@@ -205,6 +224,9 @@ class _Session:
                 " try a smaller --rtol or --max-step, or --engine scipy"
             )
         if status == binding.FLOOR:
+            if self.methods.may_help() and not self.watch.near(core.t, core.state):
+                self.methods.stiff(forced=True)
+                return False
             raise self.watch.floor(core.t, core.state)
         if status == binding.BLOCK_FULL:
             self.collect()
@@ -215,6 +237,12 @@ class _Session:
             self.look_over()
         elif status == binding.INACCURATE:
             self.reorder()
+        elif status == binding.STIFF:
+            self.methods.stiff()
+        elif status == binding.ORDER:
+            self.methods.order()
+        elif status == binding.EVENT:
+            return self.react()
         core.limit(self.request.max_step)
         return bool(status == binding.DONE)
 
@@ -256,6 +284,20 @@ class _Session:
         core.limit(self.request.max_step)
         core.move(crossing.end, crossing.state, upto)
         return crossing.end >= self.request.t_end or self.heed(core.start())
+
+    def react(self) -> bool:
+        """Do what an event asks for; return whether the run is complete."""
+        core = self.core
+        number, direction, at, y = core.event
+        q, v = self.split(y)
+        assert self.request.on_event is not None
+        reaction = self.request.on_event(Event(number, direction, at, q.copy(), v.copy()))
+        if reaction == "stop":
+            return True
+        if reaction != "go on":
+            core.move(at, np.concatenate([*reaction, y[-1:]]), core.times_next)
+            return self.heed(core.start())
+        return False
 
     def look_over(self) -> None:
         """Stop where the last step went over a singular configuration."""

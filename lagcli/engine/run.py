@@ -17,6 +17,32 @@ State = tuple[float, Array, Array]  # t, q, v
 Status = Literal["completed", "failed", "interrupted"]
 
 
+class Event(NamedTuple):
+    """A sign change of one of a System's event functions.
+
+    Parameters
+    ----------
+    number : int
+        Which of the functions.
+    direction : int
+        1 where it rises through zero, −1 where it falls.
+    time : float
+        s; the first time at which the function has its new sign.
+    q, v : (nq,) arrays
+        The state there, on the constraints.
+    """
+
+    number: int
+    direction: int
+    time: float
+    q: Array
+    v: Array
+
+
+#: What follows an event: "go on", "stop", or the state (q, v) from which to continue.
+Reaction = Literal["go on", "stop"] | tuple[Array, Array]
+
+
 @dataclass(frozen=True, eq=False)
 class Request:
     """What to integrate.
@@ -35,6 +61,8 @@ class Request:
         As in Settings; alpha and beta None mean "from the step".
     block_rows : int
         The most samples to hand over at once.
+    on_event : callable, optional
+        Event → Reaction; without it, events are not looked for. Compiled engine only.
     """
 
     q: Array
@@ -54,6 +82,7 @@ class Request:
     timeout: float | None
     through_singular: bool
     block_rows: int = 4096
+    on_event: Callable[[Event], Reaction] | None = None
 
 
 class Block(NamedTuple):
@@ -93,7 +122,7 @@ class Run:
     """What an engine returns: how it ended, and what it took.
 
     ``undefined`` is the state (t, q, v) at which the equations had no finite value, where that
-    ended the run.
+    ended the run. ``methods`` are those that took steps, where the engine chose.
     """
 
     status: Status
@@ -102,6 +131,7 @@ class Run:
     rejected: int
     evaluations: int
     undefined: State | None = None
+    methods: tuple[str, ...] = ()
 
 
 class Stop(Exception):

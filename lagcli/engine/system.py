@@ -47,6 +47,8 @@ class System:
         (t, q, v, a, λ, parameters) → (T, V, v·∂L/∂v − L, Q·v, −∂L/∂t, outputs).
     outputs : tuple of str
         Names of the outputs at the end of ``report``.
+    events : Tape, optional
+        (t, q, v, parameters) → functions whose sign changes are events.
     variation : callable, optional
         Returns the derivatives that stiff methods need; called when one is going to run.
     """
@@ -61,6 +63,7 @@ class System:
     constraint: Tape
     report: Tape
     outputs: tuple[str, ...] = ()
+    events: Tape | None = None
     variation: Callable[[], Variation] | None = None
 
 

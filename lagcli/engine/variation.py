@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from lagcli.equations.lagrange import Equations, Row
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Variation:
     """G = f − M a + Bᵀλ and Γ = γ − B a, differentiated at fixed a and λ.
 
@@ -71,11 +71,18 @@ def compile_variation(equations: Equations) -> Variation:
     entries = [x for rows in blocks for row in rows for x in row.values()]
     times = [g.time for g in (*found.force, *found.rhs, found.power)]
     tape = compile_tape(
-        [*entries, *times], [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers, *parameters]
+        [*entries, *times], [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers], parameters
     )
-    patterns = [_pattern(rows) for rows in blocks]
-    powers = [tuple(j for _, j in pattern) for pattern in patterns[4:]]
-    return Variation(*patterns[:4], *powers, tape)
+    force_position, force_velocity, rhs_position, rhs_velocity = map(_pattern, blocks[:4])
+    return Variation(
+        force_position=force_position,
+        force_velocity=force_velocity,
+        rhs_position=rhs_position,
+        rhs_velocity=rhs_velocity,
+        power_position=tuple(found.power.position),
+        power_velocity=tuple(found.power.velocity),
+        tape=tape,
+    )
 
 
 def _pattern(rows: Iterable[Row]) -> Pattern:

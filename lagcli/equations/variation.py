@@ -21,7 +21,7 @@ from lagcli.equations.partials import by_symbol, partial, terms_of
 from lagcli.model.model import TIME
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Gradient:
     """The nonzero derivatives of one expression, by coordinate, and that by time."""
 
@@ -30,7 +30,7 @@ class Gradient:
     time: Basic
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Variation:
     """Derivatives of the equations of motion at fixed a and λ.
 

@@ -20,7 +20,7 @@ Kind = Literal["holonomic", "nonholonomic"]
 
 TIME = se.Symbol("t")
 
-METHODS = ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA")
+METHODS = ("auto", "DOP853", "Rodas5P", "RK45", "RK23", "Radau", "BDF", "LSODA")
 FORMULATIONS = ("projection", "baumgarte", "index1")
 ENGINES = ("compiled", "scipy")
 MAX_SAMPLES = 10**8
@@ -250,7 +250,7 @@ DEFAULTS = Settings(
     t_end=10.0,
     rtol=1e-9,
     atol=1e-10,
-    method="DOP853",
+    method="auto",
     formulation="projection",
     max_steps=10_000_000,
     through_singular=False,

@@ -49,9 +49,28 @@ cdef extern from "system.h":
         lag_tape constraint
 
 
+cdef extern from "events.h":
+    ctypedef struct lag_events:
+        int count
+        lag_tape tape
+        int32_t *sign
+        int32_t *after
+        double time
+        int which, direction
+        double *y
+
+
 cdef extern from "run.h":
+    cdef enum lag_method:
+        LAG_DOP853
+        LAG_RODAS5P
+        LAG_RADAU5
+
     ctypedef struct lag_run:
         const lag_system *system
+        int method
+        lag_implicit *implicit
+        int detecting
         double t, t_end, h, h_max, rtol, atol, error_old
         int projecting, watching
         double alpha, beta
@@ -96,16 +115,98 @@ cdef extern from "run.h":
         long times_count, times_next
         double *block
         long block_rows, block_used
+        lag_events events
         long steps, rejected, evaluations
         double t_bad
         double *y_bad
 
     int lag_start(lag_run *run) nogil
+    int lag_switch(lag_run *run, int method) nogil
     int lag_advance(lag_run *run, long slice) nogil
     int lag_sample_until(lag_run *run, double end) nogil
     void lag_dense(lag_run *run, double t, double *y) nogil
 
-RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE = range(9)
+
+cdef extern from "sparse.h":
+    ctypedef struct lag_order_of_pivots:
+        int n
+        const int32_t *row
+        const int32_t *column
+        const int32_t *start
+        const int32_t *columns
+        const int32_t *diagonal
+        const int32_t *places
+
+
+cdef extern from "implicit.h":
+    ctypedef struct lag_block:
+        int count, first
+        const int32_t *places
+
+    ctypedef struct lag_implicit:
+        lag_tape variation
+        lag_block force_position, force_velocity, rhs_position, rhs_velocity
+        lag_block power_position, power_velocity
+        double *mass
+        double *jacobian
+        double *border
+        double *derivatives
+        double *velocity
+        int n, count
+        const int32_t *start
+        const int32_t *columns
+        const int32_t *parts
+        double *matrix
+        double *matrix_re
+        double *matrix_im
+        lag_order_of_pivots order
+        double *factors
+        double *complex_re
+        double *complex_im
+        double *right
+        double *right_im
+        double *residual
+        double *work
+        double *quotient
+        double *zero
+        double shift
+        long ordered
+
+
+cdef extern from "rodas5p_tableau.h":
+    const double rodas_gamma
+    const double rodas_c[8]
+    const double rodas_d[8]
+    const double rodas_a[8][7]
+    const double rodas_C[8][7]
+    const double rodas_h[3][8]
+
+
+cdef extern from "radau5_tableau.h":
+    const double radau_c[3]
+    const double radau_t[3][3]
+    const double radau_t_inverse[3][3]
+    const double radau_real, radau_re, radau_im
+    const double radau_error[3]
+
+
+RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE, STIFF, ORDER, EVENT = (
+    range(12)
+)
+METHODS = ("DOP853", "Rodas5P", "Radau")
+
+
+def rodas5p_coefficients():
+    """Return γ, c, d, a, C and h of Rodas5P; see core/rodas5p_tableau.h."""
+    lists = [list(rodas_c), list(rodas_d), list(rodas_a), list(rodas_C), list(rodas_h)]
+    return rodas_gamma, *map(np.array, lists)
+
+
+def radau5_coefficients():
+    """Return c, T, T⁻¹, the eigenvalues and the error's weights; see core/radau5_tableau.h."""
+    lists = [list(radau_c), list(radau_t), list(radau_t_inverse)]
+    eigenvalues = radau_real, complex(radau_re, radau_im)
+    return *map(np.array, lists), eigenvalues, np.array(list(radau_error))
 
 
 def run_tape(tape, inputs):
@@ -173,7 +274,7 @@ def _integers(values):
 
 
 cdef class Integrator:
-    """DOP853 with projection on a System; see run.h.
+    """Steps with projection on a System; see core/run.h.
 
     Parameters
     ----------
@@ -183,23 +284,25 @@ cdef class Integrator:
     times : (nt,) array
     lengths : (nc,) array
         The rows' lengths at the start.
-    rank, rtol, atol, h_max, projecting, watching, alpha, beta, baumgarte
-        As in run.h; alpha negative means "from the step", beta "as alpha".
+    rank, rtol, atol, h_max, projecting, watching, alpha, beta, baumgarte, detecting
+        As in core/run.h; alpha negative means "from the step", beta "as alpha".
     block_rows : int
         Samples kept before they are handed over.
     """
 
     cdef lag_system system
     cdef lag_run run
+    cdef lag_implicit implicit
     cdef object keep  # the arrays that the pointers point into
     cdef readonly object block, y_bad
     cdef object y, y_dense, parameters, mass_pattern, jacobian_pattern
+    cdef object y_event, pattern, matrix, factors, kept_order
     cdef int nq, nc, size
 
     def __init__(
         self, system, double t, double t_end, y, times, lengths, int rank, double rtol,
         double atol, double h_max, bint projecting, int watching, double alpha, double beta,
-        bint baumgarte, long block_rows,
+        bint baumgarte, bint detecting, long block_rows,
     ):
         cdef int nq = len(system.coordinates), nc = len(system.constraints)
         cdef int n = 2 * nq + 1, size = nq + 2 * nc - rank
@@ -221,6 +324,8 @@ cdef class Integrator:
         self.run.rtol, self.run.atol = rtol, atol
         self.run.projecting, self.run.watching = projecting, watching
         self.run.baumgarte = baumgarte
+        self.run.method = LAG_DOP853
+        self.run.detecting = detecting
         self.run.alpha_from_step = baumgarte and alpha < 0
         self.run.beta_from_alpha = beta < 0
         self.run.alpha, self.run.beta = max(alpha, 0.0), max(beta, 0.0)
@@ -326,6 +431,89 @@ cdef class Integrator:
         if self.run.kkt == NULL:
             self.run.kkt = self.doubles(self.size * self.size)
             self.run.lu = self.doubles(self.size * self.size)
+    cdef int block_of(self, lag_block *block, places, int first) except -1:
+        block.count, block.first = len(places), first
+        block.places = self.integers(places)
+        return first + len(places)
+
+    def prepare(self, variation, pattern):
+        """Allow implicit methods: take the derivatives and the pattern of their matrix.
+
+        Parameters
+        ----------
+        variation : Variation
+        pattern : MatrixPattern
+        """
+        cdef lag_implicit *m = &self.implicit
+        cdef int nq = self.nq, nc = self.nc, nd = nc - self.run.rank, first = 0
+        w = variation
+        first = self.block_of(&m.force_position, self.flat(w.force_position), first)
+        first = self.block_of(&m.force_velocity, self.flat(w.force_velocity), first)
+        first = self.block_of(&m.rhs_position, self.flat(w.rhs_position), first)
+        first = self.block_of(&m.rhs_velocity, self.flat(w.rhs_velocity), first)
+        first = self.block_of(&m.power_position, w.power_position, first)
+        first = self.block_of(&m.power_velocity, w.power_velocity, first)
+        self.bind(&m.variation, w.tape)
+        m.mass, m.jacobian = self.doubles(self.system.nm), self.doubles(self.system.nb)
+        m.border, m.derivatives = self.doubles(nd * nc), self.doubles(len(w.tape.outputs))
+        m.velocity = self.doubles(nq)
+        m.quotient, m.zero = self.doubles(nq), self.doubles(nq)
+        self.pattern = pattern
+        m.n, m.count = len(pattern.start) - 1, len(pattern.columns)
+        m.start, m.columns = self.integers(pattern.start), self.integers(pattern.columns)
+        m.parts = self.integers(pattern.parts)
+        self.matrix = np.zeros(m.count)
+        m.matrix = self.borrow(self.matrix)
+        m.matrix_re, m.matrix_im = self.doubles(m.count), self.doubles(m.count)
+        m.right, m.right_im = self.doubles(m.n), self.doubles(m.n)
+        m.residual, m.work = self.doubles(m.n), self.doubles(2 * m.n)
+        m.order.n, m.ordered, m.shift = 0, -1, 0.0
+        self.run.implicit = m
+
+    def flat(self, places):
+        return [i * self.nq + j for i, j in places]
+
+    def watch_events(self, tape):
+        """Look for sign changes of a tape's outputs along the motion, from the start on."""
+        cdef lag_events *events = &self.run.events
+        self.bind(&events.tape, tape)
+        events.count, events.time = len(tape.outputs), np.nan
+        events.sign = self.integers([0] * events.count)
+        events.after = self.integers([0] * events.count)
+        self.y_event = np.zeros(2 * self.nq + 1)
+        events.y = self.borrow(self.y_event)
+
+    @property
+    def event(self):
+        """Number, direction, time and state of the last event."""
+        events = self.run.events
+        return events.which, events.direction, events.time, self.y_event.copy()
+
+    def switch(self, method):
+        """Go on with a method of `METHODS`; an implicit one must be prepared."""
+        return lag_switch(&self.run, METHODS.index(method))
+
+    def order(self, choose):
+        """Let ``choose(pattern, values)`` find an order of pivots for the matrix at hand."""
+        found = choose(self.pattern, self.matrix)
+        cdef lag_order_of_pivots *order = &self.implicit.order
+        order.n = 0
+        if found is None:
+            return
+        self.kept_order = []  # what the former order held goes with it
+        order.n = len(found.row)
+        order.row, order.column = self.replaced(found.row), self.replaced(found.column)
+        order.start, order.columns = self.replaced(found.start), self.replaced(found.columns)
+        order.diagonal, order.places = self.replaced(found.diagonal), self.replaced(found.places)
+        self.factors = np.zeros((3, len(found.columns)))
+        cdef double[:, ::1] view = self.factors
+        self.implicit.factors = &view[0, 0]
+        self.implicit.complex_re, self.implicit.complex_im = &view[1, 0], &view[2, 0]
+
+    cdef const int32_t *replaced(self, array) except NULL:
+        self.kept_order.append(array)
+        cdef const int32_t[::1] view = array
+        return &view[0]
 
     def start(self):
         """Prepare the first step; sample what lies at the start."""

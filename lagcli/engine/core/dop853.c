@@ -1,6 +1,5 @@
 #include "dop853.h"
 
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -8,27 +7,28 @@
 #include "motion.h"
 #include "watch.h"
 
-/* Hairer, Norsett & Wanner, II.4: a first step from the sizes of y, y' and y''. */
-void lag_dop853_first_step(lag_run *run)
+#define STABLE 6.1          /* h times the dominant eigenvalue: the edge of the stable region */
+#define NOT_STIFF 6         /* steps inside it after which the count begins anew */
+
+/* Count steps that the method's stability limits, not its error: Hairer & Wanner, IV.2. The last
+ * two stages have the same time, and their slope is about the dominant eigenvalue; `before` is where
+ * the last but one was evaluated. */
+static void look_for_stiffness(lag_run *run, double h, const double *before)
 {
-    const int n = lag_size(run->system);
-    const double d0 = lag_scaled_norm(run, run->y, run->y, run->y);
-    const double d1 = lag_scaled_norm(run, run->f, run->y, run->y);
-    double h = d0 < 1e-5 || d1 < 1e-5 ? 1e-6 : 0.01 * d0 / d1;
-    h = fmin(h, fmin(run->h_max, run->t_end - run->t));
-    double *f1 = run->stages;
-    for (int i = 0; i < n; ++i)
-        run->y_new[i] = run->y[i] + h * run->f[i];
-    if (lag_derivative(run, run->t + h, run->y_new, f1)) {
-        run->h = h; /* the step itself will find a size that is defined */
-        return;
+    const int n = lag_size(run->system), moving = n - 1;
+    const double *k = run->stages + (DOP_STAGES - 1) * n;
+    double rise = 0.0, length = 0.0;
+    for (int m = 0; m < moving; ++m) {
+        const double df = k[n + m] - k[m], dy = run->y_new[m] - before[m];
+        rise += df * df;
+        length += dy * dy;
     }
-    for (int i = 0; i < n; ++i)
-        f1[i] -= run->f[i];
-    const double d2 = lag_scaled_norm(run, f1, run->y, run->y) / h;
-    const double d = fmax(d1, d2);
-    const double h1 = d <= 1e-15 ? fmax(1e-6, h * 1e-3) : pow(0.01 / d, 1.0 / 8.0);
-    run->h = fmin(fmin(100.0 * h, h1), run->h_max);
+    if (length > 0.0 && h * sqrt(rise / length) > STABLE) {
+        run->not_stiff = 0;
+        ++run->stiff;
+    } else if (++run->not_stiff == NOT_STIFF) {
+        run->stiff = 0;
+    }
 }
 
 int lag_dop853_step(lag_run *run)
@@ -37,14 +37,9 @@ int lag_dop853_step(lag_run *run)
     double *stage = run->stages;
     int rejected = 0, undefined = 0;
     for (;;) {
-        double h = run->h;
-        if (!(h > 10.0 * DBL_EPSILON * fabs(run->t)) || !(h > DBL_MIN * 1e10))
+        const double h = lag_step_size(run);
+        if (h == 0.0)
             return undefined ? LAG_UNDEFINED : LAG_FLOOR;
-        int last = 0;
-        if (run->t + 1.01 * h >= run->t_end) {
-            h = run->t_end - run->t;
-            last = 1;
-        }
         memcpy(stage, run->f, (size_t)n * sizeof(double));
         int bad = 0;
         run->kept = INFINITY;
@@ -64,9 +59,9 @@ int lag_dop853_step(lag_run *run)
             for (int m = 0; m < n; ++m)
                 y[m] += run->y[m];
             const double c = i < DOP_STAGES ? dop_c[i] : 1.0;
-            bad = lag_derivative(run, run->t + c * h, y, stage + i * n);
-            if (!bad && run->watching)
-                lag_watch_stage(run);
+            if (i == DOP_STAGES - 1)
+                memcpy(run->trial, y, (size_t)n * sizeof(double));
+            bad = lag_stage(run, run->t + c * h, y, stage + i * n);
         }
         double factor = 0.2;
         if (!bad) {
@@ -85,7 +80,10 @@ int lag_dop853_step(lag_run *run)
                 e3 += x3 * x3;
             }
             const double below = e5 + 0.01 * e3;
-            const double error = below > 0.0 ? h * e5 / sqrt(below) : 0.0;
+            /* numbers that overflow are no small error */
+            const double error = !isfinite(below) ? INFINITY
+                                 : below > 0.0    ? h * e5 / sqrt(below)
+                                                  : 0.0;
             /* PI control, Hairer & Wanner IV.2, with beta = 0.04 */
             factor = error > 0.0
                          ? 0.9 * pow(error, -1.0 / 8.0 + 0.03) * pow(run->error_old, 0.04)
@@ -93,14 +91,10 @@ int lag_dop853_step(lag_run *run)
             if (error <= 1.0) {
                 factor = fmin(fmax(factor, 0.2), rejected ? 1.0 : 10.0);
                 run->error_old = fmax(error, 1e-4);
-                run->t_old = run->t;
-                run->h_old = h;
-                memcpy(run->y_old, run->y, (size_t)n * sizeof(double));
-                run->t = last ? run->t_end : run->t + h;
-                run->h = fmin(h * factor, run->h_max);
                 memcpy(run->f_new, stage + DOP_STAGES * n, (size_t)n * sizeof(double));
-                run->dense_ready = 0;
-                ++run->steps;
+                if (run->detecting)
+                    look_for_stiffness(run, h, run->trial);
+                lag_accept(run, h, factor);
                 return LAG_RUNNING;
             }
             factor = fmax(0.9 * pow(error, -1.0 / 8.0), 0.2);

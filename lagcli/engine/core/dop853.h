@@ -4,9 +4,6 @@
 
 #include "run.h"
 
-/* Choose the first step's size from y and f. */
-void lag_dop853_first_step(lag_run *run);
-
 /* One accepted step from (t, y, f) to (t + h, y_new, f_new). Returns LAG_RUNNING,
  * LAG_UNDEFINED or LAG_FLOOR. */
 int lag_dop853_step(lag_run *run);

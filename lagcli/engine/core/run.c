@@ -1,16 +1,51 @@
 #include "run.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "dop853.h"
 #include "motion.h"
 #include "project.h"
+#include "radau5.h"
+#include "rodas5p.h"
 #include "watch.h"
 
 #define SHORTER 0.3         /* of a step that went over a singular configuration to be passed */
 #define NEGLIGIBLE 0.01     /* of the tolerance: a projection that moves less leaves f as it is */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
+#define STIFF 15            /* steps that stability limits, until the model counts as stiff */
+
+/* What a method does; order is that of its error control. */
+static const struct {
+    int (*step)(lag_run *run);
+    void (*dense)(lag_run *run, double t, double *y);
+    int is_explicit;
+    double order;
+} steppers[] = {
+    [LAG_DOP853] = {lag_dop853_step, lag_dop853_dense, 1, 8.0},
+    [LAG_RODAS5P] = {lag_rodas5p_step, lag_rodas5p_dense, 0, 5.0},
+    [LAG_RADAU5] = {lag_radau5_step, lag_radau5_dense, 0, 4.0},
+};
+
+double lag_step_size(const lag_run *run)
+{
+    const double h = run->h;
+    if (!(h > 10.0 * DBL_EPSILON * fabs(run->t)) || !(h > DBL_MIN * 1e10))
+        return 0.0;
+    return run->t + 1.01 * h >= run->t_end ? run->t_end - run->t : h;
+}
+
+void lag_accept(lag_run *run, double h, double factor)
+{
+    run->t_old = run->t;
+    run->h_old = h;
+    memcpy(run->y_old, run->y, (size_t)lag_size(run->system) * sizeof(double));
+    run->t = h == run->t_end - run->t ? run->t_end : run->t + h;
+    run->h = fmin(h * factor, run->h_max);
+    run->dense_ready = 0;
+    ++run->steps;
+}
 
 /* Set the damping of the next step, and the derivative with it. */
 static int damp(lag_run *run)
@@ -23,6 +58,38 @@ static int damp(lag_run *run)
     return lag_derivative(run, run->t, run->y, run->f) ? LAG_UNDEFINED : LAG_RUNNING;
 }
 
+/* Hairer, Norsett & Wanner, II.4: a first step from the sizes of y, y' and y''. */
+static void first_step(lag_run *run)
+{
+    const int n = lag_size(run->system);
+    const double d0 = lag_scaled_norm(run, run->y, run->y, run->y);
+    const double d1 = lag_scaled_norm(run, run->f, run->y, run->y);
+    double h = d0 < 1e-5 || d1 < 1e-5 ? 1e-6 : 0.01 * d0 / d1;
+    h = fmin(h, fmin(run->h_max, run->t_end - run->t));
+    double *f1 = run->stages;
+    for (int i = 0; i < n; ++i)
+        run->y_new[i] = run->y[i] + h * run->f[i];
+    if (lag_derivative(run, run->t + h, run->y_new, f1)) {
+        run->h = h; /* the step itself will find a size that is defined */
+        return;
+    }
+    for (int i = 0; i < n; ++i)
+        f1[i] -= run->f[i];
+    const double d2 = lag_scaled_norm(run, f1, run->y, run->y) / h;
+    const double d = fmax(d1, d2);
+    const double h1 = d <= 1e-15 ? fmax(1e-6, h * 1e-3) : pow(0.01 / d, 1.0 / steppers[run->method].order);
+    run->h = fmin(fmin(100.0 * h, h1), run->h_max);
+}
+
+int lag_switch(lag_run *run, int method)
+{
+    run->method = method;
+    run->error_old = 1e-4;
+    run->stiff = run->not_stiff = 0;
+    lag_radau5_restart(run);
+    return lag_derivative(run, run->t, run->y, run->f) ? LAG_UNDEFINED : LAG_RUNNING;
+}
+
 int lag_start(lag_run *run)
 {
     if (run->projecting) {
@@ -30,13 +97,13 @@ int lag_start(lag_run *run)
         if (status != LAG_RUNNING)
             return status;
     }
-    if (lag_derivative(run, run->t, run->y, run->f))
+    if (lag_switch(run, run->method) != LAG_RUNNING)
         return LAG_UNDEFINED;
     run->weakest = lag_weakest(run, run->t, run->y);
     run->usual = fmax(run->usual, run->weakest);
-    run->error_old = 1e-4;
     run->finishing = 0;
-    lag_dop853_first_step(run);
+    lag_events_start(run);
+    first_step(run);
     return damp(run);
 }
 
@@ -91,15 +158,19 @@ static int finish(lag_run *run)
         return status;
     run->finishing = 0;
     memcpy(run->y, run->y_new, (size_t)n * sizeof(double));
-    memcpy(run->f, run->f_new, (size_t)n * sizeof(double));
-    const int damped = damp(run);
-    if (damped != LAG_RUNNING)
-        return damped;
+    if (steppers[run->method].is_explicit) {
+        memcpy(run->f, run->f_new, (size_t)n * sizeof(double));
+        const int damped = damp(run);
+        if (damped != LAG_RUNNING)
+            return damped;
+    }
     if (run->projecting && run->system->nc) {
         const int off = lag_project(run, run->t, run->y);
         if (off != LAG_RUNNING)
             return off;
         lag_measure(run);
+        if (!steppers[run->method].is_explicit)
+            return LAG_RUNNING; /* it evaluates y' itself */
         for (int i = 0; i < n; ++i)
             run->trial[i] = run->y[i] - run->y_new[i];
         if (lag_scaled_norm(run, run->trial, run->y, run->y) > NEGLIGIBLE
@@ -113,7 +184,7 @@ static int finish(lag_run *run)
 
 void lag_dense(lag_run *run, double t, double *y)
 {
-    lag_dop853_dense(run, t, y);
+    steppers[run->method].dense(run, t, y);
 }
 
 /* Undo the last step; the next one is a part of it. */
@@ -123,23 +194,30 @@ static void take_back(lag_run *run, double part)
     run->h = part * run->h_old;
     --run->steps;
     ++run->rejected;
+    lag_radau5_restart(run);
 }
 
 int lag_advance(lag_run *run, long slice)
 {
     for (;;) {
         if (run->finishing) {
-            const int status = finish(run);
+            int status = run->events.count ? lag_events_look(run) : LAG_RUNNING;
+            if (status == LAG_RUNNING)
+                status = finish(run);
             if (status != LAG_RUNNING)
                 return status;
             if (run->watching && lag_approaches(run))
                 return LAG_NEAR;
+            if (run->stiff >= STIFF && run->t < run->t_end) {
+                run->stiff = 0;
+                return LAG_STIFF;
+            }
         }
         if (run->t >= run->t_end)
             return LAG_DONE;
         if (slice-- <= 0)
             return LAG_RUNNING;
-        const int status = lag_dop853_step(run);
+        const int status = steppers[run->method].step(run);
         if (status != LAG_RUNNING)
             return status;
         if (lag_inaccurate(run, run->t, run->y_new)) {

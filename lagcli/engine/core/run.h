@@ -1,11 +1,12 @@
 /*
- * The compiled engine: DOP853 on the index-1 form, with projection onto the constraints.
+ * The compiled engine: steps on the index-1 form, with projection onto the constraints.
  *
  * State y = (q, v, W), W the work done on the system. All memory belongs to the caller.
  */
 #ifndef LAGCLI_RUN_H
 #define LAGCLI_RUN_H
 
+#include "events.h"
 #include "ldl.h"
 #include "system.h"
 
@@ -18,13 +19,25 @@ enum lag_status {
     LAG_NEAR,         /* the last step went towards a singular configuration */
     LAG_OVER,         /* the last step may have gone over one */
     LAG_OFF,          /* (t_bad, y_bad) cannot be brought onto the constraints */
-    LAG_INACCURATE    /* the static elimination is inaccurate at (t_bad, y_bad), the end of a
+    LAG_INACCURATE,   /* the static elimination is inaccurate at (t_bad, y_bad), the end of a
                        * step that was not taken */
+    LAG_STIFF,        /* an explicit method has no use for the accuracy of its steps */
+    LAG_ORDER,        /* an implicit method needs an order of pivots for its matrix */
+    LAG_EVENT         /* an event happened inside the last step */
 };
 
-typedef struct {
+enum lag_method { LAG_DOP853, LAG_RODAS5P, LAG_RADAU5 };
+
+typedef struct lag_run {
     const lag_system *system;
+    int method;                        /* a lag_method */
+    struct lag_implicit *implicit;     /* what implicit methods need; else NULL */
     double t, t_end, h, h_max, rtol, atol, error_old;
+    double h_accepted;                 /* an implicit method's last step; 0 before its first */
+    double theta, contraction;         /* Newton's rate, and what follows for its last change */
+    double h_converging;               /* the largest step at which Newton is likely to converge */
+    int detecting;                     /* whether to look for stiffness */
+    int stiff, not_stiff;              /* steps that were so in a row */
     int projecting;
     int watching;                      /* 0: no; 1: for NEAR, taking shorter steps; 2: for OVER too */
     double alpha, beta;                /* Baumgarte; unused where not asked for */
@@ -74,10 +87,21 @@ typedef struct {
     double *block;                     /* rows of 1 + 3 nq + nc + 1 */
     long block_rows, block_used;
 
+    lag_events events;
+
     long steps, rejected, evaluations;
     double t_bad;
     double *y_bad;                     /* n */
 } lag_run;
+
+/* The size of the next step, cut at t_end; 0 where it is below the floor. */
+double lag_step_size(const lag_run *run);
+
+/* Accept a step of size h to y_new; the next is larger by a factor. */
+void lag_accept(lag_run *run, double h, double factor);
+
+/* Go on with another method from y at t. Returns LAG_RUNNING or LAG_UNDEFINED. */
+int lag_switch(lag_run *run, int method);
 
 /* Prepare the first step from y at t. Returns LAG_RUNNING or what is wrong there. */
 int lag_start(lag_run *run);

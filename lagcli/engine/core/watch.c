@@ -85,12 +85,17 @@ double lag_weakest(lag_run *run, double t, const double *y)
     return lag_pivot(run->rows, s->nq, s->nc, run->rank, run->order, run->components);
 }
 
-void lag_watch_stage(lag_run *run)
+int lag_stage(lag_run *run, double t, const double *y, double *f)
 {
-    /* without a static elimination every step is looked at */
+    if (lag_derivative(run, t, y, f))
+        return 1;
+    if (!run->watching)
+        return 0;
+    /* without a static elimination every step is looked at; this costs little next to f */
     const double kept = lag_eliminating(run) ? least_kept_of_all(run) : 0.0;
     run->kept = fmin(run->kept, kept);
     run->usually_kept = fmax(run->usually_kept, kept);
+    return 0;
 }
 
 void lag_measure(lag_run *run)

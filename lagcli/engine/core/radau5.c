@@ -1,0 +1,265 @@
+#include "radau5.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "implicit.h"
+#include "motion.h"
+#include "radau5_tableau.h"
+#include "watch.h"
+
+#define NEWTON 7            /* iterations */
+#define FAST 1e-3           /* a rate of convergence at which the Jacobian is kept */
+#define RELAXED 1.1         /* growth per step, back to a size at which Newton did not converge */
+#define SAFETY 0.9
+#define LEAST 0.2           /* the step's smallest and largest growth */
+#define LARGEST 8.0
+#define KEPT 1.2            /* a growth up to which step and factors stay as they are */
+
+/* The error estimate is of order 3: a tolerance that gives an error like the one asked for. */
+static double looseness(const lag_run *run)
+{
+    return 0.1 * pow(run->rtol, -1.0 / 3.0);
+}
+
+/* A norm against the estimate's own tolerance. */
+static double norm(const lag_run *run, const double *x)
+{
+    return lag_scaled_norm(run, x, run->y, run->y) / looseness(run);
+}
+
+/* The collocation polynomial of the last step at x of its size, less its value at the end. */
+static double continued(const double *d, int n, int m, double x)
+{
+    return x * (d[m] + (x + 1.0 - radau_c[1]) * (d[n + m] + (x + 1.0 - radau_c[0]) * d[2 * n + m]));
+}
+
+/* Newton's start: what the last step's polynomial says, or nothing. */
+static void predict(lag_run *run, double h, double *z, double *w)
+{
+    const int n = lag_size(run->system);
+    if (run->h_accepted > 0.0) {
+        for (int i = 0; i < 3; ++i)
+            for (int m = 0; m < n; ++m)
+                z[i * n + m] = continued(run->dense, n, m, radau_c[i] * h / run->h_accepted);
+    } else {
+        memset(z, 0, 3 * (size_t)n * sizeof(double));
+    }
+    for (int i = 0; i < 3; ++i)
+        for (int m = 0; m < n; ++m)
+            w[i * n + m] = radau_t_inverse[i][0] * z[m] + radau_t_inverse[i][1] * z[n + m]
+                           + radau_t_inverse[i][2] * z[2 * n + m];
+}
+
+/* F at the stages y + z, transformed, less what w stands for: the right sides of Newton's systems.
+ * Returns 0, or 1 where it is undefined. */
+static int defects(lag_run *run, double h, const double *z, const double *w, double *r)
+{
+    const int n = lag_size(run->system);
+    double *f = run->stages + 9 * n;
+    for (int i = 0; i < 3; ++i) {
+        for (int m = 0; m < n; ++m)
+            run->y_new[m] = run->y[m] + z[i * n + m];
+        if (lag_stage(run, run->t + radau_c[i] * h, run->y_new, f + i * n))
+            return 1;
+    }
+    const double real = radau_real / h, re = radau_re / h, im = radau_im / h;
+    for (int m = 0; m < n; ++m) {
+        double g[3];
+        for (int i = 0; i < 3; ++i)
+            g[i] = radau_t_inverse[i][0] * f[m] + radau_t_inverse[i][1] * f[n + m]
+                   + radau_t_inverse[i][2] * f[2 * n + m];
+        r[m] = g[0] - real * w[m];
+        r[n + m] = g[1] - re * w[n + m] + im * w[2 * n + m];
+        r[2 * n + m] = g[2] - re * w[2 * n + m] - im * w[n + m];
+    }
+    return 0;
+}
+
+/* How a Newton iteration ended. */
+enum newton { CONVERGED, DIVERGED, NOT_DEFINED };
+
+/* Solve for z. `factor` is by what to change a step that did not converge. */
+static enum newton solve_stages(lag_run *run, double h, double *z, int *iterations, double *factor)
+{
+    const int n = lag_size(run->system);
+    const double tolerance = looseness(run) * run->rtol;
+    const double enough = fmax(10.0 * DBL_EPSILON / tolerance, fmin(0.03, sqrt(tolerance)));
+    double *w = run->stages + 3 * n, *r = run->stages + 6 * n;
+    double change = 0.0, before = 0.0, rate = 0.0;
+    run->kept = INFINITY;
+    predict(run, h, z, w);
+    run->contraction = pow(fmax(run->contraction, DBL_EPSILON), 0.8);
+    run->theta = FAST;
+    *factor = 0.5;
+    for (int k = 0; k < NEWTON; ++k) {
+        if (defects(run, h, z, w, r))
+            return NOT_DEFINED;
+        lag_shifted_solve(run, r, 0.0, r);
+        lag_shifted_solve_complex(run, r + n, r + 2 * n);
+        double sum = 0.0;
+        for (int i = 0; i < 3; ++i) {
+            const double part = norm(run, r + i * n);
+            sum += part * part;
+        }
+        change = sqrt(sum / 3.0);
+        if (!isfinite(change))
+            return DIVERGED;
+        if (k > 0) {
+            const double ratio = change / before;
+            run->theta = k == 1 ? ratio : sqrt(ratio * rate);
+            rate = ratio;
+            if (run->theta >= 0.99)
+                return DIVERGED;
+            run->contraction = run->theta / (1.0 - run->theta);
+            /* what will be left after the last iteration */
+            const double left =
+                run->contraction * change * pow(run->theta, NEWTON - 2 - k) / enough;
+            if (left >= 1.0 && k < NEWTON - 1) {
+                const double q = fmax(1e-4, fmin(20.0, left));
+                *factor = 0.8 * pow(q, -1.0 / (4 + NEWTON - 2 - k));
+                return DIVERGED;
+            }
+        }
+        before = fmax(change, DBL_EPSILON);
+        for (int m = 0; m < n; ++m) {
+            for (int i = 0; i < 3; ++i)
+                w[i * n + m] += r[i * n + m];
+            for (int i = 0; i < 3; ++i)
+                z[i * n + m] = radau_t[i][0] * w[m] + radau_t[i][1] * w[n + m]
+                               + radau_t[i][2] * w[2 * n + m];
+        }
+        if (run->contraction * change <= enough) {
+            *iterations = k + 1;
+            return CONVERGED;
+        }
+    }
+    return DIVERGED;
+}
+
+/* The error estimate (IV.8.19, and IV.8.20 where it is large and the step follows no other). */
+static double estimate(lag_run *run, double h, const double *z, int doubtful)
+{
+    const int n = lag_size(run->system);
+    double *sum = run->stages + 6 * n, *error = run->stages + 7 * n, *y = run->stages + 8 * n;
+    for (int m = 0; m < n; ++m) {
+        sum[m] = (radau_error[0] * z[m] + radau_error[1] * z[n + m] + radau_error[2] * z[2 * n + m])
+                 / h;
+        error[m] = run->f[m] + sum[m];
+    }
+    lag_shifted_solve(run, error, 0.0, error);
+    double size = norm(run, error);
+    if (size >= 1.0 && doubtful) {
+        for (int m = 0; m < n; ++m)
+            y[m] = run->y[m] + error[m];
+        if (!lag_derivative(run, run->t, y, error)) {
+            for (int m = 0; m < n; ++m)
+                error[m] += sum[m];
+            lag_shifted_solve(run, error, 0.0, error);
+            size = norm(run, error);
+        }
+    }
+    return fmax(size, 1e-10);
+}
+
+/* The collocation polynomial's divided differences. */
+static void interpolate(lag_run *run, const double *z)
+{
+    const int n = lag_size(run->system);
+    const double c1 = radau_c[0], c2 = radau_c[1];
+    double *d = run->dense;
+    for (int m = 0; m < n; ++m) {
+        const double middle = (z[m] - z[n + m]) / (c1 - c2);
+        d[m] = (z[n + m] - z[2 * n + m]) / (c2 - 1.0);
+        d[n + m] = (middle - d[m]) / (c1 - 1.0);
+        d[2 * n + m] = d[n + m] - (middle - z[m] / c1) / c2;
+    }
+}
+
+void lag_radau5_restart(lag_run *run)
+{
+    run->h_accepted = 0.0;
+    run->h_converging = INFINITY;
+    run->contraction = 1.0;
+    run->theta = 1.0; /* no Jacobian that could be kept */
+}
+
+int lag_radau5_step(lag_run *run)
+{
+    const int n = lag_size(run->system);
+    lag_implicit *implicit = run->implicit;
+    int rejected = 0, undefined = 0, current = 0;
+    double *z = run->stages;
+    for (;;) {
+        const double h = lag_step_size(run);
+        if (h == 0.0)
+            return undefined ? LAG_UNDEFINED : LAG_FLOOR;
+        if (run->theta > FAST && !current) {
+            if (lag_linearize(run, run->t, run->y, run->f))
+                return LAG_UNDEFINED;
+            current = 1;
+        } else if (!rejected && !current && lag_derivative(run, run->t, run->y, run->f)) {
+            return LAG_UNDEFINED;
+        }
+        if (implicit->shift != radau_real / h
+            && (lag_shift(run, radau_real / h)
+                || lag_shift_complex(run, radau_re / h, radau_im / h))) {
+            implicit->shift = 0.0;
+            const int status = lag_reorder(run);
+            if (status != LAG_RUNNING)
+                return status;
+            run->h = 0.5 * h;
+            rejected = 1;
+            continue;
+        }
+        int iterations = NEWTON;
+        double factor;
+        const enum newton outcome = solve_stages(run, h, z, &iterations, &factor);
+        if (outcome == CONVERGED) {
+            const double error = estimate(run, h, z, rejected || run->h_accepted == 0.0);
+            const double safe = fmin(SAFETY, SAFETY * (1.0 + 2.0 * NEWTON)
+                                                 / (iterations + 2.0 * NEWTON));
+            factor = fmin(fmax(safe * pow(error, -0.25), LEAST), LARGEST);
+            if (error < 1.0) {
+                if (run->h_accepted > 0.0) {
+                    /* predictive control (Gustafsson) */
+                    const double follows = SAFETY * h / run->h_accepted
+                                           * pow(run->error_old / (error * error), 0.25);
+                    factor = fmin(factor, fmax(follows, LEAST));
+                }
+                run->h_converging *= RELAXED;
+                factor = fmin(factor, run->h_converging / h);
+                if (rejected)
+                    factor = fmin(factor, 1.0);
+                for (int m = 0; m < n; ++m)
+                    run->y_new[m] = run->y[m] + z[2 * n + m];
+                interpolate(run, z);
+                run->error_old = fmax(error, 1e-2);
+                run->h_accepted = h;
+                if (run->theta <= FAST && factor >= 1.0 && factor <= KEPT)
+                    factor = 1.0;
+                lag_accept(run, h, factor);
+                return LAG_RUNNING;
+            }
+            if (run->h_accepted == 0.0)
+                factor = 0.1;
+        } else {
+            undefined = outcome == NOT_DEFINED;
+            run->h_converging = h * factor;
+        }
+        run->theta = 1.0; /* a new Jacobian may help as much as the smaller step */
+        run->h = h * factor;
+        rejected = 1;
+        ++run->rejected;
+    }
+}
+
+void lag_radau5_dense(lag_run *run, double t, double *y)
+{
+    const int n = lag_size(run->system);
+    /* from the end, where what is continued is y_new */
+    const double x = (t - run->t_old) / run->h_old - 1.0;
+    for (int m = 0; m < n; ++m)
+        y[m] = run->y_new[m] + continued(run->dense, n, m, x);
+}

@@ -1,0 +1,129 @@
+"""Which method the compiled engine runs: the one asked for, or what suits the model's stiffness.
+
+``auto`` starts with the explicit DOP853. Where stability, not accuracy, has limited its steps for
+a while, or its step size falls to the floor, it goes on with an implicit method; where that does
+not take longer steps either, it goes back, and looks for stiffness less often.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lagcli.engine.run import Request
+from lagcli.engine.system import System
+
+#: From this relative tolerance on, Rodas5P takes less time than Radau for the same error.
+_LOOSE = 1e-4
+#: Explicit steps that must be left: the derivatives take about as long as so many.
+_WORTH = 300
+#: How much longer its steps must be: each takes about so many times as long.
+_LONGER = 1.5
+#: Steps after which an implicit method must have proved itself.
+_TRIAL = 30
+#: Explicit steps after which an implicit method is tried all the same, if there are many more to
+#: come: at tight tolerances accuracy and stability limit them together.
+_PATIENCE = 2000
+_MANY = 5000
+
+
+class Methods:
+    """The methods of one run.
+
+    Parameters
+    ----------
+    core : binding.Integrator
+    system : System
+    request : Request
+
+    Attributes
+    ----------
+    running : str
+    steps : dict of str to int
+        The steps that each method has taken.
+    changes : list of (float, str)
+        When the run went on with which implicit method, s; without trials in vain.
+    """
+
+    def __init__(self, core: Any, system: System, request: Request):
+        self.core, self.system, self.request = core, system, request
+        self.running = "DOP853"
+        self.steps: dict[str, int] = {}
+        self.changes: list[tuple[float, str]] = []
+        self._prepared = False
+        self._patience, self._deaf_until = _PATIENCE, 0
+        self._next_look = _PATIENCE
+        self._trial: tuple[int, float, float] | None = None  # steps, time, explicit step
+        if request.method not in ("auto", self.running):
+            self._go_on(request.method)
+
+    def may_help(self) -> bool:
+        """Return whether another method is left to try."""
+        free = self.request.method == "auto" and self.system.variation is not None
+        return free and self.running == "DOP853"
+
+    def count(self) -> None:
+        """Count the steps since the last call."""
+        new = self.core.counts[0] - sum(self.steps.values())
+        if new or not self.steps:
+            self.steps[self.running] = self.steps.get(self.running, 0) + new
+
+    def stiff(self, *, forced: bool = False) -> None:
+        """Go on with an implicit method, unless one was tried in vain a short while ago."""
+        steps = self.core.counts[0]
+        if not forced and (steps < self._deaf_until or self._left() < _WORTH):
+            return
+        before, now = self.core.step
+        self._trial = None if forced else (steps, now, now - before)
+        method = "Rodas5P" if self.request.rtol >= _LOOSE else "Radau"
+        self.changes.append((now, method))
+        self._go_on(method)
+
+    def review(self) -> None:
+        """Go back to the explicit method where the implicit one takes no longer steps."""
+        steps = self.core.counts[0]
+        if self.may_help() and steps >= self._next_look:
+            self._next_look = 2 * steps
+            if self._left() > _MANY:
+                self.stiff()
+        if self._trial is None or steps < self._trial[0] + _TRIAL:
+            return
+        before, since, explicit = self._trial
+        self._trial = None
+        if (self.core.t - since) / (steps - before) > _LONGER * explicit:
+            return
+        self._deaf_until = steps + self._patience
+        self._next_look = max(self._next_look, self._deaf_until)
+        self._patience *= 2
+        self.changes.pop()
+        self._go_on("DOP853")
+
+    def _left(self) -> float:
+        """Return how many steps like the last are left."""
+        before, now = self.core.step
+        return (self.request.t_end - now) / (now - before)
+
+    def order(self) -> None:
+        """Choose an order of pivots for the implicit method's matrix."""
+        from lagcli.engine.sparse import pivot_order
+
+        self.core.order(pivot_order)
+
+    def message(self) -> str:
+        """Return what `auto` has found, for the user."""
+        if not self.changes:
+            return ""
+        t, method = self.changes[-1]
+        return f"the motion is stiff: went on with {method} at t = {t:.9g} s"
+
+    def _go_on(self, method: str) -> None:
+        if method != "DOP853" and not self._prepared:
+            assert self.system.variation is not None
+            # imported when it is needed: most runs are explicit
+            from lagcli.engine.sparse import matrix_pattern
+
+            variation = self.system.variation()
+            pattern = matrix_pattern(self.system, variation, self.request.rank)
+            self.core.prepare(variation, pattern)
+            self._prepared = True
+        self.core.switch(method)
+        self.running = method

@@ -1,0 +1,268 @@
+"""Stiff methods against closed forms, SciPy's Radau at tight tolerance, and DOP853."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.errors import UsageError
+from lagcli.model.model import Model
+from lagcli.trajectory import Trajectory
+
+MODELS = sorted((Path(__file__).parents[2] / "models").glob("*.yaml"))
+STIFF = ("Rodas5P", "Radau")
+
+
+def completed(model: Model, **options: Any) -> Trajectory:
+    trajectory = lagcli.simulate(model, engine=options.pop("engine", "compiled"), **options)
+    assert trajectory.status == "completed", trajectory.message
+    return trajectory
+
+
+def chain(n: int, k: float = 1e6, c: float = 1e3, hanging: bool = False) -> Model:
+    """Return masses joined by rods and, every second, by a stiff spring and damper."""
+    names, terms, springs, dampers, rods, initial = [], [], [], [], [], []
+    for i in range(n):
+        x, y = f"x{i}", f"y{i}"
+        names += [x, y]
+        terms.append(f"{x}'^2 + {y}'^2")
+        dx, dy = (f"({x} - x{i - 1})", f"({y} - y{i - 1})") if i else (x, y)
+        vx, vy = (f"({x}' - x{i - 1}')", f"({y}' - y{i - 1}')") if i else (f"{x}'", f"{y}'")
+        if i % 2:
+            springs.append(f"(sqrt({dx}^2 + {dy}^2) - 1)^2")
+            dampers.append(f"({dx}*{vx} + {dy}*{vy})^2/({dx}^2 + {dy}^2)")
+        else:
+            rods.append(f"  r{i}: {dx}^2 + {dy}^2 = 1")
+        at = (0, -i - 1) if hanging else (i + 1, 0)
+        initial.append(f"{x}: {at[0]}, {y}: {at[1]}, {x}': 0, {y}': 0")
+    newline = "\n"
+    return lagcli.load_text(f"""
+coordinates: [{", ".join(names)}]
+T: ({" + ".join(terms)})/2
+V: 9.81*({" + ".join(f"y{i}" for i in range(n))}) + {k}/2*({" + ".join(springs)})
+D: {c}/2*({" + ".join(dampers)})
+constraints:
+{newline.join(rods)}
+initial: {{{", ".join(initial)}}}
+""")
+
+
+SLIDER = lagcli.load_text("""
+name: crank and slider, which drives a mass by a stiff spring and damper
+coordinates: [theta, phi, x, s]
+T: 0.36*theta'^2/2 + 0.755*x'^2/2 + s'^2/2 + phi'^2/4
+V: 1e6/2*(s - x)^2 + 0.981*sin(theta)
+D: 1e3/2*(s' - x')^2
+constraints:
+  along: cos(theta) + 2*cos(phi) = x
+  across: sin(theta) = 2*sin(phi)
+initial:
+  theta: 0.5
+  phi: {guess: 0.24}
+  x: {guess: 2.8}
+  s: 2.8202
+  theta': 6
+  phi': {guess: 0}
+  x': {guess: 0}
+  s': -3
+""")
+
+
+# order
+
+
+WIRE = lagcli.load_text("""
+name: bead on a wire that turns
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 0
+constraints: {wire: x*sin(t) = y*cos(t)}
+initial: {x: 1, y: 0, x': 0, y': 1}
+""")
+#: Linear, so that Newton's iteration leaves no error of its own.
+DRIVEN = lagcli.load_text("""
+name: two oscillators at a prescribed distance
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 2*x^2 + 2*y^2
+constraints: {distance: x - y = sin(t)}
+initial: {x: 0.5, y: 0.5, x': 0.5, y': -0.5}
+""")
+
+
+def solution(model: Model, t: float) -> list[float]:
+    if model is WIRE:
+        return [math.cosh(t) * math.cos(t), math.cosh(t) * math.sin(t)]
+    return [(math.cos(2 * t) + sign * math.sin(t)) / 2 for sign in (1, -1)]
+
+
+def error(model: Model, method: str, h: float, time: float) -> float:
+    times = (time,) if time == 1.0 else (time, 1.0)
+    # the tolerance leaves the size of the steps to h
+    trajectory = completed(model, method=method, rtol=0.01, atol=0.01, max_step=h, times=times)
+    return float(np.abs(trajectory.q[0] - solution(model, time)).max())
+
+
+@pytest.mark.parametrize("inside", [0.0, 0.37])
+@pytest.mark.parametrize(
+    ("model", "method"), [(WIRE, "Rodas5P"), (DRIVEN, "Rodas5P"), (DRIVEN, "Radau")]
+)
+def test_order_on_a_moving_constraint(model: Model, method: str, inside: float) -> None:
+    sizes = (0.1, 0.05, 0.025)
+    found = [error(model, method, h, 1 - inside * h) for h in sizes]
+    orders = np.diff(np.log(found)) / np.diff(np.log(sizes))
+    # Radau's collocation polynomial has an error of h⁴ inside a step
+    expected = 4 if inside and method == "Radau" else 5
+    assert orders[-1] > expected - 0.4, (found, orders)
+
+
+# closed forms
+
+
+@pytest.mark.parametrize("method", [*STIFF, "auto"])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+def test_overdamped_oscillator(method: str, rtol: float) -> None:
+    k, c = 1e6, 2e4
+    model = lagcli.load_text(f"""
+coordinates: [x]
+T: x'^2/2
+V: {k}/2*x^2
+D: {c}/2*x'^2
+initial: {{x: 1, x': 0}}
+""")
+    trajectory = completed(model, method=method, t_end=0.1, samples=21, rtol=rtol, atol=rtol)
+    root = math.sqrt(c * c / 4 - k)
+    slow, fast = -k / (c / 2 + root), -c / 2 - root
+    t = trajectory.time
+    x = (fast * np.exp(slow * t) - slow * np.exp(fast * t)) / (fast - slow)
+    np.testing.assert_allclose(trajectory.q[:, 0], x, rtol=0, atol=10 * rtol)
+    # an explicit method needs h < 6.1/|fast|: three hundred steps and more
+    if rtol > 1e-8 and method != "auto":
+        assert trajectory.counts["steps"] < 200
+    # energy and work balance, dissipation included
+    assert np.abs(trajectory.energy_balance - trajectory.energy_balance[0]).max() <= 20 * rtol * k
+
+
+@pytest.mark.parametrize("method", [*STIFF, "auto"])
+def test_van_der_pol(method: str) -> None:
+    model = lagcli.load_text("""
+coordinates: [x]
+T: x'^2/2
+V: x^2/2
+Q: {x: "1000*(1 - x^2)*x'"}
+initial: {x: 2, x': 0}
+""")
+    trajectory = completed(
+        model, method=method, t_end=2000, samples=2, rtol=1e-7, atol=1e-9, max_steps=10_000
+    )
+    # x at t = 2 in slow time, ε = 1e-6: Hairer & Wanner, IV.10, give y(2) = 1.706167732170483
+    # with the start (2, −0.66); this one joins it after a boundary layer of 1e-6, in which x
+    # moves by 0.66e-6
+    assert trajectory.q[-1, 0] == pytest.approx(1.706167732, abs=2e-6)
+
+
+# references
+
+
+@pytest.mark.parametrize("method", [*STIFF, "auto"])
+@pytest.mark.parametrize("rtol", [1e-5, 1e-7])
+@pytest.mark.parametrize("name", ["chain", "slider"])
+def test_errors_are_at_the_tolerance(name: str, rtol: float, method: str) -> None:
+    model = chain(3) if name == "chain" else SLIDER
+    options: dict[str, Any] = {"t_end": 0.2, "samples": 5}
+    reference = completed(model, method="Radau", engine="scipy", rtol=1e-11, atol=1e-11, **options)
+    trajectory = completed(model, method=method, rtol=rtol, atol=rtol, **options)
+    size = max(1.0, np.abs(reference.v).max())
+    np.testing.assert_allclose(trajectory.q, reference.q, rtol=0, atol=5 * rtol)
+    np.testing.assert_allclose(trajectory.v, reference.v, rtol=0, atol=20 * rtol * size)
+    assert np.nanmax(np.abs(trajectory.residual_position / trajectory.scale_position)) <= 1e-12
+    assert np.abs(trajectory.residual_velocity / trajectory.scale_velocity).max() <= 1e-12
+
+
+@pytest.mark.parametrize("method", STIFF)
+@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
+def test_stiff_methods_agree_with_dop853_on_every_shipped_model(path: Path, method: str) -> None:
+    model = lagcli.load(path)
+    end = (model.settings.t_start or 0.0) + 0.05 * model.settings.t_end
+    options: dict[str, Any] = {"t_end": end, "samples": 6}
+    reference = completed(model, method="DOP853", rtol=1e-11, atol=1e-12, **options)
+    trajectory = completed(model, method=method, rtol=1e-9, atol=1e-10, **options)
+    for name in ("q", "v", "multipliers"):
+        one, other = getattr(trajectory, name), getattr(reference, name)
+        scale = np.abs(other).max(axis=0, initial=0.0).max(initial=0.0)
+        # 1e-9 per step, over some ten steps; λ is as good as v, and grows with the stiffness
+        np.testing.assert_allclose(one, other, rtol=0, atol=2e-6 * (scale + 1e-3), err_msg=name)
+
+
+@pytest.mark.parametrize("method", STIFF)
+def test_redundant_constraints(method: str) -> None:
+    model = lagcli.load_text("""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints: {rod: x^2 + y^2 = 1, again: 3*(x^2 + y^2) = 3}
+initial: {x: 1, y: 0, x': 0, y': 0}
+""")
+    options: dict[str, Any] = {"t_end": 2, "samples": 21}
+    reference = completed(model, method="DOP853", rtol=1e-11, atol=1e-12, **options)
+    trajectory = completed(model, method=method, rtol=1e-9, atol=1e-10, **options)
+    np.testing.assert_allclose(trajectory.q, reference.q, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(trajectory.multipliers, reference.multipliers, rtol=0, atol=1e-5)
+
+
+# what auto does
+
+
+@pytest.mark.parametrize(("rtol", "method"), [(1e-3, "Rodas5P"), (1e-6, "Radau")])
+def test_auto_says_what_it_did(rtol: float, method: str) -> None:
+    trajectory = completed(chain(2, c=1e5), t_end=1, samples=11, rtol=rtol, atol=rtol)
+    assert trajectory.options["method"] == f"DOP853, {method}"
+    assert f"stiff: went on with {method} at t = " in trajectory.message
+    assert trajectory.counts["steps"] < 500
+
+
+def test_auto_stays_explicit_where_nothing_is_stiff() -> None:
+    for path in MODELS:
+        model = lagcli.load(path)
+        trajectory = lagcli.simulate(model, samples=3)
+        assert trajectory.options["method"] == "DOP853", path.stem
+
+
+def test_index1_drifts_with_stiff_methods_too() -> None:
+    pendulum = lagcli.load_text("""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: 1, y: 0, x': 0, y': 0}
+""")
+    for method in STIFF:
+        options: dict[str, Any] = {"method": method, "rtol": 1e-5, "atol": 1e-5, "t_end": 4}
+        free = completed(pendulum, formulation="index1", **options)
+        assert np.abs(free.residual_position).max() > 1e-7
+        with pytest.raises(UsageError, match="Baumgarte"):
+            lagcli.simulate(pendulum, formulation="baumgarte", engine="compiled", **options)
+
+
+@pytest.mark.parametrize("method", STIFF)
+def test_cost_grows_like_the_number_of_bodies(method: str) -> None:
+    def seconds(n: int) -> float:
+        model = chain(n, hanging=True)
+        long, short = (
+            min(
+                completed(
+                    model, method=method, rtol=1e-5, atol=1e-5, t_end=t, samples=2, max_step=1e-3
+                ).seconds["integrate"]
+                for _ in range(2)
+            )
+            for t in (1.1, 0.1)
+        )
+        return long - short  # of steps alone
+
+    # eight times as long; square growth would be sixty-four
+    assert seconds(80) < 30 * seconds(10)
