@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import symengine as se
 from symengine import Basic
 
-from lagcli.model.functions import derivative
+from lagcli.model.functions import settled
 
 
 def terms_of(expression: Basic) -> tuple[Basic, ...]:
@@ -38,4 +38,4 @@ def by_symbol(terms: Iterable[Basic]) -> dict[Basic, list[Basic]]:
 
 def partial(terms: Iterable[Basic], symbol: Basic) -> Basic:
     """Return ∂/∂symbol of a sum of terms."""
-    return se.Add(*[derivative(term, symbol) for term in terms])
+    return settled(se.Add(*[term.diff(symbol) for term in terms]), symbol)

@@ -7,6 +7,7 @@ that its derivative is right wherever it exists.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import symengine as se
@@ -147,10 +148,16 @@ _JUMPS = (se.floor, se.ceiling, se.sign)
 _OUTER_JUMPS = {se.Derivative(jump(_INNER), _INNER): ZERO for jump in _JUMPS}
 
 
-def derivative(expression: Basic, symbol: Basic) -> Basic:
-    """Return ∂expression/∂symbol; that of a jump is zero, which it is wherever it exists.
+@cache
+def _jumps_at(symbol: Basic) -> dict[Basic, Basic]:
+    return _OUTER_JUMPS | {se.Derivative(jump(symbol), symbol): ZERO for jump in _JUMPS}
 
-    SymEngine leaves an unevaluated derivative of floor, ceil and its own sign.
-    """
-    jumps = {se.Derivative(jump(symbol), symbol): ZERO for jump in _JUMPS}
-    return expression.diff(symbol).xreplace({**_OUTER_JUMPS, **jumps})
+
+def derivative(expression: Basic, symbol: Basic) -> Basic:
+    """Return ∂expression/∂symbol; that of a jump is zero, which it is wherever it exists."""
+    return settled(expression.diff(symbol), symbol)
+
+
+def settled(slope: Basic, symbol: Basic) -> Basic:
+    """Return SymEngine's ∂/∂symbol with zero for what it leaves unevaluated: slopes of jumps."""
+    return slope.xreplace(_jumps_at(symbol))
