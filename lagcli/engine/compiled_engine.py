@@ -227,7 +227,7 @@ class _Session:
             if self.methods.may_help() and not self.watch.near(core.t, core.state):
                 self.methods.stiff(forced=True)
                 return False
-            raise self.watch.floor(core.t, core.state)
+            raise self.watch.floor(core.t, core.state, self.request.method)
         if status == binding.BLOCK_FULL:
             self.collect()
             return False  # in the midst of a step: nothing else changes

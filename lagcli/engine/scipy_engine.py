@@ -154,7 +154,8 @@ class _Integration:
             return
         if motion.undefined is not None:
             raise Undefined(*motion.undefined)
-        raise self.watch.floor(t, solver.y, f" ({message})" if message else "")
+        remark = f" ({message})" if message else ""
+        raise self.watch.floor(t, solver.y, self.request.method, remark)
 
     def accept(self, solver: OdeSolver, t_old: float, y_old: Array) -> tuple[float, Array]:
         """Sample the last step, and return the state at its end, on the constraints."""

@@ -221,16 +221,20 @@ class RankWatch:
             " motion; --through-singular passes it"
         )
 
-    def floor(self, t: float, y: Array, remark: str = "") -> Stop:
+    def floor(self, t: float, y: Array, method: str, remark: str = "") -> Stop:
         """Return the end of a run whose step size fell to the floor."""
         q, v = self.motion.split(y)
         if self.near(t, y):
             return self.stop(t, q, v)
         fastest = self.motion.evaluator.system.coordinates[int(np.argmax(np.abs(v)))]
+        why = (
+            "the motion is singular or jumps there"
+            if method in ("auto", "Radau")
+            else "the motion is stiff or singular there; try --method Radau"
+        )
         return Stop(
             f"the step size fell to the floor at t = {t:.9g} s, where `{fastest}` changes fastest"
-            f" ({np.abs(v).max():.3g} per second): the motion is stiff or singular there; try"
-            f" --method Radau{remark}"
+            f" ({np.abs(v).max():.3g} per second): {why}{remark}"
         )
 
     def check_redundancy(self, t: float, y: Array) -> None:
