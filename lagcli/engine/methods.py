@@ -35,6 +35,11 @@ class Methods:
     system : System
     request : Request
 
+    Raises
+    ------
+    ValueError
+        An implicit method is asked for, and the System has no derivatives.
+
     Attributes
     ----------
     running : str
@@ -117,7 +122,8 @@ class Methods:
 
     def _go_on(self, method: str) -> None:
         if method != "DOP853" and not self._prepared:
-            assert self.system.variation is not None
+            if self.system.variation is None:
+                raise ValueError(f"the System has no derivatives, which {method} needs")
             # imported when it is needed: most runs are explicit
             from lagcli.engine.sparse import matrix_pattern
 
