@@ -235,9 +235,7 @@ def resolve(settings: Settings, model: Model) -> Settings:
         chosen = dataclasses.replace(chosen, samples=DEFAULT_SAMPLES)
     if chosen.engine is None:
         chosen = dataclasses.replace(chosen, engine="compiled" if _suits(chosen) else "scipy")
-    if chosen.method == "auto" and (
-        chosen.engine == "scipy" or chosen.formulation == "baumgarte"
-    ):
+    if chosen.method == "auto" and (chosen.engine == "scipy" or chosen.formulation == "baumgarte"):
         # there is nothing to choose
         chosen = dataclasses.replace(chosen, method="DOP853")
     try:
