@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ import numpy as np
 from lagcli.errors import LagcliError, ModelError
 from lagcli.extremes import Extremes, known
 from lagcli.samples import Array, Record
+
+_LISTED = 20  # multipliers that a person reads
 
 
 def summarize(
@@ -133,11 +136,13 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     if s["multipliers"]:
         width = max(len(f"lambda.{n}") for n in s["multipliers"])
         lines.append("  multipliers")
-        for n, m in s["multipliers"].items():
+        for n, m in islice(s["multipliers"].items(), _LISTED):
             lines.append(
                 f"    {'lambda.' + n:<{width}}  min {m['min']:>13.6g} at t = {m['t_min']:<9.4g}"
                 f"  max {m['max']:>13.6g} at t = {m['t_max']:.4g}"
             )
+        if len(s["multipliers"]) > _LISTED:
+            lines.append(f"    and {len(s['multipliers']) - _LISTED} more (--json lists all)")
     total = s["seconds"]["total"]
     lines.append(
         f"  {'time':<12}{total:.2f} s, of which integrating {s['seconds']['integrate']:.2f} s"

@@ -75,21 +75,23 @@ class Formulas:
         """The coordinates q_i."""
         return tuple(Symbol(name) for name in self.model.coordinate_names)
 
-    def written(self, tree: Tree) -> Node:
-        """Return a tree of the model as its author wrote it."""
-        return written(tree, self.model, self.values)
+    def written(self, tree: Tree, indices: Mapping[str, int] | None = None) -> Node:
+        """Return a tree of the model as its author wrote it; of a family, for some indices."""
+        return written(tree, self.model, self.values, indices or {})
 
     def definition_lines(
-        self, trees: Iterable[Tree], nodes: Iterable[Node] = ()
+        self, constraints: Iterable[ConstraintEquation], nodes: Iterable[Node] = ()
     ) -> tuple[Line, ...]:
-        """Return the definitions that trees and formulas use, as written."""
+        """Return the definitions that constraints and formulas use, as written."""
         definitions = self.model.definitions
         used: dict[str, None] = {}
-        for tree in trees:
-            used.update(dict.fromkeys(named_in(tree, self.model)))
+        for c in constraints:
+            for tree in self.constraint_trees(c):
+                used.update(dict.fromkeys(named_in(tree, self.model, c.constraint.indices)))
         for name in symbols_in(nodes):
             if name in definitions:
-                used.update(dict.fromkeys(named_in(definitions[name].tree, self.model)))
+                d = definitions[name]
+                used.update(dict.fromkeys(named_in(d.tree, self.model, d.indices)))
                 used[name] = None
         return tuple(self._definition_line(name) for name in definitions if name in used)
 
@@ -98,7 +100,8 @@ class Formulas:
         return tuple(map(self._definition_line, self.model.definitions))
 
     def _definition_line(self, name: str) -> Line:
-        return Line((Symbol(name), self.written(self.model.definitions[name].tree)))
+        definition = self.model.definitions[name]
+        return Line((Symbol(name), self.written(definition.tree, definition.indices)))
 
     def uses_definitions(self, tree: Tree) -> bool:
         """Whether a tree names definitions."""
@@ -111,7 +114,8 @@ class Formulas:
 
     def constraint_line(self, c: ConstraintEquation) -> Line:
         """Return a constraint as written."""
-        sides = tuple(self.written(tree) for tree in self.constraint_trees(c))
+        indices = c.constraint.indices
+        sides = tuple(self.written(tree, indices) for tree in self.constraint_trees(c))
         return Line(sides if len(sides) == 2 else (*sides, ZERO))
 
     def variation_line(self, c: ConstraintEquation) -> Line:

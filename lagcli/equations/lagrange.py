@@ -8,24 +8,25 @@ M = ∂p/∂v,  f = ∂L/∂q − (∂p/∂q) v − ∂p/∂t + Q,  B = ∂ψ/�
 
 where ψ is φ̇ for a holonomic constraint (seed equations 8.78 to 8.86). Derivatives are taken with
 plain symbols q, v, t, and only where a symbol occurs: the terms of a sum are sorted by the
-coordinates that they know, so that N bodies cost N times one.
+coordinates that they know, so that N bodies cost N times one. Products of velocities, of which most
+Lagrangians consist, are not differentiated as they stand: see `quadratic`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
 
-from lagcli.equations.partials import by_symbol, partial, terms_of
+from lagcli.equations.motion import TWO, ZERO, Motion, addends
+from lagcli.equations.quadratic import Forms, QuadraticPart
 from lagcli.model import model as symbols
-from lagcli.model.functions import derivative
 from lagcli.model.model import Constraint, Model
 
-ZERO = se.Integer(0)
 Row = Mapping[int, Basic]  # the nonzero entries, by column
 
 
@@ -74,12 +75,6 @@ class Equations:
         L = T − V.
     kinetic, potential : expressions
         T and V; of a model written with L, the part of L quadratic in v and minus the rest.
-    momenta : k expressions
-        p_i = ∂L/∂v_i.
-    gradient : k expressions
-        ∂L/∂q_i.
-    momentum_rates : k expressions
-        d/dt p_i, with accelerations.
     applied_forces : k expressions
         Q_i, the Rayleigh dissipation's −∂D/∂v_i included.
     mass_matrix : k mappings of int to expression
@@ -102,9 +97,6 @@ class Equations:
     lagrangian: Basic
     kinetic: Basic
     potential: Basic
-    momenta: tuple[Basic, ...]
-    gradient: tuple[Basic, ...]
-    momentum_rates: tuple[Basic, ...]
     applied_forces: tuple[Basic, ...]
     mass_matrix: tuple[Row, ...]
     forcing: tuple[Basic, ...]
@@ -112,6 +104,33 @@ class Equations:
     energy: Basic
     time_power: Basic
     outputs: Mapping[str, Basic]
+
+    @cached_property
+    def _motion(self) -> Motion:
+        return Motion(self.q, self.v, self.a)
+
+    @cached_property
+    def momenta(self) -> tuple[Basic, ...]:
+        """The k momenta p_i = ∂L/∂v_i."""
+        terms = self._motion.by_symbol(addends(self.lagrangian))
+        return tuple(self._motion.sum_diff(terms.get(x, ()), x) for x in self.v)
+
+    @cached_property
+    def gradient(self) -> tuple[Basic, ...]:
+        """The k derivatives ∂L/∂q_i."""
+        terms = self._motion.by_symbol(addends(self.lagrangian))
+        return tuple(self._motion.sum_diff(terms.get(x, ()), x) for x in self.q)
+
+    @cached_property
+    def momentum_rates(self) -> tuple[Basic, ...]:
+        """The k rates d/dt p_i, with accelerations."""
+        motion = self._motion
+        rates = []
+        for p in self.momenta:
+            row = _slopes_by_velocity(p, motion)
+            moving = [m * self.a[j] for j, m in row.items()]
+            rates.append(se.Add(*moving, motion.convective(p)))
+        return tuple(rates)
 
     @property
     def multipliers(self) -> tuple[Basic, ...]:
@@ -130,31 +149,20 @@ def derive(model: Model) -> Equations:
     -------
     Equations
     """
-    names = model.coordinate_names
-    q, v, a = (
-        tuple(map(f, names)) for f in (symbols.coordinate, symbols.velocity, symbols.acceleration)
-    )
-    motion = _Motion(q, v, a)
+    motion = Motion.of(model)
+    q, v, a = motion.q, motion.v, motion.a
     lagrangian = -model.potential if model.kinetic is None else model.kinetic - model.potential
-    terms = by_symbol(terms_of(lagrangian))
-    momenta = tuple(partial(terms.get(x, ()), x) for x in v)
-    gradient = tuple(partial(terms.get(x, ()), x) for x in q)
-    dissipation = by_symbol(terms_of(model.dissipation or ZERO))
+    dynamics = _dynamics(model, lagrangian, motion)
+    dissipation = motion.by_symbol(addends(model.dissipation or ZERO))
     applied = tuple(
-        model.applied_forces.get(name, ZERO) - partial(dissipation.get(x, ()), x)
-        for name, x in zip(names, v, strict=True)
+        model.applied_forces.get(name, ZERO) - motion.sum_diff(dissipation.get(x, ()), x)
+        for name, x in zip(model.coordinate_names, v, strict=True)
     )
-    mass, forcing, rates = [], [], []
-    for p, g, force in zip(momenta, gradient, applied, strict=True):
-        row, convective, explicit = motion.split(p)
-        mass.append(row)
-        forcing.append(g + force - convective - explicit)
-        rates.append(se.Add(*[m * a[j] for j, m in row.items()], convective, explicit))
-    constraints = tuple(motion.constraint(c) for c in model.constraints)
+    constraints = tuple(_constraint(c, motion) for c in model.constraints)
     kinetic, potential = model.kinetic, model.potential
     if kinetic is None:
         kinetic = se.Add(
-            *[m * v[i] * v[j] / 2 for i, row in enumerate(mass) for j, m in row.items()]
+            *[m * v[i] * v[j] / TWO for i, row in enumerate(dynamics.mass) for j, m in row.items()]
         )
         potential = kinetic - lagrangian
     return Equations(
@@ -165,86 +173,135 @@ def derive(model: Model) -> Equations:
         lagrangian=lagrangian,
         kinetic=kinetic,
         potential=potential,
-        momenta=momenta,
-        gradient=gradient,
-        momentum_rates=tuple(rates),
         applied_forces=applied,
-        mass_matrix=tuple(mass),
-        forcing=tuple(forcing),
+        mass_matrix=tuple(dynamics.mass),
+        forcing=tuple(f + force for f, force in zip(dynamics.forcing, applied, strict=True)),
         constraints=constraints,
-        energy=se.Add(*[x * p for x, p in zip(v, momenta, strict=True)], -lagrangian),
-        time_power=-partial(terms.get(symbols.TIME, ()), symbols.TIME),
+        energy=dynamics.energy,
+        time_power=dynamics.time_power,
         outputs=_outputs(model, constraints),
     )
 
 
-class _Motion:
-    """Derivatives along the motion, touching only the symbols that occur."""
+class _Dynamics(NamedTuple):
+    """What follows from L alone: M, ∂L/∂q − (∂p/∂q) v − ∂p/∂t, v·p − L and −∂L/∂t."""
 
-    def __init__(self, q: tuple[Basic, ...], v: tuple[Basic, ...], a: tuple[Basic, ...]):
-        self.q, self.v, self.a = q, v, a
-        self.positions = {x: i for i, x in enumerate(q)}
-        self.rates = {x: i for i, x in enumerate(v)}
+    mass: list[dict[int, Basic]]
+    forcing: list[Basic]
+    energy: Basic
+    time_power: Basic
 
-    def occurring(self, expression: Basic) -> tuple[list[int], list[int], bool]:
-        """Return the indices of the q and v that occur, and whether t does."""
-        free = expression.free_symbols
-        return (
-            sorted(self.positions[s] for s in free if s in self.positions),
-            sorted(self.rates[s] for s in free if s in self.rates),
-            symbols.TIME in free,
-        )
 
-    def split(self, p: Basic) -> tuple[dict[int, Basic], Basic, Basic]:
-        """Return ∂p/∂v by column, (∂p/∂q) v, and ∂p/∂t."""
-        positions, rates, timed = self.occurring(p)
-        terms = by_symbol(terms_of(p))
-        row = {j: partial(terms[self.v[j]], self.v[j]) for j in rates}
-        convective = se.Add(*[partial(terms[self.q[j]], self.q[j]) * self.v[j] for j in positions])
-        explicit = partial(terms[symbols.TIME], symbols.TIME) if timed else ZERO
-        return {j: m for j, m in row.items() if m != 0}, convective, explicit
+def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
+    products, rest = Forms(motion).split(lagrangian)
+    timed = [term for term in addends(lagrangian) if motion.occurring(term).timed]
+    quadratic = QuadraticPart(products, motion)
+    mass, forces = quadratic.mass_matrix(), quadratic.forces()
+    terms = motion.by_symbol(rest)
+    if model.kinetic is not None and quadratic.homogeneous and terms.keys().isdisjoint(motion.v):
+        energy = [model.kinetic, model.potential]  # as written, so that they are built once
+    else:
+        energy = [quadratic.energy(), *(-term for term in rest)]
+    for i, (q, v) in enumerate(zip(motion.q, motion.v, strict=True)):
+        if q in terms:
+            forces[i].append(motion.sum_diff(terms[q], q))
+        if v not in terms:
+            continue
+        p = motion.sum_diff(terms[v], v)
+        forces[i].append(-motion.convective(p))
+        energy.append(v * p)
+        for j, m in _slopes_by_velocity(p, motion).items():
+            mass[i][j] = mass[i].get(j, ZERO) + m
+    return _Dynamics(
+        [{j: m for j, m in sorted(row.items()) if m != ZERO} for row in mass],
+        [se.Add(*parts) for parts in forces],
+        se.Add(*energy),
+        -motion.sum_diff(timed, symbols.TIME),
+    )
 
-    def slope(self, expression: Basic, j: int) -> Basic:
-        """Return ∂/∂v_j of an expression affine in v; written out only where that is not seen."""
-        slope = derivative(expression, self.v[j])
-        return se.expand(slope) if slope.free_symbols & set(self.v) else slope
 
-    def constraint(self, constraint: Constraint) -> ConstraintEquation:
-        expression = constraint.expression
-        if constraint.kind == "holonomic":
-            positions, _, timed = self.occurring(expression)
-            terms = by_symbol(terms_of(expression))
-            row = {j: partial(terms[self.q[j]], self.q[j]) for j in positions}
-            drift = partial(terms[symbols.TIME], symbols.TIME) if timed else ZERO
-            position: Basic | None = expression
+def _slopes_by_velocity(p: Basic, motion: Motion) -> dict[int, Basic]:
+    """Return the ∂p/∂v_j that are not zero."""
+    terms = motion.by_symbol(addends(p))
+    rates = motion.occurring(p).rates
+    row = {j: motion.sum_diff(terms[motion.v[j]], motion.v[j]) for j in rates}
+    return {j: m for j, m in row.items() if m != ZERO}
+
+
+def _constraint(constraint: Constraint, motion: Motion) -> ConstraintEquation:
+    expression = constraint.expression
+    position: Basic | None = None
+    if constraint.kind == "holonomic":
+        position = expression
+        acceleration = _second_rate(expression, motion)
+        slopes = motion.slopes(expression)
+        row, drift = slopes.by_position, slopes.by_time
+    else:
+        rates = motion.occurring(expression).rates
+        row = {j: _slope(expression, j, motion) for j in rates}
+        row = {j: b for j, b in row.items() if b != ZERO}
+        drift = expression.subs({motion.v[j]: ZERO for j in rates})
+    velocity = se.Add(*[b * motion.v[j] for j, b in row.items()], drift)
+    if position is None:
+        acceleration = motion.convective(velocity)
+    return ConstraintEquation(constraint, position, velocity, row, drift, -acceleration)
+
+
+def _slope(expression: Basic, j: int, motion: Motion) -> Basic:
+    """Return ∂/∂v_j of an expression affine in v; written out only where that is not seen."""
+    slope = motion.diff(expression, motion.v[j])
+    return se.expand(slope) if motion.occurring(slope).rates else slope
+
+
+def _second_rate(expression: Basic, motion: Motion) -> Basic:
+    """Return φ̈ without accelerations; of a square c w² as 2 c (ẇ² + w ẅ)."""
+    found: list[Basic] = []
+    others: list[Basic] = []
+    for term in addends(expression):
+        factors = term.args if isinstance(term, se.Mul) else (term,)
+        still = [x for x in factors if motion.occurring(x).still]
+        moving = [x for x in factors if not motion.occurring(x).still]
+        square = len(moving) == 1 and isinstance(moving[0], se.Pow) and moving[0].args[1] == TWO
+        if square and isinstance(moving[0].args[0], se.Add):
+            w = moving[0].args[0]
+            rate = motion.convective(w)
+            found.append(TWO * se.Mul(*still) * (rate**TWO + w * motion.convective(rate)))
         else:
-            _, rates, _ = self.occurring(expression)
-            row = {j: self.slope(expression, j) for j in rates}
-            drift = expression.subs({self.v[j]: ZERO for j in rates})
-            position = None
-        row = {j: b for j, b in row.items() if b != 0}
-        velocity = se.Add(*[b * self.v[j] for j, b in row.items()], drift)
-        _, convective, explicit = self.split(velocity)
-        return ConstraintEquation(
-            constraint, position, velocity, row, drift, -convective - explicit
-        )
+            others.append(term)
+    rest = motion.convective(motion.convective(se.Add(*others)))
+    return se.Add(*found, rest)
 
 
 def _outputs(model: Model, constraints: tuple[ConstraintEquation, ...]) -> dict[str, Basic]:
     """Return the outputs with the constraint forces written as λ b."""
-    if not model.outputs:
-        return {}
-    forces: dict[Basic, Basic] = {}
-    for j, name in enumerate(model.coordinate_names):
-        parts = []
-        for c in constraints:
-            label = c.constraint.name
-            part = symbols.multiplier(label) * c.row[j] if j in c.row else ZERO
-            forces[symbols.constraint_force(name, label)] = part
-            parts.append(part)
-        forces[symbols.constraint_force(name)] = se.Add(*parts)
+    forces = _ConstraintForces(model, constraints)
     found = {}
     for name, expression in model.outputs.items():
-        used = {s: forces[s] for s in expression.free_symbols if s in forces}
+        used = {s: forces.of(s.name) for s in expression.free_symbols if s.name.startswith("Qc.")}
         found[name] = expression.subs(used) if used else expression
     return found
+
+
+class _ConstraintForces:
+    """The constraint forces by the names that outputs give them, built when asked for."""
+
+    def __init__(self, model: Model, constraints: tuple[ConstraintEquation, ...]):
+        self.places = {name: j for j, name in enumerate(model.coordinate_names)}
+        self.constraints = {c.constraint.name: c for c in constraints}
+        self.by_coordinate: dict[int, list[ConstraintEquation]] = {}
+
+    def of(self, name: str) -> Basic:
+        """Return Qc.COORDINATE or Qc.CONSTRAINT.COORDINATE as λ b."""
+        _, *constraint, coordinate = name.split(".")
+        j = self.places[coordinate]
+        if constraint:
+            return self.part(self.constraints[constraint[0]], j)
+        if not self.by_coordinate:
+            for c in self.constraints.values():
+                for i in c.row:
+                    self.by_coordinate.setdefault(i, []).append(c)
+        return se.Add(*[self.part(c, j) for c in self.by_coordinate.get(j, ())])
+
+    def part(self, c: ConstraintEquation, j: int) -> Basic:
+        """Return λ b of one constraint on one coordinate."""
+        return symbols.multiplier(c.constraint.name) * c.row.get(j, ZERO)

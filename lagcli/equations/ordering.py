@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
+from typing import NamedTuple
 
-from lagcli.model.grammar import Call, Name, Power, Product, Sum, Tree
+from lagcli.model.grammar import Call, Name, Power, Product, Series, Sum, Tree
+from lagcli.model.members import family_of
 from lagcli.model.model import Model
 
 
@@ -14,22 +16,29 @@ def writing_order(model: Model) -> tuple[str, ...]:
     Who writes m*g*r wants to read m g r, whatever the order of declaration, which decides where
     no product does.
     """
-    before: dict[str, list[str]] = {name: [] for name in model.parameters}
+    families: dict[str, list[str]] = {}
+    for name in model.parameters:
+        families.setdefault(family_of(name), []).append(name)
+    before: dict[str, list[str]] = {family: [] for family in families}
     seen: set[tuple[str, str]] = set()
+    trees: dict[str, dict[int, Tree]] = {}
+    for name, definition in model.definitions.items():
+        trees.setdefault(family_of(name), {})[id(definition.tree)] = definition.tree
+    known = Known(families.keys(), {name: [*found.values()] for name, found in trees.items()})
     for tree in model.trees.values():
-        for left, right in _pairs(tree, model):
+        for left, right in _pairs(tree, known):
             if (left, right) not in seen and (right, left) not in seen:
                 seen.add((left, right))
                 before[right].append(left)
-    rank = {name: i for i, name in enumerate(model.parameters)}
+    rank = {family: i for i, family in enumerate(families)}
     order: list[str] = []
     done: set[str] = set()
-    for start in model.parameters:
+    for start in families:
         stack = [(start, False)]
         while stack:  # depth first: what is written before a name comes before it
             name, ready = stack.pop()
             if ready:
-                order.append(name)
+                order += families[name]
             elif name not in done:
                 done.add(name)
                 stack.append((name, True))
@@ -38,7 +47,14 @@ def writing_order(model: Model) -> tuple[str, ...]:
     return tuple(order)
 
 
-def _pairs(tree: Tree, model: Model) -> Iterator[tuple[str, str]]:
+class Known(NamedTuple):
+    """The parameters and definitions of a model; families as ``m[]``."""
+
+    parameters: Collection[str]
+    definitions: Mapping[str, list[Tree]]
+
+
+def _pairs(tree: Tree, known: Known) -> Iterator[tuple[str, str]]:
     """Yield (a, b) where a factor a stands left of a factor b."""
     stack = [tree]
     while stack:
@@ -48,6 +64,8 @@ def _pairs(tree: Tree, model: Model) -> Iterator[tuple[str, str]]:
                 stack.extend(term for _, term in reversed(item.terms))
             case Power():
                 stack.append(item.base)
+            case Series():
+                stack.append(item.term)
             case Call():
                 stack.extend(reversed(item.arguments))
             case Product():
@@ -55,13 +73,13 @@ def _pairs(tree: Tree, model: Model) -> Iterator[tuple[str, str]]:
                 stack.extend(reversed(factors))
                 passed: list[str] = []
                 for factor in factors:
-                    inside = _names(factor, model)
+                    inside = _names(factor, known)
                     yield from ((a, b) for a in passed for b in inside if a != b)
                     if isinstance(factor, Name | Power):
                         passed.extend(name for name in inside if name not in passed)
 
 
-def _names(tree: Tree, model: Model) -> list[str]:
+def _names(tree: Tree, known: Known) -> list[str]:
     """Return the parameters that occur as factors in a tree, definitions written out."""
     found: dict[str, None] = {}
     opened: set[str] = set()
@@ -69,11 +87,13 @@ def _names(tree: Tree, model: Model) -> list[str]:
     while stack:
         item = stack.pop()
         match item:
-            case Name() if item.text in model.parameters:
+            case Name() if item.text in known.parameters:
                 found[item.text] = None
-            case Name() if item.text in model.definitions and item.text not in opened:
+            case Name() if item.text in known.definitions and item.text not in opened:
                 opened.add(item.text)
-                stack.append(model.definitions[item.text].tree)
+                stack.extend(known.definitions[item.text])
+            case Series():
+                stack.append(item.term)
             case Sum():
                 stack.extend(term for _, term in reversed(item.terms))
             case Power():

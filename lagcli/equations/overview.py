@@ -61,10 +61,9 @@ def _coordinates(f: Formulas) -> Step:
 
 
 def _definitions(f: Formulas) -> Step | None:
-    trees = [tree for c in f.equations.constraints for tree in f.constraint_trees(c)]
     shown = [_equations(f), *([_constraints(f)] if f.equations.constraints else [])]
     nodes = [side for step in shown if step for line in step.lines for side in line.sides]
-    lines = f.definition_lines(trees, nodes)
+    lines = f.definition_lines(f.equations.constraints, nodes)
     return Step("Definitions used below", lines) if lines else None
 
 

@@ -13,11 +13,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import symengine as se
 from symengine import Basic
 
 from lagcli.equations.lagrange import Equations, Row
-from lagcli.equations.partials import by_symbol, partial, terms_of
+from lagcli.equations.motion import ZERO, Motion, addends
 from lagcli.model.model import TIME
 
 
@@ -73,7 +72,7 @@ def vary(equations: Equations) -> Variation:
     ]
     power = [q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)]
     power += [v * x for v, reaction in zip(eq.v, reactions, strict=True) for x in reaction]
-    differ = _Gradients(eq.q, eq.v)
+    differ = _Gradients(Motion.of(eq.model))
     return Variation(
         force=tuple(differ(parts) for parts in defects),
         rhs=tuple(
@@ -86,20 +85,18 @@ def vary(equations: Equations) -> Variation:
 class _Gradients:
     """Gradients with respect to q, v and t."""
 
-    def __init__(self, q: tuple[Basic, ...], v: tuple[Basic, ...]):
-        self.positions = {x: i for i, x in enumerate(q)}
-        self.rates = {x: i for i, x in enumerate(v)}
+    def __init__(self, motion: Motion):
+        self.motion = motion
+        self.positions = {x: i for i, x in enumerate(motion.q)}
+        self.rates = {x: i for i, x in enumerate(motion.v)}
 
     def __call__(self, parts: Sequence[Basic]) -> Gradient:
-        known = by_symbol(term for part in parts for term in terms_of(part))
-        slopes = {s: partial(terms, s) for s, terms in known.items() if self._varies(s)}
-        time = slopes.pop(TIME, se.Integer(0))
+        known = self.motion.by_symbol(term for part in parts for term in addends(part))
+        slopes = {s: self.motion.sum_diff(terms, s) for s, terms in known.items()}
+        time = slopes.pop(TIME, ZERO)
         return Gradient(self._row(slopes, self.positions), self._row(slopes, self.rates), time)
-
-    def _varies(self, symbol: Basic) -> bool:
-        return symbol in self.positions or symbol in self.rates or symbol == TIME
 
     @staticmethod
     def _row(slopes: dict[Basic, Basic], places: dict[Basic, int]) -> Row:
-        found = {places[s]: x for s, x in slopes.items() if s in places and x != 0}
+        found = {places[s]: x for s, x in slopes.items() if s in places and x != ZERO}
         return dict(sorted(found.items()))

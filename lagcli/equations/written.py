@@ -13,16 +13,29 @@ from lagcli.equations import typeset
 from lagcli.equations.monomials import Exact
 from lagcli.equations.typeset import Node, product_of, quotient_of, sum_of
 from lagcli.model import grammar
-from lagcli.model.expressions import Sized, build
+from lagcli.model.expressions import build
 from lagcli.model.grammar import Tree
+from lagcli.model.members import family_of
 from lagcli.model.model import Constraint, Model
-from lagcli.model.scope import Context, ModelScope, Names
+from lagcli.model.names import Context, Names
+from lagcli.model.quantities import constant
+from lagcli.model.scope import ModelScope
+from lagcli.model.scoping import Sized
 
 _HALF = typeset.Number(Fraction(1, 2))
 
 
-def written(tree: Tree, model: Model, values: Mapping[str, Exact] | None = None) -> Node:
-    """Return a tree of the grammar as a formula.
+Indices = Mapping[str, int]
+_NONE: Indices = {}
+
+
+def written(
+    tree: Tree,
+    model: Model,
+    values: Mapping[str, Exact] | None = None,
+    indices: Indices = _NONE,
+) -> Node:
+    """Return a tree of the grammar as a formula, sums over an index term by term.
 
     Parameters
     ----------
@@ -31,52 +44,75 @@ def written(tree: Tree, model: Model, values: Mapping[str, Exact] | None = None)
     model : Model
     values : mapping of str to exact numbers, optional
         Parameters to be replaced by their values.
+    indices : mapping of str to int
+        The values of the index, in the tree of a family.
     """
-    return _Writer(model, dict(values or {})).node(tree)
+    return _Writer(model, dict(values or {}), indices).node(tree)
 
 
-def named_in(tree: Tree, model: Model) -> tuple[str, ...]:
+def named_in(tree: Tree, model: Model, indices: Indices = _NONE) -> tuple[str, ...]:
     """Return the definitions that a tree uses, each after those that it needs itself."""
-    names = _names(model)
+    scope = _scope(model)
     found: dict[str, None] = {}
-    stack: list[tuple[Tree | str, bool]] = [(tree, False)]
+    stack: list[tuple[Tree | str, Indices, bool]] = [(tree, indices, False)]
     while stack:
-        item, done = stack.pop()
+        item, here, done = stack.pop()
         if isinstance(item, str):
+            definition = model.definitions[item]
             if done:
                 found[item] = None
             elif item not in found:
-                stack += [(item, True), (model.definitions[item].tree, False)]
+                stack += [(item, here, True), (definition.tree, definition.indices, False)]
             continue
+        scope.values.clear()
+        scope.values.update(here)
         if isinstance(item, grammar.Name):
-            name, _ = names.resolve(item)
+            name, _ = scope.named(item)
             if name in model.definitions:
-                stack.append((name, False))
-        stack.extend((part, False) for part in reversed(item.parts))
+                stack.append((name, {}, False))
+        elif isinstance(item, grammar.Series):
+            values = reversed(scope.indices.range(item.range))
+            stack.extend((item.term, {**here, item.index: k}, False) for k in values)
+        else:
+            stack.extend((part, here, False) for part in reversed(item.parts))
     return tuple(found)
 
 
 def sides_built(constraint: Constraint, model: Model) -> tuple[Basic, ...]:
     """Return the sides of a constraint as expressions, definitions written out."""
-    scope = ModelScope(_names(model), Context("the constraint"))
+    scope = _scope(model)
+    scope.values.update(constraint.indices)
     sides = (constraint.left, constraint.right)
     return tuple(build(side, scope).value for side in sides if side is not None)
 
 
-def _names(model: Model) -> Names:
+def _scope(model: Model) -> ModelScope:
     """Return the names of a model, definitions standing for what they are written out."""
-    return Names(
-        coordinates=model.coordinate_names,
-        constraints=model.constraint_names,
+    families: dict[str, set[str]] = {}
+    for kind, known in (
+        ("coordinate", model.coordinate_names),
+        ("definition", model.definitions),
+        ("parameter", model.parameters),
+    ):
+        for name in known:
+            if name.endswith("]"):
+                families.setdefault(family_of(name), set()).add(kind)
+    names = Names(
+        coordinates=dict.fromkeys(model.coordinate_names),
+        constraints=dict.fromkeys(model.constraint_names),
         parameters={name: partial(se.Symbol, name) for name in model.parameters},
         definitions={name: partial(Sized, d.value, 1) for name, d in model.definitions.items()},
+        constants={n: partial(constant, p.value) for n, p in model.parameters.items()},
+        families=families,
     )
+    return ModelScope(names, Context("the formula", accelerations=True, multipliers=True))
 
 
 class _Writer:
-    def __init__(self, model: Model, values: dict[str, Exact]):
+    def __init__(self, model: Model, values: dict[str, Exact], indices: Indices):
         self.model, self.values = model, values
-        self.names = _names(model)
+        self.scope = _scope(model)
+        self.scope.values.update(indices)
 
     def node(self, tree: Tree) -> Node:
         match tree:
@@ -86,6 +122,8 @@ class _Writer:
                 return self._name(tree)
             case grammar.Sum():
                 return sum_of((sign, self.node(term)) for sign, term in tree.terms)
+            case grammar.Series():
+                return sum_of((1, self.node(tree.term)) for _ in self.scope.each(tree))
             case grammar.Product():
                 return self._product(tree)
             case grammar.Power():
@@ -104,7 +142,9 @@ class _Writer:
         raise AssertionError(f"no such tree: {tree!r}")
 
     def _name(self, tree: grammar.Name) -> Node:
-        name, dots = self.names.resolve(tree)
+        if tree.text in self.scope.values:
+            return typeset.Number(Fraction(self.scope.values[tree.text]))
+        name, dots = self.scope.named(tree)
         if name in self.values:
             return typeset.Number(Fraction(self.values[name]))
         if name == "pi" and name not in self.model.parameters:

@@ -98,14 +98,6 @@ def check_call(tree: Call, scope: CallScope) -> None:
 
 def _unknown(tree: Call, scope: CallScope) -> ExpressionError:
     name, end = tree.function, tree.start + len(tree.function)
-    if name == "sum":
-        return ExpressionError(
-            "not-yet",
-            "sums over an index are not part of this version",
-            tree.start,
-            end,
-            "write the terms out",
-        )
     if scope.declared(name):
         message, help_ = f"`{name}` is not a function", f"write a product as `{name}*(…)`"
     elif name in _OTHER_NAMES:

@@ -6,6 +6,7 @@ means is decided by the model language, not by YAML's rules for numbers, boolean
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import yaml
@@ -17,6 +18,16 @@ from lagcli.model.yaml_errors import explain
 
 MAX_DEPTH = 64  # the format needs 4
 MAX_NODES = 300_000  # aliases counted as often as they are used; 5000 bodies need 100 000
+
+# YAML ends a name inside [ ] and { } at a bracket; in a model file, x[1] is one name everywhere.
+# While YAML reads the text, the brackets after a name are characters that no text contains.
+_INDEX = re.compile(r"(?<=\w)\[[^\[\]\n]*\]")
+_HIDE = str.maketrans("[],", "\ufdd0\ufdd1\ufdd2")
+_SHOW = str.maketrans("\ufdd0\ufdd1\ufdd2", "[],")
+
+
+def _hidden(match: re.Match[str]) -> str:
+    return match[0].translate(_HIDE)
 
 
 def compose(source: Source) -> tuple[Mapping, list[Diagnostic]]:
@@ -53,7 +64,7 @@ class _Composer:
     def __init__(self, source: Source):
         self.source = source
         loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-        self.events = yaml.parse(source.text, Loader=loader)
+        self.events = yaml.parse(_INDEX.sub(_hidden, source.text), Loader=loader)
         self.anchors: dict[str, tuple[Node, int]] = {}
         self.open: set[str] = set()
         self.count = 0
@@ -123,7 +134,8 @@ class _Composer:
         self.grow(1, event)
         if isinstance(event, yaml.ScalarEvent):
             start, end = self.places(event, event)
-            scalar = Scalar(self.source, start, end, event.value, event.style or None)
+            value = event.value.translate(_SHOW)
+            scalar = Scalar(self.source, start, end, value, event.style or None)
             node: Node = self.bared(scalar) if anchor else scalar
         elif isinstance(event, yaml.SequenceStartEvent):
             node = self.sequence(event, depth)

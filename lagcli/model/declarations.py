@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from typing import NamedTuple
 
 from lagcli.errors import SourceLocation
-from lagcli.model.draft import Draft, Entry
-from lagcli.model.grammar import KEYWORDS
+from lagcli.model.draft import Draft
+from lagcli.model.families import Declaration, Member, by_name, members_of, read_key
+from lagcli.model.members import family_of, index_of
 from lagcli.model.model import Coordinate
-from lagcli.model.scope import DOTS
+from lagcli.model.names import DOTS, Names
 from lagcli.model.source import Mapping, Node, Scalar, Sequence
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.tokens import is_name
@@ -26,7 +29,6 @@ _OTHER_KEYS = {
     **dict.fromkeys(["ic", "initial_conditions", "start", "init"], "initial"),
     **dict.fromkeys(["settings", "solver", "options"], "simulation"),
 }
-_WORD = re.compile(r"[^\W\d]\w*")
 
 
 def check_keys(draft: Draft, keys: tuple[str, ...], later: tuple[str, ...]) -> None:
@@ -52,49 +54,17 @@ def check_keys(draft: Draft, keys: tuple[str, ...], later: tuple[str, ...]) -> N
         )
 
 
-def valid_name(draft: Draft, name: str, key: Node, what: str) -> bool:
-    """Report a name that nothing can have; its words may have been meant as names."""
-    report = draft.report
-    if "[" in name:
-        report.add(
-            "not-yet",
-            f"families such as `{shorten(name)}` are not part of this version",
-            key.location,
-            "give each member a name of its own: `x_1`, `x_2`",
-            subject="family",
-        )
-    elif not is_name(name):
-        help_ = "a name is a letter followed by letters, digits and _"
-        if "," in name or " " in name.strip():
-            help_ += ";\nnames in a list are separated by commas: `[x, y]`"
-        report.add(
-            "bad-name",
-            f"`{shorten(name)}` cannot be the name of {_a(what)}",
-            key.location,
-            help_,
-        )
-    elif name in KEYWORDS or (name in ("t", "pi") and what not in ("constraint", "output")):
-        meaning = {"t": "the time", "pi": "the number π"}.get(name, "a word of the grammar")
-        report.add(
-            "reserved-name",
-            f"`{name}` cannot be the name of {_a(what)}: it is {meaning}",
-            key.location,
-            "choose another name",
-        )
-    else:
-        return True
-    draft.names.suspects.update(_WORD.findall(name[:200]))
-    return False
+class CoordinateEntry(NamedTuple):
+    """An entry of `coordinates`: its key, and what it says of each member."""
+
+    declaration: Declaration
+    coordinate: Coordinate
 
 
-def _a(what: str) -> str:
-    return f"an {what}" if what[0] in "aeiou" else f"a {what}"
-
-
-def read_coordinates(draft: Draft) -> tuple[Coordinate, ...]:
-    """Return the coordinates; where they cannot be read, any name may be one."""
+def read_coordinates(draft: Draft) -> list[CoordinateEntry]:
+    """Return the coordinates' entries; where they cannot be read, any name may be one."""
     node = draft.get("coordinates")
-    found: list[Coordinate] = []
+    found: list[CoordinateEntry] = []
     if node is None and "coordinates" in draft.meant:
         pass
     elif node is None or (isinstance(node, Scalar) and node.missing):
@@ -107,11 +77,10 @@ def read_coordinates(draft: Draft) -> tuple[Coordinate, ...]:
     elif isinstance(node, Sequence):
         found = _listed(draft, node)
     elif isinstance(node, Mapping):
-        found = [
-            _coordinate(draft, name, key, value)
-            for name, key, value in node
-            if valid_name(draft, name, key, "coordinate")
-        ]
+        for _, key, value in node:
+            declaration = read_key(draft, key, value, "coordinate")
+            if declaration is not None:
+                found.append(CoordinateEntry(declaration, _coordinate(draft, declaration)))
     elif isinstance(node, Scalar):
         names = [n for n in re.split(r"[\s,;]+", node.value.strip(" []()")) if n]
         good = all(map(is_name, names)) and len(set(names)) == len(names)
@@ -124,7 +93,8 @@ def read_coordinates(draft: Draft) -> tuple[Coordinate, ...]:
             else "write `coordinates: [x, y]`",
         )
         if good:
-            return tuple(Coordinate(name, location=node.location) for name in names)
+            plain = [Declaration(name, node, node) for name in names]
+            return [CoordinateEntry(d, Coordinate(d.name, location=node.location)) for d in plain]
     empty = isinstance(node, (Sequence, Mapping)) and not (
         node.items if isinstance(node, Sequence) else node.entries
     )
@@ -137,11 +107,11 @@ def read_coordinates(draft: Draft) -> tuple[Coordinate, ...]:
         )
     if not found:
         draft.names.incomplete = True
-    return tuple(found)
+    return found
 
 
-def _listed(draft: Draft, node: Sequence) -> list[Coordinate]:
-    found: dict[str, Coordinate] = {}
+def _listed(draft: Draft, node: Sequence) -> list[CoordinateEntry]:
+    found: dict[str, CoordinateEntry] = {}
     for item in node.items:
         if not isinstance(item, Scalar):
             draft.report.add(
@@ -158,14 +128,16 @@ def _listed(draft: Draft, node: Sequence) -> list[Coordinate]:
                 f"the coordinate `{item.value}` stands twice in the list",
                 item.location,
                 "remove one of the two",
-                (("the first one is here", found[item.value].location),),
+                (("the first one is here", found[item.value].declaration.key.location),),
             )
-        elif valid_name(draft, item.value, item, "coordinate"):
-            found[item.value] = Coordinate(item.value, location=item.location)
+        elif (declaration := read_key(draft, item, item, "coordinate")) is not None:
+            coordinate = Coordinate(declaration.name, location=item.location)
+            found[item.value] = CoordinateEntry(declaration, coordinate)
     return list(found.values())
 
 
-def _coordinate(draft: Draft, name: str, key: Scalar, value: Node) -> Coordinate:
+def _coordinate(draft: Draft, declaration: Declaration) -> Coordinate:
+    name, key, value = declaration.title, declaration.key, declaration.node
     if isinstance(value, Scalar):
         unit = si_unit(draft, None if value.missing else value.value.strip(), value)
         return Coordinate(name, unit, location=key.location)
@@ -206,41 +178,101 @@ def si_unit(draft: Draft, unit: str | None, node: Node) -> str | None:
 
 def declare(
     draft: Draft,
-    coordinates: tuple[Coordinate, ...],
-    parameters: list[Entry],
-    definitions: list[Entry],
+    coordinates: list[CoordinateEntry],
+    parameters: list[Declaration],
+    definitions: list[Declaration],
 ) -> None:
-    """Enter the names, and report those declared twice."""
+    """Enter the names, and report those declared twice. Members of families are entered later."""
     names, report = draft.names, draft.report
     places: dict[str, tuple[str, SourceLocation]] = {}
 
     def enter(name: str, what: str, location: SourceLocation) -> None:
-        if name not in places:
-            places[name] = (what, location)
-            return
-        other, place = places[name]
+        other, place = places.setdefault(name, (what, location))
+        if place is location or (name.endswith("[]") and " " not in what + other):
+            return  # members may be declared in several places
+        shown = name.removesuffix("[]")
         report.add(
             "duplicate-name",
-            f"`{shorten(name)}` is declared twice: as {other} and as {what}",
+            f"`{shorten(shown)}` is declared twice: as {other} and as {what}",
             location,
             "rename one of the two",
             ((f"the {other.split()[0]} is declared here", place),),
         )
         names.broken.add(name)
 
-    for c in coordinates:
-        assert c.location is not None
-        enter(c.name, "coordinate", c.location)
-    for c in coordinates:
-        assert c.location is not None
+    located = [(entry.declaration, "coordinate") for entry in coordinates]
+    for d, _ in located:
+        enter(d.family, "coordinate", d.key.location)
+    for family in dict.fromkeys(d.family for d, _ in located):
+        stem = family.removesuffix("[]")
         for suffix, order in DOTS:
-            primed = c.name + "'" * order
-            enter(c.name + suffix, f"coordinate (`{c.name}{suffix}` is `{primed}`)", c.location)
-    for what, entries in (("parameter", parameters), ("definition", definitions)):
-        for name, key, _ in entries:
-            if is_name(name):
-                enter(name, what, key.location)
-    names.coordinates = dict.fromkeys(c.name for c in coordinates)
+            primed = stem + "'" * order
+            what = f"coordinate (`{stem}{suffix}` is `{primed}`)"
+            enter(family.replace(stem, stem + suffix), what, places[family][1])
+    located += [(d, "parameter") for d in parameters] + [(d, "definition") for d in definitions]
+    for d, what in located:
+        if what != "coordinate":
+            enter(d.family, what, d.key.location)
+        if d.span is not None:
+            names.families.setdefault(d.family, set()).add(what)
+    for family in names.families:
+        if family.removesuffix("[]") in places:
+            enter(family.removesuffix("[]"), "family", places[family][1])
+            names.broken.add(family)
+    single = [d.name for d, what in located if what == "coordinate" and d.span is None]
+    names.coordinates = dict.fromkeys(single)
     names.lines = {
         name: (what, place.line) for name, (what, place) in places.items() if " " not in what
     }
+    names.places = {name: place for name, (_, place) in places.items()}
+
+
+def expand_coordinates(
+    draft: Draft, entries: list[CoordinateEntry], constants: Names
+) -> tuple[Coordinate, ...]:
+    """Return the coordinates, and enter them into the draft's names."""
+    given = {id(entry.declaration): entry.coordinate for entry in entries}
+    found = by_name(draft, expanded(draft, (entry.declaration for entry in entries), constants))
+    draft.names.coordinates = dict.fromkeys(found)
+    return tuple(_named(given[id(member.declaration)], name) for name, member in found.items())
+
+
+def _named(coordinate: Coordinate, name: str) -> Coordinate:
+    """Return a coordinate as the member of its family."""
+    index, latex = index_of(name), coordinate.latex
+    if index is not None and latex:
+        latex = f"{{{latex}}}_{{{index}}}" if set("_^") & set(latex) else f"{latex}_{{{index}}}"
+    return coordinate._replace(name=name, latex=latex)
+
+
+def expanded(draft: Draft, found: Iterable[Declaration], constants: Names) -> list[Member]:
+    """Return all members of several entries."""
+    return [member for d in found for member in members_of(draft, d, constants)]
+
+
+def report_overlaps(draft: Draft) -> None:
+    """Report members that are declared as several kinds of things."""
+    names = draft.names
+    kinds = {
+        "coordinate": names.coordinates,
+        "definition": names.definitions,
+        "parameter": names.constants,
+    }
+    for family, declared in names.families.items():
+        if len(declared) < 2 or family in names.broken:
+            continue
+        seen: dict[str, str] = {}
+        for kind, known in kinds.items():
+            if kind not in declared:
+                continue
+            for name in (n for n in known if family_of(n) == family):
+                other = seen.setdefault(name, kind)
+                if other != kind:
+                    draft.report.add(
+                        "duplicate-name",
+                        f"`{name}` is declared twice: as {other} and as {kind}",
+                        names.places[family],
+                        "let the ranges not overlap",
+                    )
+                    names.broken.add(family)
+                    break

@@ -4,59 +4,117 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from typing import NamedTuple
 
-from lagcli.model.declarations import valid_name
-from lagcli.model.dependencies import in_order
-from lagcli.model.draft import Draft, Entry, Parsed
-from lagcli.model.expressions import Sized
+from lagcli.model.declarations import expanded
+from lagcli.model.dependencies import Unbuilt, build_on_demand, in_order
+from lagcli.model.draft import Draft, Formula, Parsed
+from lagcli.model.families import Declaration, Member, by_name
+from lagcli.model.members import family_of
 from lagcli.model.model import Definition
-from lagcli.model.scope import Context
+from lagcli.model.names import Context, Names
+from lagcli.model.report import Broken
+from lagcli.model.scoping import Sized
 from lagcli.model.source import Node
 from lagcli.model.trees import Name, walk
 
 
-def read_definitions(draft: Draft, entries: list[Entry]) -> dict[str, Definition]:
-    """Build the definitions, and enter them into the draft's names."""
-    keys: dict[str, Node] = {}
-    texts: dict[str, tuple[Parsed, str | None]] = {}
-    for name, key, given in entries:
-        if not valid_name(draft, name, key, "definition"):
+class _Entry(NamedTuple):
+    parsed: Parsed
+    description: str | None
+
+
+def expand_definitions(
+    draft: Draft, declared: list[Declaration], constants: Names
+) -> dict[str, Member]:
+    """Return what the entries define, by name, and enter the names into the draft's."""
+    members = by_name(draft, expanded(draft, declared, constants))
+
+    def unbuilt(name: str) -> Sized:
+        raise Unbuilt(name)
+
+    draft.names.definitions = {name: partial(unbuilt, name) for name in members}
+    return members
+
+
+def read_definitions(draft: Draft, members: Mapping[str, Member]) -> dict[str, Definition]:
+    """Build the definitions, and enter their values into the draft's names."""
+    entries = _parsed(draft, members)
+    formulas: dict[int, Formula] = {}
+    built: dict[str, Sized] = {}
+
+    def value(name: str) -> Sized:
+        if name in built:
+            return built[name]
+        if family_of(name) in draft.names.broken:
+            raise Broken
+        raise Unbuilt(name)
+
+    def build(name: str) -> None:
+        declaration = members[name].declaration
+        entry = entries.get(id(declaration))
+        if name in built or entry is None or family_of(name) in draft.names.broken:
+            return
+        formula = formulas.get(id(declaration))
+        if formula is None:
+            context = Context(f"the definition `{declaration.title}`")
+            formula = Formula(draft, entry.parsed, context, index=declaration.index)
+            formulas[id(declaration)] = formula
+        sized = formula.value(members[name].indices)
+        if sized is None:
+            draft.names.broken.add(family_of(name))
+        else:
+            built[name] = sized
+
+    def circle(names: list[str]) -> None:
+        report_circle(draft, "definition", names, {n: members[n].declaration.key for n in names})
+
+    draft.names.definitions = {name: partial(value, name) for name in members}
+    build_on_demand(_order(draft, members, entries), build, circle)
+    found = {}
+    for name, member in members.items():
+        if name in built:
+            entry = entries[id(member.declaration)]
+            found[name] = Definition(
+                name, built[name].value, entry.parsed.tree, entry.description, member.indices
+            )
+    return found
+
+
+def _parsed(draft: Draft, members: Mapping[str, Member]) -> dict[int, _Entry]:
+    """Return what the entries say, by the identity of their declarations."""
+    found: dict[int, _Entry] = {}
+    seen: set[int] = set()
+    for member in members.values():
+        d = member.declaration
+        if id(d) in seen:
             continue
-        keys[name] = key
-        what = f"the definition `{name}`"
-        node, fields = draft.expression_node(key, given, what)
+        seen.add(id(d))
+        what = f"the definition `{d.title}`"
+        node, fields = draft.expression_node(d.key, d.node, what)
         description = draft.text(fields.get("description"), f"`description` of {what}")
         parsed = draft.parse(node, what) if node is not None else None
         if parsed is None:
-            draft.names.broken.add(name)
-        else:
-            texts[name] = (parsed, description)
-    built: dict[str, Sized] = {}
-    draft.names.definitions = {name: partial(built.__getitem__, name) for name in keys}
-    order, circles = in_order(
-        {name: _definitions_in(draft, parsed) for name, (parsed, _) in texts.items()}
-    )
-    for circle in circles:
-        report_circle(draft, "definition", circle, keys)
-    for name in order:
-        if name in draft.names.broken:
+            draft.names.broken.add(d.family)
             continue
-        sized = draft.build(texts[name][0], Context(f"the definition `{name}`"))
-        if sized is None:
-            draft.names.broken.add(name)
-        else:
-            built[name] = sized
-    draft.trees.update((name, parsed.tree) for name, (parsed, _) in texts.items())
-    return {
-        name: Definition(name, built[name].value, texts[name][0].tree, texts[name][1])
-        for name in keys
-        if name in built
-    }
+        found[id(d)] = _Entry(parsed, description)
+        draft.trees[d.title] = parsed.tree
+    return found
 
 
-def _definitions_in(draft: Draft, parsed: Parsed) -> list[str]:
-    names = (draft.names.resolve(p)[0] for p in walk(parsed.tree) if isinstance(p, Name))
-    return [name for name in names if name in draft.names.definitions]
+def _order(draft: Draft, members: Mapping[str, Member], entries: Mapping[int, _Entry]) -> list[str]:
+    """Return the names so that most stand behind what they need."""
+    needs: dict[str, list[str]] = {}
+    below: dict[str, list[str]] = {}
+    for name, member in members.items():
+        below.setdefault(member.declaration.family, []).append(name)
+    for d in {id(m.declaration): m.declaration for m in members.values()}.values():
+        if id(d) in entries:
+            tree = entries[id(d)].parsed.tree
+            used = [draft.names.resolve(p)[0] for p in walk(tree) if isinstance(p, Name)]
+            needs.setdefault(d.family, []).extend(n for n in used if n in below)
+    order, _ = in_order(needs)
+    return [name for family in order for name in below[family]]
 
 
 def report_circle(draft: Draft, what: str, circle: list[str], keys: Mapping[str, Node]) -> None:
@@ -64,7 +122,10 @@ def report_circle(draft: Draft, what: str, circle: list[str], keys: Mapping[str,
     places = [keys[name].location for name in circle]
     first = min(range(len(circle)), key=lambda i: places[i].line)
     circle = circle[first:] + circle[:first]
-    arrows = " → ".join(f"`{name}`" for name in [*circle, circle[0]])
+    shown = [*circle, circle[0]]
+    if len(shown) > _SHOWN:
+        shown = [*shown[: _SHOWN - 1], "…", shown[-1]]
+    arrows = " → ".join(f"`{name}`" for name in shown)
     draft.report.add(
         "circular",
         f"the {what} `{circle[0]}` is defined by itself: {arrows}",
@@ -72,4 +133,7 @@ def report_circle(draft: Draft, what: str, circle: list[str], keys: Mapping[str,
         "give one of them without the others" if len(circle) > 1 else "give it without itself",
         tuple((f"`{name}` is defined here", keys[name].location) for name in circle[1:4]),
     )
-    draft.names.broken.update(circle)
+    draft.names.broken.update(map(family_of, circle))
+
+
+_SHOWN = 12  # names of a circle

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping as MappingOf
 from dataclasses import dataclass, field
+from functools import partial
 
 from symengine import Basic
 
-from lagcli.model.expressions import Sized, build, name_errors
+from lagcli.model.expressions import build, name_errors
 from lagcli.model.grammar import parse
-from lagcli.model.report import Report
-from lagcli.model.scope import Context, ModelScope, Names
+from lagcli.model.model import NO_INDICES
+from lagcli.model.names import Context, Names
+from lagcli.model.renaming import Repeated
+from lagcli.model.report import Broken, Report
+from lagcli.model.scope import ModelScope
+from lagcli.model.scoping import Sized
 from lagcli.model.source import Mapping, Node, Scalar, Sequence, Source
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.tensors import Tensor
@@ -17,6 +23,7 @@ from lagcli.model.tokens import ExpressionError
 from lagcli.model.trees import Tree
 
 Entry = tuple[str, Scalar, Node]
+Indices = MappingOf[str, int]
 
 
 @dataclass
@@ -33,6 +40,10 @@ class Draft:
         The expressions as written, by place: ``T``, ``Q.phi``, ``outputs.rod_force``.
     meant : set of str
         Keys that stand in the file under another name, whose error is reported.
+    members : int
+        How many members of families there are so far.
+    parameter_needs : mapping of str to lists of str
+        What each parameter is made of.
     """
 
     source: Source
@@ -41,6 +52,8 @@ class Draft:
     names: Names = field(default_factory=Names)
     trees: dict[str, Tree] = field(default_factory=dict)
     meant: set[str] = field(default_factory=set)
+    members: int = 0
+    parameter_needs: MappingOf[str, list[str]] = field(default_factory=dict)
 
     # entries
 
@@ -164,32 +177,11 @@ class Draft:
 
     def build(self, parsed: Parsed, context: Context, names: Names | None = None) -> Sized | None:
         """Build the value of an expression; report what is wrong with it."""
-        scope = ModelScope(names or self.names, context)
-        with self.report.expression(parsed.node):
-            errors, broken = name_errors(parsed.tree, scope)
-            for error in errors:
-                self.report.add_expression_error(error, parsed.node)
-            if errors or broken:
-                return None
-            return build(parsed.tree, scope)
-        return None
+        return Formula(self, parsed, context, names).value()
 
     def scalar(self, parsed: Parsed, context: Context, names: Names | None = None) -> Basic | None:
         """Build a scalar expression; report what is wrong with it."""
-        sized = self.build(parsed, context, names)
-        if sized is None:
-            return None
-        if isinstance(sized.value, Tensor):
-            error = ExpressionError(
-                "shape",
-                f"{context.where} must be a scalar, not {sized.value.kind}",
-                parsed.tree.start,
-                parsed.tree.end,
-                "a scalar product is `dot(a, b)`",
-            )
-            self.report.add_expression_error(error, parsed.node)
-            return None
-        return sized.value
+        return Formula(self, parsed, context, names).scalar()
 
 
 @dataclass(frozen=True)
@@ -198,6 +190,89 @@ class Parsed:
 
     node: Scalar
     tree: Tree
+
+
+class Formula:
+    """An expression of a draft, to be built for each value of its index.
+
+    What is wrong with it is reported once, for the first value with which it is wrong.
+
+    Parameters
+    ----------
+    draft : Draft
+    parsed : Parsed
+    context : Context
+    names : Names, optional
+        In place of the draft's.
+    index : str, optional
+        The index of the entry.
+    """
+
+    def __init__(
+        self,
+        draft: Draft,
+        parsed: Parsed,
+        context: Context,
+        names: Names | None = None,
+        index: str | None = None,
+    ):
+        self.draft, self.parsed, self.context = draft, parsed, context
+        self.scope = ModelScope(names or draft.names, context, (index,) if index else ())
+        errors, broken = name_errors(parsed.tree, self.scope)
+        for error in errors:
+            draft.report.add_expression_error(error, parsed.node)
+        self.good = not (errors or broken)
+        self.repeated: Repeated | None = None
+
+    def value(self, indices: Indices = NO_INDICES) -> Sized | None:
+        """Return the value for some values of its indices; None if there is something wrong.
+
+        Raises
+        ------
+        Unbuilt
+            Something that it uses has no value yet.
+        """
+        if not self.good:
+            return None
+        scope, report = self.scope, self.draft.report
+        scope.missing.clear()
+        scope.values.clear()
+        scope.values.update(indices)
+        try:
+            if self.repeated is None:
+                self.repeated = Repeated(self.parsed.tree, scope, partial(build, scope=scope))
+            sized = self.repeated.value()
+        except Broken:
+            self.good = False
+            return None
+        except ExpressionError as error:
+            self.good = False
+            if (at := scope.at()) not in error.message:
+                error.message += f",{at}"
+            report.add_expression_error(error, self.parsed.node)
+            return None
+        for missing in scope.missing.values():
+            self.good = False
+            report.add_expression_error(missing, self.parsed.node)
+        return sized if self.good else None
+
+    def scalar(self, indices: Indices = NO_INDICES) -> Basic | None:
+        """Return the value, which must be a scalar; as `value`."""
+        sized = self.value(indices)
+        if sized is None:
+            return None
+        if isinstance(sized.value, Tensor):
+            self.good = False
+            error = ExpressionError(
+                "shape",
+                f"{self.context.where} must be a scalar, not {sized.value.kind}",
+                self.parsed.tree.start,
+                self.parsed.tree.end,
+                "a scalar product is `dot(a, b)`",
+            )
+            self.draft.report.add_expression_error(error, self.parsed.node)
+            return None
+        return sized.value
 
 
 _EXAMPLES = {

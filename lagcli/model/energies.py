@@ -7,14 +7,15 @@ from collections.abc import Mapping
 import symengine as se
 from symengine import Basic
 
-from lagcli.model import model as symbols
-from lagcli.model.draft import Draft, Parsed
+from lagcli.model.draft import Draft, Formula, Parsed
 from lagcli.model.expansion import nonlinear_in
-from lagcli.model.expressions import Value
+from lagcli.model.families import Declaration, Member, by_name, members_of, read_key
 from lagcli.model.functions import derivative
+from lagcli.model.members import there_is
 from lagcli.model.model import Definition
-from lagcli.model.scope import Context
-from lagcli.model.source import Scalar
+from lagcli.model.names import Context, Names
+from lagcli.model.scoping import Value
+from lagcli.model.source import Node, Scalar
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.tensors import Tensor
 from lagcli.model.tokens import ExpressionError
@@ -49,7 +50,7 @@ def read_energies(draft: Draft) -> tuple[Basic | None, Basic | None]:
         return kinetic, se.Integer(0)
     potential = read_scalar(draft, "V")
     if potential is not None:
-        rates = list(map(symbols.velocity, draft.names.coordinates))
+        rates = sorted((s for s in potential.free_symbols if s.name.endswith("'")), key=str)
         found = nonlinear_in(potential, rates)
         if found is not None:
             draft.report.add(
@@ -73,36 +74,83 @@ def read_scalar(draft: Draft, key: str) -> Basic | None:
     return draft.scalar(parsed, Context(f"`{key}`"))
 
 
-def read_forces(draft: Draft, definitions: Mapping[str, Definition]) -> dict[str, Basic]:
+def read_forces(
+    draft: Draft, definitions: Mapping[str, Definition], constants: Names
+) -> dict[str, Basic]:
     """Return Q_i by coordinate: Σ F·∂r/∂q_i over the entries of `Q`."""
-    names = draft.names
     terms: dict[str, list[Basic]] = {}
-    for name, key, node in draft.entries("Q") or []:
-        what = f"the force on `{shorten(name)}`"
-        known = name in names.coordinates or name in names.definitions
-        if not known and not (names.incomplete or name in names.suspects):
-            _report_unknown(draft, name, key)
-        parsed = draft.parse(node, what)
-        if parsed is None:
-            continue
-        draft.trees[f"Q.{name}"] = parsed.tree
+    declared = [_acted_on(draft, key, node) for _, key, node in draft.entries("Q") or []]
+    groups = [members_of(draft, d, constants) for d in declared if d is not None]
+    unique = by_name(draft, [member for group in groups for member in group])
+    for group in groups:
+        if group:
+            chosen = [m for m in group if unique[m.name] is m]
+            _read_force(draft, group[0].declaration, chosen, definitions, terms)
+    return {name: se.Add(*parts) for name, parts in terms.items()}
+
+
+def _acted_on(draft: Draft, key: Scalar, node: Node) -> Declaration | None:
+    """Return what a force acts on; an unknown name is reported."""
+    names = draft.names
+    if "[" in key.value:
+        declaration = read_key(draft, key, node, "force")
+        if declaration is None:
+            return None
+    else:
+        declaration = Declaration(key.value, key, node)
+    family = declaration.family
+    known = family in names.coordinates or family in names.definitions
+    known = known or bool(names.families.get(family, set()) & {"coordinate", "definition"})
+    if not known and not (names.incomplete or declaration.name in names.suspects):
+        _report_unknown(draft, declaration.title, key)
+    return declaration
+
+
+def _read_force(
+    draft: Draft,
+    d: Declaration,
+    members: list[Member],
+    definitions: Mapping[str, Definition],
+    terms: dict[str, list[Basic]],
+) -> None:
+    """Add the forces of one entry."""
+    names = draft.names
+    what = f"the force on `{shorten(d.title)}`"
+    parsed = draft.parse(d.node, what)
+    if parsed is None:
+        return
+    draft.trees[f"Q.{d.title}"] = parsed.tree
+    formula = Formula(draft, parsed, Context(what), index=d.index)
+    for member in members:
+        name = member.name
         if name in names.coordinates:
-            force = draft.scalar(parsed, Context(what))
+            force = formula.scalar(member.indices)
             if force is not None:
                 terms.setdefault(name, []).append(force)
             continue
-        sized = draft.build(parsed, Context(what))
+        if d.span is not None and name not in names.definitions:
+            if d.family in names.families and d.family not in names.broken:
+                message = f"`Q` names `{name}`, but {there_is(d.name, names.members(d.name))}"
+                help_ = "let the ranges be the same" if d.several else "name another member"
+                draft.report.add("no-member", message, d.key.location, help_)
+                return
+            continue
+        sized = formula.value(member.indices)
         if sized is not None and name in definitions:
             with draft.report.expression(parsed.node):
-                _project(draft, sized.value, definitions[name], key, parsed, terms)
-    return {name: se.Add(*parts) for name, parts in terms.items()}
+                formula.good = False
+                formula.good = _project(draft, sized.value, definitions[name], d.key, parsed, terms)
+        if not formula.good:
+            return
 
 
 def _report_unknown(draft: Draft, name: str, key: Scalar) -> None:
     names = draft.names
     base = name.rstrip("'").removesuffix("_dot")
-    if base != name and (base in names.coordinates or base in names.definitions):
-        help_: str | None = f"a force acts on the coordinate or along the definition: `{base}`"
+    if f"{name}[]" in names.families:
+        help_: str | None = f"name its members: `{name}[i = 1..N]`, or one, as in `{name}[1]`"
+    elif base != name and (base in names.coordinates or base in names.definitions):
+        help_ = f"a force acts on the coordinate or along the definition: `{base}`"
     else:
         close = nearest(name, [*names.coordinates, *names.definitions])
         help_ = did_you_mean(close)
@@ -121,8 +169,8 @@ def _project(
     key: Scalar,
     parsed: Parsed,
     terms: dict[str, list[Basic]],
-) -> None:
-    """Add F·∂r/∂q_i to each Q_i."""
+) -> bool:
+    """Add F·∂r/∂q_i to each Q_i; say whether that could be done."""
     place = along.value
     if isinstance(place, Tensor) != isinstance(force, Tensor) or (
         isinstance(place, Tensor) and place.shape != force.shape
@@ -140,17 +188,18 @@ def _project(
         if isinstance(place, Tensor)
         else [(force, place)]
     )
-    free = set().union(*(x.free_symbols for _, x in pairs))
-    if any(symbols.velocity(name) in free for name in draft.names.coordinates):
+    free = sorted(set().union(*(x.free_symbols for _, x in pairs)), key=str)
+    coordinates = draft.names.coordinates
+    if any(s.name.endswith("'") and s.name.rstrip("'") in coordinates for s in free):
         draft.report.add(
             "velocity-in-position",
             f"a force acts along a position, but `{along.name}` depends on velocities",
             key.location,
             "define the position, and give the force along that",
         )
-        return
-    for name in draft.names.coordinates:
-        q = symbols.coordinate(name)
-        if q in free:
+        return False
+    for q in free:
+        if q.name in coordinates:
             parts = [f * derivative(x, q) for f, x in pairs]
-            terms.setdefault(name, []).append(se.Add(*parts))
+            terms.setdefault(q.name, []).append(se.Add(*parts))
+    return True

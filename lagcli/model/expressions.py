@@ -7,7 +7,7 @@ SymEngine's, every step is bounded, and every constant is checked as soon as it 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any
 
 import symengine as se
 from symengine import Basic
@@ -17,7 +17,9 @@ from lagcli.model import tensors
 from lagcli.model.calls import TENSOR_FUNCTIONS, check_call, tensor_call
 from lagcli.model.constants import cases, fault, relation
 from lagcli.model.functions import FUNCTIONS
+from lagcli.model.renaming import Repeated
 from lagcli.model.report import Broken
+from lagcli.model.scoping import Scope, Sized, Value
 from lagcli.model.tensors import ShapeError, Tensor
 from lagcli.model.tokens import ExpressionError
 from lagcli.model.trees import (
@@ -28,73 +30,39 @@ from lagcli.model.trees import (
     Number,
     Power,
     Product,
+    Series,
     Sum,
     Tree,
     Vector,
-    walk,
 )
-
-Value: TypeAlias = "Basic | Tensor"
 
 MAX_POWER = 1000  # larger constant exponents are typing errors
 MAX_BITS = 10_000  # of an exact number
 MAX_SIZE = 2_000_000  # operations of one expression when its definitions are written out
+MAX_TERMS = 100_000  # of the sums over an index in one expression
 MAX_DEPTH = 200  # functions of functions; SymEngine differentiates by recursion
-
-
-class Sized(NamedTuple):
-    """A value, and what it costs.
-
-    Parameters
-    ----------
-    value : expression, vector or matrix
-    size : int
-        Number of operations when it is written out.
-    depth : int
-        How deep functions, powers and products are nested in it.
-    constant : bool
-        Whether no symbol went into it.
-    """
-
-    value: Value
-    size: int = 1
-    depth: int = 0
-    constant: bool = False
-
-
-class Scope(Protocol):
-    """What an expression may name."""
-
-    def check(self, name: Name) -> None:
-        """Raise ExpressionError for a name that may not stand here."""
-        ...
-
-    def lookup(self, name: Name) -> Sized:
-        """Return what a name stands for, or raise ExpressionError."""
-        ...
-
-    def declared(self, text: str) -> bool:
-        """Whether a name is declared."""
-        ...
-
-    def derivative(self, expression: Basic) -> Basic:
-        """Return the total time derivative."""
-        ...
 
 
 def name_errors(tree: Tree, scope: Scope) -> tuple[list[ExpressionError], bool]:
     """Return what is wrong with the names and calls of a tree, and whether one is broken."""
     errors, broken = [], False
-    for part in walk(tree):
+    stack = [(tree, scope)]
+    while stack:
+        part, inside = stack.pop()
         try:
             if isinstance(part, Name):
-                scope.check(part)
+                inside.check(part)
             elif isinstance(part, Call):
-                check_call(part, scope)
+                check_call(part, inside)
+            elif isinstance(part, Series):
+                inside = inside.check_series(part)
         except ExpressionError as error:
             errors.append(error)
+            if isinstance(part, Series):
+                continue
         except Broken:
             broken = True
+        stack.extend((below, inside) for below in reversed(part.parts))
     return errors, broken
 
 
@@ -135,6 +103,7 @@ _COPIES = {"cross": 2, "norm": 2, "rot_x": 4, "rot_y": 4, "rot_z": 4, "rot": 12,
 class _Builder:
     def __init__(self, scope: Scope):
         self.scope = scope
+        self.terms = 0  # of sums over an index
 
     def any(self, tree: Tree) -> Sized:
         """Build a value or a condition."""
@@ -147,6 +116,8 @@ class _Builder:
                     return self.scope.lookup(tree)
                 case Sum():
                     return self.sum(tree)
+                case Series():
+                    return self.series(tree)
                 case Product():
                     return self.product(tree)
                 case Power():
@@ -198,7 +169,8 @@ class _Builder:
         for entry in entries:
             if isinstance(entry, se.Number) or (constant and not _is_boolean(entry)):
                 self.check_constant(entry, tree)
-        return Sized(value, size, depth, constant)
+        order = max((p.order for p in parts), default=-1)
+        return Sized(value, size, depth, constant, order)
 
     def check_constant(self, value: Basic, tree: Tree) -> None:
         why = fault(value)
@@ -244,6 +216,29 @@ class _Builder:
                     "shape", f"{kind_of(total)} and {kind_of(value)} cannot be added", term
                 )
             total = tensors.add(total, value, sign)
+        return self.made(tree, total, parts)
+
+    def series(self, tree: Series) -> Sized:
+        parts: list[Sized] = []
+        term: Repeated | None = None
+        for _ in self.scope.each(tree):
+            term = term or Repeated(tree.term, self.scope, self.operand)
+            self.terms += 1
+            if self.terms > MAX_TERMS:
+                raise _error(
+                    "too-large",
+                    f"the sums of this expression have more than {MAX_TERMS:,} terms",
+                    tree,
+                    "a definition by index, such as `s[i = 1..N]: s[i-1] + x[i]`, shares its terms",
+                )
+            parts.append(term.value())
+        if not parts:
+            return Sized(se.Integer(0), constant=True)
+        if not isinstance(parts[0].value, Tensor):
+            return self.made(tree, se.Add(*[p.value for p in parts]), parts)
+        total = parts[0].value
+        for part in parts[1:]:
+            total = tensors.add(total, part.value)
         return self.made(tree, total, parts)
 
     def product(self, tree: Product) -> Sized:

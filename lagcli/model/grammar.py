@@ -9,8 +9,11 @@
     sum        := ["+" | "-"] product (("+" | "-") product)*
     product    := power (("*" | "/") power)*
     power      := ["+" | "-"] primary [("^" | "**") power]
-    primary    := NUMBER | NAME "'"* | NAME "(" condition ("," condition)* ")"
+    primary    := NUMBER | name "'"* | NAME "(" condition ("," condition)* ")"
+                | "sum" "(" condition "," NAME "=" range ")"
                 | "(" condition ")" | "[" condition ("," condition)* "]"
+    name       := NAME ["[" sum "]"] ("." NAME ["[" sum "]"])*
+    range      := sum ".." sum
 
 A sign in front of a product applies to the product's first power as a whole: -x^2 is -(x^2), and
 an exponent may carry a sign: x^-2.
@@ -22,7 +25,7 @@ import re
 from collections.abc import Callable
 from fractions import Fraction
 
-from lagcli.model.functions import FUNCTIONS
+from lagcli.model.leftovers import leftover
 from lagcli.model.tokens import ExpressionError, Token, tokenize
 from lagcli.model.trees import (
     Call,
@@ -32,6 +35,8 @@ from lagcli.model.trees import (
     Number,
     Power,
     Product,
+    Range,
+    Series,
     Sum,
     Tree,
     Vector,
@@ -61,6 +66,31 @@ def parse(text: str) -> Tree:
     return tree
 
 
+def parse_range(text: str, start: int, end: int) -> tuple[str | None, Range | Tree]:
+    """Parse what stands between the brackets of a declaration, ``text[start:end]``.
+
+    Returns
+    -------
+    index : str or None
+        The name of the index, if there is one.
+    range : Range, or Tree
+        The indices of the members; the index of a single one.
+
+    Raises
+    ------
+    ExpressionError
+    """
+    parser = _Parser(text[:end], start)
+    index = parser.index_name()
+    found = parser.sum()
+    if index is not None or parser.at(".."):
+        found = parser.range_from(found)
+    if parser.at(","):
+        raise parser.fail("a family has one index", parser.current)
+    parser.expect_end()
+    return index, found
+
+
 def parse_equation(text: str) -> tuple[Tree, Tree | None]:
     """Parse ``lhs`` or ``lhs = rhs``; the right side is None where there is no ``=``."""
     parser = _Parser(text)
@@ -80,13 +110,13 @@ def parse_equation(text: str) -> tuple[Tree, Tree | None]:
 
 
 class _Parser:
-    def __init__(self, text: str):
+    def __init__(self, text: str, start: int = 0):
         self.text = text
-        self.tokens = tokenize(text)
+        self.tokens = tokenize(text, start)
         self.position = 0
         self.nesting = 0
         if self.current.kind == "end":
-            raise ExpressionError("syntax", "an expression is missing", 0, 0)
+            raise ExpressionError("syntax", "an expression is missing", start, start)
 
     @property
     def current(self) -> Token:
@@ -114,62 +144,11 @@ class _Parser:
             )
 
     def expect_end(self) -> None:
+        """Raise ExpressionError if anything is left."""
         token = self.current
-        if token.kind == "end":
-            return
-        before = self.tokens[self.position - 1] if self.position else token
-        if token.text == "=":
-            raise self.fail(
-                "an equation cannot stand here",
-                token,
-                "give the expression alone; conditions inside if() compare with `==`",
-            )
-        if token.kind in ("name", "number") or token.text in ("(", "["):
-            raise self.no_operator(before, token)
-        if token.text == ",":
-            raise self.stray_comma(before, token)
-        if token.text in (")", "]"):
-            raise self.fail(f"this `{token.text}` closes nothing", token, "remove it")
-        if token.text == "'":
-            raise self.fail(
-                "a prime can only follow a name directly",
-                token,
-                "name the expression under `definitions`, then prime the name",
-            )
-        raise self.fail(f"unexpected `{token.text}`", token)
-
-    def no_operator(self, before: Token, token: Token) -> ExpressionError:
-        left, right = before.text, token.text
-        if right == "[" and before.kind == "name":
-            return ExpressionError(
-                "not-yet",
-                f"members of a family such as `{left}[…]` are not part of this version",
-                before.start,
-                token.end,
-                "give each member a name of its own: `x_1`, `x_2`",
-                "family",
-            )
-        if before.kind == "number" and token.kind == "number":
-            message, help_ = "two numbers without an operator between them", None
-        else:
-            message = f"an operator is missing between `{left}` and `{right}`"
-            help_ = f"write a product as `{left}*{right}`"
-            if left in FUNCTIONS:
-                help_ = f"write a function as `{left}({right})`"
-        return ExpressionError("syntax", message, before.start, token.end, help_)
-
-    def stray_comma(self, before: Token, token: Token) -> ExpressionError:
-        after = self.tokens[self.position + 1]
-        if before.kind == after.kind == "number":
-            number = f"{before.text}.{after.text}"
-            return ExpressionError(
-                "syntax",
-                f"`{before.text},{after.text}` is not a number",
-                before.start,
-                after.end,
-                f"write the decimal point as a dot: `{number}`",
-            )
-        return self.fail("a comma cannot stand here", token, "it separates arguments of functions")
+        if token.kind != "end":
+            before = self.tokens[self.position - 1] if self.position else token
+            raise leftover(before, token, self.tokens[self.position + 1])
 
     def condition(self) -> Tree:
         self.nest()
@@ -199,15 +178,16 @@ class _Parser:
         return self._comparison()
 
     def _comparison(self) -> Tree:
-        operands, operators = [self._sum()], []
+        operands, operators = [self.sum()], []
         while self.at(*COMPARISONS):
             operators.append(self.advance().text)
-            operands.append(self._sum())
+            operands.append(self.sum())
         if not operators:
             return operands[0]
         return Comparison(operands[0].start, operands[-1].end, tuple(operands), tuple(operators))
 
-    def _sum(self) -> Tree:
+    def sum(self) -> Tree:
+        """Read terms with their signs."""
         start = self.current.start
         terms = [(self._sign(), self._product())]
         while self.at("+", "-"):
@@ -316,9 +296,11 @@ class _Parser:
     def _name(self, token: Token) -> Tree:
         if self.at("("):
             opening = self.advance()
+            if token.text == "sum":
+                return self._series(token, opening)
             arguments = self._arguments(")", opening)
             return Call(token.start, self.tokens[self.position - 1].end, token.text, arguments)
-        primes, end = 0, token.end
+        text, indices, end, primes = self._member(token)
         while self.at("'") and self.current.start == end:
             end = self.advance().end
             primes += 1
@@ -332,7 +314,82 @@ class _Parser:
                     token,
                     f"write `{token.text}(…)^{power.text}`",
                 )
-        return Name(token.start, end, token.text, primes)
+        return Name(token.start, end, text, primes, indices)
+
+    def _member(self, token: Token) -> tuple[str, tuple[Tree, ...], int, int]:
+        """Read the indices after a name, and the names with dots that follow them."""
+        text, end, primes = token.text, token.end, 0
+        indices: list[Tree] = []
+        while self.at("[") and self.current.start == end:
+            opening = self.advance()
+            if self.at("]"):
+                raise self.fail("an index is missing", self.current, f"write `{token.text}[1]`")
+            indices.append(self.sum())
+            if self.at("..", "="):
+                raise self.fail(
+                    "a range cannot stand here",
+                    self.current,
+                    "ranges stand where a family is declared, and in `sum(x[i], i = 1..N)`",
+                )
+            if self.at(","):
+                raise self.fail("a member has one index", self.current)
+            self._close("]", opening)
+            end = self.tokens[self.position - 1].end
+            text += "[]"
+            if self.at("."):
+                self.advance()
+                following = self.advance()
+                text, end = f"{text}.{following.text}", following.end
+            elif self.at("_dot", "_ddot"):
+                suffix = self.advance()
+                primes, end = 1 + (suffix.text == "_ddot"), suffix.end
+                break
+        return text, tuple(indices), end, primes
+
+    # sums over an index
+
+    def index_name(self) -> str | None:
+        """Read ``i =``, if it stands here."""
+        if self.current.kind != "name" or self.tokens[self.position + 1].text != "=":
+            return None
+        token = self.advance()
+        self.advance()
+        if "." in token.text or token.text in KEYWORDS:
+            raise self.fail(f"`{token.text}` cannot be the name of an index", token)
+        return token.text
+
+    def range_from(self, first: Tree) -> Range:
+        """Read the rest of a range."""
+        if not self.at(".."):
+            raise self.fail(
+                "a range is missing here",
+                self.current,
+                "write a range as `i = 1..N`, ends included",
+            )
+        self.advance()
+        last = self.sum()
+        return Range(first.start, last.end, first, last)
+
+    def _series(self, token: Token, opening: Token) -> Series:
+        if not self.at(")"):
+            term = self.condition()
+            if self.at(","):
+                self.advance()
+                index = self.index_name()
+                if index is not None:
+                    span = self.range_from(self.sum())
+                    if self.at(","):
+                        raise self.fail(
+                            "a sum has one range", self.current, "write a sum in the sum"
+                        )
+                    self._close(")", opening)
+                    end = self.tokens[self.position - 1].end
+                    return Series(token.start, end, term, index, span)
+        raise self.fail(
+            "a sum needs an index and its range",
+            token,
+            "write `sum(x[i], i = 1..N)`; a sum of a few terms is `a + b + c`",
+        )
 
     def _arguments(self, closing: str, opening: Token) -> tuple[Tree, ...]:
         if self.at(closing):
@@ -356,7 +413,9 @@ class _Parser:
             raise self.fail(
                 "an equation cannot stand in parentheses",
                 token,
-                "conditions compare with `==`; sums over an index are not part of this version",
+                "conditions compare with `==`; a range stands last, as in `sum(x[i], i = 1..N)`"
+                if self.tokens[self.position - 1].kind == "name"
+                else "conditions compare with `==`",
             )
         if token.text in (")", "]"):
             raise self.fail(

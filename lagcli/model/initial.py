@@ -6,11 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from lagcli.errors import SourceLocation
-from lagcli.model.draft import Draft
+from lagcli.model.draft import Draft, Formula, Indices
+from lagcli.model.families import Declaration, Member, members_of, read_key
+from lagcli.model.members import family_of, there_is
 from lagcli.model.model import InitialValue
+from lagcli.model.names import Context, Names
 from lagcli.model.parameters import override_node
-from lagcli.model.quantities import evaluate, read_quantity
-from lagcli.model.scope import Context, Names
+from lagcli.model.quantities import Quantity, evaluate, read_quantity
+from lagcli.model.scope import uses
 from lagcli.model.source import Mapping as MappingNode
 from lagcli.model.source import Node, Scalar
 from lagcli.model.spelling import did_you_mean, nearest, shorten
@@ -25,48 +28,104 @@ def read_initial(
 ) -> tuple[Values, Values]:
     """Return the initial coordinates and velocities, by coordinate."""
     names = draft.names
-    values: Values = {}
-    attempted: dict[str, Scalar | None] = {}
-    replaced = {_canonical(draft, name) for name in overrides}
     entries = draft.entries("initial")
+    given = _overriding(draft, overrides)
+    values: Values = {}
+    attempted: dict[str, Member] = {}
+    readers: dict[int, _Reader] = {}
     for name, key, node in entries or []:
-        canonical = _canonical(draft, name)
-        if canonical is None:
-            _report_unknown(draft, name, key)
+        declaration = _declaration(draft, name, key, node)
+        if declaration is None:
             continue
-        first = attempted.get(canonical)
-        if first is not None:
-            draft.report.add(
-                "duplicate-key",
-                f"`{canonical}` has two initial values",
-                key.location,
-                "`x_dot` and `x'` are the same thing; keep one of them",
-                (("the first one is here", first.location),),
-            )
-            continue
-        attempted[canonical] = key
-        if canonical not in replaced:
-            _read(draft, canonical, node, values, constants)
-    given: dict[str, str] = {}
-    for name, value in overrides.items():
-        canonical = _canonical(draft, name)
-        if canonical is None:
-            _report_unknown_override(draft, name, value)
-            continue
-        if canonical in given:
-            place = override_node("--set-initial", name, value).location
-            message = f"`{canonical}` is given twice, as {given[canonical]} and {name}"
-            draft.report.add("duplicate-key", message, place, "keep one of them")
-            continue
-        given[canonical] = name
-        attempted.setdefault(canonical, None)
-        node = override_node("--set-initial", name, value)
-        _read(draft, canonical, node, values, constants)
+        readers[id(declaration)] = _Reader(draft, declaration, constants)
+        for member in members_of(draft, declaration, constants):
+            if not _enter(draft, attempted, member):
+                break
+    for canonical, member in attempted.items():
+        if canonical not in given:
+            readers[id(member.declaration)].read(canonical, member.indices, values)
+    for canonical, option in given.items():
+        node = override_node("--set-initial", option, overrides[option])
+        declaration = Declaration(canonical, node, node)
+        _Reader(draft, declaration, constants).read(canonical, {}, values)
     if entries is not None and not names.incomplete and "initial" not in draft.meant:
-        _report_missing(draft, set(attempted))
+        _report_missing(draft, {*attempted, *given})
     positions = {q: values[q] for q in names.coordinates if q in values}
     velocities = {q: values[f"{q}'"] for q in names.coordinates if f"{q}'" in values}
     return positions, velocities
+
+
+def _declaration(draft: Draft, name: str, key: Scalar, node: Node) -> Declaration | None:
+    """Return what an entry gives a value to; an unknown name is reported."""
+    if "[" not in name:
+        canonical = _canonical(draft, name)
+        if canonical is None:
+            _report_unknown(draft, name, key)
+            return None
+        base = canonical.removesuffix("'")
+        return Declaration(base, key, node, primes=len(canonical) - len(base))
+    declaration = read_key(draft, key, node, "initial value", primed=True)
+    if declaration is None or "coordinate" in draft.names.families.get(declaration.family, ()):
+        return declaration
+    if not declaration.primes:  # x_dot[1]
+        base = declaration.name.removesuffix("_dot")
+        if base != declaration.name and f"{base}[]" in draft.names.families:
+            return replace(declaration, name=base, primes=1)
+    _report_unknown(draft, declaration.title, key)
+    return None
+
+
+def _enter(draft: Draft, attempted: dict[str, Member], member: Member) -> bool:
+    """Enter what an entry gives a value to; report what has one already, or is no coordinate.
+
+    A value for a single member takes the place of that for a range.
+    """
+    names, d = draft.names, member.declaration
+    canonical = member.name + "'" * d.primes
+    if member.name not in names.coordinates:
+        if d.family not in names.broken:
+            draft.report.add(
+                "no-member",
+                f"`initial` names `{canonical}`, but {there_is(d.name, _members(draft, d.name))}",
+                d.key.location,
+                "only coordinates have initial values: let the ranges be the same",
+            )
+        return False
+    first = attempted.get(canonical)
+    if first is None or (first.declaration.several and not d.several):
+        attempted[canonical] = member
+    elif first.declaration.several == d.several:
+        draft.report.add(
+            "duplicate-key",
+            f"`{canonical}` has two initial values",
+            d.key.location,
+            "a value for a single member takes precedence over a range; ranges must not overlap"
+            if d.span is not None
+            else "`x_dot` and `x'` are the same thing; keep one of them",
+            (("the first one is here", first.declaration.key.location),),
+        )
+        return False
+    return True
+
+
+def _members(draft: Draft, base: str) -> list[str]:
+    return [q for q in draft.names.coordinates if q.startswith(f"{base}[")]
+
+
+def _overriding(draft: Draft, overrides: Mapping[str, object]) -> dict[str, str]:
+    """Return the options by what they give a value to."""
+    given: dict[str, str] = {}
+    for name, value in overrides.items():
+        canonical = _canonical(draft, "".join(name.split()))
+        if canonical is None:
+            _report_unknown_override(draft, name, value)
+        elif canonical in given:
+            place = override_node("--set-initial", name, value).location
+            message = f"`{canonical}` is given twice, as {given[canonical]} and {name}"
+            draft.report.add("duplicate-key", message, place, "keep one of them")
+        else:
+            given[canonical] = name
+    return given
 
 
 def _canonical(draft: Draft, name: str) -> str | None:
@@ -77,7 +136,8 @@ def _canonical(draft: Draft, name: str) -> str | None:
         base = name.removesuffix(ending)
         if base != name and base in draft.names.coordinates:
             return f"{base}'"
-    return None
+    base, bracket, index = name.partition("_dot[")
+    return f"{base}[{index}'" if bracket and f"{base}[{index}" in draft.names.coordinates else None
 
 
 def _every(draft: Draft) -> list[str]:
@@ -124,33 +184,53 @@ def _report_unknown_override(draft: Draft, name: str, value: object) -> None:
     )
 
 
-def _read(draft: Draft, name: str, node: Node, values: Values, constants: Names) -> None:
-    what = f"the initial value of `{name}`"
-    fixed = True
-    location = node.location
-    if isinstance(node, MappingNode):
-        fields = draft.fields(node, what, ("guess",))
-        if "guess" not in fields:
-            if not node.entries:
-                draft.report.add(
-                    "missing-value", f"{what} is empty", location, "write a number, or {guess: 0}"
-                )
+class _Reader:
+    """Reads the value of an entry, for each member that it is given for."""
+
+    def __init__(self, draft: Draft, declaration: Declaration, constants: Names):
+        self.draft, self.location, self.fixed = draft, declaration.node.location, True
+        self.quantity: Quantity | None = None
+        node: Node | None = declaration.node
+        what = f"the initial value of `{declaration.title}`"
+        if isinstance(node, MappingNode):
+            node = self.guess(node, what)
+        names = replace(
+            constants, coordinates=draft.names.coordinates, definitions=draft.names.definitions
+        )
+        if node is not None:
+            self.quantity = read_quantity(draft, node, what, names)
+        if self.quantity is not None:
+            context = Context(what, coordinates=False, definitions=False, time=False)
+            parsed = self.quantity.parsed
+            self.formula = Formula(draft, parsed, context, names, declaration.index)
+            self.varies = declaration.index is not None and uses(parsed.tree, declaration.index)
+        self.same: float | None = None
+
+    def guess(self, node: MappingNode, what: str) -> Node | None:
+        """Return the field ``guess``."""
+        fields = self.draft.fields(node, what, ("guess",))
+        self.fixed = False
+        if "guess" not in fields and not node.entries:
+            self.draft.report.add(
+                "missing-value", f"{what} is empty", node.location, "write a number, or {guess: 0}"
+            )
+        return fields.get("guess")
+
+    def read(self, name: str, indices: Indices, values: Values) -> None:
+        """Evaluate the entry for a coordinate or velocity."""
+        if self.quantity is None:
             return
-        fixed, node = False, fields["guess"]
-    context = Context(what, coordinates=False, definitions=False, time=False)
-    names = replace(
-        constants, coordinates=draft.names.coordinates, definitions=draft.names.definitions
-    )
-    quantity = read_quantity(draft, node, what, names)
-    if quantity is not None:
-        value = evaluate(draft, quantity, context, names)
+        value = self.same
+        if value is None:
+            value = evaluate(self.quantity, self.formula, indices)
+            self.same = None if self.varies else value
         if value is not None:
-            values[name] = InitialValue(value, fixed, location)
+            values[name] = InitialValue(value, self.fixed, self.location)
 
 
 def _report_missing(draft: Draft, attempted: set[str]) -> None:
     missing = [n for n in _every(draft) if n not in attempted]
-    missing = [n for n in missing if n.rstrip("'") not in draft.names.broken]
+    missing = [n for n in missing if family_of(n.rstrip("'")) not in draft.names.broken]
     if not missing:
         return
     entry = draft.root.entries.get("initial")

@@ -8,14 +8,21 @@ from pathlib import Path
 
 from lagcli.model.composer import compose
 from lagcli.model.constraints import declare_constraints, read_constraints
-from lagcli.model.declarations import check_keys, declare, read_coordinates
-from lagcli.model.definitions import read_definitions
-from lagcli.model.draft import Draft, Entry
+from lagcli.model.declarations import (
+    check_keys,
+    declare,
+    expand_coordinates,
+    read_coordinates,
+    report_overlaps,
+)
+from lagcli.model.definitions import expand_definitions, read_definitions
+from lagcli.model.draft import Draft
 from lagcli.model.energies import read_energies, read_forces, read_scalar
+from lagcli.model.families import Declaration, declarations
 from lagcli.model.initial import read_initial
 from lagcli.model.model import Model
 from lagcli.model.outputs import read_outputs
-from lagcli.model.parameters import read_parameters
+from lagcli.model.parameters import read_parameters, structural
 from lagcli.model.reading import check_text, read_text
 from lagcli.model.report import Report
 from lagcli.model.simulation import read_settings
@@ -76,19 +83,23 @@ def _model(
     draft: Draft, overrides: Mapping[str, object], initial_overrides: Mapping[str, object]
 ) -> Model:
     check_keys(draft, KEYS, LATER_KEYS)
-    coordinates = read_coordinates(draft)
-    parameter_entries = _declarations(draft, "parameters")
-    definition_entries = _declarations(draft, "definitions")
-    declare(draft, coordinates, parameter_entries, definition_entries)
-    constraint_entries = declare_constraints(draft, draft.entries("constraints") or [])
+    coordinate_entries = read_coordinates(draft)
+    parameter_entries = _declarations(draft, "parameters", "parameter")
+    definition_entries = _declarations(draft, "definitions", "definition")
+    constraint_entries = declarations(draft, draft.entries("constraints") or [], "constraint")
+    declare(draft, coordinate_entries, parameter_entries, definition_entries)
     parameters, constants = read_parameters(draft, parameter_entries, overrides)
-    definitions = read_definitions(draft, definition_entries)
+    coordinates = expand_coordinates(draft, coordinate_entries, constants)
+    defined = expand_definitions(draft, definition_entries, constants)
+    report_overlaps(draft)
+    constrained = declare_constraints(draft, constraint_entries, constants)
+    definitions = read_definitions(draft, defined)
     kinetic, potential = read_energies(draft)
     dissipation = read_scalar(draft, "D")
-    forces = read_forces(draft, definitions)
-    constraints = read_constraints(draft, constraint_entries)
+    forces = read_forces(draft, definitions, constants)
+    constraints = read_constraints(draft, constraint_entries, constrained)
     positions, velocities = read_initial(draft, constants, initial_overrides)
-    outputs, output_units = read_outputs(draft)
+    outputs, output_units = read_outputs(draft, constants)
     settings = read_settings(draft, constants)
     name = draft.text(draft.get("name"), "`name`") or Path(draft.source.path).stem
     description = draft.text(draft.get("description"), "`description`")
@@ -101,7 +112,7 @@ def _model(
         text=draft.source.text,
         sha256=hashlib.sha256(draft.source.text.encode()).hexdigest(),
         coordinates=coordinates,
-        parameters=parameters,
+        parameters=structural(draft, parameters),
         definitions=definitions,
         kinetic=kinetic,
         potential=potential,
@@ -117,9 +128,9 @@ def _model(
     )
 
 
-def _declarations(draft: Draft, key: str) -> list[Entry]:
-    """Return the entries of a block that declares names; unreadable, it may declare any."""
+def _declarations(draft: Draft, key: str, what: str) -> list[Declaration]:
+    """Return what a block declares; unreadable, it may declare any name."""
     entries = draft.entries(key)
     if entries is None or key in draft.meant:
         draft.names.incomplete = True
-    return entries or []
+    return declarations(draft, entries or [], what)

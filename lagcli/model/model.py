@@ -7,13 +7,14 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.errors import SourceLocation
-from lagcli.model.expressions import Value
+from lagcli.model.scoping import Value
 from lagcli.model.trees import Tree
 
 Kind = Literal["holonomic", "nonholonomic"]
@@ -24,6 +25,7 @@ METHODS = ("auto", "DOP853", "Rodas5P", "RK45", "RK23", "Radau", "BDF", "LSODA")
 FORMULATIONS = ("projection", "baumgarte", "index1")
 ENGINES = ("compiled", "scipy")
 MAX_SAMPLES = 10**8
+NO_INDICES: Mapping[str, int] = MappingProxyType({})
 
 _POSITIVE = ("dt", "rtol", "atol", "max_step", "max_steps", "timeout")
 _NUMBERS = ("t_start", "t_end", *_POSITIVE, "alpha", "beta", "samples")
@@ -66,28 +68,34 @@ class Coordinate(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """A parameter with its value in SI."""
+    """A parameter with its value in SI.
+
+    ``structural`` says whether the model's coordinates, constraints or sums depend on it: another
+    value asks for another model, loaded anew. Any other parameter is an input of the equations.
+    """
 
     name: str
     value: float
     unit: str | None = None
     description: str | None = None
     text: str = ""
+    structural: bool = False
 
 
 class Definition(NamedTuple):
-    """A named expression."""
+    """A named expression; ``indices`` are the values of the index in the tree of a family."""
 
     name: str
     value: Value
     tree: Tree
     description: str | None = None
+    indices: Mapping[str, int] = NO_INDICES
 
 
 class Constraint(NamedTuple):
     """A constraint, φ(q, t) = 0 or ψ(q, q', t) = 0 affine in q'.
 
-    ``expression`` is lhs − rhs.
+    ``expression`` is lhs − rhs; ``indices`` are the values of the index in the trees of a family.
     """
 
     name: str
@@ -97,6 +105,7 @@ class Constraint(NamedTuple):
     right: Tree | None
     description: str | None = None
     location: SourceLocation | None = None
+    indices: Mapping[str, int] = NO_INDICES
 
 
 class InitialValue(NamedTuple):
@@ -295,6 +304,11 @@ class Model:
     def constraint_names(self) -> tuple[str, ...]:
         """Names of the constraints, in the model's order."""
         return tuple(c.name for c in self.constraints)
+
+    @property
+    def structural_parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that another value of asks for another derivation."""
+        return tuple(name for name, p in self.parameters.items() if p.structural)
 
     @property
     def parameter_values(self) -> dict[str, float]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from symengine import Basic
 
-from lagcli.model.declarations import si_unit, valid_name
-from lagcli.model.draft import Draft
-from lagcli.model.scope import DOTS, Context
+from lagcli.model.declarations import expanded, si_unit
+from lagcli.model.draft import Draft, Formula
+from lagcli.model.families import by_name, declarations
+from lagcli.model.names import DOTS, Context, Names
 
 _COLUMNS = (
     *("t", "time", "energy_kinetic", "energy_potential", "energy_total", "power_applied"),
@@ -14,36 +15,46 @@ _COLUMNS = (
 )
 
 
-def read_outputs(draft: Draft) -> tuple[dict[str, Basic], dict[str, str]]:
+def read_outputs(draft: Draft, constants: Names) -> tuple[dict[str, Basic], dict[str, str]]:
     """Return the outputs and their units, by name."""
     found: dict[str, Basic] = {}
     units: dict[str, str] = {}
-    taken = {*_COLUMNS, *draft.names.coordinates}
-    taken |= {f"{q}{suffix}" for q in draft.names.coordinates for suffix, _ in DOTS}
-    for name, key, given in draft.entries("outputs") or []:
-        if not valid_name(draft, name, key, "output"):
-            continue
-        if name in taken:
+    declared = declarations(draft, draft.entries("outputs") or [], "output")
+    members = by_name(draft, expanded(draft, declared, constants))
+    for d in declared:
+        own = [name for name, member in members.items() if member.declaration is d]
+        taken = next((name for name in own if _taken(draft, name)), None)
+        if taken is not None:
             draft.report.add(
                 "duplicate-name",
-                f"the output `{name}` has the name of a column that every result has",
-                key.location,
+                f"the output `{taken}` has the name of a column that every result has",
+                d.key.location,
                 "choose another name; the column need not be asked for",
             )
             continue
-        what = f"the output `{name}`"
+        what = f"the output `{d.title}`"
         node, fields = draft.expression_node(
-            key, given, what, known=("expr", "unit", "description")
+            d.key, d.node, what, known=("expr", "unit", "description")
         )
         draft.text(fields.get("description"), f"`description` of {what}")
         unit = draft.text(fields.get("unit"), f"`unit` of {what}")
         if unit is not None and si_unit(draft, unit, fields["unit"]):
-            units[name] = unit
+            units.update(dict.fromkeys(own, unit))
         parsed = draft.parse(node, what) if node is not None else None
         if parsed is None:
             continue
-        value = draft.scalar(parsed, Context(what, accelerations=True, multipliers=True))
-        if value is not None:
-            found[name] = value
-            draft.trees[f"outputs.{name}"] = parsed.tree
+        context = Context(what, accelerations=True, multipliers=True)
+        formula = Formula(draft, parsed, context, index=d.index)
+        draft.trees[f"outputs.{d.title}"] = parsed.tree
+        for name in own:
+            value = formula.scalar(members[name].indices)
+            if value is not None:
+                found[name] = value
     return found, units
+
+
+def _taken(draft: Draft, name: str) -> bool:
+    """Whether every result has a column of this name."""
+    coordinates = draft.names.coordinates
+    stems = [name, *(name.removesuffix(suffix) for suffix, _ in DOTS)]
+    return name in _COLUMNS or any(stem in coordinates for stem in stems)

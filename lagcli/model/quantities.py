@@ -9,9 +9,9 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model.constants import number
-from lagcli.model.draft import Draft, Parsed
+from lagcli.model.draft import NO_INDICES, Draft, Formula, Indices, Parsed
 from lagcli.model.grammar import parse
-from lagcli.model.scope import Context, Names
+from lagcli.model.names import Names
 from lagcli.model.source import Node, Scalar
 from lagcli.model.spelling import shorten
 from lagcli.model.tokens import ExpressionError
@@ -125,10 +125,17 @@ def _is_unit(text: str) -> bool:
     return True
 
 
-def evaluate(draft: Draft, quantity: Quantity, context: Context, names: Names) -> float | None:
-    """Return the SI value of a quantity; report why it has none."""
-    parsed = quantity.parsed
-    value = draft.scalar(parsed, context, names)
+def evaluate(quantity: Quantity, formula: Formula, indices: Indices = NO_INDICES) -> float | None:
+    """Return the SI value of a quantity; report why it has none.
+
+    Parameters
+    ----------
+    quantity : Quantity
+    formula : Formula
+        Of the quantity's expression.
+    indices : mapping of str to int
+    """
+    value = formula.scalar(indices)
     if value is None:
         return None
     factor = quantity.factor
@@ -140,10 +147,11 @@ def evaluate(draft: Draft, quantity: Quantity, context: Context, names: Names) -
     try:
         return number(scaled)
     except ValueError:
-        draft.report.add(
+        formula.good = False
+        formula.draft.report.add(
             "not-a-number",
-            f"{context.where} has no real, finite value",
-            parsed.node.location,
+            f"{formula.context.where} has no real, finite value",
+            quantity.parsed.node.location,
             "the largest number is 1.8e308",
         )
     return None

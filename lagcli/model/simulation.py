@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from lagcli.model.draft import Draft
+from lagcli.model.draft import Draft, Formula
 from lagcli.model.model import Settings
+from lagcli.model.names import Context, Names
 from lagcli.model.quantities import evaluate, read_quantity
-from lagcli.model.scope import Context, Names
 from lagcli.model.source import Mapping, Node, Scalar, Sequence
 
 _WORDS = ("method", "formulation", "engine")
@@ -72,4 +72,4 @@ def _number(draft: Draft, what: str, node: Node, constants: Names) -> float | No
     if quantity is None:
         return None
     context = Context(what, coordinates=False, definitions=False, time=False)
-    return evaluate(draft, quantity, context, constants)
+    return evaluate(quantity, Formula(draft, quantity.parsed, context, constants))

@@ -55,9 +55,11 @@ def _first_foreign(text: str) -> int | None:
     return None
 
 
-_NUMBER = re.compile(r"(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?")
+_NUMBER = re.compile(r"(?:[0-9]++(?:\.(?!\.)[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?")
 _WORD = re.compile(r"[^\W\d_]\w*(?:\.[^\W\d_]\w*)*")
-_MARK = re.compile(r"\*\*|<=|>=|==|!=|[-+*/^()\[\],<>=']")
+#: after a member of a family, Qc.rod[2].x[3] and x[3]_dot go on
+_AFTER_MEMBER = r"(?<=\])\.(?=[^\W\d_])|(?<=\])_d?dot(?!\w)"
+_MARK = re.compile(rf"\*\*|<=|>=|==|!=|\.\.|[-+*/^()\[\],<>=']|{_AFTER_MEMBER}")
 _MINUS = "use the plain hyphen `-` for minus"
 _PRIME = "use the plain apostrophe `'` for a time derivative"
 _PRODUCT = "write a product as `a*b`"
@@ -104,15 +106,15 @@ _HINTS = {
 }
 
 
-def tokenize(text: str) -> list[Token]:
-    """Split an expression into tokens, the end included.
+def tokenize(text: str, start: int = 0) -> list[Token]:
+    """Split an expression, ``text[start:]``, into tokens, the end included.
 
     Raises
     ------
     ExpressionError
         At the first character that belongs to no token.
     """
-    tokens, position = [], 0
+    tokens, position = [], start
     while position < len(text):
         if text[position].isspace():
             position += 1
@@ -132,6 +134,11 @@ def tokenize(text: str) -> list[Token]:
         position = match.end()
     tokens.append(Token("end", "", len(text), len(text)))
     return tokens
+
+
+def words(text: str) -> list[str]:
+    """Return the words of a text that may have been meant as names."""
+    return re.findall(r"[^\W\d]\w*", text)
 
 
 _GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+")

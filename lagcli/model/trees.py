@@ -29,10 +29,14 @@ class Number(Tree):
 
 @dataclass(frozen=True, eq=False)
 class Name(Tree):
-    """A name with its primes; ``text`` may be dotted (``lambda.guide``)."""
+    """A name with its primes; ``text`` may be dotted (``lambda.guide``).
+
+    The member of a family has ``[]`` in its text for each of its indices: ``x[i - 1]`` is ``x[]``.
+    """
 
     text: str
     primes: int
+    indices: tuple[Tree, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +62,28 @@ class Sum(Tree):
     def parts(self) -> tuple[Tree, ...]:
         """The terms."""
         return tuple(term for _, term in self.terms)
+
+
+@dataclass(frozen=True, eq=False)
+class Range(Tree):
+    """``first..last``, both included."""
+
+    first: Tree
+    last: Tree
+
+
+@dataclass(frozen=True, eq=False)
+class Series(Tree):
+    """``sum(term, index = first..last)``."""
+
+    term: Tree
+    index: str
+    range: Range
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The term; the bounds of the range are no values, but whole numbers."""
+        return (self.term,)
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,8 +47,9 @@ def explain(source: Source, error: yaml.YAMLError) -> Diagnostic:
         return _second_colon(source, line, column)
     if here == "[" and "flow" in context:
         return at(
-            "a bracket cannot follow a name here",
-            "families such as x[1..3] are not part of this version; give each member a name",
+            "a bracket cannot stand here",
+            "an index follows a name directly and is closed on the same line, as in x[1] or"
+            " x[1..N]",
         )
     if "flow" in context and "expected" in problem:
         bracket = "[" if "sequence" in context else "{"

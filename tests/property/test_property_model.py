@@ -15,7 +15,8 @@ from lagcli.model.constants import number
 from lagcli.model.expressions import build
 from lagcli.model.grammar import parse
 from lagcli.model.loader import load_text
-from lagcli.model.scope import Context, ModelScope, Names
+from lagcli.model.names import Context, Names
+from lagcli.model.scope import ModelScope
 from lagcli.model.tokens import ExpressionError
 from lagcli.model.trees import Call, Name, Number, Power, Product, Sum, Tree
 from lagcli.simulation import simulate

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from lagcli.model.calls import TENSOR_FUNCTIONS
 from lagcli.model.constants import fault, number, relation
-from lagcli.model.expressions import MAX_DEPTH, Sized, build
+from lagcli.model.expressions import MAX_DEPTH, build
 from lagcli.model.functions import FUNCTIONS, derivative
 from lagcli.model.grammar import parse
-from lagcli.model.scope import Context, ModelScope, Names
+from lagcli.model.names import Context, Names
+from lagcli.model.scope import ModelScope
+from lagcli.model.scoping import Sized
 from lagcli.model.tensors import Tensor
 from lagcli.model.tokens import ExpressionError
 
@@ -326,7 +328,7 @@ def test_a_serial_arm_of_many_rotations_is_not_too_large() -> None:
         ("arctan(x)", "`atan`"),
         ("sinn(x)", "did you mean `sin`"),
         ("m(x)", "is not a function"),
-        ("sum(x)", "not part of this version"),
+        ("sum(x)", "needs an index and its range"),
     ],
 )
 def test_shapes_conditions_and_calls(text: str, words: str) -> None:

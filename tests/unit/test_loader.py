@@ -271,9 +271,9 @@ def test_the_number_of_errors_is_bounded() -> None:
 
 def test_a_hundred_thousand_keys() -> None:
     text = TEXT + "".join(f"key{i}: 1\n" for i in range(100_000))
-    began = time.perf_counter()
+    began = time.process_time()
     assert "too-many" in diagnostics(text)[-1]
-    assert time.perf_counter() - began < 5  # 1.5 s alone; must not be quadratic
+    assert time.process_time() - began < 5  # 1.5 s alone; must not be quadratic
 
 
 def test_a_constraint_that_is_expensive_to_expand() -> None:

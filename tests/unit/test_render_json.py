@@ -16,10 +16,12 @@ from lagcli.equations.arrange import Arranger
 from lagcli.equations.lagrange import Equations
 from lagcli.equations.render import render
 from lagcli.equations.render.grammar import grammar_text
-from lagcli.model.expressions import Sized, build
+from lagcli.model.expressions import build
 from lagcli.model.functions import FUNCTIONS
 from lagcli.model.grammar import parse
-from lagcli.model.scope import Context, ModelScope, Names
+from lagcli.model.names import Context, Names
+from lagcli.model.scope import ModelScope
+from lagcli.model.scoping import Sized
 
 TOLERANCE = 1e-12  # rounding of some hundred terms
 

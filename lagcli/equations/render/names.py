@@ -27,7 +27,11 @@ LATEX_GREEK.update({"ο": "o", "Υ": r"\Upsilon"})
 
 
 def split(name: str) -> tuple[str, str]:
-    """Split a name into its letter and its subscript: x_A, y1, theta_0, rod_1."""
+    """Split a name into its letter and its subscript: x_A, y1, theta_0, rod_1, x[3]."""
+    if name.endswith("]"):
+        letter, subscript = split(name[: name.index("[")])
+        index = name[name.index("[") :]
+        return letter, subscript + index
     base, _, subscript = name.partition("_")
     letters = base.rstrip("0123456789")
     if letters and letters != base and (len(letters) == 1 or letters in GREEK):
@@ -97,8 +101,8 @@ def _distinct(looks: dict[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
 def _text(name: str) -> tuple[str, str]:
     letter, subscript = split(name)
     letter = GREEK.get(letter, letter)
-    if not subscript:
-        return letter, ""
+    if not subscript or subscript.startswith("["):
+        return letter, subscript
     if subscript.isascii() and subscript.isdigit():
         return letter, subscript.translate(SUBSCRIPTS)
     return letter, f"_{subscript}"
@@ -113,6 +117,7 @@ def _latex(name: str) -> tuple[str, str]:
 
 
 def _latex_subscript(subscript: str) -> str:
+    subscript = subscript.replace("[", "_").removesuffix("]")
     return ",".join(_latex_letter(GREEK.get(p, p), r"\mathrm") for p in subscript.split("_") if p)
 
 
@@ -126,6 +131,7 @@ def _latex_letter(text: str, font: str = r"\mathit") -> str:
 
 def _latex_word(name: str) -> str:
     """Return a constraint's name as a subscript: rod_1 with its own subscript."""
+    name = name.replace("[", "_").removesuffix("]")
     first, *rest = [p for p in name.split("_") if p]
     head = rf"\mathrm{{{latex_ascii(first)}}}"
     return head + (f"_{{{','.join(latex_ascii(p) for p in rest)}}}" if rest else "")

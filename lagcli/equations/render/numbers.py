@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from lagcli.model.grammar import Call, Comparison, Logical, Name, Number, Power, Product, Sum, Tree
 from lagcli.model.model import Model
+from lagcli.model.trees import Number, walk
 
 LARGEST_DENOMINATOR = 12  # of a fraction that is written as one although it has a short decimal
 DIGITS = 6
@@ -14,24 +14,8 @@ DIGITS = 6
 def written_decimals(model: Model) -> frozenset[int]:
     """Return the denominators of the decimals that the model's author wrote: 0.2 is 1/5."""
     found: set[int] = set()
-    stack: list[Tree] = [*model.trees.values()]
-    while stack:
-        item = stack.pop()
-        match item:
-            case Number():
-                found.add(item.value.denominator)
-            case Sum():
-                stack.extend(t for _, t in item.terms)
-            case Product():
-                stack.extend(t for _, t in item.factors)
-            case Power():
-                stack += [item.base, item.exponent]
-            case Call():
-                stack.extend(item.arguments)
-            case Comparison() | Logical():
-                stack.extend(item.operands)
-            case Name():
-                pass
+    for tree in model.trees.values():
+        found.update(part.value.denominator for part in walk(tree) if isinstance(part, Number))
     return frozenset(found)
 
 
