@@ -105,10 +105,12 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     """Return the summary as text of at most 100 columns."""
     s = summary
     end = f" to {s['t_end']:.6g} s" if s["t_end"] is not None else ""
+    method = f"  {'method':<12}{s['method']} with {s['formulation']} ({s['engine']} engine):"
+    counts = f"{s['steps']} steps, {s['rejected']} rejected, {s['evaluations']} evaluations"
+    fits = len(method) + 1 + len(counts) <= 100
     lines = [
         f"{name}: {s['status']}, t = {s['t_start']:.6g}{end}, {s['samples']} samples",
-        f"  {'method':<12}{s['method']} with {s['formulation']} ({s['engine']} engine):"
-        f" {s['steps']} steps, {s['rejected']} rejected, {s['evaluations']} evaluations",
+        *([f"{method} {counts}"] if fits else [method, f"  {'':<12}{counts}"]),
     ]
     if s["status"] == "completed" and s["message"]:
         lines.append(f"  {'':<12}{s['message']}")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -274,3 +276,24 @@ def test_cost_grows_like_the_number_of_bodies(method: str) -> None:
 
     # eight times as long; square growth would be sixty-four
     assert seconds(160) < 30 * seconds(20)
+
+
+def test_the_summary_says_what_auto_did(tmp_path: Path) -> None:
+    file = tmp_path / "spring.yaml"
+    file.write_text("""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y + 1e8/2*(sqrt(x^2 + y^2) - 1)^2
+D: 1e5/2*(x*x' + y*y')^2
+initial: {x: 1, y: 0, x': 0, y': 0}
+""")
+    done = subprocess.run(
+        [sys.executable, "-m", "lagcli", "simulate", str(file), "--rtol", "1e-6", "--t-end", "1"],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=True,
+    )
+    assert "DOP853, Radau with projection" in done.stdout
+    assert "the motion is stiff: went on with Radau at t = " in done.stdout
+    assert max(map(len, done.stdout.splitlines())) <= 100
