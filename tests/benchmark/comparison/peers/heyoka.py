@@ -1,0 +1,81 @@
+"""heyoka: Taylor's method on the explicit equations, compiled to machine code by LLVM.
+
+Accelerations are expressions: K (a, −λ) = r is eliminated symbolically.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from comparison.cases import Case
+from comparison.kinetics import derive, solve_symmetric
+from comparison.methods import Method, NotApplicable, decades
+
+#: Bodies above which LLVM takes longer than the measurement may.
+MOST_BODIES = 100
+
+
+def equations(case: Case) -> list[tuple[Any, Any]]:
+    """Return heyoka's (state, rate) pairs of a case."""
+    import heyoka as hy
+
+    nq = len(case.start.q)
+    q = hy.make_vars(*[f"q{i}" for i in range(nq)])
+    v = hy.make_vars(*[f"v{i}" for i in range(nq)])
+    index = {str(x): i for i, x in enumerate(q)}
+    algebra = SimpleNamespace(
+        sin=hy.sin,
+        cos=hy.cos,
+        sqrt=hy.sqrt,
+        diff=hy.diff,
+        variables=lambda x: sorted(
+            index[n] for n in hy.get_variables(hy.expression(x)) if n in index
+        ),
+        is_zero=lambda x: isinstance(x, int) or str(x).startswith("0.0000000000000000"),
+    )
+    geometry = case.geometry(algebra, q, case.start.parameters)
+    a = solve_symmetric(*derive(algebra, geometry, q, v).kkt())[:nq]
+    return [*zip(q, v, strict=True), *zip(v, a, strict=True)]
+
+
+class Taylor:
+    """The equations of a case, compiled at each tolerance."""
+
+    def __init__(self, case: Case):
+        if case.bodies > MOST_BODIES:
+            raise NotApplicable(f"compiling more than {MOST_BODIES} bodies takes minutes")
+        self.case = case
+        self.system = equations(case)
+
+    def at(self, setting: float, number: type = np.float64) -> Callable[[], NDArray]:
+        """Compile, and prepare a run at a tolerance."""
+        import heyoka as hy
+
+        start = np.concatenate([self.case.start.q, self.case.start.v]).astype(number)
+        times = self.case.times.astype(number)
+        # the default mode unrolls all: too much code for more than a few bodies
+        compact = len(start) > 4
+        options = {"tol": number(setting), "compact_mode": compact, "fp_type": number}
+        integrator = hy.taylor_adaptive(self.system, start, **options)
+
+        def run() -> NDArray:
+            integrator.time = number(0)
+            integrator.state[:] = start
+            *_, states = integrator.propagate_grid(times)
+            return states
+
+        return run
+
+    def positions(self, result: NDArray) -> NDArray:
+        """Return q."""
+        return result[:, : len(self.case.start.q)]
+
+
+METHODS = (
+    Method("heyoka", "Taylor", Taylor, lambda case: decades(6, 16)[::2], packages=("heyoka",)),
+)

@@ -1,0 +1,60 @@
+"""lagcli: the compiled engine, called as `lagcli.simulate` calls it, timed without the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lagcli
+from comparison.cases import Case
+from comparison.methods import Method, decades
+from lagcli import simulation
+from lagcli.engine.run import Run
+from lagcli.engine.system import compile_system
+from lagcli.model.model import Settings
+
+
+class Ours:
+    """Model, equations, tapes and start of a case, ready to be integrated."""
+
+    def __init__(self, case: Case, method: str):
+        self.case, self.method = case, method
+        self.model = case.load()
+        self.equations = lagcli.derive(self.model)
+        self.system = compile_system(self.equations)
+        self.start = simulation.find_start(self.equations, self.system, self.settings(1e-9))
+
+    def settings(self, tolerance: float) -> Settings:
+        """Return the complete settings of a run."""
+        given = Settings(
+            times=tuple(self.case.times), rtol=tolerance, atol=tolerance, method=self.method
+        )
+        return simulation.resolve(given, self.model)
+
+    def at(self, setting: float) -> Callable[[], Run]:
+        """Prepare a run at a tolerance."""
+        settings = self.settings(setting)
+        engine = simulation._engine(settings)
+        request = simulation._request(self.start, settings)
+        return lambda: engine(self.system, request, None)
+
+    def positions(self, result: Run) -> NDArray[np.float64]:
+        """Return q, once the run is seen to be complete."""
+        if result.status != "completed":
+            raise RuntimeError(result.message)
+        return result.q
+
+
+def _method(name: str) -> Method:
+    return Method(
+        "lagcli",
+        name,
+        lambda case: Ours(case, name),
+        lambda case: decades(4, 12) if case.bodies < 100 else decades(5, 11),
+    )
+
+
+#: The stiff methods run in the compiled engine; SciPy's methods of these names are not ours.
+METHODS = tuple(_method(name) for name in simulation.COMPILED_METHODS)
