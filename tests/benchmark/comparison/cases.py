@@ -80,7 +80,8 @@ def _shipped(name: str) -> str:
     return (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
 
 
-def _chain(n: int, t_end: float) -> Case:
+def chain(n: int, t_end: float) -> Case:
+    """Return the chain of n bodies."""
     return Case(
         f"chain_{n}",
         f"Chain of {n} bodies",
@@ -127,11 +128,11 @@ CASES = {
             mechanisms.andrews,
             0.05,
         ),
-        _chain(5, 2.0),
-        _chain(20, 2.0),
-        _chain(100, 2.0),
-        _chain(500, 1.0),
-        _stiff_chain(10, 1e6, 1e3, 2.0),
-        _stiff_chain(10, 1e8, 1e5, 2.0),
+        chain(5, 2.0),
+        chain(20, 2.0),
+        chain(100, 2.0),
+        chain(500, 1.0),
+        _stiff_chain(10, 1e6, 1e3, 1.0),
+        _stiff_chain(10, 1e8, 1e5, 1.0),
     ]
 }

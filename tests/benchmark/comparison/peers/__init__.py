@@ -1,0 +1,12 @@
+"""One module for each program of the table; each has METHODS and imports its program lazily."""
+
+from comparison.methods import Method
+from comparison.peers import by_hand, casadi, heyoka, ours, sundae
+
+METHODS: tuple[Method, ...] = (
+    *ours.METHODS,
+    *by_hand.METHODS,
+    *casadi.METHODS,
+    *sundae.METHODS,
+    *heyoka.METHODS,
+)

@@ -18,6 +18,8 @@ from comparison.methods import Method, NotApplicable, decades
 
 #: Bodies above which LLVM takes longer than the measurement may.
 MOST_BODIES = 100
+#: Operations of Taylor's recursion up to which code is unrolled.
+LONGEST_UNROLLED = 300
 
 
 def equations(case: Case) -> list[tuple[Any, Any]]:
@@ -44,23 +46,32 @@ def equations(case: Case) -> list[tuple[Any, Any]]:
 
 
 class Taylor:
-    """The equations of a case, compiled at each tolerance."""
+    """The equations of a case, compiled at each tolerance.
 
-    def __init__(self, case: Case):
+    Unrolled code is twice as fast as compact code, and takes minutes to compile where the
+    equations are long.
+    """
+
+    def __init__(self, case: Case, compact: bool | None = None):
+        import heyoka as hy
+
         if case.bodies > MOST_BODIES:
             raise NotApplicable(f"compiling more than {MOST_BODIES} bodies takes minutes")
         self.case = case
         self.system = equations(case)
+        self.start = np.concatenate([case.start.q, case.start.v])
+        if compact is None:
+            trial = hy.taylor_adaptive(self.system, self.start, tol=1e-4, compact_mode=True)
+            compact = len(trial.decomposition) > LONGEST_UNROLLED
+        self.compact = compact
 
     def at(self, setting: float, number: type = np.float64) -> Callable[[], NDArray]:
         """Compile, and prepare a run at a tolerance."""
         import heyoka as hy
 
-        start = np.concatenate([self.case.start.q, self.case.start.v]).astype(number)
+        start = self.start.astype(number)
         times = self.case.times.astype(number)
-        # the default mode unrolls all: too much code for more than a few bodies
-        compact = len(start) > 4
-        options = {"tol": number(setting), "compact_mode": compact, "fp_type": number}
+        options = {"tol": number(setting), "compact_mode": self.compact, "fp_type": number}
         integrator = hy.taylor_adaptive(self.system, start, **options)
 
         def run() -> NDArray:

@@ -1,0 +1,43 @@
+"""Measure, and write the page: ``python -m comparison --help``."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parents[3]
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(prog="comparison", description=__doc__)
+    parser.add_argument("--output", type=Path, default=ROOT / "docs" / "benchmarks.md")
+    parser.add_argument("--case", action="append", help="this case alone; may be repeated")
+    parser.add_argument("--program", action="append", help="lagcli and this program alone")
+    parser.add_argument("--rounds", type=int, default=5)
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Measure what the command line asks for."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = "1"  # before NumPy is loaded, here and in all workers
+    from comparison import run, table
+
+    options = arguments()
+    report = run.measure_all(options.case, options.program, options.rounds)
+    options.output.write_text(table.render(report), encoding="utf-8")
+    raw = options.output.with_suffix(".json")
+    raw.write_text(json.dumps(dataclasses.asdict(report), indent=1) + "\n", encoding="utf-8")
+    print(f"written {options.output} and {raw}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    began = time.perf_counter()
+    main()
+    print(f"{time.perf_counter() - began:.0f} s", file=sys.stderr)

@@ -1,0 +1,236 @@
+"""Measuring: every method in a process of its own, runs interleaved, medians.
+
+A method that hangs or crashes loses its process and nothing else.
+"""
+
+from __future__ import annotations
+
+import gc
+import math
+import multiprocessing
+import statistics
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from comparison.cases import CASES, Case, Start
+from comparison.methods import Method, NotApplicable
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long to measure, s.
+
+    ``prepare`` and ``run`` are limits of one preparation and one run; a method's further rounds
+    end when it has run for ``total``.
+    """
+
+    prepare: float = 60.0
+    run: float = 10.0
+    total: float = 4.0
+    rounds: int = 5
+
+
+@dataclass
+class Point:
+    """The runs of a method at one setting.
+
+    ``error`` is the largest deviation of q from the reference at the sample times, in m or rad;
+    ``error_at_end`` that at the last of them.
+    """
+
+    setting: float
+    error: float
+    error_at_end: float
+    seconds: list[float] = field(default_factory=list)
+
+    @property
+    def median(self) -> float:
+        """Median of the run times, s."""
+        return statistics.median(self.seconds)
+
+
+@dataclass
+class Result:
+    """A method on a case. ``note`` says why points are missing, if any are."""
+
+    program: str
+    name: str
+    unit: str
+    setup: float = math.nan
+    points: list[Point] = field(default_factory=list)
+    note: str = ""
+
+    @property
+    def title(self) -> str:
+        """What the table calls the method."""
+        return f"{self.program} {self.name}".strip()
+
+    def seconds_at(self, error: float) -> float | None:
+        """Return the least time in which an error is reached, or None.
+
+        Interpolated in log-log between neighbouring settings.
+        """
+        found = [p.median for p in self.points if p.error <= error]
+        for a, b in zip(self.points, self.points[1:], strict=False):
+            if min(a.error, b.error) < error < max(a.error, b.error):
+                x = math.log(error / a.error) / math.log(b.error / a.error)
+                found.append(a.median * (b.median / a.median) ** x)
+        return min(found, default=None)
+
+    @property
+    def best_error(self) -> float:
+        """The least error of all settings."""
+        return min((p.error for p in self.points), default=math.inf)
+
+
+class Failure(Exception):
+    """A method failed; the message says how."""
+
+
+class Worker:
+    """A process that holds one method, prepared for one case."""
+
+    def __init__(self, method: Method, case: Case):
+        context = multiprocessing.get_context("spawn")
+        self.connection, other = context.Pipe()
+        arguments = (other, method.program, method.name, case.name, case.start)
+        self.process = context.Process(target=_serve, args=arguments, daemon=True)
+        self.process.start()
+        other.close()
+
+    def ask(self, *question: Any, timeout: float) -> Any:
+        """Ask the process; raise Failure if it does not answer, or answers that it failed."""
+        try:
+            self.connection.send(question)
+            if not self.connection.poll(timeout):
+                raise Failure(f"no result within {timeout:g} s")
+            kind, answer = self.connection.recv()
+        except (EOFError, BrokenPipeError, ConnectionResetError):
+            raise Failure("the process ended") from None
+        if kind == "failed":
+            raise Failure(answer)
+        return answer
+
+    def close(self) -> None:
+        """End the process."""
+        self.process.kill()
+        self.process.join()
+        self.connection.close()
+
+
+def _serve(
+    connection: Connection, program: str, name: str, case_name: str, start: Start
+) -> None:
+    """Answer a parent's questions about one method; runs in a process of its own."""
+    from comparison.peers import METHODS
+
+    method = next(m for m in METHODS if (m.program, m.name) == (program, name))
+    case = CASES[case_name]
+    case.__dict__["start"] = start  # already found by the parent
+    runs: dict[float, Any] = {}
+    solver: Any = None
+    while True:
+        question, *rest = connection.recv()
+        try:
+            if question == "prepare":
+                began = time.perf_counter()
+                solver = method.prepare(case)
+                (loosest,) = rest
+                runs[loosest] = solver.at(loosest)
+                took = time.perf_counter() - began
+                # the first run compiles what is compiled on demand: set-up, too
+                first = _timed(runs[loosest])[0]
+                second = _timed(runs[loosest])[0]
+                connection.send(("done", took + max(0.0, first - second)))
+                continue
+            setting, with_positions = rest
+            if setting not in runs:
+                runs[setting] = solver.at(setting)
+            seconds, result = _timed(runs[setting])
+            positions = solver.positions(result) if with_positions else None
+            connection.send(("done", (seconds, positions)))
+        except NotApplicable as reason:
+            connection.send(("failed", str(reason)))
+        except Exception as error:
+            first_line = (str(error).strip() or type(error).__name__).splitlines()[0]
+            connection.send(("failed", f"fails: {first_line[:120]}"))
+
+
+def _timed(run: Any) -> tuple[float, Any]:
+    gc.collect()
+    gc.disable()
+    began = time.perf_counter()
+    result = run()
+    seconds = time.perf_counter() - began
+    gc.enable()
+    return seconds, result
+
+
+def measure(
+    case: Case, methods: Sequence[Method], reference: Array, effort: Effort
+) -> list[Result]:
+    """Measure methods on a case, round by round."""
+    results, workers = [], []
+    for method in methods:
+        result = Result(method.program, method.name, method.unit)
+        worker = Worker(method, case)
+        results.append(result)
+        try:
+            loosest = method.settings(case)[0]
+            result.setup = worker.ask("prepare", loosest, timeout=effort.prepare)
+        except Failure as failure:
+            result.note = str(failure)
+            worker.close()
+        else:
+            workers.append((worker, method.settings(case), result))
+    for round_ in range(effort.rounds):
+        for worker, settings, result in list(workers):
+            spent = sum(sum(p.seconds) for p in result.points)
+            if round_ and spent + spent / round_ > effort.total:
+                continue
+            try:
+                _round(worker, settings, result, reference, effort, first=round_ == 0)
+            except Failure as failure:
+                result.note = str(failure)
+    for worker, _, _ in workers:
+        worker.close()
+    return results
+
+
+def _round(
+    worker: Worker,
+    settings: Sequence[float],
+    result: Result,
+    reference: Array,
+    effort: Effort,
+    first: bool,
+) -> None:
+    if not first:
+        for point in result.points:
+            point.seconds.append(worker.ask("run", point.setting, False, timeout=effort.run)[0])
+        return
+    for setting in settings:
+        try:
+            seconds, q = worker.ask("run", setting, True, timeout=effort.run)
+        except Failure as failure:
+            if not worker.process.is_alive() or "no result" in str(failure):
+                raise
+            result.note = str(failure)
+            continue
+        if q.shape != reference.shape:
+            raise Failure(f"returned {q.shape[0]} of {reference.shape[0]} samples")
+        deviation = np.abs(q - reference).max(axis=1)
+        if not np.isfinite(deviation).all():
+            result.note = "not finite"
+            continue
+        result.points.append(Point(setting, deviation.max(), deviation[-1], [seconds]))
+        if sum(sum(p.seconds) for p in result.points) > effort.total:
+            return

@@ -1,0 +1,64 @@
+"""Cases and methods → Report: what is measured, in which order."""
+
+from __future__ import annotations
+
+import datetime
+import sys
+import time
+from collections.abc import Sequence
+
+from comparison import deriving, machine, process
+from comparison.cases import CASES
+from comparison.measure import Effort, measure
+from comparison.methods import Method
+from comparison.peers import METHODS
+from comparison.reference import reference
+from comparison.table import Report
+from comparison.verdicts import OURS
+
+
+def available(programs: Sequence[str] | None) -> list[Method]:
+    """Return the methods asked for whose packages are installed, ours among them."""
+    return [
+        method
+        for method in METHODS
+        if all(machine.installed(package) for package in method.packages)
+        and (programs is None or method.program in (OURS, *programs))
+    ]
+
+
+def measure_all(
+    cases: Sequence[str] | None = None, programs: Sequence[str] | None = None, rounds: int = 5
+) -> Report:
+    """Measure cases (all if None) with programs (all if None)."""
+    report = Report(
+        datetime.date.today().isoformat(),
+        machine.processor(),
+        machine.system(),
+        machine.versions(),
+        {name: case.title for name, case in CASES.items()},
+        {name: case.t_end for name, case in CASES.items()},
+    )
+    began = time.perf_counter()
+
+    def say(text: str) -> None:
+        print(f"{time.perf_counter() - began:6.1f} s  {text}", file=sys.stderr, flush=True)
+
+    if cases is None:
+        say("the whole process")
+        report.process = process.whole_process(rounds=2 * rounds)
+        say("deriving")
+        report.derivation = deriving.derivation(timeout=120.0)
+        say("growth")
+        report.growth = deriving.growth()
+    for name in cases or CASES:
+        say(f"{name}: reference")
+        exact = reference(CASES[name])
+        report.references[name] = (
+            f"{exact.source}; lagcli at 1e-13 differs from it by {exact.difference:.1e}"
+        )
+        say(f"{name}: methods")
+        report.results[name] = measure(
+            CASES[name], available(programs), exact.positions, Effort(rounds=rounds)
+        )
+    return report
