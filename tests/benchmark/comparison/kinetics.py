@@ -122,8 +122,5 @@ def _cramer(entries: Entries, rhs: Sequence[Expression]) -> list[Expression]:
         return total
 
     whole = determinant(rows)
-    replaced = (
-        [[*row[:k], rhs[i], *row[k + 1 :]] for i, row in enumerate(rows)] for k in range(n)
-    )
+    replaced = ([[*row[:k], rhs[i], *row[k + 1 :]] for i, row in enumerate(rows)] for k in range(n))
     return [determinant(a) / whole for a in replaced]
-

@@ -11,6 +11,7 @@ import multiprocessing
 import statistics
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from comparison.cases import CASES, Case, Start
-from comparison.methods import Method, NotApplicable
+from comparison.methods import Method
 
 Array = NDArray[np.float64]
 
@@ -29,13 +30,14 @@ class Effort:
     """How long to measure, s.
 
     ``prepare`` and ``run`` are limits of one preparation and one run; a method's further rounds
-    end when it has run for ``total``.
+    end when it has run for ``total``. So many methods are prepared ``at_once``; runs never are.
     """
 
     prepare: float = 60.0
     run: float = 10.0
-    total: float = 4.0
+    total: float = 2.5
     rounds: int = 5
+    at_once: int = 2
 
 
 @dataclass
@@ -126,9 +128,7 @@ class Worker:
         self.connection.close()
 
 
-def _serve(
-    connection: Connection, program: str, name: str, case_name: str, start: Start
-) -> None:
+def _serve(connection: Connection, program: str, name: str, case_name: str, start: Start) -> None:
     """Answer a parent's questions about one method; runs in a process of its own."""
     from comparison.peers import METHODS
 
@@ -157,8 +157,6 @@ def _serve(
             seconds, result = _timed(runs[setting])
             positions = solver.positions(result) if with_positions else None
             connection.send(("done", (seconds, positions)))
-        except NotApplicable as reason:
-            connection.send(("failed", str(reason)))
         except Exception as error:
             first_line = (str(error).strip() or type(error).__name__).splitlines()[0]
             connection.send(("failed", f"fails: {first_line[:120]}"))
@@ -178,19 +176,30 @@ def measure(
     case: Case, methods: Sequence[Method], reference: Array, effort: Effort
 ) -> list[Result]:
     """Measure methods on a case, round by round."""
-    results, workers = [], []
-    for method in methods:
-        result = Result(method.program, method.name, method.unit)
+    results = [Result(method.program, method.name, method.unit) for method in methods]
+
+    def prepared(method: Method, result: Result) -> Worker | None:
+        result.note = method.unfit(case)
+        if result.note:
+            return None
         worker = Worker(method, case)
-        results.append(result)
         try:
             loosest = method.settings(case)[0]
             result.setup = worker.ask("prepare", loosest, timeout=effort.prepare)
         except Failure as failure:
             result.note = str(failure)
             worker.close()
-        else:
-            workers.append((worker, method.settings(case), result))
+            return None
+        return worker
+
+    case.start  # noqa: B018 - found once, before the processes need it
+    with ThreadPoolExecutor(effort.at_once) as pool:
+        found = list(pool.map(prepared, methods, results))
+    workers = [
+        (worker, method.settings(case), result)
+        for worker, method, result in zip(found, methods, results, strict=True)
+        if worker is not None
+    ]
     for round_ in range(effort.rounds):
         for worker, settings, result in list(workers):
             spent = sum(sum(p.seconds) for p in result.points)

@@ -14,10 +14,6 @@ from comparison.cases import Case
 Array = NDArray[np.float64]
 
 
-class NotApplicable(Exception):
-    """A method does not apply to a case, or is not available; its message says why."""
-
-
 class Solver(Protocol):
     """A method, prepared for one case."""
 
@@ -38,9 +34,11 @@ class Method:
     ----------
     program, name : str
     prepare : callable
-        Derives and compiles for a case; raises NotApplicable.
+        Derives and compiles for a case.
     settings : callable
         Returns a case's tolerances (or step sizes), from the loosest on.
+    unfit : callable
+        Returns why the method is not for a case; empty if it is.
     unit : str
         What a setting is: "rtol", "h" (s).
     packages : tuple of str
@@ -51,6 +49,7 @@ class Method:
     name: str
     prepare: Callable[[Case], Solver]
     settings: Callable[[Case], Sequence[float]]
+    unfit: Callable[[Case], str] = lambda case: ""
     unit: str = "rtol"
     packages: tuple[str, ...] = ()
 
@@ -58,6 +57,16 @@ class Method:
     def title(self) -> str:
         """What the table calls it."""
         return f"{self.program} {self.name}".strip()
+
+
+def stiff_only(case: Case) -> str:
+    """Return why a method for stiff cases is not for a case."""
+    return "" if case.stiff else "the case is not stiff"
+
+
+def not_stiff(case: Case) -> str:
+    """Return why a method for other cases is not for a stiff one."""
+    return "the case is stiff" if case.stiff else ""
 
 
 def decades(first: int, last: int) -> tuple[float, ...]:

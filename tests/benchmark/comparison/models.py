@@ -47,9 +47,7 @@ def pendulum_of_links(n: int) -> str:
     lines = [
         f"name: pendulum_of_{n}_links",
         f"coordinates: [{', '.join(f'q_{i}' for i in both)}]",
-        "parameters: {g: 9.81 m/s^2, "
-        + ", ".join(f"m_{i}: 1 kg, l_{i}: 1 m" for i in both)
-        + "}",
+        "parameters: {g: 9.81 m/s^2, " + ", ".join(f"m_{i}: 1 kg, l_{i}: 1 m" for i in both) + "}",
         "definitions:",
     ]
     for i in both:

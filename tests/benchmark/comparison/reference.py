@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from comparison import mechanisms
 from comparison.cases import Case
-from comparison.methods import NotApplicable
 
 Array = NDArray[np.float64]
 
@@ -36,13 +35,10 @@ def reference(case: Case) -> Reference:
 
 def _independent(case: Case) -> tuple[Array, str]:
     if find_spec("heyoka"):
-        from comparison.peers.heyoka import Taylor
+        from comparison.peers.heyoka import Taylor, unfit
 
-        try:
+        if not unfit(case):
             solver = Taylor(case, compact=True)
-        except NotApplicable:
-            pass
-        else:
             # stiff: many steps, and errors that are damped; double precision does
             number, tolerance = (np.float64, 1e-16) if case.stiff else (np.longdouble, 1e-19)
             positions = solver.positions(solver.at(tolerance, number)())

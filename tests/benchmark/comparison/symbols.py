@@ -32,9 +32,7 @@ class SymbolicCase:
             cos=sp.cos,
             sqrt=sp.sqrt,
             diff=lambda x, s: sp.sympify(x).diff(s),
-            variables=lambda x: sorted(
-                index[s] for s in sp.sympify(x).free_symbols if s in index
-            ),
+            variables=lambda x: sorted(index[s] for s in sp.sympify(x).free_symbols if s in index),
             is_zero=lambda x: x == 0,
         )
 
@@ -50,9 +48,7 @@ class SymbolicCase:
         return [*self.q, *self.v]
 
 
-def c_source(
-    name: str, arrays: dict[str, Sequence[Any]], results: dict[str, Sequence[Any]]
-) -> str:
+def c_source(name: str, arrays: dict[str, Sequence[Any]], results: dict[str, Sequence[Any]]) -> str:
     """Return C code of a function that fills arrays with expressions, as SymPy prints them.
 
     Parameters

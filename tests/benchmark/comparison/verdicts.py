@@ -112,7 +112,9 @@ def judge(
             ("a right-hand side of 500 bodies costs", long.evaluation / short.evaluation),
             ("loading and deriving 500 bodies costs", long.load_and_derive / short.load_and_derive),
         ):
-            verdicts.append(Verdict(f"{text} at most 12 times that of 50", f"{value:.3g}", value <= 12))
+            verdicts.append(
+                Verdict(f"{text} at most 12 times that of 50", f"{value:.3g}", value <= 12)
+            )
     if derivation is not None:
         target = "deriving the pendulum of ten links 100 times faster than SymPy's LagrangesMethod"
         if derivation.sympy is None:

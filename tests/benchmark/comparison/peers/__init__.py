@@ -1,7 +1,7 @@
 """One module for each program of the table; each has METHODS and imports its program lazily."""
 
 from comparison.methods import Method
-from comparison.peers import by_hand, casadi, heyoka, ours, sundae
+from comparison.peers import by_hand, casadi, exudyn, heyoka, ours, pydy, sundae
 
 METHODS: tuple[Method, ...] = (
     *ours.METHODS,
@@ -9,4 +9,6 @@ METHODS: tuple[Method, ...] = (
     *casadi.METHODS,
     *sundae.METHODS,
     *heyoka.METHODS,
+    *exudyn.METHODS,
+    *pydy.METHODS,
 )

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from comparison.cases import Case
-from comparison.methods import Method, NotApplicable, decades
+from comparison.methods import Method, decades, stiff_only
 from comparison.symbols import SymbolicCase
 
 Array = NDArray[np.float64]
@@ -104,8 +104,6 @@ class CompiledSolveIvp(SolveIvp):
     def __init__(self, case: Case, method: str):
         from comparison import compiled
 
-        if not case.stiff:
-            raise NotApplicable("not stiff")
         f = compiled.rate(case)
         jacobian = compiled.rate_jacobian(f)
 
@@ -132,6 +130,7 @@ def _stiff(name: str) -> Method:
         f"{name}, compiled",
         lambda case: CompiledSolveIvp(case, name),
         lambda case: decades(4, 10)[::2],
+        stiff_only,
         packages=("scipy", "sympy", "numba"),
     )
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from comparison.cases import Case
 from comparison.kinetics import Kinetics, derive, solve_symmetric
-from comparison.methods import Method, NotApplicable, decades
+from comparison.methods import Method, decades, not_stiff, stiff_only
 
 Array = NDArray[np.float64]
 _STEPS = 10_000_000
@@ -90,18 +90,16 @@ def _settings(case: Case) -> tuple[float, ...]:
     return decades(6, 14)[::2] if case.bodies < 100 else decades(6, 12)[::2]
 
 
-def _method(name: str, plugin: str, options: dict[str, Any], *stiff: bool) -> Method:
+def _method(name: str, plugin: str, options: dict[str, Any], **more: Any) -> Method:
     def prepare(case: Case) -> Integrator:
-        if case.stiff not in stiff:
-            raise NotApplicable("stiff" if case.stiff else "not stiff")
         return Integrator(case, plugin, options)
 
-    return Method("CasADi", name, prepare, _settings, packages=("casadi",))
+    return Method("CasADi", name, prepare, _settings, packages=("casadi",), **more)
 
 
 _ADAMS = {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
 METHODS = (
-    _method("IDAS", "idas", {"suppress_algebraic": True}, False, True),
-    _method("CVODES Adams", "cvodes", _ADAMS, False),
-    _method("CVODES BDF", "cvodes", {}, True),
+    _method("IDAS", "idas", {"suppress_algebraic": True}),
+    _method("CVODES Adams", "cvodes", _ADAMS, unfit=not_stiff),
+    _method("CVODES BDF", "cvodes", {}, unfit=stiff_only),
 )

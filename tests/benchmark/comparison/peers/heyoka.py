@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from comparison.cases import Case
 from comparison.kinetics import derive, solve_symmetric
-from comparison.methods import Method, NotApplicable, decades
+from comparison.methods import Method, decades
 
 #: Bodies above which LLVM takes longer than the measurement may.
 MOST_BODIES = 100
@@ -55,8 +55,6 @@ class Taylor:
     def __init__(self, case: Case, compact: bool | None = None):
         import heyoka as hy
 
-        if case.bodies > MOST_BODIES:
-            raise NotApplicable(f"compiling more than {MOST_BODIES} bodies takes minutes")
         self.case = case
         self.system = equations(case)
         self.start = np.concatenate([case.start.q, case.start.v])
@@ -87,6 +85,14 @@ class Taylor:
         return result[:, : len(self.case.start.q)]
 
 
-METHODS = (
-    Method("heyoka", "Taylor", Taylor, lambda case: decades(6, 16)[::2], packages=("heyoka",)),
-)
+def unfit(case: Case) -> str:
+    """Return why a case is not for heyoka."""
+    too_many = case.bodies > MOST_BODIES
+    return f"compiling more than {MOST_BODIES} bodies takes minutes" if too_many else ""
+
+
+def _settings(case: Case) -> tuple[float, ...]:
+    return decades(6, 16)[:: 2 if case.bodies < 100 else 4]
+
+
+METHODS = (Method("heyoka", "Taylor", Taylor, _settings, unfit, packages=("heyoka",)),)

@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 
 from comparison import chain_loops, compiled, mechanisms
 from comparison.cases import Case
-from comparison.methods import Method, NotApplicable, decades
+from comparison.methods import Method, decades, not_stiff, stiff_only
 
 Array = NDArray[np.float64]
 _STEPS = 10_000_000
 _UNTESTED = 1e30
-#: States above which a dense Jacobian is not reasonable.
-_DENSE = 100
 
 
 def rate(case: Case) -> Any:
@@ -37,8 +35,6 @@ class Cvode:
     def __init__(self, case: Case, method: str, linsolver: str):
         self.case = case
         self.y0 = np.concatenate([case.start.q, case.start.v])
-        if linsolver == "dense" and len(self.y0) > _DENSE:
-            raise NotApplicable("its Jacobian is full")
         self.options: dict[str, Any] = {"method": method, "linsolver": linsolver}
         f = rate(case)
         f(0.0, self.y0, np.empty_like(self.y0))
@@ -123,19 +119,17 @@ def _settings(case: Case) -> tuple[float, ...]:
     return decades(6, 14)[::2] if case.bodies < 100 else decades(6, 12)[::2]
 
 
-def _cvode(method: str, linsolver: str, stiff: bool) -> Method:
+def _cvode(method: str, linsolver: str, unfit: Callable[[Case], str]) -> Method:
     def prepare(case: Case) -> Cvode:
-        if case.stiff != stiff:
-            raise NotApplicable("stiff" if case.stiff else "not stiff")
         return Cvode(case, method, linsolver)
 
     name = f"CVODE {method}, {linsolver}"
-    return Method("scikit-sundae", name, prepare, _settings, packages=_PACKAGES)
+    return Method("scikit-sundae", name, prepare, _settings, unfit, packages=_PACKAGES)
 
 
 _PACKAGES = ("scikit-sundae", "sympy", "numba")
 METHODS = (
-    _cvode("Adams", "gmres", stiff=False),
-    _cvode("BDF", "dense", stiff=True),
+    _cvode("Adams", "gmres", not_stiff),
+    _cvode("BDF", "dense", stiff_only),
     Method("scikit-sundae", "IDA", Ida, _settings, packages=_PACKAGES),
 )
