@@ -5,6 +5,9 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO := demo
+# what `make bench` compares with, in an environment of its own; what cannot be installed is left out
+BENCH := .venv-bench
+PEERS := casadi scikit-sundae heyoka exudyn pydy numba
 WORKERS ?= 2
 
 #: What runs the core: its own tests and those of both engines.
@@ -44,8 +47,20 @@ lint: $(BIN)/.lint ## Check style and types
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: install ## Run the published problems that take long
+$(BENCH)/.installed: pyproject.toml
+	$(PYTHON) -m venv $(BENCH)
+	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check cython setuptools
+	for peer in $(PEERS); do \
+	  $(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check $$peer \
+	    || echo "$$peer is not available"; \
+	done
+	@touch $@
+
+bench: install $(BENCH)/.installed ## Run the long published problems; measure beside other programs
 	$(BIN)/python -m pytest -m slow --durations=0 tests/benchmark
+	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check .
+	PYTHONPATH=tests/benchmark $(BENCH)/bin/python -m comparison
 
 docs-check: install ## Run the commands and check the statements of the documentation
 	$(BIN)/python -m pytest tests/docs
@@ -66,4 +81,4 @@ valgrind: install ## Run the core's own tests under valgrind (Debian: valgrind);
 	  $(BIN)/python -m pytest -p no:cacheprovider -x tests/unit/test_compiled_engine.py
 
 clean: ## Remove what the targets made
-	rm -rf $(VENV) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(BENCH) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +27,15 @@ class Ours:
         self.system = compile_system(self.equations)
         self.start = simulation.find_start(self.equations, self.system, self.settings(1e-9))
 
-    def settings(self, tolerance: float) -> Settings:
+    def settings(self, tolerance: float, **more: Any) -> Settings:
         """Return the complete settings of a run."""
-        given = Settings(
-            times=tuple(self.case.times), rtol=tolerance, atol=tolerance, method=self.method
-        )
+        times = tuple(self.case.times)
+        given = Settings(times=times, rtol=tolerance, atol=tolerance, method=self.method, **more)
         return simulation.resolve(given, self.model)
 
-    def at(self, setting: float) -> Callable[[], Run]:
+    def at(self, setting: float, **more: Any) -> Callable[[], Run]:
         """Prepare a run at a tolerance."""
-        settings = self.settings(setting)
+        settings = self.settings(setting, **more)
         engine = simulation._engine(settings)
         request = simulation._request(self.start, settings)
         return lambda: engine(self.system, request, None)

@@ -1,0 +1,154 @@
+"""The comparison of `make bench`, on what is installed here: models, measuring, page."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from comparison import models, table
+from comparison.cases import CASES, chain
+from comparison.deriving import Derivation, growth
+from comparison.kinetics import solve_symmetric
+from comparison.measure import Effort, Point, Result, Worker, measure
+from comparison.peers import METHODS
+from comparison.process import WholeProcess
+from comparison.reference import reference
+from comparison.symbols import SymbolicCase
+from comparison.verdicts import faster, judge
+
+import lagcli
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.system import compile_system
+
+BY_TITLE = {method.title: method for method in METHODS}
+OURS, BY_HAND = BY_TITLE["lagcli DOP853"], BY_TITLE["lambdify + solve_ivp DOP853"]
+CHEAP = ["pendulum", "slider_crank", "andrews", "chain_5", "stiff_chain_1e6"]
+
+
+def result(program: str, *points: tuple[float, float], name: str = "") -> Result:
+    """Return a Result of (error, seconds) points."""
+    made = [Point(error, error, error, [seconds]) for error, seconds in points]
+    return Result(program, name, "rtol", 0.0, made)
+
+
+@pytest.mark.parametrize("name", CHEAP)
+def test_the_others_get_the_same_equations(name: str) -> None:
+    """M, f, B and γ of the geometry, at a random state: those of the model that lagcli reads."""
+    import sympy as sp
+
+    case = CASES[name]
+    system = compile_system(lagcli.derive(case.load()))
+    start, rng = case.start, np.random.default_rng(0)
+    q = start.q + 0.1 * rng.standard_normal(len(start.q))
+    v = rng.standard_normal(len(q))
+    symbolic = SymbolicCase(case)
+    kinetics = symbolic.kinetics
+    ours = Evaluator(system).dynamics(0.0, q, v)
+
+    def numbers(expressions: list) -> np.ndarray:
+        evaluate = sp.lambdify([symbolic.states], [sp.sympify(x) for x in expressions])
+        return np.array(evaluate([*q, *v]), dtype=float)
+
+    mass, jacobian = np.zeros_like(ours.mass_matrix), np.zeros_like(ours.jacobian)
+    for matrix, entries in ((mass, kinetics.mass), (jacobian, kinetics.jacobian)):
+        matrix[tuple(np.array(list(entries)).T)] = numbers(list(entries.values()))
+    # rounding of sums of a few dozen terms
+    scale = np.abs(ours.forcing).max()
+    np.testing.assert_allclose(mass, ours.mass_matrix, rtol=1e-11, atol=1e-14)
+    np.testing.assert_allclose(jacobian, ours.jacobian, rtol=1e-11, atol=1e-14)
+    np.testing.assert_allclose(
+        numbers(kinetics.forcing), ours.forcing, rtol=1e-11, atol=1e-12 * scale
+    )
+    np.testing.assert_allclose(numbers(kinetics.rhs), ours.rhs, rtol=1e-11, atol=1e-13)
+
+
+@pytest.mark.parametrize("n", [2, 3, 9])
+def test_elimination_solves(n: int) -> None:
+    rng = np.random.default_rng(n)
+    dense = rng.standard_normal((n, n))
+    dense = dense @ dense.T + np.eye(n)
+    dense[0, n - 1] = dense[n - 1, 0] = 0.0  # left out, and filled in on the way
+    entries = {(i, j): x for (i, j), x in np.ndenumerate(dense) if x}
+    rhs = rng.standard_normal(n)
+    np.testing.assert_allclose(
+        solve_symmetric(entries, list(rhs)), np.linalg.solve(dense, rhs), rtol=1e-9
+    )
+
+
+def test_time_at_an_error_is_interpolated_in_log_log() -> None:
+    measured = result("x", (1e-4, 1.0), (1e-8, 100.0))
+    assert measured.seconds_at(1e-6) == pytest.approx(10.0)
+    assert measured.seconds_at(1e-3) == 1.0
+    assert measured.seconds_at(1e-9) is None
+    assert result("x", (1e-8, 5.0), (1e-7, 7.0)).seconds_at(1e-6) == 5.0
+
+
+def test_verdicts_say_what_is_missed() -> None:
+    ours, slow = result("lagcli", (1e-10, 1.0)), result("CasADi", (1e-10, 3.0), name="IDAS")
+    cases = ("pendulum",)
+    met = faster({"pendulum": [ours, slow]}, cases, "CasADi", 2, "2 times faster")
+    assert met.met
+    assert met.measured == "pendulum: 3"
+    missed = faster({"pendulum": [ours, slow]}, cases, "CasADi", 4, "4 times faster")
+    assert missed.met is False
+    assert "✗" in missed.measured
+    assert faster({"pendulum": [ours]}, cases, "CasADi", 4, "4 times faster").met is None
+    # an error that lagcli alone does not reach counts against it
+    rough = result("lagcli", (1e-3, 1.0))
+    assert faster({"pendulum": [rough, slow]}, cases, "CasADi", 4, "").met is False
+
+
+def test_a_small_comparison_from_measurement_to_page() -> None:
+    case = CASES["pendulum"]
+    exact = reference(case)
+    assert float(exact.source.split()[-1]) < 1e-9
+    results = measure(case, [OURS, BY_HAND], exact.positions, Effort(total=60.0, rounds=1))
+    for measured in results:
+        assert measured.points, measured.note
+        assert measured.best_error < 1e-6
+        errors = [p.error for p in measured.points]
+        assert errors == sorted(errors, reverse=True)  # tighter tolerances, smaller errors
+        assert all(s > 0 for p in measured.points for s in p.seconds)
+    report = table.Report("today", "a processor", "a system", {"lagcli": "1", "casadi": None})
+    report.titles, report.spans = {"pendulum": case.title}, {"pendulum": case.t_end}
+    report.references, report.results = {"pendulum": exact.source}, {"pendulum": results}
+    report.growth = growth(lengths=(2, 3))
+    report.derivation, report.process = Derivation(0.01, 5.0), WholeProcess(0.2, 0.1)
+    page = table.render(report)
+    for text in (case.title, BY_HAND.title, "casadi", "| 3 |", "**not met**"):
+        assert text in page
+    verdicts = {v.target: v for v in judge({}, report.derivation, [], report.process)}
+    assert [v.met for v in verdicts.values() if v.met is not None] == [True, False]
+
+
+def test_a_worker_that_hangs_or_fails_costs_its_own_result() -> None:
+    case = CASES["pendulum"]
+    worker = Worker(BY_HAND, case)
+    worker.process.kill()
+    with pytest.raises(Exception, match="process ended"):
+        worker.ask("prepare", 1e-6, timeout=10)
+    worker.close()
+    absent = BY_TITLE["CasADi IDAS"]
+    reference_ = np.zeros((101, 2))
+    if not _installed("casadi"):
+        (failed,) = measure(case, [absent], reference_, Effort(rounds=1))
+        assert "casadi" in failed.note
+        assert math.isnan(failed.setup)
+    (late,) = measure(case, [BY_HAND], reference_, Effort(prepare=0.01, rounds=1))
+    assert late.note == "no result within 0.01 s"
+
+
+def _installed(package: str) -> bool:
+    from comparison.machine import installed
+
+    return installed(package) is not None
+
+
+def test_models_that_are_not_shipped_are_models() -> None:
+    model = lagcli.load_text(models.pendulum_of_links(3))
+    assert len(model.coordinates) == 3
+    assert len(chain(7, 1.0).load().constraints) == 7
+    stiff = CASES["stiff_chain_1e8"].load()
+    assert len(stiff.constraints) == 5
+    assert stiff.parameter_values["c"] == 1e5
