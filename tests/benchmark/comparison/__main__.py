@@ -17,6 +17,7 @@ def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(prog="comparison", description=__doc__)
     parser.add_argument("--output", type=Path, default=ROOT / "docs" / "benchmarks.md")
+    parser.add_argument("--raw", type=Path, default=ROOT / "build" / "benchmarks.json")
     parser.add_argument("--case", action="append", help="this case alone; may be repeated")
     parser.add_argument("--program", action="append", help="lagcli and this program alone")
     parser.add_argument("--rounds", type=int, default=5)
@@ -30,11 +31,13 @@ def main() -> None:
     from comparison import run, table
 
     options = arguments()
-    report = run.measure_all(options.case, options.program, options.rounds)
-    options.output.write_text(table.render(report), encoding="utf-8")
-    raw = options.output.with_suffix(".json")
-    raw.write_text(json.dumps(dataclasses.asdict(report), indent=1) + "\n", encoding="utf-8")
-    print(f"written {options.output} and {raw}", file=sys.stderr)
+    options.raw.parent.mkdir(parents=True, exist_ok=True)
+    for report in run.measure_all(options.case, options.program, options.rounds):
+        # after each case: a run that is broken off keeps what it has
+        options.output.write_text(table.render(report), encoding="utf-8")
+        raw = json.dumps(dataclasses.asdict(report), indent=1) + "\n"
+        options.raw.write_text(raw, encoding="utf-8")
+    print(f"written {options.output} and {options.raw}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ class Effort:
 
     prepare: float = 60.0
     run: float = 10.0
-    total: float = 2.5
+    total: float = 2.0
     rounds: int = 5
     at_once: int = 2
 

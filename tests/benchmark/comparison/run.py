@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from comparison import deriving, machine, process
 from comparison.cases import CASES
@@ -29,8 +29,8 @@ def available(programs: Sequence[str] | None) -> list[Method]:
 
 def measure_all(
     cases: Sequence[str] | None = None, programs: Sequence[str] | None = None, rounds: int = 5
-) -> Report:
-    """Measure cases (all if None) with programs (all if None)."""
+) -> Iterator[Report]:
+    """Measure cases (all if None) with programs (all if None); yield the report after each case."""
     report = Report(
         datetime.date.today().isoformat(),
         machine.processor(),
@@ -59,4 +59,4 @@ def measure_all(
         report.results[name] = measure(
             CASES[name], available(programs), exact.positions, Effort(rounds=rounds)
         )
-    return report
+        yield report
