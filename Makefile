@@ -60,7 +60,7 @@ $(BENCH)/.installed: pyproject.toml
 bench: install $(BENCH)/.installed ## Run the long published problems; measure beside other programs
 	$(BIN)/python -m pytest -m slow --durations=0 tests/benchmark
 	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check .
-	PYTHONPATH=tests/benchmark $(BENCH)/bin/python -m comparison
+	cd tests/benchmark && $(CURDIR)/$(BENCH)/bin/python -m comparison
 
 docs-check: install ## Run the commands and check the statements of the documentation
 	$(BIN)/python -m pytest tests/docs

@@ -29,6 +29,11 @@ def system() -> str:
     return f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
 
 
+def load() -> float:
+    """Return the number of processes that wanted to run in the last minute, on average."""
+    return os.getloadavg()[0]
+
+
 def installed(package: str) -> str | None:
     """Return the version of a package, or None."""
     try:

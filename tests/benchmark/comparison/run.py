@@ -36,6 +36,7 @@ def measure_all(
         machine.processor(),
         machine.system(),
         machine.versions(),
+        machine.load(),
         {name: case.title for name, case in CASES.items()},
         {name: case.t_end for name, case in CASES.items()},
     )

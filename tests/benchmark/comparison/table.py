@@ -22,6 +22,7 @@ class Report:
     processor: str
     system: str
     versions: Mapping[str, str | None]
+    load: float = 0.0
     titles: Mapping[str, str] = field(default_factory=dict)
     spans: Mapping[str, float] = field(default_factory=dict)
     references: dict[str, str] = field(default_factory=dict)
@@ -105,6 +106,7 @@ def render(report: Report) -> str:
         "Written by `make bench`, which measures everything here side by side in one run.",
         "",
         f"Measured {report.date} on {report.processor}; {report.system}.",
+        f"Load average when it began: {report.load:.1f}.",
         f"Versions: {', '.join(there)}.",
     ]
     if absent:
@@ -170,7 +172,8 @@ All start from the same consistent state and return q at the same times. One cor
 thread; every method in a process of its own, with a limit on its time. The code is in
 `tests/benchmark/comparison`, one module for each program.
 
-- **lagcli**: model, equations, tapes and start are made once; the compiled engine is timed.
+- **lagcli**: model, equations, tapes and start are made once; the compiled engine is timed, which
+  also projects every sample and returns a, λ and the work done.
 - **lambdify + solve_ivp**: SymPy's `lambdify` with common subexpressions shared and `math` in place
   of NumPy, `numpy.linalg.solve` (SuperLU for the long chains), SciPy's DOP853.
 - **SciPy**, stiff cases: right-hand side and Jacobian compiled (C printed by SymPy, Numba).
@@ -180,10 +183,11 @@ thread; every method in a process of its own, with a limit on its time. The code
   λ left out of the error test. Chains: loops written by hand that use the structure, and SUNDIALS'
   banded solver.
 - **heyoka**: Taylor's method on the ODE with the linear system eliminated symbolically, unrolled
-  where the equations are short. It does not project; at its tolerances the drift is within the
-  error given.
-- **Exudyn**: mass points and rigid bodies with joints and distance constraints, generalized-α with
-  index 2 constraints at a series of step sizes.
+  where the equations are short. It does not project; the error given includes its drift. Where
+  the reference is heyoka's too, its tightest errors are not independent.
+- **Exudyn**: mass points and rigid bodies with joints and distance constraints; generalized-α, and
+  the trapezoidal rule with constraints of index 2, at a series of step sizes. Open chains also as
+  a kinematic tree in minimal coordinates, with its explicit Runge-Kutta method of order 6(7).
 - **PyDy**: `System` of Kane's equations in minimal coordinates or with dependent ones, the Cython
   generator, SciPy's odeint.
 """.splitlines()
