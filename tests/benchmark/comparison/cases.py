@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 import lagcli
 from comparison import mechanisms, models
-from lagcli.engine.system import compile_system
 from lagcli.model.model import Model, Settings
-from lagcli.simulation import find_start, resolve
+from lagcli.simulation import prepare
 
 Array = NDArray[np.float64]
 MODELS = Path(__file__).parents[3] / "models"
@@ -70,9 +69,7 @@ class Case:
     def start(self) -> Start:
         """The consistent start, as lagcli finds it."""
         model = self.load()
-        equations = lagcli.derive(model)
-        settings = resolve(Settings(t_end=self.t_end), model)
-        found = find_start(equations, compile_system(equations), settings)
+        found = prepare(model, Settings(t_end=self.t_end)).start
         return Start(found.q, found.v, model.parameter_values)
 
 

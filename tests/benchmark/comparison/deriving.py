@@ -119,7 +119,7 @@ def growth(lengths: Sequence[int] = LENGTHS) -> list[Growth]:
             if n not in runs:
                 runs[n] = ours.Ours(case, "DOP853").at(1e-9, max_steps=_STEPS)
             start = time.perf_counter()
-            result = runs[n]()
+            result, _ = runs[n]()
             ran = time.perf_counter() - start
             seconds[n].append((derived - began, compiled - derived, ran / result.evaluations))
             if ran > _LONGEST:

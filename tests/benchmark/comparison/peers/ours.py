@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import lagcli
 from comparison.cases import Case
 from comparison.methods import Method, decades, stiff_only
 from lagcli import simulation
-from lagcli.engine.run import Run
-from lagcli.engine.system import compile_system
+from lagcli.engine.run import Block, Run
 from lagcli.model.model import Settings
 
 
@@ -23,9 +21,7 @@ class Ours:
     def __init__(self, case: Case, method: str):
         self.case, self.method = case, method
         self.model = case.load()
-        self.equations = lagcli.derive(self.model)
-        self.system = compile_system(self.equations)
-        self.start = simulation.find_start(self.equations, self.system, self.settings(1e-9))
+        self.prepared = simulation.prepare(self.model, self.settings(1e-9))
 
     def settings(self, tolerance: float, **more: Any) -> Settings:
         """Return the complete settings of a run."""
@@ -33,18 +29,24 @@ class Ours:
         given = Settings(times=times, rtol=tolerance, atol=tolerance, method=self.method, **more)
         return simulation.resolve(given, self.model)
 
-    def at(self, setting: float, **more: Any) -> Callable[[], Run]:
+    def at(self, setting: float, **more: Any) -> Callable[[], tuple[Run, list[Block]]]:
         """Prepare a run at a tolerance."""
         settings = self.settings(setting, **more)
-        engine = simulation._engine(settings)
-        request = simulation._request(self.start, settings)
-        return lambda: engine(self.system, request, None)
+        engine, system = simulation._engine(settings), self.prepared.system
+        request = simulation._request(self.prepared.start, system, settings)
 
-    def positions(self, result: Run) -> NDArray[np.float64]:
+        def run() -> tuple[Run, list[Block]]:
+            blocks: list[Block] = []
+            return engine(system, request, blocks.append), blocks
+
+        return run
+
+    def positions(self, result: tuple[Run, list[Block]]) -> NDArray[np.float64]:
         """Return q, once the run is seen to be complete."""
-        if result.status != "completed":
-            raise RuntimeError(result.message)
-        return result.q
+        run, blocks = result
+        if run.status != "completed":
+            raise RuntimeError(run.message)
+        return np.concatenate([block.q for block in blocks])
 
 
 def _method(name: str) -> Method:
