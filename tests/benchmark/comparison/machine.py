@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -45,3 +46,13 @@ def installed(package: str) -> str | None:
 def versions() -> dict[str, str | None]:
     """Return the versions of all that takes part; None where it is not installed."""
     return {name: installed(name) for name in PACKAGES}
+
+
+def revision() -> str:
+    """Return the commit that is measured; empty where there is no repository."""
+    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return done.stdout.strip()

@@ -37,6 +37,7 @@ def measure_all(
         machine.system(),
         machine.versions(),
         machine.load(),
+        machine.revision(),
         {name: case.title for name, case in CASES.items()},
         {name: case.t_end for name, case in CASES.items()},
     )

@@ -23,6 +23,7 @@ class Report:
     system: str
     versions: Mapping[str, str | None]
     load: float = 0.0
+    revision: str = ""
     titles: Mapping[str, str] = field(default_factory=dict)
     spans: Mapping[str, float] = field(default_factory=dict)
     references: dict[str, str] = field(default_factory=dict)
@@ -106,7 +107,8 @@ def render(report: Report) -> str:
         "Written by `make bench`, which measures everything here side by side in one run.",
         "",
         f"Measured {report.date} on {report.processor}; {report.system}.",
-        f"Load average when it began: {report.load:.1f}.",
+        f"lagcli's revision: {report.revision or 'unknown'}."
+        f" Load average when it began: {report.load:.1f}.",
         f"Versions: {', '.join(there)}.",
     ]
     if absent:
