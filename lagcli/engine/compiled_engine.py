@@ -44,8 +44,6 @@ Array = NDArray[np.float64]
 
 #: Seconds that a slice of steps should take: what an interrupt waits for.
 _SLICE = 0.03
-#: The part of a coordinate by which states beside the start differ from it.
-_ASIDE = 0.1
 #: States for an order of elimination, beyond which the dense solution helps where it fails.
 _MOST_STATES = 20
 #: Steps between two looks at whether redundant constraints contradict each other.
@@ -73,17 +71,6 @@ def run(
         undefined=undefined,
         methods=tuple(session.methods.steps),
     )
-
-
-def _around(request: Request) -> list[State]:
-    """Return states at which an order of elimination is tried: the start, and some beside it.
-
-    Beside it, no entry vanishes by the start's special position.
-    """
-    t, q, v = request.t_start, request.q, request.v
-    size = _ASIDE * (np.abs(q) + 0.1 * np.abs(q).max(initial=0.0))
-    number = np.arange(len(q))
-    return [(t, q, v)] + [(t, q + size * np.cos(k + 1.7 * number), v) for k in (1, 2)]
 
 
 class _Session:
@@ -125,7 +112,7 @@ class _Session:
             request.method == "auto" and system.variation is not None,
             request.block_rows,
         )
-        self.states = _around(request)
+        self.states: list[State] = [(request.t_start, request.q, request.v)]
         self.reordered = math.nan
         self.choose_elimination()
         self.methods = Methods(self.core, system, request)
