@@ -43,8 +43,10 @@ cdef extern from "system.h":
         int nq, nc, nh
         const int32_t *holonomic
         int nm, nb
-        const int32_t *mass_places
-        const int32_t *jacobian_places
+        const int32_t *mass_row
+        const int32_t *mass_column
+        const int32_t *jacobian_row
+        const int32_t *jacobian_column
         lag_tape dynamics
         lag_tape constraint
 
@@ -314,10 +316,10 @@ cdef class Integrator:
         self.system.nm = len(system.mass_pattern)
         self.system.nb = len(system.jacobian_pattern)
         self.system.holonomic = self.integers(system.holonomic)
-        self.system.mass_places = self.integers([i * nq + j for i, j in system.mass_pattern])
-        self.system.jacobian_places = self.integers(
-            [i * nq + j for i, j in system.jacobian_pattern]
-        )
+        self.system.mass_row = self.integers([i for i, _ in system.mass_pattern])
+        self.system.mass_column = self.integers([j for _, j in system.mass_pattern])
+        self.system.jacobian_row = self.integers([i for i, _ in system.jacobian_pattern])
+        self.system.jacobian_column = self.integers([j for _, j in system.jacobian_pattern])
         self.bind(&self.system.constraint, system.constraint)
         self.run.system = &self.system
         self.run.t, self.run.t_end, self.run.h_max = t, t_end, h_max

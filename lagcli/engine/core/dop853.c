@@ -10,6 +10,9 @@
 #define STABLE 6.1          /* h times the dominant eigenvalue: the edge of the stable region */
 #define NOT_STIFF 6         /* steps inside it after which the count begins anew */
 
+/* Stages at which singular configurations are watched for: spread over the step, the end included. */
+static const int dop_watched[DOP_STAGES + 1] = {[4] = 1, [8] = 1, [10] = 1, [DOP_STAGES] = 1};
+
 /* Count steps that the method's stability limits, not its error: Hairer & Wanner, IV.2. The last
  * two stages have the same time, and their slope is about the dominant eigenvalue; `before` is where
  * the last but one was evaluated. */
@@ -31,6 +34,26 @@ static void look_for_stiffness(lag_run *run, double h, const double *before)
     }
 }
 
+/* y = base + h times the sum of `count` stages with weights, of which many are zero. */
+static void add_stages(const double *base, const double *stage, const double *weight, int count,
+                       double h, int n, double *y)
+{
+    const double *used[DOP_ALL_STAGES];
+    double w[DOP_ALL_STAGES];
+    int terms = 0;
+    for (int j = 0; j < count; ++j)
+        if (weight[j] != 0.0) {
+            used[terms] = stage + j * n;
+            w[terms++] = h * weight[j];
+        }
+    for (int m = 0; m < n; ++m) {
+        double sum = 0.0;
+        for (int j = 0; j < terms; ++j)
+            sum += w[j] * used[j][m];
+        y[m] = base[m] + sum;
+    }
+}
+
 int lag_dop853_step(lag_run *run)
 {
     const int n = lag_size(run->system);
@@ -44,24 +67,14 @@ int lag_dop853_step(lag_run *run)
         int bad = 0;
         run->kept = INFINITY;
         for (int i = 1; i <= DOP_STAGES && !bad; ++i) {
-            const double *a = i < DOP_STAGES ? dop_a[i] : dop_b;
             double *y = run->y_new;
-            for (int m = 0; m < n; ++m)
-                y[m] = 0.0;
-            for (int j = 0; j < i; ++j) {
-                const double w = h * a[j];
-                if (w == 0.0)
-                    continue;
-                const double *kj = stage + j * n;
-                for (int m = 0; m < n; ++m)
-                    y[m] += w * kj[m];
-            }
-            for (int m = 0; m < n; ++m)
-                y[m] += run->y[m];
+            add_stages(run->y, stage, i < DOP_STAGES ? dop_a[i] : dop_b, i, h, n, y);
             const double c = i < DOP_STAGES ? dop_c[i] : 1.0;
             if (i == DOP_STAGES - 1)
                 memcpy(run->trial, y, (size_t)n * sizeof(double));
-            bad = lag_stage(run, run->t + c * h, y, stage + i * n);
+            bad = lag_derivative(run, run->t + c * h, y, stage + i * n);
+            if (!bad && run->watching && dop_watched[i])
+                lag_watch_stage(run);
         }
         double factor = 0.2;
         if (!bad) {
@@ -114,10 +127,7 @@ void lag_dop853_dense(lag_run *run, double t, double *y)
     if (!run->dense_ready) {
         for (int i = DOP_STAGES + 1; i < DOP_ALL_STAGES; ++i) {
             double *trial = run->trial;
-            memcpy(trial, run->y_old, (size_t)n * sizeof(double));
-            for (int j = 0; j < i; ++j)
-                for (int m = 0; m < n; ++m)
-                    trial[m] += h * dop_a[i][j] * stage[j * n + m];
+            add_stages(run->y_old, stage, dop_a[i], i, h, n, trial);
             /* undefined values cannot arise: the step around it was accepted; if they do, the
              * sample's own check finds them */
             if (lag_derivative(run, run->t_old + dop_c[i] * h, trial, run->stages + i * n))

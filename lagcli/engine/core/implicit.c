@@ -94,9 +94,9 @@ static void right_side(lag_run *run, const double *rv, const double *rq_over_s, 
     for (int i = nq + nc; i < m->n; ++i)
         x[i] = 0.0;
     for (int i = 0; i < s->nm; ++i)
-        x[s->mass_places[i] / nq] += m->mass[i] * rv[s->mass_places[i] % nq];
+        x[s->mass_row[i]] += m->mass[i] * rv[s->mass_column[i]];
     for (int i = 0; i < s->nb; ++i)
-        x[nq + s->jacobian_places[i] / nq] += m->jacobian[i] * rv[s->jacobian_places[i] % nq];
+        x[nq + s->jacobian_row[i]] += m->jacobian[i] * rv[s->jacobian_column[i]];
     add_product(&m->force_position, d, nq, rq_over_s, x);
     add_product(&m->rhs_position, d, nq, rq_over_s, x + nq);
 }
@@ -111,8 +111,8 @@ static double power_change(lag_run *run, const double *uq, const double *uv, con
     add_product(&m->power_position, m->derivatives, s->nq, uq, &sum);
     add_product(&m->power_velocity, m->derivatives, s->nq, uv, &sum);
     for (int i = 0; i < s->nb; ++i)
-        reaction += m->jacobian[i] * m->velocity[s->jacobian_places[i] % s->nq]
-                    * found[s->jacobian_places[i] / s->nq];
+        reaction += m->jacobian[i] * m->velocity[s->jacobian_column[i]]
+                    * found[s->jacobian_row[i]];
     return sum + scale * reaction;
 }
 

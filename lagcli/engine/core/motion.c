@@ -64,8 +64,8 @@ int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first)
     double sum = 0.0;
     memset(run->rows, 0, (size_t)s->nq * s->nc * sizeof(double));
     for (int i = 0; i < s->nb; ++i) {
-        const double x = OUT(tape, first + i) / run->lengths[s->jacobian_places[i] / s->nq];
-        run->rows[s->jacobian_places[i]] = x;
+        const double x = OUT(tape, first + i) / run->lengths[s->jacobian_row[i]];
+        run->rows[s->jacobian_row[i] * s->nq + s->jacobian_column[i]] = x;
         sum += x;
     }
     return !isfinite(sum);
@@ -85,7 +85,7 @@ static int factor_dense(lag_run *run)
     double largest = 0.0, *k = run->kkt, *w = run->weight;
     memset(k, 0, (size_t)n * n * sizeof(double));
     for (int i = 0; i < s->nm; ++i) {
-        const int row = s->mass_places[i] / nq, column = s->mass_places[i] % nq;
+        const int row = s->mass_row[i], column = s->mass_column[i];
         const double x = OUT(d, i);
         k[row * n + column] = x;
         if (x > largest)
@@ -96,12 +96,12 @@ static int factor_dense(lag_run *run)
     memset(w, 0, (size_t)nc * sizeof(double));
     for (int i = 0; i < s->nb; ++i) {
         const double x = OUT(d, first + i);
-        w[s->jacobian_places[i] / nq] += x * x;
+        w[s->jacobian_row[i]] += x * x;
     }
     for (int i = 0; i < nc; ++i)
         w[i] = w[i] > 0.0 ? largest / sqrt(w[i]) : 1.0;
     for (int i = 0; i < s->nb; ++i) {
-        const int row = s->jacobian_places[i] / nq, column = s->jacobian_places[i] % nq;
+        const int row = s->jacobian_row[i], column = s->jacobian_column[i];
         const double x = OUT(d, first + i) * w[row];
         k[(nq + row) * n + column] = x;
         k[column * n + nq + row] = x;
@@ -190,14 +190,14 @@ static void residual(const lag_run *run, const double *right, const double *x, d
         for (int i = 0; i < n; ++i)
             size[i] = fabs(right[i]);
     for (int i = 0; i < s->nm; ++i) {
-        const int row = s->mass_places[i] / nq;
-        const double part = OUT(d, i) * x[s->mass_places[i] % nq];
+        const int row = s->mass_row[i];
+        const double part = OUT(d, i) * x[s->mass_column[i]];
         r[row] -= part;
         if (size)
             size[row] += fabs(part);
     }
     for (int i = 0; i < s->nb; ++i) {
-        const int row = nq + s->jacobian_places[i] / nq, column = s->jacobian_places[i] % nq;
+        const int row = nq + s->jacobian_row[i], column = s->jacobian_column[i];
         const double b = OUT(d, first_jacobian(s) + i);
         r[row] -= b * x[column];
         r[column] -= b * x[row];
@@ -244,8 +244,8 @@ static void right_side(lag_run *run, const double *y)
     for (int i = 0; i < nc; ++i)
         psi[i] = OUT(c, s->nh + s->nb + i);
     for (int i = 0; i < s->nb; ++i)
-        psi[s->jacobian_places[i] / nq] +=
-            OUT(c, s->nh + i) * y[nq + s->jacobian_places[i] % nq];
+        psi[s->jacobian_row[i]] +=
+            OUT(c, s->nh + i) * y[nq + s->jacobian_column[i]];
     for (int i = 0; i < nc; ++i)
         right[nq + i] -= run->alpha * psi[i];
     for (int i = 0; i < s->nh; ++i) {
@@ -288,8 +288,8 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     }
     double p = OUT(d, first_rhs(s) + nc);
     for (int i = 0; i < s->nb; ++i)
-        p += x[nq + s->jacobian_places[i] / nq] * OUT(d, first_jacobian(s) + i)
-             * y[nq + s->jacobian_places[i] % nq];
+        p += x[nq + s->jacobian_row[i]] * OUT(d, first_jacobian(s) + i)
+             * y[nq + s->jacobian_column[i]];
     *power = p;
     return 0;
 }

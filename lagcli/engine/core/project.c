@@ -67,8 +67,8 @@ int lag_project(lag_run *run, double t, double *y)
         for (int i = 0; i < nc; ++i)
             psi[i] = OUT(c, nh + s->nb + i);
         for (int i = 0; i < s->nb; ++i)
-            psi[s->jacobian_places[i] / nq] +=
-                OUT(c, nh + i) * y[nq + s->jacobian_places[i] % nq];
+            psi[s->jacobian_row[i]] +=
+                OUT(c, nh + i) * y[nq + s->jacobian_column[i]];
         for (int i = 0; i < nc; ++i) {
             const double scale = OUT(c, nh + s->nb + nc + nh + i);
             if (scale > run->scale_velocity[i])

@@ -9,8 +9,8 @@ typedef struct {
     int nq, nc, nh;
     const int32_t *holonomic;          /* nh indices of constraints */
     int nm, nb;                        /* nonzero entries of M and B */
-    const int32_t *mass_places;        /* nm: row * nq + column */
-    const int32_t *jacobian_places;    /* nb: row * nq + column */
+    const int32_t *mass_row, *mass_column;         /* nm each */
+    const int32_t *jacobian_row, *jacobian_column; /* nb each */
     lag_tape dynamics;                 /* M entries, f, B entries, gamma, power */
     lag_tape constraint;               /* phi, B entries, b_0, scale of phi, scale of psi */
 } lag_system;

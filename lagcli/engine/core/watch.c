@@ -62,7 +62,7 @@ static double least_kept_of_all(lag_run *run)
     memset(sum, 0, (size_t)s->nc * sizeof(double));
     for (int i = 0; i < s->nb; ++i) {
         const double x = OUT(&s->dynamics, first + i);
-        sum[s->jacobian_places[i] / s->nq] += x * x;
+        sum[s->jacobian_row[i]] += x * x;
     }
     for (int i = 0; i < s->nc; ++i)
         shortest = fmin(shortest, sum[i] / (run->lengths[i] * run->lengths[i]));
@@ -85,16 +85,20 @@ double lag_weakest(lag_run *run, double t, const double *y)
     return lag_pivot(run->rows, s->nq, s->nc, run->rank, run->order, run->components);
 }
 
+void lag_watch_stage(lag_run *run)
+{
+    /* without a static elimination every step is looked at */
+    const double kept = lag_eliminating(run) ? least_kept_of_all(run) : 0.0;
+    run->kept = fmin(run->kept, kept);
+    run->usually_kept = fmax(run->usually_kept, kept);
+}
+
 int lag_stage(lag_run *run, double t, const double *y, double *f)
 {
     if (lag_derivative(run, t, y, f))
         return 1;
-    if (!run->watching)
-        return 0;
-    /* without a static elimination every step is looked at; this costs little next to f */
-    const double kept = lag_eliminating(run) ? least_kept_of_all(run) : 0.0;
-    run->kept = fmin(run->kept, kept);
-    run->usually_kept = fmax(run->usually_kept, kept);
+    if (run->watching)
+        lag_watch_stage(run);
     return 0;
 }
 
@@ -105,7 +109,7 @@ void lag_measure(lag_run *run)
     memset(sum, 0, (size_t)s->nc * sizeof(double));
     for (int i = 0; i < s->nb; ++i) {
         const double x = OUT(&s->constraint, s->nh + i);
-        sum[s->jacobian_places[i] / s->nq] += x * x;
+        sum[s->jacobian_row[i]] += x * x;
     }
     for (int i = 0; i < s->nc; ++i)
         if (sqrt(sum[i]) > run->lengths[i])

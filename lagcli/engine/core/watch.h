@@ -8,6 +8,9 @@
  * where that is large, of the static elimination. */
 double lag_weakest(lag_run *run, double t, const double *y);
 
+/* Keep what shows at a stage of a step that B may be losing rank; the stage was accelerated last. */
+void lag_watch_stage(lag_run *run);
+
 /* y' at a stage of a step, keeping what shows there that B may be losing rank. Returns 0, or 1 where
  * it is undefined. */
 int lag_stage(lag_run *run, double t, const double *y, double *f);
