@@ -184,13 +184,15 @@ class _Session:
             steps = core.counts[0]
             limits.check(core.t, steps)
             started = time.monotonic()
-            status = core.advance(min(request.max_steps - steps, slice_))
+            most = min(request.max_steps - steps, self.methods.most_steps())
+            status = core.advance(min(slice_, most))
             taken = time.monotonic() - started
             self.methods.count()
             if self.heed(status):
                 return
             if status == binding.RUNNING:
-                slice_ = max(1, min(2 * slice_, int(slice_ * _SLICE / max(taken, 1e-6))))
+                took = min(slice_, most)
+                slice_ = max(1, min(2 * slice_, int(took * _SLICE / max(taken, 1e-6))))
                 if self.redundant:
                     slice_ = min(slice_, _LOOK)
                     self.check_redundancy()

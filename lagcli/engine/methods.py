@@ -16,8 +16,10 @@ from lagcli.engine.system import System
 _LOOSE = 1e-4
 #: Explicit steps that must be left: the derivatives take about as long as so many.
 _WORTH = 300
-#: How much longer its steps must be: each takes about so many times as long.
+#: How much longer its steps must be where stability limits the explicit ones: each takes about so
+#: many times as long. Where nothing but patience asks for a trial, it must be worth much more.
 _LONGER = 1.5
+_MUCH_LONGER = 5.0
 #: Steps after which an implicit method must have proved itself.
 _TRIAL = 30
 #: Explicit steps after which an implicit method is tried all the same, if there are many more to
@@ -57,7 +59,7 @@ class Methods:
         self._prepared = False
         self._patience, self._deaf_until = _PATIENCE, 0
         self._next_look = _PATIENCE
-        self._trial: tuple[int, float, float] | None = None  # steps, time, explicit step
+        self._trial: tuple[int, float, float] | None = None  # steps, time, implicit step that helps
         if request.method not in ("auto", self.running):
             self._go_on(request.method)
 
@@ -72,16 +74,22 @@ class Methods:
         if new or not self.steps:
             self.steps[self.running] = self.steps.get(self.running, 0) + new
 
-    def stiff(self, *, forced: bool = False) -> None:
+    def stiff(self, *, forced: bool = False, longer: float = _LONGER) -> None:
         """Go on with an implicit method, unless one was tried in vain a short while ago."""
         steps = self.core.counts[0]
         if not forced and (steps < self._deaf_until or self._left() < _WORTH):
             return
         before, now = self.core.step
-        self._trial = None if forced else (steps, now, now - before)
+        self._trial = None if forced else (steps, now, longer * (now - before))
         method = "Rodas5P" if self.request.rtol >= _LOOSE else "Radau"
         self.changes.append((now, method))
         self._go_on(method)
+
+    def most_steps(self) -> int:
+        """Return how many steps may be taken before the next review."""
+        if self._trial is None:
+            return self.request.max_steps
+        return max(1, self._trial[0] + _TRIAL - self.core.counts[0])
 
     def review(self) -> None:
         """Go back to the explicit method where the implicit one takes no longer steps."""
@@ -89,12 +97,12 @@ class Methods:
         if self.may_help() and steps >= self._next_look:
             self._next_look = 2 * steps
             if self._left() > _MANY:
-                self.stiff()
+                self.stiff(longer=_MUCH_LONGER)
         if self._trial is None or steps < self._trial[0] + _TRIAL:
             return
-        before, since, explicit = self._trial
+        before, since, enough = self._trial
         self._trial = None
-        if (self.core.t - since) / (steps - before) > _LONGER * explicit:
+        if (self.core.t - since) / (steps - before) > enough:
             return
         self._deaf_until = steps + self._patience
         self._next_look = max(self._next_look, self._deaf_until)

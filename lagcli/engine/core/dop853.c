@@ -11,7 +11,7 @@
 #define NOT_STIFF 6         /* steps inside it after which the count begins anew */
 
 /* Stages at which singular configurations are watched for: spread over the step, the end included. */
-static const int dop_watched[DOP_STAGES + 1] = {[4] = 1, [8] = 1, [10] = 1, [DOP_STAGES] = 1};
+static const int dop_watched[DOP_STAGES + 1] = {[2] = 1, [5] = 1, [9] = 1, [10] = 1, [DOP_STAGES] = 1};
 
 /* Count steps that the method's stability limits, not its error: Hairer & Wanner, IV.2. The last
  * two stages have the same time, and their slope is about the dominant eigenvalue; `before` is where
@@ -65,7 +65,7 @@ int lag_dop853_step(lag_run *run)
             return undefined ? LAG_UNDEFINED : LAG_FLOOR;
         memcpy(stage, run->f, (size_t)n * sizeof(double));
         int bad = 0;
-        run->kept = INFINITY;
+        lag_watch_step(run);
         for (int i = 1; i <= DOP_STAGES && !bad; ++i) {
             double *y = run->y_new;
             add_stages(run->y, stage, i < DOP_STAGES ? dop_a[i] : dop_b, i, h, n, y);

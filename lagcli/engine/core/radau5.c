@@ -88,7 +88,7 @@ static enum newton solve_stages(lag_run *run, double h, double *z, int *iteratio
     const double enough = fmax(10.0 * DBL_EPSILON / tolerance, fmin(0.03, sqrt(tolerance)));
     double *w = run->stages + 3 * n, *r = run->stages + 6 * n;
     double change = 0.0, before = 0.0, rate = 0.0;
-    run->kept = INFINITY;
+    lag_watch_step(run);
     predict(run, h, z, w);
     run->contraction = pow(fmax(run->contraction, DBL_EPSILON), 0.8);
     run->theta = FAST;

@@ -14,7 +14,7 @@ static int stages(lag_run *run, double h)
 {
     const int n = lag_size(run->system);
     double *r = run->trial, *y = run->y_new;
-    run->kept = INFINITY;
+    lag_watch_step(run);
     for (int i = 0; i < RODAS_STAGES; ++i) {
         double *u = run->stages + i * n;
         memcpy(y, run->y, (size_t)n * sizeof(double));

@@ -79,8 +79,9 @@ typedef struct lag_run {
     double *dependencies;              /* (nc - rank) * nc */
     int rank;                          /* of B at the start */
     double weakest, usual;             /* weakest pivot after the last step; its largest so far */
-    double kept, usually_kept;         /* least part that pivots kept of their terms at the stages
-                                        * of the last step; its largest so far */
+    double kept, most_kept;            /* the least part that pivots kept of their terms at a stage:
+                                        * its smallest and largest during the last step */
+    double usually_kept;               /* its largest so far */
 
     const double *times;               /* sample times */
     long times_count, times_next;

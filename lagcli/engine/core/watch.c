@@ -7,6 +7,7 @@
 #include "motion.h"
 
 #define NEAR 0.3            /* of its largest value: the weakest pivot next to a singular place */
+#define STEADY 0.7          /* of the most that pivots kept during a step: less needs a closer look */
 #define LARGE 20000.0       /* operations beyond which the rows of B are not orthogonalized */
 #define OVER 0.05           /* of its largest value: the weakest pivot that is looked at again */
 #define GOLDEN 0.6180339887498949
@@ -85,11 +86,18 @@ double lag_weakest(lag_run *run, double t, const double *y)
     return lag_pivot(run->rows, s->nq, s->nc, run->rank, run->order, run->components);
 }
 
+void lag_watch_step(lag_run *run)
+{
+    run->kept = INFINITY;
+    run->most_kept = 0.0;
+}
+
 void lag_watch_stage(lag_run *run)
 {
     /* without a static elimination every step is looked at */
     const double kept = lag_eliminating(run) ? least_kept_of_all(run) : 0.0;
     run->kept = fmin(run->kept, kept);
+    run->most_kept = fmax(run->most_kept, kept);
     run->usually_kept = fmax(run->usually_kept, kept);
 }
 
@@ -119,7 +127,7 @@ void lag_measure(lag_run *run)
 /* Whether the stages of the last step may have come near to a singular configuration. */
 static int alarmed(const lag_run *run)
 {
-    return run->kept <= NEAR * run->usually_kept;
+    return run->kept <= NEAR * run->usually_kept || run->kept < STEADY * run->most_kept;
 }
 
 /* The weakest pivot on the cubic through the last step's ends: B depends on q and t alone. */

@@ -8,6 +8,9 @@
  * where that is large, of the static elimination. */
 double lag_weakest(lag_run *run, double t, const double *y);
 
+/* Begin to watch a step. */
+void lag_watch_step(lag_run *run);
+
 /* Keep what shows at a stage of a step that B may be losing rank; the stage was accelerated last. */
 void lag_watch_stage(lag_run *run);
 
