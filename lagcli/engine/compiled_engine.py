@@ -205,7 +205,12 @@ class _Session:
         """Do what a status of the core asks for; return whether the run is complete."""
         core = self.core
         if status == binding.UNDEFINED:
-            raise Undefined(core.t_bad, *self.split(core.y_bad))
+            state = core.t_bad, *self.split(core.y_bad)
+            if self.reordered != core.t and self.evaluator.dynamics(*state).finite:
+                # the equations are defined: a pivot of the static order vanished
+                self.reorder()
+                return self.heed(core.start())
+            raise Undefined(*state)
         if status == binding.OFF:
             self.projection(core.t_bad, *self.split(core.y_bad))
             raise Stop(

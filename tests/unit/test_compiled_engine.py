@@ -42,6 +42,62 @@ def test_engines_agree_on_every_shipped_model(path):
         assert np.nanmax(relative, initial=0.0) <= 1e-12
 
 
+@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
+def test_ways_to_eliminate_agree(path, monkeypatch):
+    """Unrolled into the tape, in a loop on the same order, and densely."""
+    from lagcli.engine import compiled_engine, elimination
+
+    def none(*_):
+        raise elimination.NoElimination
+
+    model = lagcli.load(path)
+    options = {"t_end": 0.05 * model.settings.t_end, "samples": 6, "rtol": 1e-11, "atol": 1e-12}
+    runs = [lagcli.simulate(model, engine="compiled", **options)]
+    monkeypatch.setattr(elimination, "MOST_UNROLLED", -1)
+    runs.append(lagcli.simulate(model, engine="compiled", **options))
+    monkeypatch.setattr(compiled_engine, "order_at", none)
+    runs.append(lagcli.simulate(model, engine="compiled", **options))
+    for other in runs[1:]:
+        assert other.status == "completed", other.message
+        for name in ("q", "v", "multipliers"):
+            one, two = getattr(runs[0], name), getattr(other, name)
+            size = np.abs(one).max(initial=0.0)
+            np.testing.assert_allclose(two, one, rtol=0, atol=3e-8 * (size + 1e-3), err_msg=name)
+
+
+@pytest.mark.parametrize("entry", [0.0, 1e-14])
+def test_an_order_that_does_not_suit_is_replaced(entry, monkeypatch):
+    """An order that begins with a multiplier, whose pivot is zero or nearly so."""
+    from lagcli.engine import compiled_engine, elimination
+
+    asked = []
+    find = compiled_engine.order_at
+
+    def unsuitable(system, states):
+        asked.append(len(states))
+        if len(asked) > 1:
+            return find(system, states)
+        return elimination.Elimination(
+            order=(0, 1, 2), paired=(False,) * 3, columns=((1, 2), (2,), ()), smallest=1.0
+        )
+
+    # z has next to no inertia, and is eliminated first
+    model = lagcli.load_text(f"""
+coordinates: [z, x]
+T: (x'^2 + {entry!r}*z'^2)/2
+V: 9.81*z
+constraints: {{rod: x^2 + z^2 = 1}}
+initial: {{x: 0.6, z: -0.8, x': 0, z': 0}}
+""")
+    expected = lagcli.simulate(model, t_end=1, samples=5, engine="scipy", rtol=1e-11)
+    monkeypatch.setattr(compiled_engine, "order_at", unsuitable)
+    found = lagcli.simulate(model, t_end=1, samples=5, engine="compiled", rtol=1e-11)
+    assert found.status == "completed", found.message
+    assert len(asked) > 1
+    np.testing.assert_allclose(found.q, expected.q, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found.multipliers, expected.multipliers, rtol=1e-6)
+
+
 def test_samples_come_in_blocks():
     dense = lagcli.simulate(PENDULUM, t_end=3, samples=30001, engine="compiled")
     sparse = lagcli.simulate(PENDULUM, t_end=3, samples=31, engine="compiled")
