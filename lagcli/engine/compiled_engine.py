@@ -44,6 +44,8 @@ Array = NDArray[np.float64]
 
 #: Seconds that a slice of steps should take: what an interrupt waits for.
 _SLICE = 0.03
+#: How many times longer than the last a slice may become: the first steps are no measure of others.
+_GROWTH = 16
 #: States for an order of elimination, beyond which the dense solution helps where it fails.
 _MOST_STATES = 20
 #: Steps between two looks at whether redundant constraints contradict each other.
@@ -57,24 +59,17 @@ def run(
     progress: Callable[[float], None] | None = None,
 ) -> Run:
     """Integrate a System; see the contract in `lagcli.engine.run`."""
-    session = _Session(system, request, sink, progress)
-    status, message, undefined = outcome(session.integrate)
-    message = "; ".join(filter(None, [message, session.methods.message()]))
-    session.collect()
-    steps, rejected, evaluations = session.core.counts
-    return Run(
-        status=status,
-        message=message,
-        steps=steps,
-        rejected=rejected,
-        evaluations=evaluations,
-        undefined=undefined,
-        methods=tuple(session.methods.steps),
-    )
+    return Integration(system, request, sink, progress).run()
 
 
-class _Session:
-    """One run: the core, where its samples go, and what thinks for it."""
+class Integration:
+    """One run: the core, made ready for it, where its samples go, and what thinks for it.
+
+    Parameters
+    ----------
+    system, request, sink, progress
+        As in the contract.
+    """
 
     def __init__(
         self,
@@ -147,6 +142,7 @@ class _Session:
 
     @cached_property
     def motion(self) -> Index1:
+        """The right-hand side in Python, for what is rare."""
         from lagcli.engine.index1 import Index1
 
         motion = Index1(self.evaluator, self.request.rank)
@@ -155,12 +151,14 @@ class _Session:
 
     @cached_property
     def projection(self) -> Projection:
+        """The projection in Python, for what is rare."""
         from lagcli.engine.projection import Projection
 
         return Projection(self.evaluator, self.request.rank)
 
     @cached_property
     def watch(self) -> RankWatch:
+        """What decides whether a configuration is singular."""
         from lagcli.engine.singular import RankWatch
 
         watch = RankWatch(self.motion)
@@ -168,11 +166,29 @@ class _Session:
         return watch
 
     def split(self, y: Array) -> tuple[Array, Array]:
+        """Return q and v."""
         return y[: self.nq], y[self.nq : 2 * self.nq]
 
     # the run
 
+    def run(self) -> Run:
+        """Integrate, once."""
+        status, message, undefined = outcome(self.integrate)
+        message = "; ".join(filter(None, [message, self.methods.message()]))
+        self.collect()
+        steps, rejected, evaluations = self.core.counts
+        return Run(
+            status=status,
+            message=message,
+            steps=steps,
+            rejected=rejected,
+            evaluations=evaluations,
+            undefined=undefined,
+            methods=tuple(self.methods.steps),
+        )
+
     def integrate(self) -> None:
+        """Integrate; a run that cannot be completed raises `Stop`."""
         request, core = self.request, self.core
         limits = Limits(request)
         if self.redundant:
@@ -192,7 +208,7 @@ class _Session:
                 return
             if status == binding.RUNNING:
                 took = min(slice_, most)
-                slice_ = max(1, min(2 * slice_, int(took * _SLICE / max(taken, 1e-6))))
+                slice_ = max(1, min(_GROWTH * slice_, int(took * _SLICE / max(taken, 1e-6))))
                 if self.redundant:
                     slice_ = min(slice_, _LOOK)
                     self.check_redundancy()

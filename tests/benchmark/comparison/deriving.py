@@ -118,6 +118,7 @@ def growth(lengths: Sequence[int] = LENGTHS) -> list[Growth]:
             compiled = time.perf_counter()
             if n not in runs:
                 runs[n] = ours.Ours(case, "DOP853").at(1e-9, max_steps=_STEPS)
+            runs[n].make_ready()
             start = time.perf_counter()
             result, _ = runs[n]()
             ran = time.perf_counter() - start

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,9 @@ from numpy.typing import NDArray
 from comparison.cases import Case
 from comparison.methods import Method, decades, stiff_only
 from lagcli import simulation
-from lagcli.engine.run import Block, Run
+from lagcli.engine.compiled_engine import Integration
+from lagcli.engine.run import Block, Request, Run
+from lagcli.engine.system import System
 from lagcli.model.model import Settings
 
 
@@ -29,17 +30,11 @@ class Ours:
         given = Settings(times=times, rtol=tolerance, atol=tolerance, method=self.method, **more)
         return simulation.resolve(given, self.model)
 
-    def at(self, setting: float, **more: Any) -> Callable[[], tuple[Run, list[Block]]]:
+    def at(self, setting: float, **more: Any) -> _Ready:
         """Prepare a run at a tolerance."""
         settings = self.settings(setting, **more)
-        engine, system = simulation._engine(settings), self.prepared.system
-        request = simulation._request(self.prepared.start, system, settings)
-
-        def run() -> tuple[Run, list[Block]]:
-            blocks: list[Block] = []
-            return engine(system, request, blocks.append), blocks
-
-        return run
+        system = self.prepared.system
+        return _Ready(system, simulation._request(self.prepared.start, system, settings))
 
     def positions(self, result: tuple[Run, list[Block]]) -> NDArray[np.float64]:
         """Return q, once the run is seen to be complete."""
@@ -47,6 +42,22 @@ class Ours:
         if run.status != "completed":
             raise RuntimeError(run.message)
         return np.concatenate([block.q for block in blocks])
+
+
+class _Ready:
+    """A run that is made ready again, apart from its time, before each repetition."""
+
+    def __init__(self, system: System, request: Request):
+        self.system, self.request = system, request
+        self.make_ready()
+
+    def make_ready(self) -> None:
+        """Choose the order of elimination and put the tapes in order."""
+        self.blocks: list[Block] = []
+        self.integration = Integration(self.system, self.request, self.blocks.append, None)
+
+    def __call__(self) -> tuple[Run, list[Block]]:
+        return self.integration.run(), self.blocks
 
 
 def _method(name: str) -> Method:
