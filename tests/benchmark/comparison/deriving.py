@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from comparison import models
-from comparison.cases import chain
+from comparison.cases import MODELS, chain
 from comparison.peers import ours
 
 LINKS = 10
@@ -110,9 +110,8 @@ def growth(lengths: Sequence[int] = LENGTHS) -> list[Growth]:
         for n, case in cases.items():
             if round_ and n not in runs:
                 break
-            text = case.model()
             began = time.perf_counter()
-            equations = lagcli.derive(lagcli.load_text(text))
+            equations = lagcli.derive(lagcli.load(MODELS / "chain.yaml", {"N": n}))
             derived = time.perf_counter()
             compile_system(equations)
             compiled = time.perf_counter()

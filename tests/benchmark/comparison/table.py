@@ -141,8 +141,8 @@ def render(report: Report) -> str:
         head = ["bodies", "load and derive", "compile", "per right-hand side"]
         lines += _table(head, rows)
         lines += [
-            "Chains, lagcli alone. Per right-hand side: the integration's time, projection and"
-            " samples included, divided by its evaluations.",
+            "lagcli alone; `models/chain.yaml` is read and derived. Per right-hand side: the"
+            " integration's time, projection and samples included, divided by its evaluations.",
             "",
         ]
     if report.derivation:
