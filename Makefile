@@ -85,5 +85,5 @@ valgrind: install ## Run tests of the core under valgrind (Debian: valgrind); ta
 	  -k "eliminate or replaced or redundant or damping or blocks"
 	! grep -E -A 12 "core/binding|\(($(CORE_FILES))\.c:" build/valgrind.log
 
-clean: ##clean: ## Remove what the targets made
+clean: ## Remove what the targets made
 	rm -rf $(VENV) $(BENCH) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
