@@ -130,10 +130,10 @@ class Integration:
     def reorder(self) -> None:
         """Find an order that suits the end of the step that failed too; else take it densely."""
         core = self.core
-        if self.reordered == core.t or len(self.states) > _MOST_STATES:
+        again, self.reordered = self.reordered == core.t, core.t
+        if again or len(self.states) > _MOST_STATES:
             core.allow_dense(1)
             return
-        self.reordered = core.t
         self.states.append((core.t, *self.split(core.state)))
         self.states.append((core.t_bad, *self.split(core.y_bad.copy())))
         self.choose_elimination()
