@@ -286,10 +286,6 @@ class _Compiler(Builder):
             for x in operands[1:]:
                 total = self.emit(op, total, x)
             return total
-        if kind is se.sign:  # SymEngine's own: atan2(x, x) becomes one
-            zero = self.constant(0.0)
-            positive = self.emit(Op.LT, zero, operands[0])
-            return self.emit(Op.SUB, positive, self.emit(Op.LT, operands[0], zero))
         if kind is se.Not:
             return self.emit(Op.NOT, operands[0])
         raise TypeError(f"no operation for {kind.__name__}: {e}")

@@ -58,6 +58,24 @@ int lag_eliminating(const lag_run *run)
     return run->dense_steps ? 0 : run->eliminating;
 }
 
+void lag_row_squares(const lag_system *s, const lag_tape *tape, int first, double *sum)
+{
+    memset(sum, 0, (size_t)s->nc * sizeof(double));
+    for (int i = 0; i < s->nb; ++i) {
+        const double x = OUT(tape, first + i);
+        sum[s->jacobian_row[i]] += x * x;
+    }
+}
+
+void lag_velocity_residual(const lag_system *s, const double *y, double *psi)
+{
+    const lag_tape *c = &s->constraint;
+    for (int i = 0; i < s->nc; ++i)
+        psi[i] = OUT(c, s->nh + s->nb + i);
+    for (int i = 0; i < s->nb; ++i)
+        psi[s->jacobian_row[i]] += OUT(c, s->nh + i) * y[s->nq + s->jacobian_column[i]];
+}
+
 int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first)
 {
     const lag_system *s = run->system;
@@ -93,11 +111,7 @@ static int factor_dense(lag_run *run)
     }
     if (largest == 0.0)
         largest = 1.0;
-    memset(w, 0, (size_t)nc * sizeof(double));
-    for (int i = 0; i < s->nb; ++i) {
-        const double x = OUT(d, first + i);
-        w[s->jacobian_row[i]] += x * x;
-    }
+    lag_row_squares(s, d, first, w);
     for (int i = 0; i < nc; ++i)
         w[i] = w[i] > 0.0 ? largest / sqrt(w[i]) : 1.0;
     for (int i = 0; i < s->nb; ++i) {
@@ -241,11 +255,7 @@ static void right_side(lag_run *run, const double *y)
         right[nq + i] = OUT(d, first_rhs(s) + i);
     if (!run->baumgarte)
         return;
-    for (int i = 0; i < nc; ++i)
-        psi[i] = OUT(c, s->nh + s->nb + i);
-    for (int i = 0; i < s->nb; ++i)
-        psi[s->jacobian_row[i]] +=
-            OUT(c, s->nh + i) * y[nq + s->jacobian_column[i]];
+    lag_velocity_residual(s, y, psi);
     for (int i = 0; i < nc; ++i)
         right[nq + i] -= run->alpha * psi[i];
     for (int i = 0; i < s->nh; ++i) {

@@ -14,6 +14,12 @@ void lag_evaluate(const lag_tape *tape, const lag_system *system, double t, cons
  * `first`. Returns 0, or 1 where they are not finite. */
 int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first);
 
+/* The squares of the lengths of B's rows (nc), from a tape whose B entries begin at `first`. */
+void lag_row_squares(const lag_system *system, const lag_tape *tape, int first, double *sum);
+
+/* psi = B v + b_0 (nc) at the state that the constraint tape holds. */
+void lag_velocity_residual(const lag_system *system, const double *y, double *psi);
+
 /* How a and lambda are found now: as run->eliminating says, or densely (0). */
 int lag_eliminating(const lag_run *run);
 

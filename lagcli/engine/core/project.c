@@ -64,11 +64,7 @@ int lag_project(lag_run *run, double t, double *y)
         met = 1;
         double *psi = right + nq;
         memset(right, 0, (size_t)nq * sizeof(double));
-        for (int i = 0; i < nc; ++i)
-            psi[i] = OUT(c, nh + s->nb + i);
-        for (int i = 0; i < s->nb; ++i)
-            psi[s->jacobian_row[i]] +=
-                OUT(c, nh + i) * y[nq + s->jacobian_column[i]];
+        lag_velocity_residual(s, y, psi);
         for (int i = 0; i < nc; ++i) {
             const double scale = OUT(c, nh + s->nb + nc + nh + i);
             if (scale > run->scale_velocity[i])

@@ -13,7 +13,7 @@
 #define GOLDEN 0.6180339887498949
 
 /*
- * The least part that a pivot of the static elimination keeps of the terms that it is the sum of,
+ * The least part that a pivot of the last factors keeps of the terms that it is the sum of,
  * scaled so that a multiplier's pivot without cancellation counts one. 0 where the matrix is
  * singular. The square root, because pivots are quadratic in B.
  */
@@ -23,8 +23,6 @@ static double least_kept(lag_run *run)
     const int n = ldl->n;
     const double *d, *beside, *l;
     double *taken = run->work, least = 1.0;
-    if (lag_factor(run))
-        return 0.0;
     d = run->factors;
     beside = d + n;
     l = beside + n;
@@ -57,14 +55,9 @@ static double least_kept(lag_run *run)
 static double least_kept_of_all(lag_run *run)
 {
     const lag_system *s = run->system;
-    const int first = s->nm + s->nq;
     const double least = least_kept(run);
     double *sum = run->work, shortest = 1.0;
-    memset(sum, 0, (size_t)s->nc * sizeof(double));
-    for (int i = 0; i < s->nb; ++i) {
-        const double x = OUT(&s->dynamics, first + i);
-        sum[s->jacobian_row[i]] += x * x;
-    }
+    lag_row_squares(s, &s->dynamics, s->nm + s->nq, sum);
     for (int i = 0; i < s->nc; ++i)
         shortest = fmin(shortest, sum[i] / (run->lengths[i] * run->lengths[i]));
     return fmin(least, sqrt(shortest));
@@ -78,7 +71,7 @@ double lag_weakest(lag_run *run, double t, const double *y)
         return 1.0;
     if (lag_eliminating(run) && (double)s->nc * s->nc * s->nq > LARGE) {
         lag_evaluate(&s->dynamics, s, t, y);
-        return least_kept_of_all(run);
+        return lag_factor(run) ? 0.0 : least_kept_of_all(run);
     }
     lag_evaluate(c, s, t, y);
     if (lag_scaled_rows(run, c, s->nh))
@@ -95,7 +88,10 @@ void lag_watch_step(lag_run *run)
 void lag_watch_stage(lag_run *run)
 {
     /* without a static elimination every step is looked at */
-    const double kept = lag_eliminating(run) ? least_kept_of_all(run) : 0.0;
+    const int eliminating = lag_eliminating(run);
+    /* the unrolled factors are still in the tape, the others where lag_accelerate made them */
+    const int bad = eliminating == 1 && lag_factor(run);
+    const double kept = eliminating && !bad ? least_kept_of_all(run) : 0.0;
     run->kept = fmin(run->kept, kept);
     run->most_kept = fmax(run->most_kept, kept);
     run->usually_kept = fmax(run->usually_kept, kept);
@@ -114,11 +110,7 @@ void lag_measure(lag_run *run)
 {
     const lag_system *s = run->system;
     double *sum = run->work;
-    memset(sum, 0, (size_t)s->nc * sizeof(double));
-    for (int i = 0; i < s->nb; ++i) {
-        const double x = OUT(&s->constraint, s->nh + i);
-        sum[s->jacobian_row[i]] += x * x;
-    }
+    lag_row_squares(s, &s->constraint, s->nh, sum);
     for (int i = 0; i < s->nc; ++i)
         if (sqrt(sum[i]) > run->lengths[i])
             run->lengths[i] = sqrt(sum[i]);
