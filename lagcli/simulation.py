@@ -104,19 +104,33 @@ def prepare(model: Model, settings: Settings | None = None) -> Simulation:
     Simulation
         Ready to run.
     """
-    began = time.perf_counter()
     chosen = resolve(settings or Settings(), model)
+    began = time.perf_counter()
     equations = derive(model)
     derived = time.perf_counter()
     system = compile_system(equations)
-    compiled = time.perf_counter()
-    start = find_start(equations, system, chosen)
-    seconds = {
-        "derive": derived - began,
-        "compile": compiled - derived,
-        "integrate": time.perf_counter() - compiled,
-    }
-    return Simulation(model, chosen, equations, system, start, seconds)
+    seconds = {"derive": derived - began, "compile": time.perf_counter() - derived}
+    return ready(equations, system, chosen, seconds)
+
+
+def ready(
+    equations: Equations, system: System, settings: Settings, seconds: dict[str, float]
+) -> Simulation:
+    """Find the start of a model whose System is there; the end of `prepare`.
+
+    Parameters
+    ----------
+    equations, system
+        Of one model.
+    settings : Settings
+        Complete.
+    seconds : dict of str to float
+        Time spent so far, by phase.
+    """
+    began = time.perf_counter()
+    start = find_start(equations, system, settings)
+    seconds = {**seconds, "integrate": time.perf_counter() - began}
+    return Simulation(equations.model, settings, equations, system, start, seconds)
 
 
 @dataclass(frozen=True)

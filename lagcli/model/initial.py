@@ -9,7 +9,7 @@ from lagcli.errors import SourceLocation
 from lagcli.model.draft import Draft, Formula, Indices
 from lagcli.model.families import Declaration, Member, members_of, read_key
 from lagcli.model.members import family_of, there_is
-from lagcli.model.model import InitialValue
+from lagcli.model.model import InitialValue, Written
 from lagcli.model.names import Context, Names
 from lagcli.model.parameters import override_node
 from lagcli.model.quantities import Quantity, evaluate, read_quantity
@@ -225,7 +225,9 @@ class _Reader:
             value = evaluate(self.quantity, self.formula, indices)
             self.same = None if self.varies else value
         if value is not None:
-            values[name] = InitialValue(value, self.fixed, self.location)
+            quantity = self.quantity
+            written = Written(quantity.parsed.tree, quantity.factor, indices)
+            values[name] = InitialValue(value, self.fixed, self.location, written)
 
 
 def _report_missing(draft: Draft, attempted: set[str]) -> None:

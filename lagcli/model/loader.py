@@ -100,7 +100,7 @@ def _model(
     constraints = read_constraints(draft, constraint_entries, constrained)
     positions, velocities = read_initial(draft, constants, initial_overrides)
     outputs, output_units = read_outputs(draft, constants)
-    settings = read_settings(draft, constants)
+    settings, settings_need = read_settings(draft, constants)
     name = draft.text(draft.get("name"), "`name`") or Path(draft.source.path).stem
     description = draft.text(draft.get("description"), "`description`")
     draft.report.finish()
@@ -124,7 +124,11 @@ def _model(
         outputs=outputs,
         output_units=output_units,
         settings=settings,
+        settings_need=settings_need,
         trees=draft.trees,
+        names=draft.names,
+        set=dict(overrides),
+        set_initial=dict(initial_overrides),
     )
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -16,6 +16,10 @@ from symengine import Basic
 from lagcli.errors import SourceLocation
 from lagcli.model.scoping import Value
 from lagcli.model.trees import Tree
+from lagcli.model.units import Factor
+
+if TYPE_CHECKING:
+    from lagcli.model.names import Names
 
 Kind = Literal["holonomic", "nonholonomic"]
 
@@ -67,6 +71,14 @@ class Coordinate(NamedTuple):
     location: SourceLocation | None = None
 
 
+class Written(NamedTuple):
+    """An expression as it is written, and what brings its value to SI."""
+
+    tree: Tree
+    factor: Factor
+    indices: Mapping[str, int]
+
+
 class Parameter(NamedTuple):
     """A parameter with its value in SI.
 
@@ -80,6 +92,7 @@ class Parameter(NamedTuple):
     description: str | None = None
     text: str = ""
     structural: bool = False
+    written: Written | None = None
 
 
 class Definition(NamedTuple):
@@ -114,6 +127,7 @@ class InitialValue(NamedTuple):
     value: float
     fixed: bool
     location: SourceLocation | None = None
+    written: Written | None = None
 
 
 class SettingError(ValueError):
@@ -272,7 +286,8 @@ class Model:
 
     ``kinetic`` and ``potential`` are T and V; a model written with L has ``kinetic`` None and
     ``potential`` −L. Expressions are in the symbols of this module's functions and the
-    parameters' names.
+    parameters' names. ``set`` and ``set_initial`` are the values that replaced the file's;
+    ``settings_need`` are the parameters that the settings are made of.
     """
 
     name: str
@@ -293,7 +308,11 @@ class Model:
     outputs: Mapping[str, Basic]
     output_units: Mapping[str, str]
     settings: Settings
+    settings_need: frozenset[str]
     trees: Mapping[str, Tree]
+    names: Names
+    set: Mapping[str, object]
+    set_initial: Mapping[str, object]
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

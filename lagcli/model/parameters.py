@@ -18,7 +18,7 @@ from lagcli.model.draft import Draft, Formula
 from lagcli.model.families import Declaration, Member, bounds, by_name, members_of
 from lagcli.model.indices import names_in
 from lagcli.model.members import family_of, there_is
-from lagcli.model.model import Parameter
+from lagcli.model.model import Parameter, Written
 from lagcli.model.names import Context, Names
 from lagcli.model.quantities import Quantity, constant, evaluate, read_quantity, unit_of
 from lagcli.model.report import Broken
@@ -218,7 +218,7 @@ class _Reader:
             d = job.member.declaration
             if (id(d), id(job.quantity)) not in seen:
                 seen.add((id(d), id(job.quantity)))
-                used = [*_names(job.quantity.parsed.tree), *bounds(d)]
+                used = [*names_used(job.quantity.parsed.tree), *bounds(d)]
                 needs.setdefault(family_of(name), []).extend(used)
         return needs
 
@@ -261,7 +261,9 @@ class _Reader:
         value = evaluate(quantity, formula, job.member.indices)
         if value is None:
             return None
-        return Parameter(name, value, quantity.unit, job.description, parsed.node.value)
+        written = Written(parsed.tree, quantity.factor, job.member.indices)
+        text = parsed.node.value
+        return Parameter(name, value, quantity.unit, job.description, text, written=written)
 
     def circle(self, circle: list[str]) -> None:
         """Report parameters that are defined by each other."""
@@ -273,7 +275,7 @@ class _Reader:
         report_circle(self.draft, "parameter", circle, keys)
 
 
-def _names(tree: Tree) -> list[str]:
+def names_used(tree: Tree) -> list[str]:
     """Return the names that an expression uses, those in indices and ranges included."""
     found: list[str] = []
     for part in walk(tree):

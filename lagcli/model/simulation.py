@@ -8,6 +8,7 @@ from typing import Any
 from lagcli.model.draft import Draft, Formula
 from lagcli.model.model import Settings
 from lagcli.model.names import Context, Names
+from lagcli.model.parameters import names_used
 from lagcli.model.quantities import evaluate, read_quantity
 from lagcli.model.source import Mapping, Node, Scalar, Sequence
 
@@ -15,14 +16,21 @@ _WORDS = ("method", "formulation", "engine")
 _WHOLE = ("samples", "max_steps")
 
 
-def read_settings(draft: Draft, constants: Names) -> Settings:
-    """Return the settings of the file; those it does not give are None."""
+def read_settings(draft: Draft, constants: Names) -> tuple[Settings, frozenset[str]]:
+    """Return the settings of the file, None where it gives none, and what they are made of."""
+    needs: set[str] = set()
+    return _read(draft, constants, needs), frozenset(needs)
+
+
+def _read(draft: Draft, constants: Names, needs: set[str]) -> Settings:
     node = draft.get("simulation")
     if draft.entries("simulation") is None or not isinstance(node, Mapping):
         return Settings()
     known = tuple(f.name for f in dataclasses.fields(Settings))
     fields = draft.fields(node, "`simulation`", known)
-    values = {name: _setting(draft, name, field, constants) for name, field in fields.items()}
+    values = {
+        name: _setting(draft, name, field, constants, needs) for name, field in fields.items()
+    }
     settings = Settings(**values)
     for problem in settings.problems():
         place = fields.get(problem.key, node)
@@ -30,10 +38,10 @@ def read_settings(draft: Draft, constants: Names) -> Settings:
     return settings
 
 
-def _setting(draft: Draft, name: str, node: Node, constants: Names) -> Any:
+def _setting(draft: Draft, name: str, node: Node, constants: Names, needs: set[str]) -> Any:
     """Return the value of a setting; None if there is something wrong with it."""
     if name == "times" and isinstance(node, Sequence):
-        times = [_number(draft, "a time of `times`", item, constants) for item in node.items]
+        times = [_number(draft, "a time of `times`", item, constants, needs) for item in node.items]
         return None if None in times else tuple(times)
     if name in _WORDS or name == "through_singular":
         if not isinstance(node, Scalar) or node.missing:
@@ -53,7 +61,7 @@ def _setting(draft: Draft, name: str, node: Node, constants: Names) -> Any:
             )
             return None
         return text == "true"
-    value = _number(draft, f"`{name}`", node, constants)
+    value = _number(draft, f"`{name}`", node, constants, needs)
     if value is None or name not in _WHOLE:
         return (value,) if name == "times" and value is not None else value
     if value != int(value):
@@ -67,9 +75,10 @@ def _setting(draft: Draft, name: str, node: Node, constants: Names) -> Any:
     return int(value)
 
 
-def _number(draft: Draft, what: str, node: Node, constants: Names) -> float | None:
+def _number(draft: Draft, what: str, node: Node, constants: Names, needs: set[str]) -> float | None:
     quantity = read_quantity(draft, node, what, constants)
     if quantity is None:
         return None
+    needs.update(names_used(quantity.parsed.tree))
     context = Context(what, coordinates=False, definitions=False, time=False)
     return evaluate(quantity, Formula(draft, quantity.parsed, context, constants))

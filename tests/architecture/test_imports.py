@@ -38,6 +38,7 @@ ROOMS = {
     },
     "start": {"errors", "model", "equations", "engine", "undefined"},
     "undefined": {"errors", "model", "equations", "engine"},
+    "variants": {"model", "equations", "engine", "simulation"},
 }
 
 #: Packages that a room must not import, not even inside a function.
@@ -55,6 +56,7 @@ FOREIGN = {
     "simulation": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
     "start": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
     "undefined": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
+    "variants": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
 }
 
 #: Modules of the engine that work on numbers alone; a System can be written by hand for them.
@@ -81,9 +83,9 @@ HEAVY = {
     "scipy": {"engine"},
     "numpy": {
         *("engine", "results", "simulation", "samples", "trajectory", "derived", "extremes"),
-        *("start", "cli"),
+        *("start", "cli", "variants"),
     },
-    "symengine": {"model", "equations", "engine", "undefined"},
+    "symengine": {"model", "equations", "engine", "undefined", "variants"},
 }
 
 
