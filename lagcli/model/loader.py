@@ -27,12 +27,13 @@ from lagcli.model.reading import check_text, read_text
 from lagcli.model.report import Report
 from lagcli.model.simulation import read_settings
 from lagcli.model.source import Source
+from lagcli.model.view import read_view
 
 KEYS = (
     *("name", "description", "coordinates", "parameters", "definitions", "T", "V", "L", "Q", "D"),
-    *("constraints", "initial", "outputs", "simulation"),
+    *("constraints", "initial", "outputs", "simulation", "view"),
 )
-LATER_KEYS = ("inputs", "events", "view")
+LATER_KEYS = ("inputs", "events")
 
 
 def load(
@@ -101,6 +102,7 @@ def _model(
     positions, velocities = read_initial(draft, constants, initial_overrides)
     outputs, output_units = read_outputs(draft, constants)
     settings, settings_need = read_settings(draft, constants)
+    view = read_view(draft, constants, definitions, constraints)
     name = draft.text(draft.get("name"), "`name`") or Path(draft.source.path).stem
     description = draft.text(draft.get("description"), "`description`")
     draft.report.finish()
@@ -129,6 +131,7 @@ def _model(
         names=draft.names,
         set=dict(overrides),
         set_initial=dict(initial_overrides),
+        view=view,
     )
 
 

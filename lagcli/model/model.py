@@ -130,6 +130,66 @@ class InitialValue(NamedTuple):
     written: Written | None = None
 
 
+class Segment(NamedTuple):
+    """A straight line between two points of a view: a rod, a spring, or the guide of something."""
+
+    kind: Literal["rod", "spring", "guide"]
+    name: str
+    start: str
+    end: str
+
+
+class Disc(NamedTuple):
+    """A disc of a view; its angle turns a spoke, its normal (three dimensions only) tilts it."""
+
+    name: str
+    center: str
+    radius: Basic
+    angle: Basic | None = None
+    normal: tuple[Basic, ...] | None = None
+
+
+class Arrow(NamedTuple):
+    """A vector of a view: components at a point, or the force of a constraint.
+
+    ``points`` are those that a force stands at; the arrow is drawn at each of them. For anything
+    else there is one, and ``components`` are expressions in what outputs may use.
+    """
+
+    name: str
+    quantity: Literal["velocity", "force", "vector"]
+    points: tuple[str, ...]
+    components: tuple[Basic, ...] = ()
+    constraint: str | None = None
+    unit: str | None = None
+
+
+class View(NamedTuple):
+    """What to draw of a model.
+
+    Parameters
+    ----------
+    dimension : int
+        2 or 3.
+    points : mapping of str to expressions
+        In q, q', t and parameters, ``dimension`` of them by point.
+    segments, discs, vectors : tuples
+    grounds, trails : tuples of str
+        The points fixed to the ground, and those that leave a trail.
+    labels : mapping of str to str or None
+        The text at a point; None is the point's name.
+    """
+
+    dimension: int
+    points: Mapping[str, tuple[Basic, ...]]
+    segments: tuple[Segment, ...] = ()
+    discs: tuple[Disc, ...] = ()
+    grounds: tuple[str, ...] = ()
+    trails: tuple[str, ...] = ()
+    labels: Mapping[str, str | None] = MappingProxyType({})
+    vectors: tuple[Arrow, ...] = ()
+
+
 class SettingError(ValueError):
     """A setting out of its range; ``key`` says which."""
 
@@ -313,6 +373,7 @@ class Model:
     names: Names
     set: Mapping[str, object]
     set_initial: Mapping[str, object]
+    view: View | None = None
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
