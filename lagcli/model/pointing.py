@@ -20,7 +20,7 @@ from lagcli.model.source import Node, Scalar, Sequence
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.tensors import Tensor
 from lagcli.model.tokens import ExpressionError
-from lagcli.model.trees import Name, Sum, Tree
+from lagcli.model.trees import Name, Sum, Tree, Vector
 from lagcli.model.unknown import as_written
 
 _FOR = re.compile(r"\s+for\s+")
@@ -128,7 +128,7 @@ def read_path(draft: Draft, node: Node, what: str, count: int | None, example: s
     example : str
     """
     if isinstance(node, Sequence):
-        node = _joined(node)
+        node = draft.vector_text(node)  # [O, A]
     if not isinstance(node, Scalar) or node.missing:
         draft.report.add(
             "wrong-type",
@@ -157,21 +157,12 @@ def read_path(draft: Draft, node: Node, what: str, count: int | None, example: s
     return None
 
 
-def _joined(node: Sequence) -> Node:
-    """Return ``[O, A]`` as the text O-A, each name in its place."""
-    if not node.items or not all(isinstance(item, Scalar) for item in node.items):
-        return node
-    line, column = node.start
-    text = node.source.between(node.start, node.end)
-    if not (text.startswith("[") and text.endswith("]")):
-        return node  # a list with a name on each line
-    # brackets outside names become blanks and commas hyphens: all offsets stay
-    inner = re.sub(r",(?![^\[]*\])", "-", text[1:-1])
-    return Scalar(node.source, (line, column), node.end, f" {inner} ")
-
-
 def _names(tree: Tree, what: str, count: int | None, example: str) -> Iterator[Name]:
-    terms = tree.terms if isinstance(tree, Sum) else ((1, tree),)
+    terms: tuple[tuple[int, Tree], ...] = ((1, tree),)
+    if isinstance(tree, Sum):
+        terms = tree.terms
+    elif isinstance(tree, Vector):
+        terms = tuple((-1 if place else 1, item) for place, item in enumerate(tree.items))
     for place, (sign, term) in enumerate(terms):
         if not isinstance(term, Name) or term.primes or (sign > 0) != (place == 0):
             raise ExpressionError(

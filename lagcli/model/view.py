@@ -42,6 +42,8 @@ _EXAMPLES = {
     "labels": "A: mass m",
     "vectors": "v_A: {velocity: A}",
 }
+#: What components in a unit are.
+_MEASURED: dict[str, Literal["velocity", "force"]] = {"m/s": "velocity", "N": "force"}
 _SHORT = re.compile(r"[^\W\d_](?:\d|_[^\W_]{1,2})?")  # names that are labels: O, P1, x_A
 
 
@@ -337,7 +339,7 @@ class _Reader:
             components = self.tuple_of(formula, indices, (2, 3))
             if components is None:
                 break
-            yield Arrow(name, "vector", at, components, unit=unit)
+            yield Arrow(name, _MEASURED.get(unit or "", "vector"), at, components, unit=unit)
 
     def force(
         self, d: Declaration, what: str, fields: dict[str, Node], unit: str | None

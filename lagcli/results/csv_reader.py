@@ -73,11 +73,17 @@ class CsvReader:
         self.coordinates, self.constraints, self.outputs = _names(path, self._header)
         self.record = read_sidecar(path, len(self.constraints))
 
+    def count(self) -> int:
+        """Return the number of samples: of lines, without the header."""
+        with open(self._path, "rb") as file:
+            return sum(piece.count(b"\n") for piece in iter(lambda: file.read(1 << 20), b"")) - 1
+
     def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
         """Yield columns of consecutive samples, by name."""
         rows = max(1, _NUMBERS_READ // len(self._header))
         while lines := list(islice(self._file, rows)):
             columns = self._columns(_table(self._path, lines, self._header))
+            columns |= {f"outputs/{n}": values for n, values in columns["outputs"].items()}
             yield {name: columns[name] for name in names}
 
     def trajectory(self) -> Trajectory:

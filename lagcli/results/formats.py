@@ -38,8 +38,14 @@ class Reader(Protocol):
     outputs: tuple[str, ...]
     record: Record
 
+    def count(self) -> int:
+        """Return the number of samples."""
+
     def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
-        """Yield fields of `Samples` by name, for so many samples at a time as memory allows."""
+        """Yield fields of `Samples` by name, for so many samples at a time as memory allows.
+
+        An output is ``outputs/NAME``. No sample at all may yield nothing.
+        """
 
     def trajectory(self) -> Trajectory:
         """Return all of it."""

@@ -277,6 +277,10 @@ class Hdf5Reader:
             **from_metadata(metadata),
         )
 
+    def count(self) -> int:
+        """Return the number of samples."""
+        return int(self._length["time"])
+
     def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
         """Yield columns of consecutive samples, by name."""
         widest = max(self._length["coordinate"], self._length["constraint"], 1)
@@ -304,7 +308,8 @@ class Hdf5Reader:
     def _array(self, name: str, rows: slice = slice(None)) -> Array:
         """Return some rows of a quantity, or all, if it has the shape that it should have."""
         dataset = self._root[name]
-        expected = tuple(self._length[axis] for axis in _AXES[name])
+        axes = ("time",) if name.startswith(_OUTPUTS) else _AXES[name]
+        expected = tuple(self._length[axis] for axis in axes)
         if dataset.shape != expected:
             raise ValueError(f"{name} has shape {dataset.shape}, not {expected}")
         return np.asarray(dataset[rows], dtype=np.float64)

@@ -1,0 +1,1 @@
+"""Pictures of a run: its scene, plots, animations, pages."""

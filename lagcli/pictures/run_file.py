@@ -1,0 +1,144 @@
+"""A run to be drawn: the one place that opens a result for pictures."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.errors import ModelError, UsageError
+from lagcli.model.loader import load, load_text
+from lagcli.model.model import Model
+from lagcli.results.formats import open_reader
+from lagcli.samples import Array, Record
+from lagcli.trajectory import Trajectory
+
+Indices = NDArray[np.intp]
+
+_NONE = np.empty(0)
+
+
+class Run:
+    """The columns of one run, and the model that it is of.
+
+    Parameters
+    ----------
+    source : path or Trajectory
+        A result file, HDF5 or CSV, or a run in memory.
+    model : path, optional
+        A model file in place of the text that the result holds: the same model, with another view.
+
+    Attributes
+    ----------
+    name : str
+        What messages call it.
+    coordinates, constraints, outputs : tuples of str
+    count : int
+        Number of samples.
+    record : Record
+
+    Raises
+    ------
+    FileError, UsageError
+        As `lagcli.read`.
+    """
+
+    def __init__(self, source: str | os.PathLike[str] | Trajectory, model: str | None = None):
+        self._source, self._model_file = source, model
+        if isinstance(source, Trajectory):
+            self.name = "the run"
+            self.coordinates, self.constraints = source.coordinates, source.constraints
+            self.outputs = tuple(source.outputs)
+            self.record: Record = source
+            self.count = len(source.time)
+            return
+        self.name = os.fspath(source)
+        with open_reader(source) as reader:
+            self.coordinates, self.constraints = reader.coordinates, reader.constraints
+            self.outputs, self.record = reader.outputs, reader.record
+            self.count = reader.count()
+
+    def columns(self, names: Iterable[str], samples: Indices | None = None) -> dict[str, Array]:
+        """Return fields of `Samples`, by name.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Of `lagcli.samples.Samples`; an output is ``outputs/NAME``.
+        samples : (m,) array of int, optional
+            Which samples, increasing; all by default.
+
+        Returns
+        -------
+        dict of str to (m, …) array
+        """
+        wanted = list(dict.fromkeys(names))
+        if isinstance(self._source, Trajectory):
+            chosen = slice(None) if samples is None else samples
+            return {name: _field(self._source, name)[chosen] for name in wanted}
+        pieces: dict[str, list[Array]] = {name: [] for name in wanted}
+        start = 0
+        with open_reader(self._source) as reader:
+            for block in reader.columns(wanted):
+                length = len(next(iter(block.values())))
+                chosen = slice(None)
+                if samples is not None:
+                    first, last = np.searchsorted(samples, (start, start + length))
+                    chosen = samples[first:last] - start
+                start += length
+                for name, values in block.items():
+                    pieces[name].append(values[chosen])
+        return {name: np.concatenate(found or [_NONE]) for name, found in pieces.items()}
+
+    @cached_property
+    def model(self) -> Model:
+        """The model with the values of this run.
+
+        Raises
+        ------
+        UsageError
+            The result holds no model, or another file holds another one.
+        ModelError
+            The text is no model for this version.
+        FileError
+            The model file cannot be read.
+        """
+        record = self.record
+        # as expressions: they are in SI, whatever unit the file gives to a parameter
+        parameters = {name: f"{value!r}*1" for name, value in record.parameters.items()}
+        initial = self._initial()
+        if self._model_file is not None:
+            model = load(self._model_file, parameters, initial)
+        elif not record.model:
+            raise UsageError(
+                f"{self.name} holds no model: CSV has no place for it; write HDF5 (-o run.h5), or"
+                " a sidecar beside the CSV file (--meta), or name the model file with --model"
+            )
+        else:
+            try:
+                model = load_text(record.model, f"{self.name}:model", parameters, initial)
+            except ModelError as error:
+                raise ModelError(error.diagnostics) from None
+        if (model.coordinate_names, model.constraint_names) != (self.coordinates, self.constraints):
+            raise UsageError(
+                f"{model.path} is not the model of {self.name}: its coordinates or constraints"
+                f" differ; the run has {', '.join((*self.coordinates, *self.constraints))}"
+            )
+        return model
+
+    def _initial(self) -> Mapping[str, float]:
+        """Return the first sample as initial values: the text alone may lack some."""
+        if not self.count:
+            return {}
+        first = self.columns(("q", "v"), np.zeros(1, dtype=np.intp))
+        names = self.coordinates
+        found = dict(zip(names, first["q"][0].tolist(), strict=True))
+        return found | dict(zip((f"{q}'" for q in names), first["v"][0].tolist(), strict=True))
+
+
+def _field(trajectory: Trajectory, name: str) -> Array:
+    group, _, output = name.partition("/")
+    return trajectory.outputs[output] if output else np.asarray(getattr(trajectory, group))

@@ -1,0 +1,83 @@
+"""How all pictures look: colours that the colour-blind tell apart, lines that print tells apart."""
+
+from __future__ import annotations
+
+from typing import Any
+
+#: Okabe & Ito, "Color Universal Design", 2008, in an order in which neighbours differ most also in
+#: grey; black and yellow, which vanish on dark and on white pages, are left out.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+
+#: Line styles beside the colours: together they name so many curves as both numbers multiplied.
+DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)), (0, (9, 2)))
+
+#: What things of a scene are drawn in.
+ROLES = {
+    "rod": "#404040",
+    "spring": "#009E73",
+    "guide": "#8C8C8C",
+    "ground": "#8C8C8C",
+    "disc": "#404040",
+    "point": "#202020",
+    "trail": "#56B4E9",
+    "label": "#202020",
+    "velocity": "#0072B2",
+    "force": "#D55E00",
+    "vector": "#CC79A7",
+}
+
+#: Of values over two parameters; uniform in lightness, so that it survives print in grey.
+COLORMAP = "viridis"
+
+
+def line(number: int) -> dict[str, Any]:
+    """Return colour and line style of the curve of this number.
+
+    Parameters
+    ----------
+    number : int
+        From 0. Colours change first, then both go round together, so that no two of thirty
+        curves look alike.
+
+    Returns
+    -------
+    dict
+        ``color`` and ``linestyle`` for matplotlib.
+    """
+    turn, place = divmod(number, len(PALETTE))
+    return {"color": PALETTE[place], "linestyle": DASHES[(place + turn) % len(DASHES)]}
+
+
+def settings() -> dict[str, Any]:
+    """Return what matplotlib is to be set to while a picture is made."""
+    return {
+        # fonts that come with matplotlib: a picture looks the same everywhere
+        "font.family": "DejaVu Sans",
+        "font.size": 9,
+        "mathtext.fontset": "dejavusans",
+        "axes.formatter.useoffset": False,
+        "axes.formatter.limits": (-4, 5),
+        "axes.formatter.use_mathtext": True,
+        "axes.grid": True,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.labelsize": 9,
+        "axes.titlesize": 10,
+        "axes.linewidth": 0.7,
+        "axes.xmargin": 0.0,
+        "grid.color": "#D9D9D9",
+        "grid.linewidth": 0.5,
+        "lines.linewidth": 1.2,
+        "legend.fontsize": 8,
+        "legend.framealpha": 0.85,
+        "legend.edgecolor": "#D9D9D9",
+        "legend.handlelength": 2.6,
+        "figure.dpi": 100,
+        "figure.constrained_layout.use": True,
+        "figure.max_open_warning": 0,
+        "svg.fonttype": "none",  # text stays text: it can be searched and edited
+        "svg.hashsalt": "lagcli",  # the same picture is the same file
+        "pdf.fonttype": 42,
+        "path.simplify": True,
+        "agg.path.chunksize": 10_000,
+    }

@@ -1,0 +1,79 @@
+"""Long runs made short enough to draw, without losing a peak."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+def thin(x: Array, values: Array, columns: int) -> Indices:
+    """Return the samples that draw the same curves as all of them.
+
+    The axis of x is cut into columns of equal width, such as those of the pixels. Of each column
+    and each curve stay the first and the last sample, the smallest and the largest one: drawn
+    through these, a curve covers the same pixels. Gaps stay: of a run of values that are not
+    finite, the first sample of each column.
+
+    Parameters
+    ----------
+    x : (nt,) array
+        Does not decrease: the time.
+    values : (nt,) or (nt, n) array
+        One or several curves over x.
+    columns : int
+        At least 1.
+
+    Returns
+    -------
+    (m,) array of int
+        Increasing; all samples where that is not more than asked for, and never more than
+        2 + columns (2 + 3 n).
+    """
+    values = np.asarray(values, dtype=np.float64)
+    curves = values[:, None] if values.ndim == 1 else values
+    count = len(x)
+    if count <= 4 * columns or not x[-1] > x[0]:
+        return np.arange(count)
+    edges = np.searchsorted(x, np.linspace(x[0], x[-1], columns + 1)[:-1])
+    starts = np.unique(edges)
+    kept = [starts, np.append(starts[1:], count) - 1]
+    for curve in curves.T:
+        finite = np.isfinite(curve)
+        if finite.all():
+            kept += [_first(curve, starts, np.minimum), _first(curve, starts, np.maximum)]
+            continue
+        kept.append(_first((~finite).astype(np.float64), starts, np.maximum))
+        kept.append(_first(np.where(finite, curve, np.inf), starts, np.minimum))
+        kept.append(_first(np.where(finite, curve, -np.inf), starts, np.maximum))
+    return np.unique(np.concatenate(kept))
+
+
+def _first(curve: Array, starts: Indices, extreme: np.ufunc) -> Indices:
+    """Return the first place of each column's extreme value."""
+    best = extreme.reduceat(curve, starts)
+    widths = np.diff(np.append(starts, len(curve)))
+    places = np.flatnonzero(curve == np.repeat(best, widths))
+    columns = np.searchsorted(starts, places, side="right") - 1
+    _, first = np.unique(columns, return_index=True)
+    return places[first]
+
+
+def evenly(count: int, most: int) -> Indices:
+    """Return at most so many of ``count`` samples, evenly, the first and the last one among them.
+
+    Parameters
+    ----------
+    count, most : int
+        ``most`` is at least 2.
+
+    Returns
+    -------
+    (m,) array of int
+        Increasing.
+    """
+    if count <= most:
+        return np.arange(count)
+    return np.unique(np.round(np.linspace(0, count - 1, most)).astype(np.intp))
