@@ -1,0 +1,261 @@
+"use strict";
+
+/*
+ * Scene: a mechanism drawn on a canvas, at any time.
+ *
+ * Needs camera.js, motion.js and shapes.js. The data is what lagcli/pictures/scene.py describes.
+ *
+ *   const scene = new Scene(canvas, data);
+ *   scene.draw(1.25);                     // at 1.25 s; between samples, interpolated
+ *   scene.show("force", false);           // without the arrows of forces
+ *   scene.setScene(other);                // another run, seen from where this one is
+ *
+ * The canvas is as large as its style says. Colours are CSS custom properties of the canvas
+ * (--scene-ink, …; see COLORS), read again when the colour scheme of the page changes.
+ */
+
+class Scene {
+  /** Custom properties, without --scene-, and what stands for those that the page does not set. */
+  static COLORS = {
+    ink: "#1b1b1b",
+    paper: "#ffffff",
+    muted: "#6b6b6b",
+    rod: "#3b4a5a",
+    disc: "#0072b2",
+    spring: "#8c5a00",
+    trail: "#56b4e9",
+    force: "#d55e00",
+    velocity: "#009e73",
+    vector: "#cc79a7",
+  };
+
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {object} data
+   */
+  constructor(canvas, data) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.hidden = new Set();
+    this.setScene(data);
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.restyle());
+    this.#dragToRotate();
+  }
+
+  /** Take other data; the camera stays where it is, where the dimension is the same. */
+  setScene(data) {
+    const time = this.motion?.now;
+    this.data = data;
+    this.motion = new Motion(data);
+    if (time !== undefined) this.motion.seek(time);
+    if (this.camera && this.dimension === data.dimension) this.camera.setBounds(data.bounds);
+    else
+      this.camera = data.dimension === 3 ? new OrbitCamera(data.bounds) : new PlaneCamera(data.bounds);
+    this.dimension = data.dimension;
+    this.canvas.style.touchAction = this.dimension === 3 ? "none" : "auto";
+    this.#findJoints();
+    this.resize();
+  }
+
+  /** Draw the scene at a time, s. */
+  draw(time) {
+    this.motion.seek(time);
+    this.#paint();
+  }
+
+  /** Show the vectors of a quantity (force, velocity, vector), or not. */
+  show(quantity, shown) {
+    if (shown) this.hidden.delete(quantity);
+    else this.hidden.add(quantity);
+    this.#paint();
+  }
+
+  /** Return the vectors of the scene with their magnitude now: {name, quantity, unit, value}. */
+  vectors() {
+    return this.data.shapes
+      .filter((shape) => shape.kind === "vector")
+      .map(({ name, quantity, unit, components }) => {
+        const value = Math.hypot(...this.motion.vector(components));
+        return { name, quantity, unit, value };
+      });
+  }
+
+  /** Go around a scene of three dimensions, by angles in radians. */
+  rotate(azimuth, elevation) {
+    if (this.dimension !== 3) return;
+    this.camera.rotate(azimuth, elevation);
+    this.#paint();
+  }
+
+  /** See the scene from where it was first seen. */
+  resetView() {
+    if (this.dimension !== 3) return;
+    this.camera.reset();
+    this.#paint();
+  }
+
+  /** Read the colours of the page again, as after a change of theme. */
+  restyle() {
+    this.#readColors();
+    this.#paint();
+  }
+
+  /** Take the size that the canvas has now. */
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (!width || !height) return; // not on the page yet
+    const density = window.devicePixelRatio || 1;
+    [this.canvas.width, this.canvas.height] = [width, height].map((c) => Math.round(c * density));
+    this.context.setTransform(density, 0, 0, density, 0, 0);
+    [this.width, this.height] = [width, height];
+    this.camera.fit(width, height);
+    this.restyle();
+  }
+
+  #readColors() {
+    const style = getComputedStyle(this.canvas);
+    this.colors = Object.fromEntries(
+      Object.entries(Scene.COLORS).map(([name, usual]) => [
+        name,
+        style.getPropertyValue(`--scene-${name}`).trim() || usual,
+      ]),
+    );
+  }
+
+  /** Find the points to be drawn as joints: where rods, springs or trails end. */
+  #findJoints() {
+    this.joints = new Map(); // name → [how many bodies meet, the points at their other ends]
+    const meet = (name, bodies, others = []) => {
+      const [count, known] = this.joints.get(name) ?? [0, []];
+      this.joints.set(name, [count + bodies, [...known, ...others]]);
+    };
+    for (const { kind, from, to, at, of } of this.data.shapes) {
+      if (kind === "rod" || kind === "spring") {
+        meet(from, 1, [to]);
+        meet(to, 1, [from]);
+      } else if (kind === "ground") meet(at, 2);
+      else if (kind === "trail") meet(of, 0);
+    }
+  }
+
+  /** Return a pen for this moment. */
+  #pen() {
+    const unit = Math.max(0.6, Math.min(1.6, Math.min(this.width, this.height) / 420));
+    const pen = new Pen(this.context, this.motion, this.camera, this.colors, unit);
+    // many short rods: as thick as usual they would be a worm
+    const lengths = this.data.shapes
+      .filter((shape) => shape.kind === "rod")
+      .map(({ from, to }) => {
+        const [a, b] = [this.motion.point(from), this.motion.point(to)];
+        return this.camera.scale * Math.hypot(...a.map((c, axis) => c - b[axis]));
+      })
+      .sort((a, b) => a - b);
+    pen.thin = lengths[lengths.length >> 1] < 24 * unit;
+    return pen;
+  }
+
+  #paint() {
+    if (!this.width) return;
+    this.context.clearRect(0, 0, this.width, this.height);
+    const pen = this.#pen();
+    if (this.dimension === 3) this.#paintFloor(pen);
+    const strokes = [
+      ...this.data.shapes
+        .filter((shape) => shape.kind !== "vector" || !this.hidden.has(shape.quantity))
+        .flatMap((shape) => SHAPES[shape.kind](shape, pen)),
+      ...[...this.joints].flatMap(([name, [bodies, others]]) =>
+        joint(name, bodies > 1, others, pen),
+      ),
+    ];
+    const solid = this.dimension === 3;
+    const level = ({ layer }) => LAYERS.indexOf(solid && BODIES.has(layer) ? "rod" : layer);
+    strokes.sort((a, b) => level(a) - level(b) || (solid ? b.depth - a.depth : 0));
+    for (const { paint } of strokes) paint();
+    if (this.dimension === 3) this.#paintTriad(pen);
+    else this.#paintRule(pen);
+  }
+
+  /** A grid at the foot of the scene, without which depth is hard to see. */
+  #paintFloor(pen) {
+    const [xs, ys, [floor]] = this.data.bounds;
+    const step = roundLength(Math.max(xs[1] - xs[0], ys[1] - ys[0]) / 8);
+    if (!(step > 0)) return;
+    const ticks = ([low, high]) => {
+      const [first, last] = [Math.floor(low / step + 1e-6), Math.ceil(high / step - 1e-6)];
+      return Array.from({ length: last - first + 1 }, (_, i) => (first + i) * step);
+    };
+    const [across, along] = [ticks(xs), ticks(ys)];
+    const [left, right] = [across[0], across[across.length - 1]];
+    const [front, back] = [along[0], along[along.length - 1]];
+    const lines = [
+      ...across.map((x) => [[x, front, floor], [x, back, floor]]),
+      ...along.map((y) => [[left, y, floor], [right, y, floor]]),
+    ];
+    for (const line of lines)
+      pen.line(
+        line.map((point) => pen.place(point)),
+        pen.colors.muted,
+        1,
+        { alpha: 0.3 },
+      );
+  }
+
+  /** The directions of x, y and z, in a corner. */
+  #paintTriad(pen) {
+    const length = 26 * pen.unit;
+    const [x, y] = [1.6 * length, this.height - 1.6 * length];
+    for (const [axis, name] of ["x", "y", "z"].entries()) {
+      const [right, up] = this.camera.components([0, 1, 2].map((i) => (i === axis ? 1 : 0)));
+      const tip = (factor) => [x + factor * length * right, y - factor * length * up];
+      arrow(pen, [x, y], tip(1), pen.colors.muted);
+      pen.text(name, tip(1.35), pen.colors.muted, "center", 12);
+    }
+  }
+
+  /** A length to measure by, in a corner. */
+  #paintRule(pen) {
+    const length = roundLength((0.2 * this.width) / this.camera.scale);
+    const pixels = length * this.camera.scale;
+    const [left, foot] = [14, this.height - 12];
+    const tick = 4 * pen.unit;
+    pen.line(
+      [
+        [left, foot - tick],
+        [left, foot],
+        [left + pixels, foot],
+        [left + pixels, foot - tick],
+      ],
+      pen.colors.muted,
+      1.2,
+    );
+    const unit = this.data.unit ? ` ${this.data.unit}` : "";
+    const text = `${Number(length.toPrecision(1))}${unit}`;
+    pen.text(text, [left + pixels / 2, foot - 11 * pen.unit], pen.colors.muted, "center", 11);
+  }
+
+  #dragToRotate() {
+    let last = null;
+    const { canvas } = this;
+    canvas.addEventListener("pointerdown", (event) => {
+      if (this.dimension !== 3) return;
+      last = [event.clientX, event.clientY];
+      canvas.setPointerCapture(event.pointerId);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!last) return;
+      const [x, y] = [event.clientX - last[0], event.clientY - last[1]];
+      last = [event.clientX, event.clientY];
+      const perPixel = Math.PI / Math.min(this.width, this.height);
+      this.rotate(-x * perPixel, y * perPixel);
+    });
+    for (const kind of ["pointerup", "pointercancel"])
+      canvas.addEventListener(kind, () => (last = null));
+  }
+}
+
+/** Return the largest of 1, 2, 5 times a power of ten that is no greater. */
+function roundLength(length) {
+  const power = 10 ** Math.floor(Math.log10(length));
+  return (length >= 5 * power ? 5 : length >= 2 * power ? 2 : 1) * power;
+}

@@ -1,0 +1,281 @@
+"use strict";
+
+/*
+ * Shapes: how each kind of shape of a scene looks.
+ *
+ * SHAPES[kind](shape, pen) returns the strokes of a shape now: {layer, depth, paint}. They are painted
+ * layer by layer; in three dimensions BODIES are one layer, painted from the farthest to the nearest.
+ * Lengths that do not belong to the mechanism (widths, heads of arrows) are in units of pen.unit.
+ */
+
+const LAYERS = ["guide", "ground", "trail", "disc", "spring", "rod", "joint", "vector", "label"];
+const BODIES = new Set(["trail", "disc", "spring", "rod", "joint"]);
+
+/** What the painting of shapes needs: canvas, motion, camera, colours, and sizes in pixels. */
+class Pen {
+  constructor(context, motion, camera, colors, unit) {
+    Object.assign(this, { context, motion, camera, colors, unit });
+  }
+
+  /** Return where a point of the scene is on the canvas; null where it is nowhere. */
+  place(point) {
+    const at = this.camera.project(point);
+    return at.every(Number.isFinite) ? at : null;
+  }
+
+  /** Return where a named point is. */
+  at(name) {
+    return this.place(this.motion.point(name));
+  }
+
+  path(places, closed = false) {
+    const { context } = this;
+    context.beginPath();
+    places.forEach(([x, y], i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
+    if (closed) context.closePath();
+  }
+
+  line(places, color, width, { dash = [], alpha = 1, cap = "round" } = {}) {
+    const { context } = this;
+    context.save();
+    context.globalAlpha = alpha;
+    context.strokeStyle = color;
+    context.lineWidth = width * this.unit;
+    context.lineCap = cap;
+    context.lineJoin = "round";
+    context.setLineDash(dash.map((length) => length * this.unit));
+    this.path(places);
+    context.stroke();
+    context.restore();
+  }
+
+  area(places, color, alpha) {
+    const { context } = this;
+    context.save();
+    context.globalAlpha = alpha;
+    context.fillStyle = color;
+    this.path(places, true);
+    context.fill();
+    context.restore();
+  }
+
+  dot([x, y], radius, fill, edge) {
+    const { context } = this;
+    context.beginPath();
+    context.arc(x, y, radius, 0, 2 * Math.PI);
+    context.fillStyle = fill;
+    context.fill();
+    context.lineWidth = 1.6 * this.unit;
+    context.strokeStyle = edge;
+    context.stroke();
+  }
+
+  text(text, [x, y], color, align = "left", size = 13) {
+    const { context } = this;
+    context.font = `${size * Math.max(1, this.unit)}px system-ui, sans-serif`;
+    context.textAlign = align;
+    context.textBaseline = "middle";
+    context.lineJoin = "round";
+    context.lineWidth = 4;
+    context.strokeStyle = this.colors.paper;
+    context.strokeText(text, x, y);
+    context.fillStyle = color;
+    context.fillText(text, x, y);
+  }
+}
+
+const middle = (a, b) => (a[2] + b[2]) / 2;
+
+/** Return the ends of a shape on the canvas, or null where one of them is nowhere. */
+function ends(shape, pen) {
+  const [a, b] = [pen.at(shape.from), pen.at(shape.to)];
+  return a && b ? [a, b] : null;
+}
+
+const SHAPES = {
+  rod(shape, pen) {
+    const found = ends(shape, pen);
+    if (!found) return [];
+    const paint = () => pen.line(found, pen.colors.rod, pen.thin ? 2.5 : 5);
+    return [{ layer: "rod", depth: middle(...found), paint }];
+  },
+
+  /** A coil of as many turns at any length, between two straight ends. */
+  spring(shape, pen) {
+    const found = ends(shape, pen);
+    if (!found) return [];
+    const paint = () => pen.line(coil(found, 6 * pen.unit), pen.colors.spring, 2);
+    return [{ layer: "spring", depth: middle(...found), paint }];
+  },
+
+  guide(shape, pen) {
+    const found = ends(shape, pen);
+    if (!found) return [];
+    const paint = () => {
+      pen.line(found, pen.colors.muted, 14, { alpha: 0.16, cap: "butt" });
+      pen.line(found, pen.colors.muted, 1, { dash: [9, 4, 2, 4] });
+    };
+    return [{ layer: "guide", depth: middle(...found), paint }];
+  },
+
+  /** A bearing that stands on hatched ground. */
+  ground(shape, pen) {
+    const at = pen.at(shape.at);
+    if (!at) return [];
+    const paint = () => {
+      const [x, y] = at;
+      const [height, half] = [15 * pen.unit, 17 * pen.unit];
+      const bearing = [
+        [x, y],
+        [x - 0.6 * half, y + height],
+        [x + 0.6 * half, y + height],
+      ];
+      pen.area(bearing, pen.colors.paper, 1);
+      pen.line([...bearing, bearing[0]], pen.colors.muted, 1.5);
+      const foot = y + height;
+      pen.line([[x - half, foot], [x + half, foot]], pen.colors.muted, 1.5);
+      for (let i = -2; i <= 3; i++) {
+        const right = x + (i * half) / 3;
+        pen.line(
+          [
+            [right, foot],
+            [right - half / 3, foot + half / 3],
+          ],
+          pen.colors.muted,
+          1,
+        );
+      }
+    };
+    return [{ layer: "ground", depth: at[2], paint }];
+  },
+
+  /** A disc with a mark from its centre to its rim, which shows the angle. */
+  disc(shape, pen) {
+    const { motion } = pen;
+    const centre = motion.point(shape.center);
+    const radius = motion.value(shape.radius);
+    const [first, second] = diameters(shape, motion, centre.length);
+    const rim = (angle) =>
+      pen.place(
+        centre.map(
+          (c, axis) => c + radius * (Math.cos(angle) * first[axis] + Math.sin(angle) * second[axis]),
+        ),
+      );
+    const places = Array.from({ length: 60 }, (_, i) => rim((i * Math.PI) / 30));
+    const at = pen.place(centre);
+    if (!at || places.includes(null)) return [];
+    const mark = shape.angle ? rim(motion.value(shape.angle)) : null;
+    const paint = () => {
+      pen.area(places, pen.colors.disc, 0.25);
+      pen.line([...places, places[0]], pen.colors.disc, 2);
+      if (mark) pen.line([at, mark], pen.colors.disc, 2.5);
+    };
+    return [{ layer: "disc", depth: at[2], paint }];
+  },
+
+  /** The path of a point in the recent past, fading. */
+  trail(shape, pen) {
+    const { motion } = pen;
+    const length = shape.seconds ?? (motion.end - motion.start) * 0.3;
+    const path = motion.past(shape.of, length, 400).map(([time, point]) => [time, pen.place(point)]);
+    const strokes = [];
+    const pieces = 40; // of one shade each
+    const step = Math.max(1, Math.ceil(path.length / pieces));
+    for (let i = 0; i + 1 < path.length; i += step) {
+      const piece = path.slice(i, i + step + 1);
+      const places = piece.map(([, place]) => place);
+      if (places.includes(null)) continue;
+      const age = (motion.now - piece[piece.length - 1][0]) / length || 0;
+      const paint = () =>
+        pen.line(places, pen.colors.trail, 2.5, { alpha: 0.9 * (1 - age), cap: "butt" });
+      strokes.push({ layer: "trail", depth: middle(places[0], places[places.length - 1]), paint });
+    }
+    return strokes;
+  },
+
+  vector(shape, pen) {
+    const { motion } = pen;
+    const from = motion.point(shape.at);
+    const components = motion.vector(shape.components);
+    const tip = from.map((c, axis) => c + shape.scale * components[axis]);
+    const [a, b] = [pen.place(from), pen.place(tip)];
+    if (!a || !b) return [];
+    const paint = () => arrow(pen, a, b, pen.colors[shape.quantity] ?? pen.colors.vector);
+    return [{ layer: "vector", depth: middle(a, b), paint }];
+  },
+
+  label(shape, pen) {
+    const at = pen.at(shape.at);
+    if (!at) return [];
+    const shift = 11 * pen.unit;
+    const paint = () => pen.text(shape.text, [at[0] + shift, at[1] - shift], pen.colors.ink);
+    return [{ layer: "label", depth: at[2], paint }];
+  },
+};
+
+/** Return the strokes of a point where bodies meet (open) or end (filled): in front of their rods. */
+function joint(name, meets, rods, pen) {
+  const at = pen.at(name);
+  if (!at) return [];
+  const depth = Math.min(at[2], ...rods.map((rod) => middle(at, pen.at(rod) ?? at)));
+  const { ink, paper } = pen.colors;
+  const radius = (pen.thin ? 2.5 : meets ? 4.5 : 6) * pen.unit;
+  const paint = () => pen.dot(at, radius, meets ? paper : ink, ink);
+  return [{ layer: "joint", depth, paint }];
+}
+
+/** Return the places along a spring, which is drawn in the plane of the canvas. */
+function coil([a, b], radius, turns = 7) {
+  const [x, y] = [b[0] - a[0], b[1] - a[1]];
+  const length = Math.hypot(x, y) || 1;
+  const [along, across] = [[x / length, y / length], [-y / length, x / length]];
+  const lead = 0.15 * length;
+  const count = turns * 16;
+  const places = [a];
+  for (let i = 0; i <= count; i++) {
+    const phase = (2 * Math.PI * turns * i) / count;
+    // seen a little from the side: the turns lean over
+    const s = lead + ((length - 2 * lead) * i) / count + 0.4 * radius * (1 - Math.cos(phase));
+    const d = radius * Math.sin(phase);
+    places.push([a[0] + s * along[0] + d * across[0], a[1] + s * along[1] + d * across[1]]);
+  }
+  return [...places, b];
+}
+
+/** Return two unit vectors at right angles that span a disc; angles count from the first. */
+function diameters(shape, motion, dimension) {
+  if (dimension === 2)
+    return [
+      [1, 0],
+      [0, 1],
+    ];
+  let normal = shape.normal ? motion.vector(shape.normal) : [0, 0, 1];
+  const length = Math.hypot(...normal);
+  normal = normal.map((c) => c / length);
+  const [x, y, z] = normal;
+  const level = Math.hypot(x, y);
+  // the first is level, as the line of nodes of Euler's angles
+  const first = level > 1e-9 ? [-y / level, x / level, 0] : [1, 0, 0];
+  const second = [
+    y * first[2] - z * first[1],
+    z * first[0] - x * first[2],
+    x * first[1] - y * first[0],
+  ];
+  return [first, second];
+}
+
+function arrow(pen, a, b, color) {
+  const [x, y] = [b[0] - a[0], b[1] - a[1]];
+  const length = Math.hypot(x, y);
+  if (length < 1.5) return;
+  const head = Math.min(11 * pen.unit, 0.6 * length);
+  const [dx, dy] = [x / length, y / length];
+  const neck = [b[0] - head * dx, b[1] - head * dy];
+  const half = 0.42 * head;
+  pen.line([a, neck], color, 2.6, { cap: "butt" });
+  pen.area(
+    [b, [neck[0] - half * dy, neck[1] + half * dx], [neck[0] + half * dy, neck[1] - half * dx]],
+    color,
+    1,
+  );
+}

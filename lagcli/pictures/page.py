@@ -1,0 +1,92 @@
+"""Self-contained pages: scripts, styles and data in one HTML file, which fetches nothing."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib.resources import files
+from typing import Any
+
+#: What draws scenes and plays them, in the order in which the scripts need each other.
+PLAYER_SCRIPTS = ("camera.js", "motion.js", "shapes.js", "scene.js", "player.js")
+PLAYER_STYLES = ("player.css",)
+
+#: Nothing comes from elsewhere, not even by mistake.
+_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
+
+
+def asset(name: str) -> str:
+    """Return the text of a file in ``lagcli/pictures/assets``."""
+    return files("lagcli.pictures").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def script_data(value: Any) -> str:
+    """Return a value as JSON that may stand in a script of a page.
+
+    Parameters
+    ----------
+    value : mappings, sequences, NumPy arrays, texts, numbers
+        Numbers that are not finite become null.
+    """
+    text = json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    # neither may end the script nor begin a comment in it; both are in texts alone
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def page(
+    title: str,
+    body: str,
+    *,
+    styles: Iterable[str] = (),
+    scripts: Sequence[str] = (),
+    start: str = "",
+) -> str:
+    """Return a page that holds all that it needs.
+
+    Parameters
+    ----------
+    title : str
+        Plain text.
+    body : str
+        HTML.
+    styles, scripts : iterables of str
+        Their text; see `asset`.
+    start : str
+        What to run at last.
+    """
+    style = "\n".join(styles)
+    script = "\n".join([*scripts, start])
+    return f"""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{escape(title)}</title>
+<style>
+{style}
+</style>
+</head>
+<body>
+{body}
+<script>
+{script}
+</script>
+</body>
+</html>
+"""
+
+
+def _plain(value: Any) -> Any:
+    """Return a value in JSON's own types."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
