@@ -41,8 +41,6 @@ ROOMS = {
         *("start", "interruption", "lagcli"),
     },
     "start": {"errors", "model", "equations", "engine", "undefined"},
-    # data flows from a result to its pictures; nothing but the command line knows them
-    "pictures": {"errors", "model", "equations", "engine", "results", "samples", "trajectory"},
     "undefined": {"errors", "model", "equations", "engine"},
     "variants": {"model", "equations", "engine", "simulation"},
 }

@@ -1,0 +1,437 @@
+"use strict";
+
+/*
+ * Plots over time, drawn by uPlot: zoom by dragging, values under a cursor that all plots share.
+ *
+ * A plot is described by
+ *
+ *   {title, unit, log, time: [nt], series: [{name, label, unit, values: [nt], hidden}]}
+ *
+ * `title`, `unit`, `label` and `hidden` may be missing; `log` draws magnitudes on a logarithmic
+ * scale. Lists may be typed arrays; null and NaN are gaps. An underscore in a label begins its
+ * subscript. Nothing in it is read as HTML.
+ */
+
+/** The time that plots and animations show together, and the interval that plots show. */
+class TimeLink {
+  constructor() {
+    this.time = null;
+    this.range = null; // [from, to], or null for everything
+    this.free = true; // whether passing over a plot moves the time; a click always does
+    this.listeners = { time: [], range: [] };
+  }
+
+  /** Call listener(time, source) whenever the time changes. */
+  onTime(listener) {
+    this.listeners.time.push(listener);
+  }
+
+  /** Call listener(range, source) whenever the interval changes. */
+  onRange(listener) {
+    this.listeners.range.push(listener);
+  }
+
+  setTime(time, source = null) {
+    if (time === this.time) return;
+    this.time = time;
+    for (const listener of this.listeners.time) listener(time, source);
+  }
+
+  setRange(range, source = null) {
+    this.range = range;
+    for (const listener of this.listeners.range) listener(range, source);
+  }
+}
+
+/** How the numbers of plots are written. */
+const PlotNumbers = {
+  /** Return a value with six digits. */
+  value(number) {
+    if (number === null || number === undefined || Number.isNaN(number)) return "–";
+    const size = Math.abs(number);
+    const text =
+      size !== 0 && (size < 1e-3 || size >= 1e6)
+        ? number.toExponential(4)
+        : String(Number(number.toPrecision(6)));
+    return PlotNumbers.typeset(text);
+  },
+
+  /** Return the labels of an axis: as many digits as tell its ticks apart. */
+  ticks(numbers) {
+    const known = numbers.filter((number) => number !== null);
+    const largest = Math.max(0, ...known.map(Math.abs));
+    const step = known.length > 1 ? Math.abs(known[1] - known[0]) : largest || 1;
+    if (largest !== 0 && (largest < 1e-3 || largest >= 1e5)) {
+      const digits = Math.max(0, Math.ceil(Math.log10(largest / step) - 1e-9));
+      const write = (n) => (n === 0 ? "0" : n.toExponential(Math.min(digits, 8)));
+      return numbers.map((n) => (n === null ? null : PlotNumbers.typeset(write(n))));
+    }
+    const decimals = Math.min(12, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
+    return numbers.map((n) => (n === null ? null : PlotNumbers.typeset(n.toFixed(decimals))));
+  },
+
+  /** Return the whole powers of ten within an interval, at most six of them. */
+  powers(low, high) {
+    const [first, last] = [Math.ceil(Math.log10(low) - 1e-9), Math.floor(Math.log10(high) + 1e-9)];
+    const every = Math.max(1, Math.ceil((last - first + 1) / 6));
+    const found = [];
+    for (let n = Math.ceil(first / every) * every; n <= last; n += every) found.push(10 ** n);
+    return found;
+  },
+
+  /** Return the labels of powers of ten. */
+  power(number) {
+    return "10" + PlotNumbers.raised(String(Math.round(Math.log10(number))));
+  },
+
+  typeset(text) {
+    const [mantissa, exponent] = text.replace(/-/g, "−").split("e");
+    if (exponent === undefined) return mantissa;
+    return `${mantissa}·10${PlotNumbers.raised(exponent.replace("+", "").replace("−", "-"))}`;
+  },
+
+  raised(digits) {
+    return digits.replace(/./g, (c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c] ?? "⁻");
+  },
+};
+
+/** One plot over time with its title and legend. */
+class TimePlot {
+  /** Dashes of the first round of colours, of the second, … */
+  static DASHES = [[], [7, 3], [2, 3], [9, 3, 2, 3]];
+  static STROKE = 1.6;
+
+  /**
+   * @param {HTMLElement} container  is filled
+   * @param {object} data            see above
+   * @param {object} options
+   * @param {TimeLink} options.link
+   * @param {string[]} options.palette  colours; black stands for the colour of the text
+   * @param {number} options.height     of the drawing, CSS pixels
+   */
+  constructor(container, data, { link = new TimeLink(), palette = ["#0072B2"], height = 220 } = {}) {
+    this.container = container;
+    this.data = data;
+    this.link = link;
+    this.palette = palette;
+    this.height = height;
+    this.hidden = new Set(data.series.filter((s) => s.hidden).map((s) => s.name));
+    this.#build();
+    link.onTime((time, source) => source !== this && this.showTime(time));
+    link.onRange((range) => this.#showRange(range));
+    this.watcher = new ResizeObserver(() => this.#fit());
+    this.watcher.observe(this.container);
+  }
+
+  /** Show other values: {time, series: [{values}]} as at the beginning, or with other series. */
+  setData(data) {
+    const names = (series) => series.map((s) => s.name).join("\n");
+    const same = names(data.series) === names(this.data.series);
+    this.data = same
+      ? {
+          ...this.data,
+          ...data,
+          series: data.series.map((s, i) => ({ ...this.data.series[i], ...s })),
+        }
+      : { ...this.data, ...data };
+    if (same) {
+      this.chart.setData(this.#columns(), false);
+      this.#showRange(this.link.range);
+    } else {
+      this.chart.destroy();
+      this.container.replaceChildren();
+      this.#build();
+    }
+    this.showTime(this.link.time);
+  }
+
+  /** Take the page's colours again. */
+  recolour() {
+    for (const [i, button] of this.buttons.entries()) {
+      button.style.setProperty("--series", this.#colour(i));
+    }
+    this.chart.redraw(false);
+  }
+
+  /** Draw in a size, CSS pixels: for print. Without one, fill the container again. */
+  resize(width = this.container.clientWidth, height = this.height) {
+    if (width > 0) this.chart.setSize({ width, height });
+    this.showTime(this.link.time);
+  }
+
+  /** Put the cursor and the legend's values to a time. */
+  showTime(time) {
+    const { chart } = this;
+    const { min, max } = chart.scales.x;
+    const seen = time !== null && min !== null && time >= min && time <= max;
+    chart.setCursor({ left: seen ? chart.valToPos(time, "x") : -10, top: 0 }, false);
+    const at = time === null ? null : chart.valToIdx(time);
+    for (const [i, series] of this.data.series.entries()) {
+      this.values[i].textContent = at === null ? "" : PlotNumbers.value(series.values[at]);
+    }
+  }
+
+  #build() {
+    const { data } = this;
+    const caption = document.createElement("figcaption");
+    caption.append(TimePlot.#named(data.title ?? ""));
+    if (data.unit) caption.append(` [${data.unit}]`);
+    const drawing = document.createElement("div");
+    drawing.className = "plot-drawing";
+    const legend = this.#legend();
+    this.container.classList.add("plot");
+    this.container.append(caption, drawing, legend);
+
+    const text = () => this.#style("--plot-text", "#333");
+    const grid = { stroke: () => this.#style("--plot-grid", "#ddd"), width: 1 };
+    const axis = { stroke: text, grid, ticks: grid, font: "12px system-ui, sans-serif" };
+    const options = {
+      width: Math.max(this.container.clientWidth, 120),
+      height: this.height,
+      legend: { show: false },
+      scales: { x: { time: false }, y: this.#scale() },
+      axes: [
+        {
+          ...axis,
+          space: 60,
+          size: 42,
+          label: "t [s]",
+          labelSize: 16,
+          labelFont: axis.font,
+          values: (chart, splits) => PlotNumbers.ticks(splits),
+        },
+        {
+          ...axis,
+          space: 34,
+          size: (chart, labels) => TimePlot.#room(labels),
+          ...(data.log
+            ? {
+                splits: (chart, i, low, high) => PlotNumbers.powers(low, high),
+                values: (chart, splits) => splits.map(PlotNumbers.power),
+                filter: (chart, splits) => splits,
+              }
+            : { values: (chart, splits) => PlotNumbers.ticks(splits) }),
+        },
+      ],
+      series: [{}, ...data.series.map((series, i) => this.#strokes(series, i))],
+      cursor: {
+        y: false,
+        points: { size: 6, show: data.series.length <= 12 },
+        drag: { x: true, y: false, setScale: false },
+        bind: { dblclick: () => () => this.link.setRange(null, this) },
+      },
+      hooks: { setSelect: [() => this.#zoom()] },
+    };
+    this.chart = new uPlot(options, this.#columns(), drawing);
+    this.#listen();
+    this.#showRange(this.link.range);
+    this.showTime(this.link.time);
+  }
+
+  /** A title or label with its subscript. */
+  static #named(text) {
+    const [base, ...rest] = text.split("_");
+    const fragment = document.createDocumentFragment();
+    fragment.append(base);
+    if (rest.length && base) {
+      const sub = document.createElement("sub");
+      sub.textContent = rest.join(",");
+      fragment.append(sub);
+    } else if (rest.length) {
+      fragment.append(`_${rest.join("_")}`);
+    }
+    return fragment;
+  }
+
+  static #room(labels) {
+    const longest = Math.max(0, ...(labels ?? []).map((text) => (text ? text.length : 0)));
+    return 16 + 6.6 * longest;
+  }
+
+  #style(name, otherwise) {
+    return getComputedStyle(this.container).getPropertyValue(name).trim() || otherwise;
+  }
+
+  #colour(i) {
+    const colour = this.palette[i % this.palette.length];
+    return /^#0{3,6}$/.test(colour) ? this.#style("--plot-text", colour) : colour;
+  }
+
+  #strokes(series, i) {
+    const dashes = TimePlot.DASHES;
+    return {
+      label: series.label ?? series.name,
+      stroke: () => this.#colour(i),
+      width: TimePlot.STROKE,
+      dash: dashes[Math.floor(i / this.palette.length) % dashes.length],
+      show: !this.hidden.has(series.name),
+      pxAlign: 0,
+      points: { show: this.data.time.length === 1 },
+    };
+  }
+
+  #scale() {
+    if (this.data.log) return { distr: 3 };
+    // a constant shows its own value, not the noise of its last digits
+    const range = (chart, low, high) => {
+      if (low === null) return [0, 1];
+      const size = Math.max(Math.abs(low), Math.abs(high));
+      if (high - low <= 1e-12 * size) return [low - (size || 1) / 10, high + (size || 1) / 10];
+      const margin = (high - low) * 0.06;
+      return [low - margin, high + margin];
+    };
+    return { range };
+  }
+
+  #columns() {
+    const columns = this.data.series.map(({ values }) => Array.from(values, TimePlot.#drawable));
+    if (this.data.log) {
+      let least = Infinity;
+      for (const column of columns) {
+        for (const value of column) {
+          if (value !== null && value !== 0) least = Math.min(least, Math.abs(value));
+        }
+      }
+      const floor = Number.isFinite(least) ? 10 ** Math.floor(Math.log10(least)) : 1e-16;
+      const shown = (value) => (value === null ? null : Math.max(Math.abs(value), floor));
+      return [this.data.time, ...columns.map((column) => column.map(shown))];
+    }
+    return [this.data.time, ...columns];
+  }
+
+  static #drawable(value) {
+    return Number.isFinite(value) ? value : null;
+  }
+
+  #legend() {
+    const list = document.createElement("ul");
+    list.className = "plot-legend";
+    this.buttons = [];
+    this.values = [];
+    for (const [i, series] of this.data.series.entries()) {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.dataset.series = series.name;
+      button.title = "Show or hide this curve";
+      button.setAttribute("aria-pressed", String(!this.hidden.has(series.name)));
+      button.style.setProperty("--series", this.#colour(i));
+      const swatch = document.createElement("span");
+      const round = Math.floor(i / this.palette.length) % TimePlot.DASHES.length;
+      swatch.className = `plot-swatch plot-dash-${round}`;
+      const label = document.createElement("span");
+      label.className = "plot-label";
+      label.append(TimePlot.#named(series.label ?? series.name));
+      const value = document.createElement("span");
+      value.className = "plot-value";
+      button.append(swatch, label, value);
+      button.addEventListener("click", () => this.#toggle(i));
+      const item = document.createElement("li");
+      item.append(button);
+      list.append(item);
+      this.buttons.push(button);
+      this.values.push(value);
+    }
+    return list;
+  }
+
+  #toggle(i) {
+    const { name } = this.data.series[i];
+    const hide = !this.hidden.has(name);
+    if (hide) this.hidden.add(name);
+    else this.hidden.delete(name);
+    this.buttons[i].setAttribute("aria-pressed", String(!hide));
+    this.chart.setSeries(i + 1, { show: !hide });
+  }
+
+  #listen() {
+    const { chart, link } = this;
+    const { over } = chart;
+    over.tabIndex = 0;
+    over.setAttribute("role", "application");
+    over.setAttribute(
+      "aria-label",
+      `${this.data.title ?? "plot"}: arrow keys move the time, plus and minus zoom, 0 shows all`,
+    );
+    const at = (event) => {
+      const left = event.clientX - over.getBoundingClientRect().left;
+      const { min, max } = chart.scales.x;
+      return Math.max(min, Math.min(max, chart.posToVal(left, "x")));
+    };
+    const go = (time) => {
+      link.setTime(time, this);
+      this.showTime(time);
+    };
+    let pressed = null;
+    over.addEventListener("mousedown", (event) => {
+      pressed = event.clientX;
+    });
+    over.addEventListener("mousemove", (event) => {
+      if (link.free && !event.buttons) go(at(event));
+    });
+    over.addEventListener("click", (event) => {
+      if (pressed === null || Math.abs(event.clientX - pressed) < 4) go(at(event));
+    });
+    // a finger moves the time; up and down it scrolls the page
+    over.addEventListener("pointermove", (event) => {
+      if (event.pointerType === "touch") go(at(event));
+    });
+    // when the mouse leaves, uPlot takes its cursor away: put it back to the time
+    over.addEventListener("mouseleave", () => setTimeout(() => this.showTime(link.time)));
+    over.addEventListener("keydown", (event) => this.#key(event, go));
+  }
+
+  #key(event, go) {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    const { chart, link } = this;
+    const { time } = this.data;
+    const { min, max } = chart.scales.x;
+    const now = link.time ?? min;
+    const step = event.shiftKey ? (max - min) / 10 : (max - min) / 100;
+    const clamped = (t) => Math.max(time[0], Math.min(time[time.length - 1], t));
+    const scaled = (factor) => {
+      const centre = Math.max(min, Math.min(max, now));
+      const [from, to] = [centre - (centre - min) * factor, centre + (max - centre) * factor];
+      link.setRange([clamped(from), clamped(to)], this);
+    };
+    const actions = {
+      ArrowLeft: () => go(clamped(now - step)),
+      ArrowRight: () => go(clamped(now + step)),
+      Home: () => go(time[0]),
+      End: () => go(time[time.length - 1]),
+      "+": () => scaled(0.5),
+      "=": () => scaled(0.5),
+      "-": () => scaled(2),
+      0: () => link.setRange(null, this),
+      Escape: () => link.setRange(null, this),
+    };
+    const action = actions[event.key];
+    if (!action || time.length < 2) return;
+    action();
+    event.preventDefault();
+    event.stopPropagation();
+  }
+
+  #zoom() {
+    const { chart } = this;
+    const { left, width } = chart.select;
+    if (width < 4) return;
+    const range = [chart.posToVal(left, "x"), chart.posToVal(left + width, "x")];
+    chart.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.link.setRange(range, this);
+  }
+
+  #showRange(range) {
+    const { time } = this.data;
+    if (!time.length) return;
+    let [min, max] = range ?? [time[0], time[time.length - 1]];
+    if (!(max > min)) [min, max] = [min - 0.5, min + 0.5];
+    this.chart.setScale("x", { min, max });
+    this.container.classList.toggle("plot-zoomed", range !== null);
+    queueMicrotask(() => this.showTime(this.link.time));
+  }
+
+  #fit() {
+    const width = this.container.clientWidth;
+    if (width > 0 && Math.abs(width - this.chart.width) > 1) this.resize();
+  }
+}
