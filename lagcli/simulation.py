@@ -156,6 +156,13 @@ class Simulation:
     start: ConsistentState
     seconds: dict[str, float]
 
+    @property
+    def initial(self) -> dict[str, float]:
+        """Values of the coordinates, and of the velocities (x'), that the run starts from."""
+        names = self.model.coordinate_names
+        state = [*self.start.q.tolist(), *self.start.v.tolist()]
+        return dict(zip([*names, *(f"{q}'" for q in names)], state, strict=True))
+
     def run(
         self,
         sink: Callable[[Samples], None],

@@ -1,11 +1,13 @@
 """The program `lagcli`: commands, exit statuses, and what happens on an error."""
 
+import atexit
 import functools
 import gc
 import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -80,7 +82,23 @@ def _program(
 
 
 def main() -> None:
-    """Run the command line and exit with its status."""
+    """Run the command line and exit with its status.
+
+    An interrupted command ends by SIGINT, which a shell calls status 130: by an exit it would say
+    that the interrupt has been dealt with, and the loop that it stands in would go on.
+    """
+    status = 0
+
+    def die_of_interrupt() -> None:
+        if status == INTERRUPTED_STATUS:
+            for stream in (sys.stdout, sys.stderr):
+                with suppress(OSError, ValueError):
+                    stream.flush()
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            os.kill(os.getpid(), signal.SIGINT)
+
+    if os.name == "posix":
+        atexit.register(die_of_interrupt)  # the first is the last to be called
     # What is imported lives to the end, and a run leaves little in cycles: to look through it all
     # time and again while modules are imported would cost a tenth of a short run.
     gc.set_threshold(200_000)

@@ -62,10 +62,10 @@ def assignments(option: str, items: Iterable[str] | None) -> dict[str, str]:
 
 def refuse_same_file(model: str, output: str | None) -> None:
     """Refuse to write over the model itself, even with --force."""
-    if output and output != "-" and model != "-" and Path(output).exists():
+    if output and output != "-" and model != "-":
         try:
             same = Path(output).samefile(model)
-        except OSError:
+        except OSError:  # one of them does not exist, or never could
             return
         if same:
             raise UsageError(f"{output} is the model itself; choose another name for the result")

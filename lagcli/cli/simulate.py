@@ -61,7 +61,8 @@ def simulate(
             "--output",
             "-o",
             metavar="FILE",
-            help="Result file: .h5 (HDF5) or .csv, or - for CSV on standard output.",
+            help="Result file: .h5 (HDF5) or .csv, or - for CSV on standard output. Values stand"
+            " for names in braces: run_{m}.h5, run_{phi:.3f}.csv.",
         ),
     ] = None,
     set: SetParameter = None,
@@ -178,6 +179,7 @@ def _run(
     no_color: bool,
 ) -> int:
     from lagcli.cli import summary
+    from lagcli.cli.output_name import resolve_name
     from lagcli.cli.progress import Progress
     from lagcli.extremes import Extremes
     from lagcli.interruption import Interruption
@@ -189,11 +191,12 @@ def _run(
     if output == "-" and json:
         raise UsageError("-o - and --json both want standard output; write to a file, or drop one")
     began = time.perf_counter()
-    refuse_same_file(model, output)
-    if output is not None:
-        check_target(output, force=force, meta=meta)
     loaded = load(model, set=parameters, set_initial=initial)
     load_seconds = time.perf_counter() - began
+    if output is not None:
+        output = resolve_name(output, loaded)
+        refuse_same_file(model, output)
+        check_target(output, force=force, meta=meta)
     simulation = prepare(loaded, settings)
     if settings.engine is None and not compiled_available() and not quiet:
         print(
@@ -231,8 +234,7 @@ def _run(
         "total": now - began,
     }
     written = output if extremes.samples else None
-    coordinates = len(loaded.coordinate_names)
-    result = summary.summarize(record, extremes, coordinates, written, seconds)
+    result = summary.summarize(record, extremes, simulation.initial, written, seconds)
     if json:
         typer.echo(summary.to_json(result))
     elif not quiet:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Mapping
 from itertools import islice
 from typing import Any
@@ -20,7 +21,7 @@ _LISTED = 20  # multipliers that a person reads
 def summarize(
     record: Record,
     extremes: Extremes,
-    coordinates: int,
+    initial: Mapping[str, float],
     output: str | None,
     seconds: Mapping[str, float],
 ) -> dict[str, Any]:
@@ -54,8 +55,10 @@ def summarize(
             for name, found in extremes.multipliers.items()
             if known(found.low) is not None
         },
+        "parameters": record.parameters,
+        "initial": dict(initial),
         "initial_correction": {k: list(v) for k, v in record.initial_correction.items()},
-        "coordinates": coordinates,
+        "coordinates": len(initial) // 2,
         "seconds": dict(seconds),
     }
 
@@ -66,8 +69,13 @@ def _worst(residual: Array, scale: Array) -> float | None:
 
 
 def to_json(value: Mapping[str, Any]) -> str:
-    """Return strict JSON: numbers that are not finite become null."""
-    return json.dumps(_finite(value), indent=2, ensure_ascii=False)
+    """Return strict JSON: numbers that are not finite become null.
+
+    On a terminal it is indented; elsewhere it is one line, so that the objects of many runs make a
+    file of JSON lines.
+    """
+    indent = 2 if sys.stdout.isatty() else None
+    return json.dumps(_finite(value), indent=indent, ensure_ascii=False)
 
 
 def _finite(value: Any) -> Any:
