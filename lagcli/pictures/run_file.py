@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -76,22 +76,26 @@ class Run:
         dict of str to (m, …) array
         """
         wanted = list(dict.fromkeys(names))
-        if isinstance(self._source, Trajectory):
-            chosen = slice(None) if samples is None else samples
-            return {name: _field(self._source, name)[chosen] for name in wanted}
         pieces: dict[str, list[Array]] = {name: [] for name in wanted}
         start = 0
-        with open_reader(self._source) as reader:
-            for block in reader.columns(wanted):
-                length = len(next(iter(block.values())))
-                chosen = slice(None)
-                if samples is not None:
-                    first, last = np.searchsorted(samples, (start, start + length))
-                    chosen = samples[first:last] - start
-                start += length
-                for name, values in block.items():
-                    pieces[name].append(values[chosen])
+        for block in self.blocks(wanted):
+            length = len(next(iter(block.values())))
+            chosen: slice | Indices = slice(None)
+            if samples is not None:
+                first, last = np.searchsorted(samples, (start, start + length))
+                chosen = samples[first:last] - start
+            start += length
+            for name, values in block.items():
+                pieces[name].append(values[chosen])
         return {name: np.concatenate(found or [_NONE]) for name, found in pieces.items()}
+
+    def blocks(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
+        """Yield fields of `Samples` by name, for so many samples at a time as memory allows."""
+        if isinstance(self._source, Trajectory):
+            yield {name: _field(self._source, name) for name in names}
+            return
+        with open_reader(self._source) as reader:
+            yield from reader.columns(names)
 
     @cached_property
     def model(self) -> Model:

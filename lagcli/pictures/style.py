@@ -11,6 +11,9 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 #: Line styles beside the colours: together they name so many curves as both numbers multiplied.
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)), (0, (9, 2)))
 
+#: Of curves that are drawn as points.
+MARKERS = ("o", "x", "^", "s", "+", "D")
+
 #: What things of a scene are drawn in.
 ROLES = {
     "rod": "#404040",
@@ -48,7 +51,7 @@ def line(number: int) -> dict[str, Any]:
     return {"color": PALETTE[place], "linestyle": DASHES[(place + turn) % len(DASHES)]}
 
 
-def settings() -> dict[str, Any]:
+def settings() -> Any:
     """Return what matplotlib is to be set to while a picture is made."""
     return {
         # fonts that come with matplotlib: a picture looks the same everywhere
@@ -72,6 +75,7 @@ def settings() -> dict[str, Any]:
         "legend.framealpha": 0.85,
         "legend.edgecolor": "#D9D9D9",
         "legend.handlelength": 2.6,
+        "legend.borderaxespad": 0.2,
         "figure.dpi": 100,
         "figure.constrained_layout.use": True,
         "figure.max_open_warning": 0,

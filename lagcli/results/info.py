@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from lagcli.extremes import Extremes, known
 from lagcli.results.formats import format_of, open_reader
-from lagcli.results.metadata import KIND, to_metadata
+from lagcli.results.metadata import KIND, model_name, to_metadata
 from lagcli.samples import Array
 
 _WIDTH = 100
@@ -63,7 +62,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         "bytes": os.path.getsize(path),
         "kind": KIND,
         **metadata,
-        "model_name": _model_name(model),
+        "model_name": model_name(model),
         "sizes": {
             "samples": extremes.samples,
             "coordinates": len(file.coordinates),
@@ -156,16 +155,6 @@ def format_info(info: Mapping[str, Any]) -> str:
             },
         )
     return "\n".join(lines)
-
-
-def _model_name(text: str) -> str | None:
-    """Return the model's ``name:`` if it stands on a line of its own, without reading YAML."""
-    found = re.search(r"^name:[ \t]+(\S.*?)[ \t]*(?:[ \t]#.*)?\r?$", text, re.MULTILINE)
-    if found is None:
-        return None
-    name = found[1]
-    quoted = len(name) >= 2 and name[0] == name[-1] and name[0] in "\"'"
-    return name[1:-1] if quoted else name
 
 
 def _ratio(value: float | None, scale: float | None) -> float | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -148,3 +149,13 @@ def from_number(value: float | str | None) -> float:
         It is no number.
     """
     return math.nan if value is None else float(value)
+
+
+def model_name(text: str) -> str | None:
+    """Return the model's ``name:`` if it stands on a line of its own, without reading YAML."""
+    found = re.search(r"^name:[ \t]+(\S.*?)[ \t]*(?:[ \t]#.*)?\r?$", text, re.MULTILINE)
+    if found is None:
+        return None
+    name = found[1]
+    quoted = len(name) >= 2 and name[0] == name[-1] and name[0] in "\"'"
+    return name[1:-1] if quoted else name

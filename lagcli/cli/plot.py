@@ -1,0 +1,61 @@
+"""`lagcli plot`: draw the curves of runs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lagcli.cli.options import Force
+from lagcli.errors import UsageError
+
+_RESULTS = (".h5", ".hdf5", ".csv")
+
+
+def plot(
+    arguments: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FILE… [NAME…]",
+            help="Result files (.h5, .csv), and what to plot of them: phi, phi_dot, lambda.guide,"
+            " Qc.guide.phi, energy_total, outputs, 'x[*]'; a:b is b over a; a,b share a panel."
+            " [default: coordinates, λ, energy balance and residuals]",
+        ),
+    ],
+    output: Annotated[
+        str,
+        typer.Option("--output", "-o", metavar="FILE", help="The picture: .png, .svg or .pdf."),
+    ],
+    title: Annotated[
+        str | None, typer.Option(help="In place of the model's name; '' for none.")
+    ] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="Width and height in inches, as 7x4.")
+    ] = None,
+    dpi: Annotated[float, typer.Option(help="Dots per inch of a png.")] = 150,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODEL", help="Model file for the names of a result without a model (CSV)."
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Plot time histories and phase portraits of results.
+
+    Several results are drawn over each other and told apart by the parameters that differ.
+    """
+    from lagcli.pictures.figure_file import check_picture, size_of
+    from lagcli.pictures.plot import plot as draw
+    from lagcli.pictures.run_file import Run
+
+    files = [a for a in arguments if a.lower().endswith(_RESULTS)]
+    names = [a for a in arguments if not a.lower().endswith(_RESULTS)]
+    if not files:
+        known = ", ".join(_RESULTS)
+        raise UsageError(f"there is no result file among the arguments; its name ends on {known}")
+    kind = check_picture(output, force)
+    inches = size_of(size) if size is not None else None
+    runs = [Run(file, model) for file in files]
+    if any(Path(output).exists() and Path(output).samefile(file) for file in files):
+        raise UsageError(f"{output} is a result itself; choose another name for the plot")
+    draw(runs, names, output, kind, title=title, size=inches, dpi=dpi, force=force)
