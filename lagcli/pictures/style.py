@@ -27,6 +27,7 @@ ROLES = {
     "velocity": "#0072B2",
     "force": "#D55E00",
     "vector": "#CC79A7",
+    "paper": "#FFFFFF",
 }
 
 #: Of values over two parameters; uniform in lightness, so that it survives print in grey.

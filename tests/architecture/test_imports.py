@@ -32,10 +32,6 @@ ROOMS = {
     "extremes": {"samples"},
     "interruption": set(),
     "results": {"errors", "extremes", "samples", "trajectory", "lagcli"},
-    "pictures": {
-        *("errors", "model", "equations", "engine", "samples", "trajectory", "results"),
-        *("simulation", "extremes", "derived", "interruption", "lagcli"),
-    },
     "simulation": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "derived"),
         *("start", "interruption", "lagcli"),
@@ -57,7 +53,6 @@ FOREIGN = {
     "extremes": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "interruption": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
-    "pictures": {"yaml", "h5py", "typer"},
     "simulation": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
     "start": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
     "pictures": {"yaml", "sympy", "scipy", "h5py", "typer", "rich", "pint"},

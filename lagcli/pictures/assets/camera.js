@@ -10,6 +10,9 @@
 
 /** Two dimensions: x to the right, y up, both to one scale. */
 class PlaneCamera {
+  /** Left free at the foot, where the rule is, and at the top, CSS pixels. */
+  static MARGIN = 26;
+
   /** @param {number[][]} bounds  [lowest, highest] of x and of y */
   constructor(bounds) {
     this.setBounds(bounds);
@@ -21,8 +24,8 @@ class PlaneCamera {
   }
 
   fit(width, height) {
-    const margin = 0.06 * Math.min(width, height) + 14;
-    const room = [width - 2 * margin, height - 2 * margin];
+    const margin = PlaneCamera.MARGIN;
+    const room = [width, height - 2 * margin];
     const scales = room.map((pixels, axis) => Math.max(pixels, 1) / this.span[axis]);
     this.scale = Math.min(...scales.filter(Number.isFinite));
     if (!Number.isFinite(this.scale)) this.scale = 1; // a scene of one point

@@ -14,8 +14,9 @@
  * a frame, page up and down by a tenth, home and end to the ends; f is for arrows of force; in three
  * dimensions shift and an arrow key go around.
  *
- * The stage is a Scene, or what `options.stage(canvas, data)` returns: draw(time), setScene(data), and
- * motion.start and motion.end; the rest only if it is there.
+ * The stage is a Scene on a canvas, or what `options.stage(element, data)` returns, which fills the
+ * element: draw(time), setScene(data), `motion` with start and end, and a `target` that has the focus;
+ * what else a Scene has, only if it is there.
  */
 
 class Player {
@@ -44,7 +45,7 @@ class Player {
     this.speed = options.speed ?? 1;
     this.loop = options.loop ?? true;
     this.playing = false;
-    this.#build(options.stage ?? ((canvas, scene) => new Scene(canvas, scene)), data);
+    this.#build(options.stage ?? Player.#canvas, data);
     if (options.forces === false) this.show("force", false);
     this.#take(data);
     this.#go(this.start);
@@ -144,7 +145,7 @@ class Player {
     // a thousandth of the run can be told apart
     this.digits = span > 0 ? Math.max(0, Math.min(9, Math.ceil(2.5 - Math.log10(span)))) : 2;
     [this.line.min, this.line.max] = [this.start, this.end].map(String);
-    this.canvas.setAttribute("aria-label", this.#describe(data));
+    this.stage.target.setAttribute("aria-label", this.#describe(data));
     this.frame.classList.toggle("player-turns", data.dimension === 3);
     this.turn.hidden = data.dimension !== 3;
     this.vectors.replaceChildren();
@@ -170,7 +171,7 @@ class Player {
       if (!item) return;
       item.hidden = this.switches[quantity].getAttribute("aria-pressed") === "false";
       const number = Number.isFinite(value) ? value.toPrecision(3) : "–";
-      item.textContent = `${name} ${number}${unit ? ` ${unit}` : ""}`;
+      item.textContent = `${name} ${number} ${unit}`.trimEnd();
     });
   }
 
@@ -188,13 +189,19 @@ class Player {
     return `Animation of ${this.label}.${points}${turn}`;
   }
 
+  static #canvas(element, data) {
+    const canvas = document.createElement("canvas");
+    element.append(canvas);
+    return new Scene(canvas, data);
+  }
+
   #build(stage, data) {
     const { element } = this;
     element.classList.add("player");
     element.setAttribute("role", "group");
     element.setAttribute("aria-label", `Player: ${this.label}`);
     element.innerHTML = `
-      <div class="player-stage"><canvas role="img" tabindex="0"></canvas></div>
+      <div class="player-stage"></div>
       <div class="player-bar">
         <button type="button" class="player-toggle"><svg width="16" height="16" viewBox="0 0 16 16"
           aria-hidden="true"><path/></svg></button>
@@ -211,14 +218,15 @@ class Player {
       <div class="player-hidden" role="status" aria-live="polite"></div>`;
     const find = (selector) => element.querySelector(selector);
     this.frame = find(".player-stage");
-    this.canvas = find("canvas");
     this.toggle = find(".player-toggle");
     this.line = find("input");
     this.clock = find(".player-time");
     this.turn = find(".player-turn");
     this.vectors = find(".player-vectors");
     this.live = find("[aria-live]");
-    this.stage = stage(this.canvas, data);
+    this.stage = stage(this.frame, data);
+    this.stage.target.setAttribute("role", "img");
+    this.stage.target.tabIndex = 0;
     this.toggle.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
     this.#showPlaying();
     this.line.addEventListener("input", () => this.#seek(Number(this.line.value)));

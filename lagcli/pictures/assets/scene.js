@@ -11,22 +11,25 @@
  *   scene.setScene(other);                // another run, seen from where this one is
  *
  * The canvas is as large as its style says. Colours are CSS custom properties of the canvas
- * (--scene-ink, …; see COLORS), read again when the colour scheme of the page changes.
+ * (--scene-rod, …; see COLORS), read again when the colour scheme of the page changes.
  */
 
 class Scene {
-  /** Custom properties, without --scene-, and what stands for those that the page does not set. */
+  /** Custom properties, without --scene-, and what stands for those that the page does not set:
+   * the ROLES of lagcli/pictures/style.py. */
   static COLORS = {
-    ink: "#1b1b1b",
-    paper: "#ffffff",
-    muted: "#6b6b6b",
-    rod: "#3b4a5a",
-    disc: "#0072b2",
-    spring: "#8c5a00",
-    trail: "#56b4e9",
-    force: "#d55e00",
-    velocity: "#009e73",
-    vector: "#cc79a7",
+    rod: "#404040",
+    spring: "#009E73",
+    guide: "#8C8C8C",
+    ground: "#8C8C8C",
+    disc: "#404040",
+    point: "#202020",
+    trail: "#56B4E9",
+    label: "#202020",
+    velocity: "#0072B2",
+    force: "#D55E00",
+    vector: "#CC79A7",
+    paper: "#FFFFFF",
   };
 
   /**
@@ -34,7 +37,7 @@ class Scene {
    * @param {object} data
    */
   constructor(canvas, data) {
-    this.canvas = canvas;
+    this.canvas = this.target = canvas;
     this.context = canvas.getContext("2d");
     this.hidden = new Set();
     this.setScene(data);
@@ -73,12 +76,12 @@ class Scene {
 
   /** Return the vectors of the scene with their magnitude now: {name, quantity, unit, value}. */
   vectors() {
-    return this.data.shapes
-      .filter((shape) => shape.kind === "vector")
-      .map(({ name, quantity, unit, components }) => {
-        const value = Math.hypot(...this.motion.vector(components));
-        return { name, quantity, unit, value };
-      });
+    const vectors = this.data.shapes.filter((shape) => shape.kind === "vector");
+    return vectors.map(({ name, quantity, at, unit, components }) => {
+      const alike = vectors.filter((vector) => vector.name === name).length > 1;
+      const value = Math.hypot(...this.motion.vector(components));
+      return { name: alike ? `${name} at ${at}` : name, quantity, unit, value };
+    });
   }
 
   /** Go around a scene of three dimensions, by angles in radians. */
@@ -143,7 +146,7 @@ class Scene {
   #pen() {
     const unit = Math.max(0.6, Math.min(1.6, Math.min(this.width, this.height) / 420));
     const pen = new Pen(this.context, this.motion, this.camera, this.colors, unit);
-    // many short rods: as thick as usual they would be a worm
+    // where rods are short, they and their joints are thinner than usual
     const lengths = this.data.shapes
       .filter((shape) => shape.kind === "rod")
       .map(({ from, to }) => {
@@ -151,7 +154,8 @@ class Scene {
         return this.camera.scale * Math.hypot(...a.map((c, axis) => c - b[axis]));
       })
       .sort((a, b) => a - b);
-    pen.thin = lengths[lengths.length >> 1] < 24 * unit;
+    const middle = lengths[lengths.length >> 1] ?? Infinity;
+    pen.slim = Math.max(0.45, Math.min(1, middle / (48 * unit)));
     return pen;
   }
 
@@ -179,7 +183,7 @@ class Scene {
   /** A grid at the foot of the scene, without which depth is hard to see. */
   #paintFloor(pen) {
     const [xs, ys, [floor]] = this.data.bounds;
-    const step = roundLength(Math.max(xs[1] - xs[0], ys[1] - ys[0]) / 8);
+    const step = roundLength(Math.max(xs[1] - xs[0], ys[1] - ys[0]) / 5);
     if (!(step > 0)) return;
     const ticks = ([low, high]) => {
       const [first, last] = [Math.floor(low / step + 1e-6), Math.ceil(high / step - 1e-6)];
@@ -195,7 +199,7 @@ class Scene {
     for (const line of lines)
       pen.line(
         line.map((point) => pen.place(point)),
-        pen.colors.muted,
+        pen.colors.ground,
         1,
         { alpha: 0.3 },
       );
@@ -208,8 +212,8 @@ class Scene {
     for (const [axis, name] of ["x", "y", "z"].entries()) {
       const [right, up] = this.camera.components([0, 1, 2].map((i) => (i === axis ? 1 : 0)));
       const tip = (factor) => [x + factor * length * right, y - factor * length * up];
-      arrow(pen, [x, y], tip(1), pen.colors.muted);
-      pen.text(name, tip(1.35), pen.colors.muted, "center", 12);
+      arrow(pen, [x, y], tip(1), pen.colors.ground);
+      pen.text(name, tip(1.35), pen.colors.ground, "center", 12);
     }
   }
 
@@ -226,12 +230,12 @@ class Scene {
         [left + pixels, foot],
         [left + pixels, foot - tick],
       ],
-      pen.colors.muted,
+      pen.colors.ground,
       1.2,
     );
     const unit = this.data.unit ? ` ${this.data.unit}` : "";
     const text = `${Number(length.toPrecision(1))}${unit}`;
-    pen.text(text, [left + pixels / 2, foot - 11 * pen.unit], pen.colors.muted, "center", 11);
+    pen.text(text, [left + pixels / 2, foot - 11 * pen.unit], pen.colors.ground, "center", 11);
   }
 
   #dragToRotate() {

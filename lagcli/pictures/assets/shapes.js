@@ -96,7 +96,7 @@ const SHAPES = {
   rod(shape, pen) {
     const found = ends(shape, pen);
     if (!found) return [];
-    const paint = () => pen.line(found, pen.colors.rod, pen.thin ? 2.5 : 5);
+    const paint = () => pen.line(found, pen.colors.rod, 5 * pen.slim);
     return [{ layer: "rod", depth: middle(...found), paint }];
   },
 
@@ -112,8 +112,8 @@ const SHAPES = {
     const found = ends(shape, pen);
     if (!found) return [];
     const paint = () => {
-      pen.line(found, pen.colors.muted, 14, { alpha: 0.16, cap: "butt" });
-      pen.line(found, pen.colors.muted, 1, { dash: [9, 4, 2, 4] });
+      pen.line(found, pen.colors.guide, 14, { alpha: 0.18, cap: "butt" });
+      pen.line(found, pen.colors.guide, 1, { dash: [9, 4, 2, 4] });
     };
     return [{ layer: "guide", depth: middle(...found), paint }];
   },
@@ -131,9 +131,9 @@ const SHAPES = {
         [x + 0.6 * half, y + height],
       ];
       pen.area(bearing, pen.colors.paper, 1);
-      pen.line([...bearing, bearing[0]], pen.colors.muted, 1.5);
+      pen.line([...bearing, bearing[0]], pen.colors.ground, 1.5);
       const foot = y + height;
-      pen.line([[x - half, foot], [x + half, foot]], pen.colors.muted, 1.5);
+      pen.line([[x - half, foot], [x + half, foot]], pen.colors.ground, 1.5);
       for (let i = -2; i <= 3; i++) {
         const right = x + (i * half) / 3;
         pen.line(
@@ -141,7 +141,7 @@ const SHAPES = {
             [right, foot],
             [right - half / 3, foot + half / 3],
           ],
-          pen.colors.muted,
+          pen.colors.ground,
           1,
         );
       }
@@ -166,7 +166,7 @@ const SHAPES = {
     if (!at || places.includes(null)) return [];
     const mark = shape.angle ? rim(motion.value(shape.angle)) : null;
     const paint = () => {
-      pen.area(places, pen.colors.disc, 0.25);
+      pen.area(places, pen.colors.disc, 0.2);
       pen.line([...places, places[0]], pen.colors.disc, 2);
       if (mark) pen.line([at, mark], pen.colors.disc, 2.5);
     };
@@ -208,7 +208,7 @@ const SHAPES = {
     const at = pen.at(shape.at);
     if (!at) return [];
     const shift = 11 * pen.unit;
-    const paint = () => pen.text(shape.text, [at[0] + shift, at[1] - shift], pen.colors.ink);
+    const paint = () => pen.text(shape.text, [at[0] + shift, at[1] - shift], pen.colors.label);
     return [{ layer: "label", depth: at[2], paint }];
   },
 };
@@ -218,9 +218,9 @@ function joint(name, meets, rods, pen) {
   const at = pen.at(name);
   if (!at) return [];
   const depth = Math.min(at[2], ...rods.map((rod) => middle(at, pen.at(rod) ?? at)));
-  const { ink, paper } = pen.colors;
-  const radius = (pen.thin ? 2.5 : meets ? 4.5 : 6) * pen.unit;
-  const paint = () => pen.dot(at, radius, meets ? paper : ink, ink);
+  const { point, paper } = pen.colors;
+  const radius = (meets ? 4.5 : 6) * pen.slim * pen.unit;
+  const paint = () => pen.dot(at, radius, meets ? paper : point, point);
   return [{ layer: "joint", depth, paint }];
 }
 

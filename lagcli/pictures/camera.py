@@ -1,0 +1,92 @@
+"""Cameras: where a point of a scene is in a picture; as ``assets/camera.js`` has it for pages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Bounds = Sequence[tuple[float, float]]
+
+
+class PlaneCamera:
+    """Two dimensions: x to the right, y up, both to one scale.
+
+    Parameters
+    ----------
+    bounds : two pairs
+        What is to be seen of x and y.
+    width, height : float
+        Of the picture, pixels.
+    margin : float
+        Left free at the foot and at the top, pixels.
+
+    Attributes
+    ----------
+    scale : float
+        Pixels per unit of length.
+    """
+
+    def __init__(self, bounds: Bounds, width: float, height: float, margin: float = 0.0):
+        self.middle = np.array([(low + high) / 2 for low, high in bounds])
+        spans = [high - low for low, high in bounds]
+        sizes = (width, height - 2 * margin)
+        room = [size / span for size, span in zip(sizes, spans, strict=True) if span > 0]
+        self.scale = min(room, default=1.0)
+        self.centre = np.array([width / 2, height / 2])
+
+    def project(self, points: Array) -> Array:
+        """Return the places of (…, 2) points as (…, 3): right, up, depth (0)."""
+        places = self.centre + (points - self.middle) * self.scale
+        return np.concatenate([places, np.zeros((*places.shape[:-1], 1))], axis=-1)
+
+
+class OrbitCamera:
+    """Three dimensions: z up, seen from a point beside the scene; a mild perspective.
+
+    Parameters
+    ----------
+    bounds : three pairs
+    width, height, margin : float
+    azimuth, elevation : float
+        Where the eye is, rad: from the x axis, and above the horizontal.
+    """
+
+    AZIMUTH, ELEVATION = math.radians(-60), math.radians(20)
+    #: Distance of the eye from the middle, in radii of the scene.
+    DISTANCE = 6.0
+
+    def __init__(
+        self,
+        bounds: Bounds,
+        width: float,
+        height: float,
+        margin: float = 0.0,
+        azimuth: float = AZIMUTH,
+        elevation: float = ELEVATION,
+    ):
+        self.middle = np.array([(low + high) / 2 for low, high in bounds])
+        half = [(high - low) / 2 for low, high in bounds]
+        self.eye = self.DISTANCE * (math.hypot(*half) or 1.0)
+        ca, sa = math.cos(azimuth), math.sin(azimuth)
+        ce, se = math.cos(elevation), math.sin(elevation)
+        #: Rows: to the right, up, towards the eye.
+        self.axes = np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
+        # whichever way the box is turned about the vertical, all of it stays in the picture
+        level = math.hypot(half[0], half[1])
+        upright = level * abs(se) + half[2] * ce
+        high = height - 2 * margin
+        room = [size / span for size, span in ((width, level), (high, upright)) if span > 0]
+        near = 1 + 1 / self.DISTANCE  # what is nearer than the middle looks larger
+        self.scale = min(room) / (2 * near) if room else min(width, high) / 2
+        self.centre = np.array([width / 2, height / 2])
+
+    def project(self, points: Array) -> Array:
+        """Return the places of (…, 3) points: right, up, depth."""
+        seen = (points - self.middle) @ self.axes.T
+        near = seen[..., 2:]
+        places = self.centre + seen[..., :2] * (self.scale * self.eye / (self.eye - near))
+        return np.concatenate([places, -near], axis=-1)
