@@ -17,7 +17,7 @@ from lagcli import __version__
 from lagcli.errors import LagcliError
 
 #: The commands, in the order of the help; each is a function in the module of its name.
-COMMANDS = ("derive", "simulate", "plot", "info")
+COMMANDS = ("derive", "simulate", "plot", "animate", "info")
 
 BUG_STATUS = 1
 INTERRUPTED_STATUS = 130

@@ -19,12 +19,21 @@ class Progress:
     start, end : float
         The run's ends, s.
     enabled, color : bool
+    doing : str
+        What is under way.
     """
 
-    def __init__(self, start: float, end: float | None, enabled: bool, color: bool):
+    def __init__(
+        self,
+        start: float,
+        end: float | None,
+        enabled: bool,
+        color: bool,
+        doing: str = "simulating",
+    ):
         self.start, self.end = start, end if end is not None else start
         self.enabled = enabled and sys.stderr.isatty() and self.end > self.start
-        self.color = color
+        self.color, self.doing = color, doing
         self.due = time.monotonic() + _PATIENCE
         self.bar: Any = None
         self.task: Any = None
@@ -59,7 +68,7 @@ class Progress:
 
         console = Console(stderr=True, no_color=not self.color or None)
         self.bar = progress.Progress(
-            progress.TextColumn("simulating"),
+            progress.TextColumn(self.doing),
             progress.BarColumn(),
             progress.TextColumn("{task.percentage:>3.0f} %"),
             progress.TextColumn("t = {task.completed:.4g} of {task.total:.4g} s"),

@@ -82,7 +82,7 @@ class SceneDrawing:
 
         def ticks(low: float, high: float) -> NDArray[np.float64]:
             first, last = math.floor(low / step + 1e-6), math.ceil(high / step - 1e-6)
-            return step * np.arange(first, last + 1)
+            return np.arange(first, last + 1, dtype=np.float64) * step
 
         xs, ys = ticks(x_low, x_high), ticks(y_low, y_high)
         lines = [[(x, ys[0], floor), (x, ys[-1], floor)] for x in xs]

@@ -7,12 +7,30 @@ a matplotlib figure takes.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+#: The size at which the outlines of characters are kept, and the middle of small letters in it.
+_EM, _MIDDLE = 100.0, 0.36
+
+
+@lru_cache(maxsize=1000)
+def _glyph(character: str) -> tuple[Any, float]:
+    """Return the outline of a character and how far the next one is from it.
+
+    Laying out a text takes milliseconds, and in each frame the same few characters are written.
+    """
+    from matplotlib.textpath import TextPath
+
+    outline = None if character.isspace() else TextPath((0, 0), character, size=_EM)
+    # what follows a character says how wide it is, also where it is a space
+    after, alone = (TextPath((0, 0), text, size=_EM) for text in (f"{character}|", "|"))
+    return outline, float(after.get_extents().x1 - alone.get_extents().x1)
 
 
 class Pen:
@@ -92,23 +110,33 @@ class Pen:
     ) -> float:
         """Write text beside a place, in the middle of its height; return its width in pixels.
 
-        With a halo, what is under the text fades.
+        A halo sets it off from what is under it.
         """
-        from matplotlib.font_manager import FontProperties
+        from matplotlib.path import Path
+        from matplotlib.transforms import Affine2D
 
-        font = FontProperties(size=size * max(1.0, self.unit))
-        width, height, descent = self.renderer.get_text_width_height_descent(text, font, False)
+        glyphs = [_glyph(character) for character in text]
+        starts = np.cumsum([0.0, *(advance for _, advance in glyphs)])
+        scale = size * max(1.0, self.unit) / _EM
+        width = float(starts[-1] * scale)
+        outlines = [
+            Path(glyph.vertices + np.array([start, 0.0]), glyph.codes)
+            for (glyph, _), start in zip(glyphs, starts, strict=False)
+            if glyph is not None
+        ]
+        if not outlines:
+            return width
         left = place[0] - {"left": 0.0, "center": width / 2, "right": width}[align]
+        foot = place[1] - _MIDDLE * _EM * scale
+        path, at = Path.make_compound_path(*outlines), Affine2D().scale(scale).translate(left, foot)
         if halo:
-            right, half = left + width + 2, height / 2 + 1
-            low, high = place[1] - half, place[1] + half
-            corners = [(left - 2, low), (right, low), (right, high), (left - 2, high)]
-            self.area(np.array(corners), self.paper, 0.7)
-        foot = self.height - place[1] + (height - descent) / 2
-        context = self._context(color, 0, 1.0)
-        self.renderer.draw_text(context, left, foot, text, font, 0)
+            context = self._context(self.paper, 4, 1.0)
+            self.renderer.draw_path(context, path, at, None)
+            context.restore()
+        context = self._context(color, 0, 0.0)
+        self.renderer.draw_path(context, path, at, self._rgba(color))
         context.restore()
-        return float(width)
+        return width
 
     def _context(self, color: str, width: float, alpha: float) -> Any:
         context = self.renderer.new_gc()

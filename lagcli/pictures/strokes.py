@@ -137,13 +137,13 @@ def strokes(
         foot = moment.points[vector.at]
         ends = moment.camera.project(np.array([foot, foot + moment.vector(vector.drawn())]))
         if np.isfinite(ends).all():
-            paint = partial(arrow, pen, *ends[:, :2], ROLES[vector.quantity])
+            paint = partial(arrow, pen, ends[0, :2], ends[1, :2], ROLES[vector.quantity])
             yield Stroke("vector", float(ends[:, 2].mean()), paint)
     for name, text in (scene.labels or {}).items():
         if there(name):
             at = places[name][:2] + 11 * pen.unit
-            paint = partial(pen.text, text, at, ROLES["label"], 13, halo=True)
-            yield Stroke("label", places[name][2], paint)
+            write = partial(pen.text, text, at, ROLES["label"], 13, halo=True)
+            yield Stroke("label", places[name][2], write)
 
 
 def arrow(pen: Pen, start: Array, end: Array, color: str) -> None:

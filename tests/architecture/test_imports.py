@@ -77,6 +77,7 @@ OF_SIMULATE = {"numpy", "symengine", "yaml"} | OF_TYPER
 HEAVY = {
     "sympy": set(),
     "matplotlib": set(),
+    "PIL": set(),
     "pandas": set(),
     "pint": set(),
     "rich": set(),
@@ -238,7 +239,7 @@ def test_dependencies_are_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     every = [*project["dependencies"], *project["optional-dependencies"]["pictures"]]
     declared = {re.split(r"[<>=\[; ]", d)[0].lower() for d in every}
-    named = {"yaml": "pyyaml"}
+    named = {"yaml": "pyyaml", "PIL": "pillow"}
     used = {name.split(".")[0] for module in MODULES for name in imports(module)}
     outside = used - set(sys.stdlib_module_names) - {"lagcli", "lagcli_core"}
     assert {named.get(n, n).lower() for n in outside} <= declared

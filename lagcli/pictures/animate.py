@@ -1,0 +1,281 @@
+"""Animations of a run: a page that plays it, GIF, MP4."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from html import escape
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from lagcli.errors import UsageError
+from lagcli.pictures.drawing import SceneDrawing
+from lagcli.pictures.film import Image, check_film, write_gif, write_mp4
+from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data
+from lagcli.pictures.run_file import Run
+from lagcli.pictures.scene import Scene
+from lagcli.pictures.stage import scene_of
+from lagcli.pictures.thinning import evenly
+from lagcli.pictures.timing import Timing, timing
+from lagcli.results.atomic import check_writable, whole_file
+from lagcli.samples import Array
+
+SUFFIXES = (".html", ".gif", ".mp4")
+FPS = {".gif": 25.0, ".mp4": 50.0}
+SIZE = (640, 480)
+_SMALLEST, _LARGEST = 64, 8192  # pixels
+
+#: Samples that a page holds: so many per second that it plays, and at least so many,
+_PER_SECOND, _LEAST = 60, 1000
+#: but no more numbers than these: about 3 MB.
+_NUMBERS = 300_000
+#: Samples from which films are interpolated.
+_FILMED = 20_000
+
+
+class Animation(NamedTuple):
+    """What was made.
+
+    Parameters
+    ----------
+    output : str
+        The file.
+    start, end : float
+        The part of the motion, s.
+    speed : float
+        Seconds of the motion per second.
+    frames : int
+        Of a film; in a page, the samples that it holds.
+    notes : tuple of str
+        What the reader should know of the run.
+    """
+
+    output: str
+    start: float
+    end: float
+    speed: float
+    frames: int
+    notes: tuple[str, ...]
+
+    @property
+    def summary(self) -> str:
+        """What was made, in a line."""
+        when = Timing(self.start, self.end, self.speed)
+        frames = "samples" if self.output.lower().endswith(".html") else "frames"
+        return (
+            f"{self.output}: t = {self.start:g} to {self.end:g} s, {when.pace or 'real time'},"
+            f" {self.frames} {frames}, {os.path.getsize(self.output) / 1000:.0f} kB"
+        )
+
+
+Progress = Callable[[float, float], AbstractContextManager[Callable[[float], object]]]
+
+
+@contextmanager
+def _unseen(start: float, end: float) -> Iterator[Callable[[float], object]]:
+    yield lambda reached: None
+
+
+class Drawing(Protocol):
+    """What draws frames."""
+
+    def frame(self, time: float, note: str = "") -> Image:
+        """Return the picture of a time, with a line of text."""
+
+
+def animate(
+    source: str | os.PathLike[str],
+    output: str | os.PathLike[str],
+    *,
+    model: str | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    speed: float | None = None,
+    duration: float | None = None,
+    fps: float | None = None,
+    size: tuple[int, int] | None = None,
+    forces: bool = True,
+    force: bool = False,
+    progress: Progress = _unseen,
+) -> Animation:
+    """Animate a run.
+
+    Parameters
+    ----------
+    source : path
+        A result file.
+    output : path
+        ``.html`` is a page that plays the motion by itself, without a network; ``.gif`` and
+        ``.mp4`` are films.
+    model : str, optional
+        A model file with another view, in place of the text in the result.
+    start, end : float, optional
+        The part of the motion, s.
+    speed, duration : float, optional
+        See `timing`.
+    fps : float, optional
+        Frames per second of a film; 25 for GIF, 50 for MP4.
+    size : (width, height), optional
+        Of a film, pixels; 640 by 480.
+    forces : bool
+        Whether the arrows of constraint forces are shown; in a page, at first.
+    force : bool
+        Replace an existing file.
+    progress : callable, optional
+        Called with the start and the end of a film, s; returns a context whose value is called
+        with the time that has been reached.
+
+    Raises
+    ------
+    UsageError
+        The options contradict each other or the run; the run holds no samples; ffmpeg is missing.
+    ModelError
+        The model that the result holds is none for this version.
+    FileError
+        A file cannot be read or written, or ffmpeg failed.
+    """
+    output = os.fspath(output)
+    suffix = _suffix(output)
+    _check_film_options(suffix, fps, size)
+    check_writable(output, force)
+    run = Run(source, model)
+    if not run.count:
+        raise UsageError(f"{run.name} holds no samples, so that there is nothing to animate")
+    times = run.columns(["time"])["time"]
+    when = timing(times[0], times[-1], start=start, end=end, speed=speed, duration=duration)
+    notes = _notes(run, times[-1])
+    if suffix == ".html":
+        scene = _scene_of_page(run, times, when)
+        text = _page(run, scene, when, forces, notes)
+        with whole_file(output, force) as file:
+            file.write(text.encode())
+        return Animation(output, *when, len(scene.time), notes)
+    rate = FPS[suffix] if fps is None else fps
+    wide, high = SIZE if size is None else size
+    moments = when.frames(rate)
+    check_film(suffix, len(moments), (wide, high), rate)
+    scene = _shown(scene_of(run, _within(times, when, _FILMED)))
+    drawing = SceneDrawing(scene, wide, high, forces=forces)
+    digits = _digits(when.end - when.start)
+    title = run.model.name or ""
+
+    def draw(time: float) -> Image:
+        clock = f"t = {time:.{digits}f} s"
+        return drawing.frame(time, "   ".join(filter(None, (title, clock, when.pace))))
+
+    write = write_gif if suffix == ".gif" else write_mp4
+    with whole_file(output, force) as file, progress(when.start, when.end) as reached:
+        write(draw, moments.tolist(), rate, file, reached)
+    return Animation(output, *when, len(moments), notes)
+
+
+def _suffix(output: str) -> str:
+    stem, suffix = os.path.splitext(output)
+    if suffix.lower() not in SUFFIXES:
+        raise UsageError(
+            f"{output}: the suffix {suffix or '(none)'} is no format of animations; name it"
+            f" {stem}.html (a page that plays it), {stem}.gif or {stem}.mp4"
+        )
+    return suffix.lower()
+
+
+def _check_film_options(suffix: str, fps: float | None, size: tuple[int, int] | None) -> None:
+    """Raise if the options are none of this format, or out of their ranges."""
+    for name, value in (("--fps", fps), ("--size", size)):
+        if suffix == ".html" and value is not None:
+            raise UsageError(
+                f"{name} is for films (GIF, MP4): a page is played as fast as the screen shows it,"
+                " and fills its window"
+            )
+    if fps is not None and not (math.isfinite(fps) and 0 < fps <= 1000):
+        raise UsageError(f"--fps must lie between 0 and 1000, not {fps:g}")
+    for pixels in size or ():
+        if not _SMALLEST <= pixels <= _LARGEST:
+            raise UsageError(
+                f"--size must lie between {_SMALLEST} and {_LARGEST} pixels, not {pixels}"
+            )
+
+
+def _notes(run: Run, last: float) -> tuple[str, ...]:
+    """Return what the reader should know of the run."""
+    status, message = run.record.status, run.record.message
+    if status in ("completed", ""):
+        return ()
+    what = {"failed": "failed", "interrupted": "was interrupted"}.get(status, status)
+    return (f"the run {what} at t = {last:.6g} s{f': {message}' if message else ''}",)
+
+
+def _within(times: Array, when: Timing, most: int) -> Any:
+    """Return at most so many samples of a part of the run, and those on both sides of it."""
+    first = max(0, int(np.searchsorted(times, when.start, side="right")) - 1)
+    last = min(len(times), int(np.searchsorted(times, when.end)) + 1)
+    return first + evenly(last - first, most)
+
+
+def _scene_of_page(run: Run, times: Array, when: Timing) -> Scene:
+    """Return the scene with as many samples as a page should hold."""
+    inside = _within(times, when, len(times))
+    # what varies is known from two samples; the rest is one number in each series
+    varying = _varying(_shown(scene_of(run, inside[:2]))) if len(inside) > 2 else 1
+    most = max(_LEAST, math.ceil(_PER_SECOND * when.seconds))
+    most = max(2, min(most, _NUMBERS // max(1, varying)))
+    return _shown(scene_of(run, inside[evenly(len(inside), most)]))
+
+
+def _varying(scene: Scene) -> int:
+    """Return how many series of a scene vary."""
+    series = [x for place in scene.points.values() for x in place]
+    for disc in scene.discs:
+        series += [x for x in (disc.radius, disc.angle, *(disc.normal or ())) if x is not None]
+    series += [x for vector in scene.vectors for x in vector.components]
+    return sum(len(x) > 1 for x in series)
+
+
+def _shown(scene: Scene | None) -> Scene:
+    assert scene is not None
+    return scene
+
+
+def _digits(span: float) -> int:
+    """Return the decimals of a time with which a thousandth of the run can be told apart."""
+    return max(0, min(9, math.ceil(2.5 - math.log10(span)))) if span > 0 else 2
+
+
+def _page(run: Run, scene: Scene, when: Timing, forces: bool, notes: tuple[str, ...]) -> str:
+    """Return the page that plays a scene."""
+    model = run.model
+    title = model.name or os.path.basename(run.name)
+    about = [model.description] if model.description else []
+    if when.pace:
+        about.append(f"Played {when.pace}.")
+    paragraphs = [f"<p>{escape(text)}</p>" for text in about]
+    paragraphs += [
+        f'<p class="animation-note" role="note">{escape(note[0].upper() + note[1:])}</p>'
+        for note in notes
+    ]
+    body = f"""<main class="animation">
+<h1>{escape(title)}</h1>
+{"".join(paragraphs)}
+<div id="player"></div>
+<p class="animation-keys">Space plays and pauses; arrow keys, Page Up and Page Down, Home and End
+move the time; F shows and hides forces.</p>
+</main>"""
+    options = {
+        "label": title,
+        "speed": when.speed,
+        "forces": forces,
+        "autoplay": True,
+    }
+    data = script_data(scene.to_json())
+    start = f"""const data = {data};
+const player = new Player(document.getElementById("player"), data, {script_data(options)});"""
+    return page(
+        title,
+        body,
+        styles=[asset(name) for name in (*PLAYER_STYLES, "animation.css")],
+        scripts=[asset(name) for name in PLAYER_SCRIPTS],
+        start=start,
+    )

@@ -1,0 +1,189 @@
+"""Films: frames to GIF by Pillow, to MP4 by ffmpeg."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.errors import FileError, UsageError
+
+Image = NDArray[np.uint8]
+#: Draws a frame of a time, s: (height, width, 3).
+Draw = Callable[[float], Image]
+Reached = Callable[[float], object]
+
+#: The fastest that browsers play a GIF, frames per second.
+GIF_FASTEST = 50.0
+#: Pillow holds a GIF until it is written: half a gigabyte.
+_MOST_PIXELS = 500_000_000
+_COLORS = 64  # lines of a dozen colours, with their soft edges
+_TYPICAL = 12  # frames whose colours stand for those of all
+
+
+def check_film(suffix: str, frames: int, size: tuple[int, int], fps: float) -> None:
+    """Raise, before the first frame is drawn, if the film cannot be made.
+
+    Parameters
+    ----------
+    suffix : str
+        ``.gif`` or ``.mp4``.
+    frames : int
+    size : (width, height)
+        Pixels.
+    fps : float
+        Frames per second.
+
+    Raises
+    ------
+    UsageError
+        matplotlib or ffmpeg is not installed, or the format cannot have so many frames, or pixels.
+    """
+    width, height = size
+    if find_spec("matplotlib") is None:
+        raise UsageError(
+            "films are drawn by matplotlib, which is not installed: pip install 'lagcli[pictures]';"
+            " a page needs nothing more: -o run.html"
+        )
+    if suffix == ".mp4":
+        _ffmpeg()
+        if width % 2 or height % 2:
+            raise UsageError(
+                f"MP4 wants even numbers of pixels, not {width}x{height};"
+                f" give --size {width + width % 2}x{height + height % 2}"
+            )
+        return
+    if fps > GIF_FASTEST:
+        raise UsageError(
+            f"GIF shows no more than {GIF_FASTEST:g} frames per second, not {fps:g};"
+            " give a lower --fps, or write MP4"
+        )
+    if frames * width * height > _MOST_PIXELS:
+        raise UsageError(
+            f"a GIF of {frames} frames of {width}x{height} pixels is too large to be made; give a"
+            " higher --speed, a lower --fps or a smaller --size, or write MP4"
+        )
+
+
+def write_gif(
+    draw: Draw, times: Sequence[float], fps: float, file: BinaryIO, reached: Reached
+) -> None:
+    """Write an animated GIF, which repeats.
+
+    Parameters
+    ----------
+    draw : callable
+    times : sequence of float
+        Of the frames, s.
+    fps : float
+        Frames per second. GIF counts in hundredths of a second: single frames are rounded to
+        them, the film as a whole is not.
+    file : binary file
+    reached : callable
+        Called with the time of each frame.
+    """
+    from PIL import Image as Picture
+
+    # one palette for all frames, so that nothing flickers
+    typical = [draw(times[i]) for i in np.linspace(0, len(times) - 1, _TYPICAL).astype(int)]
+    colors = Picture.fromarray(np.concatenate(typical)).quantize(
+        _COLORS, Picture.Quantize.MEDIANCUT
+    )
+
+    def picture(time: float) -> Any:
+        reached(time)
+        return Picture.fromarray(draw(time)).quantize(palette=colors, dither=Picture.Dither.NONE)
+
+    def pictures() -> Iterator[Any]:
+        return map(picture, times[1:])
+
+    ends = np.round(100 * np.arange(len(times) + 1) / fps).astype(int)
+    picture(times[0]).save(
+        file,
+        format="GIF",
+        save_all=True,
+        append_images=pictures(),
+        duration=(10 * np.diff(ends)).tolist(),
+        loop=0,
+        optimize=True,
+    )
+
+
+def write_mp4(
+    draw: Draw, times: Sequence[float], fps: float, file: BinaryIO, reached: Reached
+) -> None:
+    """Write MP4 (H.264), which every browser plays.
+
+    Parameters
+    ----------
+    draw : callable
+        Its frames have even width and height.
+    times : sequence of float
+        Of the frames, s.
+    fps : float
+    file : binary file
+    reached : callable
+        Called with the time of each frame.
+
+    Raises
+    ------
+    UsageError
+        ffmpeg is not installed.
+    FileError
+        It failed.
+    """
+    first = draw(times[0])
+    height, width, _ = first.shape
+    # the format is completed at its beginning, so that ffmpeg wants a file of its own
+    with tempfile.TemporaryDirectory(prefix="lagcli-") as folder:
+        target = Path(folder) / "film.mp4"
+        command = [
+            *(_ffmpeg(), "-loglevel", "error", "-nostdin"),
+            *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}"),
+            *("-i", "pipe:0", "-an", "-c:v", "libx264", "-preset", "medium", "-crf", "20"),
+            *("-pix_fmt", "yuv420p", "-movflags", "+faststart", str(target)),
+        ]
+        with (
+            tempfile.TemporaryFile() as said,
+            subprocess.Popen(command, stdin=subprocess.PIPE, stderr=said) as ffmpeg,
+        ):
+            assert ffmpeg.stdin is not None
+            try:
+                ffmpeg.stdin.write(first.tobytes())
+                for time in times[1:]:
+                    reached(time)
+                    ffmpeg.stdin.write(draw(time).tobytes())
+                ffmpeg.stdin.close()
+                ffmpeg.wait()
+            except BrokenPipeError:
+                ffmpeg.wait()
+            except BaseException:  # Ctrl-C among them
+                ffmpeg.kill()
+                raise
+            if ffmpeg.returncode:
+                said.seek(0)
+                lines = said.read().decode(errors="replace").strip().splitlines()
+                raise FileError(
+                    f"ffmpeg failed ({lines[-1] if lines else f'status {ffmpeg.returncode}'});"
+                    " write GIF or HTML in its place"
+                )
+        with target.open("rb") as film:
+            shutil.copyfileobj(film, file, 1 << 20)
+
+
+def _ffmpeg() -> str:
+    """Return the path of ffmpeg."""
+    found = shutil.which("ffmpeg")
+    if found is None:
+        raise UsageError(
+            "MP4 is made by ffmpeg, which is not installed (Debian: apt install ffmpeg);"
+            " GIF and HTML need nothing more: -o run.gif, -o run.html"
+        )
+    return found

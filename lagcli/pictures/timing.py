@@ -1,0 +1,135 @@
+"""The times of an animation: which part of the motion, how fast, in how many frames."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.errors import UsageError
+
+#: Real time, by default, for motions of this many seconds; others are slowed down or sped up.
+_SHORT, _LONG = 1.0, 60.0
+#: How long a slowed-down motion is shown at least, s.
+_SLOWED = 4.0
+#: Frames beyond which a film is surely a mistake: an hour and a half at 25 frames per second.
+_MOST_FRAMES = 135_000
+
+
+class Timing(NamedTuple):
+    """When the frames of an animation are.
+
+    Parameters
+    ----------
+    start, end : float
+        Of the motion, s.
+    speed : float
+        Seconds of the motion per second.
+    """
+
+    start: float
+    end: float
+    speed: float
+
+    @property
+    def seconds(self) -> float:
+        """How long the animation lasts."""
+        return (self.end - self.start) / self.speed
+
+    @property
+    def pace(self) -> str:
+        """The speed in words; nothing where it is real time."""
+        if self.speed == 1:
+            return ""
+        factor = self.speed if self.speed > 1 else 1 / self.speed
+        shown = f"{factor:.4g}"
+        return f"sped up × {shown}" if self.speed > 1 else f"slowed down × {shown}"
+
+    def frames(self, fps: float) -> NDArray[np.float64]:
+        """Return the times of the frames, s: evenly spaced, both ends among them.
+
+        Raises
+        ------
+        UsageError
+            There would be more than anybody would look at.
+        """
+        steps = self.seconds * fps
+        if steps > _MOST_FRAMES:
+            raise UsageError(
+                f"at this speed the animation has {steps:.3g} frames and lasts"
+                f" {self.seconds:.3g} s; give a higher --speed, a --duration in seconds, or a part"
+                " of the motion by --from and --to"
+            )
+        count = math.floor(steps * (1 + 1e-9)) + 1
+        times = self.start + np.arange(count, dtype=np.float64) * (self.speed / fps)
+        if self.end - times[-1] > 0.01 * self.speed / fps:
+            times = np.append(times, self.end)
+        return times
+
+
+def timing(
+    first: float,
+    last: float,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    speed: float | None = None,
+    duration: float | None = None,
+) -> Timing:
+    """Return when an animation is, from what is wished for.
+
+    Parameters
+    ----------
+    first, last : float
+        Times of the first and the last sample, s.
+    start, end : float, optional
+        The part to be shown, s.
+    speed : float, optional
+        Seconds of the motion per second.
+    duration : float, optional
+        Of the animation, s; in place of the speed. Without both it is real time, but for motions
+        shorter than a second, which are slowed down, and longer than a minute, which are sped up.
+
+    Raises
+    ------
+    UsageError
+        A value makes no sense, or nothing of the motion is left.
+    """
+    for name, value in (("--from", start), ("--to", end)):
+        if value is not None and not math.isfinite(value):
+            raise UsageError(f"{name} must be a time in seconds, not {value:g}")
+    for name, value in (("--speed", speed), ("--duration", duration)):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise UsageError(f"{name} must be greater than 0, not {value:g}")
+    if speed is not None and duration is not None:
+        raise UsageError("--speed and --duration contradict each other; give one of them")
+    begin = first if start is None else max(start, first)
+    finish = last if end is None else min(end, last)
+    if begin > finish or (begin == finish and first < last):
+        wanted = f"{first if start is None else start:g} to {last if end is None else end:g} s"
+        raise UsageError(
+            f"there is no motion from {wanted}; the run goes from {first:g} to {last:g} s"
+        )
+    if duration is not None and finish > begin:
+        return Timing(begin, finish, (finish - begin) / duration)
+    return Timing(begin, finish, usual_speed(finish - begin) if speed is None else speed)
+
+
+def usual_speed(span: float) -> float:
+    """Return the speed at which a motion of so many seconds is shown unless one is wished for."""
+    if span > _LONG:
+        return _round(span / _LONG, up=True)
+    if 0 < span < _SHORT:
+        return _round(span / _SLOWED, up=False)
+    return 1.0
+
+
+def _round(value: float, *, up: bool) -> float:
+    """Return the next 1, 2 or 5 times a power of ten."""
+    power = math.floor(math.log10(value))
+    steps = [float(f"{n}e{p}") for p in (power, power + 1) for n in (1, 2, 5)]
+    if up:
+        return min(step for step in steps if step >= value * (1 - 1e-9))
+    return max(step for step in steps if step <= value * (1 + 1e-9))
