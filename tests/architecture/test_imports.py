@@ -39,6 +39,10 @@ ROOMS = {
     "start": {"errors", "model", "equations", "engine", "undefined"},
     "undefined": {"errors", "model", "equations", "engine"},
     "variants": {"model", "equations", "engine", "simulation"},
+    "pictures": {
+        *("errors", "model", "equations", "engine", "samples", "trajectory", "results"),
+        *("simulation", "extremes", "derived", "interruption", "lagcli"),
+    },
 }
 
 #: Packages that a room must not import, not even inside a function.
