@@ -51,8 +51,10 @@ def plot(
     files = [a for a in arguments if a.lower().endswith(_RESULTS)]
     names = [a for a in arguments if not a.lower().endswith(_RESULTS)]
     if not files:
-        known = ", ".join(_RESULTS)
-        raise UsageError(f"there is no result file among the arguments; its name ends on {known}")
+        raise UsageError(
+            "there is no result file among the arguments: its name ends with .h5, .hdf5 or .csv;"
+            " lagcli simulate writes one"
+        )
     kind = check_picture(output, force)
     inches = size_of(size) if size is not None else None
     runs = [Run(file, model) for file in files]

@@ -168,7 +168,7 @@ def si_unit(draft: Draft, unit: str | None, node: Node) -> str | None:
     if factor != 1:
         draft.report.add(
             "not-si",
-            f"coordinates and outputs are in SI, but `{shorten(unit)}` is not",
+            f"coordinates, outputs and vectors are in SI, but `{shorten(unit)}` is not",
             node.location,
             "write m, rad, N, …; parameters and initial values may have any unit",
         )

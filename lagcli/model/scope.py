@@ -338,7 +338,7 @@ class ModelScope:
                 "not-allowed-here",
                 name,
                 f"{self.context.where} cannot depend on multipliers, but uses `{as_written(name)}`",
-                "multipliers may stand in `outputs` only in this version",
+                "multipliers may stand in `outputs` and in the vectors of a `view`",
             )
         if head == "lambda" and len(rest) == 1 and not name.primes:
             self._known_part(name, text, rest[0], "constraint")
@@ -369,7 +369,7 @@ class ModelScope:
             )
 
 
-_ACCELERATIONS = "accelerations may stand in `outputs` only"
+_ACCELERATIONS = "accelerations may stand in `outputs` and in the vectors of a `view`"
 
 
 def uses(tree: Tree, index: str) -> bool:

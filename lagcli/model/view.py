@@ -141,7 +141,7 @@ class _Reader:
         self.plain = [d.name for d in declared if d.span is None]
         for d in declared:
             what = f"the point `{d.title}`"
-            parsed = self.draft.parse(d.node, what, "place such as `[x, y]`")
+            parsed = self.draft.parse(d.node, what, "expression such as `[x, y]`")
             if parsed is None:
                 continue
             self.draft.trees[f"view.points.{d.title}"] = parsed.tree
@@ -185,8 +185,8 @@ class _Reader:
         """Yield the lines under a key of the view, which is a list or a mapping."""
         example = "O-A"
         node = self.fields.get(key)
-        if isinstance(node, Sequence):
-            for item in node.items:
+        if isinstance(node, Sequence) or (isinstance(node, Scalar) and not node.missing):
+            for item in node.items if isinstance(node, Sequence) else [node]:
                 path = read_path(self.draft, item, f"a {kind} of the view", None, example)
                 if path is not None:
                     yield from self.along(path, kind, None)
@@ -211,7 +211,7 @@ class _Reader:
         if node is None or (isinstance(node, Scalar) and node.missing):
             return
         for item in node.items if isinstance(node, Sequence) else [node]:
-            what = f"an entry of `{key}`"
+            what = f"`{key}`"
             path = read_path(self.draft, item, what, 1, _EXAMPLES[key])
             if path is None:
                 continue

@@ -11,6 +11,7 @@ import numpy as np
 
 from lagcli.equations.render.names import GREEK, Names, split
 from lagcli.errors import LagcliError, UsageError
+from lagcli.model.members import told
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.pictures.run_file import Run
 from lagcli.samples import Array
@@ -91,6 +92,8 @@ class Catalogue:
         if curve is not None:
             return [curve]
         found: list[Curve] = []
+        if name == "lambda":
+            name = "lambda.*"
         if "*" in name:
             pattern = name.replace("[", "[[]")
             names = [n for n in self.names() if fnmatchcase(n, pattern)]
@@ -110,7 +113,8 @@ class Catalogue:
             return Curve(name, name, (), group, unit, label, log=name.startswith("residual"))
         if name in _RESIDUALS:
             label = _RESIDUALS[name]
-            group = "relative residuals"
+            known = not np.isnan(self.run.record.scale_velocity).any()
+            group = "relative residuals" if known else "residuals"
             return Curve(name, name, (), group, "", label, log=True, largest=True)
         for field, (suffix, per) in zip("qva", _RATES, strict=True):
             base = name.removesuffix(suffix) if suffix else name
@@ -119,7 +123,9 @@ class Catalogue:
         if name in self.run.outputs:
             unit = self.run.record.units.get(name, "")
             label = self._look(name)
-            return Curve(name, f"outputs/{name}", (), "outputs" + unit, unit, label)
+            # outputs without a unit have nothing in common but the name of their family
+            group = "outputs" if unit else name.partition("[")[0]
+            return Curve(name, f"outputs/{name}", (), group, unit, label)
         return self._dotted(name)
 
     def _motion(self, name: str, base: str, field: str, per: str) -> Curve:
@@ -186,21 +192,21 @@ class Catalogue:
                     yield curve
 
     def _unknown(self, text: str, name: str) -> UsageError:
-        every = list(self.names())
-        question = did_you_mean(nearest(name, every))
-        q = self.run.coordinates
-        parts = [
-            ("coordinates", q),
-            ("multipliers", [f"lambda.{c}" for c in self.run.constraints]),
-            ("outputs", self.run.outputs),
+        question = did_you_mean(nearest(name, list(self.names())))
+        q, constraints = self.run.coordinates, self.run.constraints
+        lines = [
+            ("coordinates", _listed(q)),
+            ("velocities, …", f"{q[0]}_dot, {q[0]}_ddot" if q else ""),
+            ("multipliers", _listed([f"lambda.{c}" for c in constraints])),
+            ("forces", f"Qc.{q[0]}, Qc.{constraints[0]}.{q[0]}, …" if q and constraints else ""),
+            ("outputs", _listed(self.run.outputs)),
+            ("of all runs", ", ".join((*_SINGLE, *_RESIDUALS))),
         ]
-        there = "; ".join(f"{what} {_list(names)}" for what, names in parts if names)
-        rates = f"{q[0]}_dot, {q[0]}_ddot, Qc.{q[0]}, " if q else ""
         return UsageError(
             f"{self.run.name} has no `{shorten(text)}`"
             + (f"; {question}" if question else "")
-            + f"\nit has {there};\nand, of each kind, {rates}{', '.join(_SINGLE)},"
-            f" {', '.join(_RESIDUALS)}; * stands for anything, as in 'lambda.*'"
+            + "".join(f"\n   {what:<14} {names}" for what, names in lines if names)
+            + "\n   * stands for anything: 'lambda.*'"
         )
 
     # looks
@@ -296,6 +302,14 @@ def _word(text: str) -> str:
     return text.replace("_", r"\_")
 
 
-def _list(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:_SHOWN])
-    return shown + (f", … ({len(names)})" if len(names) > _SHOWN else "")
+def _listed(names: Sequence[str]) -> str:
+    """Return names in few words: those of a family as x[1..20]."""
+    families: dict[str, list[str]] = {}
+    for name in names:
+        families.setdefault(name.partition("[")[0], []).append(name)
+    shown = [
+        told(base, members).replace("`", "") if members[0].endswith("]") else base
+        for base, members in families.items()
+    ]
+    more = f", … ({len(names)})" if len(shown) > _SHOWN else ""
+    return ", ".join(shown[:_SHOWN]) + more

@@ -53,8 +53,12 @@ def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
     for place, text in enumerate(names):
         parts = [part for part in text.split(",") if part.strip()]
         pairs = [part for part in parts if ":" in part]
+        if not parts:
+            raise UsageError(f"{text!r} names nothing to plot")
         if pairs and len(pairs) < len(parts):
-            raise UsageError(f"{text!r} joins what is drawn over the time and what is not")
+            raise UsageError(
+                f"{text!r} joins what is drawn over the time and what is not; give them apart"
+            )
         if pairs:
             phases.append(_phase(catalogue, pairs))
             together[place] = []

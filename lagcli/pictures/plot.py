@@ -15,6 +15,7 @@ from lagcli.pictures.figure_file import check_resolution, new_figure, write_figu
 from lagcli.pictures.panels import Panel, asked, usual
 from lagcli.pictures.run_file import Run
 from lagcli.pictures.thinning import thin
+from lagcli.pictures.ticks import decades, plain_ticks
 from lagcli.samples import Array
 
 WIDTH = 7.0  # inches
@@ -171,6 +172,7 @@ class _Drawing:
         """Draw one panel of all runs."""
         first = panels[0]
         count = len(first.curves)
+        shown: list[Array] = []
         for number, (panel, values) in enumerate(zip(panels, self.values, strict=True)):
             for place, curve in enumerate(panel.curves):
                 x, y = self.drawn(values, curve, panel.over[place] if panel.over else None)
@@ -181,9 +183,13 @@ class _Drawing:
                 elif len(x) == 1:
                     look["marker"] = "o"
                 ax.plot(x, y, **look)
+                shown.append(y)
+        plain_ticks(ax.xaxis)
         if first.log:
-            ax.set_yscale("log")
+            decades(ax, shown)
             ax.set_xlim(*_span(self.values))
+        else:
+            plain_ticks(ax.yaxis)
         if first.alike:
             ax.set_aspect("equal", adjustable="datalim")
         if first.over:

@@ -115,23 +115,33 @@ class Run:
         parameters = {name: f"{value!r}*1" for name, value in record.parameters.items()}
         initial = self._initial()
         if self._model_file is not None:
-            model = load(self._model_file, parameters, initial)
+            model = self._other_model(self._model_file, parameters, initial)
         elif not record.model:
             raise UsageError(
                 f"{self.name} holds no model: CSV has no place for it; write HDF5 (-o run.h5), or"
                 " a sidecar beside the CSV file (--meta), or name the model file with --model"
             )
         else:
-            try:
-                model = load_text(record.model, f"{self.name}:model", parameters, initial)
-            except ModelError as error:
-                raise ModelError(error.diagnostics) from None
+            model = load_text(record.model, f"{self.name}:model", parameters, initial)
         if (model.coordinate_names, model.constraint_names) != (self.coordinates, self.constraints):
             raise UsageError(
                 f"{model.path} is not the model of {self.name}: its coordinates or constraints"
                 f" differ; the run has {', '.join((*self.coordinates, *self.constraints))}"
             )
         return model
+
+    def _other_model(
+        self, path: str, parameters: Mapping[str, str], initial: Mapping[str, float]
+    ) -> Model:
+        try:
+            return load(path, parameters, initial)
+        except ModelError as error:
+            options = [d for d in error.diagnostics if d.location and not d.location.line]
+            if not options:
+                raise
+            raise UsageError(
+                f"{path} is not the model of {self.name}: {options[0].message}"
+            ) from None
 
     def _initial(self) -> Mapping[str, float]:
         """Return the first sample as initial values: the text alone may lack some."""

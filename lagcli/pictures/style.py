@@ -61,7 +61,6 @@ def settings() -> Any:
         "mathtext.fontset": "dejavusans",
         "axes.formatter.useoffset": False,
         "axes.formatter.limits": (-4, 5),
-        "axes.formatter.use_mathtext": True,
         "axes.grid": True,
         "axes.spines.top": False,
         "axes.spines.right": False,
