@@ -35,7 +35,7 @@ def plot(
     model: Annotated[
         str | None,
         typer.Option(
-            metavar="MODEL", help="Model file for the names of a result without a model (CSV)."
+            metavar="MODEL", help="Model file in place of the text in the result; CSV has none."
         ),
     ] = None,
     force: Force = False,

@@ -286,7 +286,7 @@ def loaded(*arguments: str, status: int = 0) -> set[str]:
 
 
 @as_declared
-@pytest.mark.parametrize("command", [(), ("derive",), ("simulate",), ("info",)])
+@pytest.mark.parametrize("command", [(), ("derive",), ("simulate",), ("plot",), ("info",)])
 def test_help_imports_nothing_but_the_command_line(command: tuple[str, ...]) -> None:
     assert loaded(*command, "--help") <= OF_TYPER
 
