@@ -16,6 +16,9 @@ core = Extension(
             "dop853.c",
             "events.c",
             "implicit.c",
+            "lanes.c",
+            "lanes_avx2.c",
+            "lanes_default.c",
             "ldl.c",
             "linear.c",
             "motion.c",
@@ -28,10 +31,10 @@ core = Extension(
             "watch.c",
         )
     ],
-    depends=[str(path) for path in sorted(CORE.glob("*.h"))],
+    depends=[str(path) for path in sorted([*CORE.glob("*.h"), *CORE.glob("*.pxi")])],
     # no -ffast-math: NaN and the order of operations mean something here; nor may a processor that
-    # multiplies and adds at once change them
-    extra_compile_args=["-O3", "-ffp-contract=off"],
+    # multiplies and adds at once change them. Nobody reads errno, and with it no root is a vector's
+    extra_compile_args=["-O3", "-ffp-contract=off", "-fno-math-errno"],
 )
 extensions = cythonize([core], language_level=3)
 for extension in extensions:

@@ -26,6 +26,7 @@ from lagcli.samples import Record, Samples
 from lagcli.start import describe_undefined, find_start
 
 if TYPE_CHECKING:
+    from lagcli.engine.prepared import Prepared
     from lagcli.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -114,7 +115,11 @@ def prepare(model: Model, settings: Settings | None = None) -> Simulation:
 
 
 def ready(
-    equations: Equations, system: System, settings: Settings, seconds: dict[str, float]
+    equations: Equations,
+    system: System,
+    settings: Settings,
+    seconds: dict[str, float],
+    prepared: Prepared | None = None,
 ) -> Simulation:
     """Find the start of a model whose System is there; the end of `prepare`.
 
@@ -126,11 +131,13 @@ def ready(
         Complete.
     seconds : dict of str to float
         Time spent so far, by phase.
+    prepared : Prepared, optional
+        As in `lagcli.engine.run.Request`.
     """
     began = time.perf_counter()
     start = find_start(equations, system, settings)
     seconds = {**seconds, "integrate": time.perf_counter() - began}
-    return Simulation(equations.model, settings, equations, system, start, seconds)
+    return Simulation(equations.model, settings, equations, system, start, seconds, prepared)
 
 
 @dataclass(frozen=True)
@@ -147,6 +154,8 @@ class Simulation:
     start : ConsistentState
     seconds : dict of str to float
         Time spent so far, by phase.
+    prepared : Prepared, optional
+        As in `lagcli.engine.run.Request`.
     """
 
     model: Model
@@ -155,6 +164,41 @@ class Simulation:
     system: System
     start: ConsistentState
     seconds: dict[str, float]
+    prepared: Prepared | None = None
+
+    @property
+    def request(self) -> Request:
+        """What the engine is asked for."""
+        s = self.settings
+        times = sample_times(s)
+        t_end = times[-1] if s.times is not None else s.t_end
+        assert t_end is not None
+        assert s.rtol
+        assert s.atol
+        assert s.method
+        assert s.formulation
+        assert s.max_steps
+        return Request(
+            q=self.start.q,
+            v=self.start.v,
+            rank=self.start.rank,
+            t_start=s.t_start or 0.0,
+            t_end=float(t_end),
+            times=times,
+            rtol=s.rtol,
+            atol=s.atol,
+            method=s.method,
+            formulation=s.formulation,
+            alpha=s.alpha,
+            beta=s.beta,
+            max_step=s.max_step or np.inf,
+            max_steps=s.max_steps,
+            timeout=s.timeout,
+            through_singular=bool(s.through_singular),
+            block_rows=_block_rows(self.system),
+            elimination=self.start.elimination,
+            prepared=self.prepared,
+        )
 
     @property
     def initial(self) -> dict[str, float]:
@@ -202,8 +246,7 @@ class Simulation:
             if progress is not None:
                 progress(t)
 
-        request = _request(self.start, self.system, self.settings)
-        run = _engine(self.settings)(self.system, request, take, heed)
+        run = _engine(self.settings)(self.system, self.request, take, heed)
         integrating = time.perf_counter() - began - elsewhere
         if not columns.samples:
             take(_no_samples(self.system))
@@ -334,37 +377,6 @@ def _engine(settings: Settings) -> Engine:
     from lagcli.engine import scipy_engine
 
     return scipy_engine.run
-
-
-def _request(start: ConsistentState, system: System, settings: Settings) -> Request:
-    s = settings
-    times = sample_times(s)
-    t_end = times[-1] if s.times is not None else s.t_end
-    assert t_end is not None
-    assert s.rtol
-    assert s.atol
-    assert s.method
-    assert s.formulation
-    assert s.max_steps
-    return Request(
-        q=start.q,
-        v=start.v,
-        rank=start.rank,
-        t_start=s.t_start or 0.0,
-        t_end=float(t_end),
-        times=times,
-        rtol=s.rtol,
-        atol=s.atol,
-        method=s.method,
-        formulation=s.formulation,
-        alpha=s.alpha,
-        beta=s.beta,
-        max_step=s.max_step or np.inf,
-        max_steps=s.max_steps,
-        timeout=s.timeout,
-        through_singular=bool(s.through_singular),
-        block_rows=_block_rows(system),
-    )
 
 
 def _block_rows(system: System) -> int:

@@ -46,7 +46,7 @@ def find_start(equations: Equations, system: System, settings: Settings) -> Cons
         ) from None
     except NoConsistentState as error:
         raise _no_start(model, error) from None
-    if not start.regular:
+    if not start.elimination:
         _check_inertia(equations, system, t, start)
     return start
 

@@ -5,21 +5,27 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import symengine as se
 from numpy.typing import NDArray
 
+from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.interpreter import run_arrays
 from lagcli.engine.system import System, compile_system
 from lagcli.engine.tape import Tape, compile_tape
 from lagcli.equations.lagrange import Equations, derive
+from lagcli.errors import ModelError, NumericalError
 from lagcli.model.dependence import dependent_values
 from lagcli.model.loader import load_text
 from lagcli.model.members import family_of
 from lagcli.model.model import Model, Settings
 from lagcli.simulation import Simulation, ready, resolve
+from lagcli.start import find_start
+
+if TYPE_CHECKING:
+    from lagcli.engine.prepared import Prepared
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -75,6 +81,25 @@ class Variants:
         """Their System, with the model's values."""
         return compile_system(self.equations)
 
+    @cached_property
+    def prepared(self) -> Prepared | None:
+        """What the compiled engine need not make ready again for each variant.
+
+        None where the model's own values have no start to make it for.
+        """
+        if self.settings.engine != "compiled":
+            return None
+        from lagcli.engine.prepared import find_elimination, prepare
+
+        t = self.settings.t_start or 0.0
+        try:
+            start = find_start(self.equations, self.system, self.settings)
+        except (ModelError, NumericalError):
+            return None
+        states = [(t, start.q, start.v)]
+        order = start.elimination or find_elimination(Evaluator(self.system), states)
+        return prepare(self.system, order)
+
     def varied(
         self,
         set: Mapping[str, object] | None = None,
@@ -102,13 +127,15 @@ class Variants:
         )
         settings = resolve(self._given, model)
         values = tuple(model.parameter_values.values())
+        prepared = None
         if model.coordinate_names == self.model.coordinate_names and self._same_structure(model):
             equations = dataclasses.replace(self.equations, model=model)
             system = dataclasses.replace(self.system, parameters=values)
+            prepared = self.prepared
         else:
             equations = derive(model)
             system = compile_system(equations)
-        return ready(equations, system, settings, {})
+        return ready(equations, system, settings, {}, prepared)
 
     def _same_structure(self, model: Model) -> bool:
         return all(

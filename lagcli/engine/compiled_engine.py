@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
-from lagcli.engine.elimination import NoElimination, order_at
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.methods import Methods
+from lagcli.engine.prepared import Prepared, find_elimination, prepare
 from lagcli.engine.run import (
     Block,
     Event,
@@ -33,7 +33,6 @@ from lagcli.engine.run import (
     outcome,
 )
 from lagcli.engine.system import System
-from lagcli.engine.unrolling import unroll
 
 if TYPE_CHECKING:
     from lagcli.engine.index1 import Index1
@@ -69,6 +68,11 @@ class Integration:
     ----------
     system, request, sink, progress
         As in the contract.
+
+    Attributes
+    ----------
+    in_use : Prepared
+        How a and λ are solved for; after the run, what has sufficed for the last of it.
     """
 
     def __init__(
@@ -84,12 +88,15 @@ class Integration:
         self.nq = len(system.coordinates)
         self.redundant = request.rank < len(system.constraints)
         self.last_near = -1
+        self.states: list[State] = [(request.t_start, request.q, request.v)]
+        prepared = self.prepared()
         projecting = request.formulation == "projection"
         c = self.evaluator.constraints(request.t_start, request.q, request.v)
         # a negative damping asks the core for that of the step
         alpha = -1.0 if request.alpha is None else request.alpha
         self.core = binding.Integrator(
             system,
+            prepared.constraint,
             request.t_start,
             request.t_end,
             np.concatenate([request.q, request.v, [0.0]]),
@@ -107,25 +114,29 @@ class Integration:
             request.method == "auto" and system.variation is not None,
             request.block_rows,
         )
-        self.states: list[State] = [(request.t_start, request.q, request.v)]
+        self.use(prepared)
         self.reordered = math.nan
-        self.choose_elimination()
         self.methods = Methods(self.core, system, request)
         if request.on_event is not None and system.events is not None:
             self.core.watch_events(system.events)
 
-    def choose_elimination(self) -> None:
-        """Find an order of elimination from the states so far; redundant constraints have none."""
-        system, core = self.system, self.core
-        try:
-            if self.redundant:
-                raise NoElimination
-            plan = order_at(system, [self.evaluator.entries(*state) for state in self.states])
-        except NoElimination:
-            core.use_dense(system.dynamics)
-            return
-        tape = unroll(system, plan) if plan.unrolled else system.dynamics
-        core.use_elimination(tape, plan, plan.unrolled)
+    def prepared(self) -> Prepared:
+        """Return the programs to begin with; redundant constraints have no order of elimination."""
+        order = self.request.elimination
+        if self.redundant:
+            order = None
+        elif order is None:
+            order = find_elimination(self.evaluator, self.states)
+        known = self.request.prepared
+        return known if known and known.serves(order) else prepare(self.system, order)
+
+    def use(self, prepared: Prepared) -> None:
+        """Solve for a and λ in a way."""
+        self.in_use = prepared
+        if prepared.elimination is None:
+            self.core.use_dense(prepared.dynamics)
+        else:
+            self.core.use_elimination(prepared.dynamics, prepared.elimination)
 
     def reorder(self) -> None:
         """Find an order that suits the end of the step that failed too; else take it densely."""
@@ -136,7 +147,7 @@ class Integration:
             return
         self.states.append((core.t, *self.split(core.state)))
         self.states.append((core.t_bad, *self.split(core.y_bad.copy())))
-        self.choose_elimination()
+        self.use(prepare(self.system, find_elimination(self.evaluator, self.states)))
 
     # what thinks, made when it is needed: most runs need none of it
 

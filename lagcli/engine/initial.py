@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine import linear
-from lagcli.engine.elimination import NoElimination, order_at
+from lagcli.engine.elimination import Elimination, NoElimination, order_at
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.system import System
 
@@ -21,10 +21,10 @@ Level = Literal["position", "velocity"]
 #: Fixed values may violate a constraint by this much of its scale: they were written with so many
 #: digits. The first projection removes it.
 ACCEPTED = 1e-10
-_REACHED = 1e-15  # of the constraint's scale: where iteration ends
+REACHED = 1e-15  # of the constraint's scale: where iteration ends
 _ITERATIONS = 200
 _LARGE = 60  # unknowns from which regularity is first looked for by sparse elimination
-_REGULAR = 1e-6  # the smallest pivot that shows it, beside entries near one
+REGULAR = 1e-6  # the smallest pivot that shows it, beside entries near one
 _ASIDE = (1e-3, 0.1)  # of the coordinates' size: where a guess that leads nowhere is moved
 
 
@@ -36,9 +36,9 @@ class ConsistentState(NamedTuple):
     q, v : (nq,) arrays
     rank : int
         Rank of B.
-    regular : bool
-        Whether [[M, Bᵀ], [B, 0]] was found regular on the way: B has full rank and inertia resists
-        every motion that it allows. False says nothing.
+    elimination : Elimination or None
+        An order found on the way that shows [[M, Bᵀ], [B, 0]] to be regular: B has full rank and
+        inertia resists every motion that it allows. None says nothing.
     moved : mapping of str to (float, float)
         What was moved, coordinate or velocity (``phi'``), from where to where.
     """
@@ -46,7 +46,7 @@ class ConsistentState(NamedTuple):
     q: Array
     v: Array
     rank: int
-    regular: bool
+    elimination: Elimination | None
     moved: Mapping[str, tuple[float, float]]
 
 
@@ -132,9 +132,9 @@ class _Start:
         new_q = self.positions(q.copy(), v)
         new_v = self.velocities(new_q, v.copy())
         c = self.evaluator.constraints(self.t, new_q, new_v)
-        regular = self.regular(new_q, new_v)
+        elimination = self.elimination(new_q, new_v)
         rank = len(c.jacobian)
-        if rank and not regular:
+        if rank and not elimination:
             lengths = self.evaluator.row_lengths(c, new_q, new_v)
             rank = linear.count_rank(c.jacobian, scale=lengths)
         names = self.system.coordinates
@@ -146,21 +146,21 @@ class _Start:
             for label, x, y in zip(labels, before, after, strict=True):
                 if x != y:
                     moved[label] = (float(x), float(y))
-        return ConsistentState(new_q, new_v, rank, regular, moved)
+        return ConsistentState(new_q, new_v, rank, elimination, moved)
 
-    def regular(self, q: Array, v: Array) -> bool:
-        """Return whether a sparse elimination shows that a large system is regular.
+    def elimination(self, q: Array, v: Array) -> Elimination | None:
+        """Return a sparse elimination that shows a large system to be regular, if there is one.
 
         Singular values would cost the third power of its size.
         """
         system = self.system
         if len(system.coordinates) + len(system.constraints) < _LARGE:
-            return False
+            return None
         try:
             found = order_at(system, [self.evaluator.entries(self.t, q, v)])
         except NoElimination:
-            return False
-        return found.smallest > _REGULAR
+            return None
+        return found if found.smallest > REGULAR else None
 
     # positions
 
@@ -206,7 +206,7 @@ class _Start:
         free = np.flatnonzero(~self.fixed_q)
         phi, scale, jacobian = self.residual(q, v)
         for _ in range(_ITERATIONS):
-            if np.abs(phi / scale).max() <= _REACHED or not len(free):
+            if np.abs(phi / scale).max() <= REACHED or not len(free):
                 break
             part = jacobian[:, free]
             # near a singular point of the free Jacobian a full step would be wild: cut its rank
@@ -255,7 +255,7 @@ class _Start:
                 raise UndefinedStart(self.t, q, v)
             psi = c.velocity(v)
             scale = self.scale(c.velocity_scale, c.jacobian, v)
-            if np.abs(psi / scale).max() <= _REACHED or not len(free) or not left:
+            if np.abs(psi / scale).max() <= REACHED or not len(free) or not left:
                 break
             part = c.jacobian[:, free]
             rank = linear.count_rank(part)

@@ -41,6 +41,8 @@ class Program(NamedTuple):
         The registers to read at the end.
     size : int
         Number of operations in ``main``.
+    inputs : int
+        Number of input registers.
     """
 
     prelude: NDArray[np.int32]
@@ -48,6 +50,7 @@ class Program(NamedTuple):
     registers: NDArray[np.float64]
     outputs: NDArray[np.int32]
     size: int
+    inputs: int
 
 
 def assemble(tape: Tape) -> Program:
@@ -88,6 +91,7 @@ def assemble(tape: Tape) -> Program:
         registers=registers,
         outputs=np.array([place[x] for x in tape.outputs], dtype=np.int32),
         size=len(ordered),
+        inputs=tape.inputs,
     )
 
 

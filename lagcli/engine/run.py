@@ -5,12 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.system import System
+
+if TYPE_CHECKING:
+    from lagcli.engine.elimination import Elimination
+    from lagcli.engine.prepared import Prepared
 
 Array = NDArray[np.float64]
 State = tuple[float, Array, Array]  # t, q, v
@@ -61,6 +65,11 @@ class Request:
         As in Settings; alpha and beta None mean "from the step".
     block_rows : int
         The most samples to hand over at once.
+    elimination : Elimination, optional
+        The order of elimination that is found at this state, where that was done already.
+    prepared : Prepared, optional
+        What a run with other values was made ready by: it is taken where this one needs the same.
+        Compiled engine only.
     on_event : callable, optional
         Event → Reaction; without it, events are not looked for. Compiled engine only.
     """
@@ -82,6 +91,8 @@ class Request:
     timeout: float | None
     through_singular: bool
     block_rows: int = 4096
+    elimination: Elimination | None = None
+    prepared: Prepared | None = None
     on_event: Callable[[Event], Reaction] | None = None
 
 

@@ -38,7 +38,7 @@ ROOMS = {
     },
     "start": {"errors", "model", "equations", "engine", "undefined"},
     "undefined": {"errors", "model", "equations", "engine"},
-    "variants": {"model", "equations", "engine", "simulation"},
+    "variants": {"errors", "model", "equations", "engine", "simulation", "start"},
     "pictures": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "results"),
         *("simulation", "extremes", "derived", "interruption", "lagcli"),

@@ -45,7 +45,7 @@ def test_engines_agree_on_every_shipped_model(path):
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
 def test_ways_to_eliminate_agree(path, monkeypatch):
     """Unrolled into the tape, in a loop on the same order, and densely."""
-    from lagcli.engine import compiled_engine, elimination
+    from lagcli.engine import elimination, initial, prepared
 
     def none(*_):
         raise elimination.NoElimination
@@ -55,7 +55,8 @@ def test_ways_to_eliminate_agree(path, monkeypatch):
     runs = [lagcli.simulate(model, engine="compiled", **options)]
     monkeypatch.setattr(elimination, "MOST_UNROLLED", -1)
     runs.append(lagcli.simulate(model, engine="compiled", **options))
-    monkeypatch.setattr(compiled_engine, "order_at", none)
+    for module in (initial, prepared):
+        monkeypatch.setattr(module, "order_at", none)
     runs.append(lagcli.simulate(model, engine="compiled", **options))
     for other in runs[1:]:
         assert other.status == "completed", other.message
@@ -68,10 +69,10 @@ def test_ways_to_eliminate_agree(path, monkeypatch):
 @pytest.mark.parametrize("entry", [0.0, 1e-14])
 def test_an_order_that_does_not_suit_is_replaced(entry, monkeypatch):
     """An order that begins with a multiplier, whose pivot is zero or nearly so."""
-    from lagcli.engine import compiled_engine, elimination
+    from lagcli.engine import elimination, prepared
 
     asked = []
-    find = compiled_engine.order_at
+    find = prepared.order_at
 
     def unsuitable(system, states):
         asked.append(len(states))
@@ -90,7 +91,7 @@ constraints: {{rod: x^2 + z^2 = 1}}
 initial: {{x: 0.6, z: -0.8, x': 0, z': 0}}
 """)
     expected = lagcli.simulate(model, t_end=1, samples=5, engine="scipy", rtol=1e-11)
-    monkeypatch.setattr(compiled_engine, "order_at", unsuitable)
+    monkeypatch.setattr(prepared, "order_at", unsuitable)
     found = lagcli.simulate(model, t_end=1, samples=5, engine="compiled", rtol=1e-11)
     assert found.status == "completed", found.message
     assert len(asked) > 1

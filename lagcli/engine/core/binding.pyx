@@ -281,6 +281,8 @@ cdef class Integrator:
     Parameters
     ----------
     system : System
+    constraint : Program
+        Of ``system.constraint``.
     t, t_end : float
     y : (2 nq + 1,) array
     times : (nt,) array
@@ -302,7 +304,7 @@ cdef class Integrator:
     cdef int nq, nc, size
 
     def __init__(
-        self, system, double t, double t_end, y, times, lengths, int rank, double rtol,
+        self, system, constraint, double t, double t_end, y, times, lengths, int rank, double rtol,
         double atol, double h_max, bint projecting, int watching, double alpha, double beta,
         bint baumgarte, bint detecting, long block_rows,
     ):
@@ -320,7 +322,7 @@ cdef class Integrator:
         self.system.mass_column = self.integers([j for _, j in system.mass_pattern])
         self.system.jacobian_row = self.integers([i for i, _ in system.jacobian_pattern])
         self.system.jacobian_column = self.integers([j for _, j in system.jacobian_pattern])
-        self.bind(&self.system.constraint, system.constraint)
+        self.bind(&self.system.constraint, constraint)
         self.run.system = &self.system
         self.run.t, self.run.t_end, self.run.h_max = t, t_end, h_max
         self.run.rtol, self.run.atol = rtol, atol
@@ -379,10 +381,9 @@ cdef class Integrator:
         cdef int32_t[::1] view = array
         return &view[0]
 
-    cdef int bind(self, lag_tape *tape, source) except -1:
-        program = assemble(source)
-        registers = program.registers
-        registers[source.inputs - len(self.parameters) : source.inputs] = self.parameters
+    cdef int bind(self, lag_tape *tape, program) except -1:
+        registers = program.registers.copy()
+        registers[program.inputs - len(self.parameters) : program.inputs] = self.parameters
         registers[0] = np.nan  # no state yet
         tape.registers = self.borrow(registers)
         tape.stream = self.integers(program.main)
@@ -391,25 +392,24 @@ cdef class Integrator:
         return 0
 
     def use_dense(self, dynamics):
-        """Solve for a and λ densely. Parameters: dynamics, the System's tape."""
+        """Solve for a and λ densely. Parameters: dynamics, the program of the System's tape."""
         self.bind(&self.system.dynamics, dynamics)
         self.run.eliminating = 0
         self.allow_dense(0)
 
-    def use_elimination(self, dynamics, plan, bint unrolled):
+    def use_elimination(self, dynamics, plan):
         """Solve for a and λ by a static elimination.
 
         Parameters
         ----------
-        dynamics : Tape
-            The System's, the elimination appended where it is unrolled.
+        dynamics : Program
+            Of the System's tape, the elimination appended where it is unrolled.
         plan : Elimination
-        unrolled : bool
         """
         cdef lag_ldl *ldl = &self.run.ldl
         cdef int nq = self.nq, n = nq + self.nc
         self.bind(&self.system.dynamics, dynamics)
-        self.run.eliminating = 1 if unrolled else 2
+        self.run.eliminating = 1 if plan.unrolled else 2
         ldl.n = n
         ldl.order = self.integers(plan.order)
         ldl.paired = self.integers(plan.paired)
@@ -455,7 +455,7 @@ cdef class Integrator:
         first = self.block_of(&m.rhs_velocity, self.flat(w.rhs_velocity), first)
         first = self.block_of(&m.power_position, w.power_position, first)
         first = self.block_of(&m.power_velocity, w.power_velocity, first)
-        self.bind(&m.variation, w.tape)
+        self.bind(&m.variation, assemble(w.tape))
         m.mass, m.jacobian = self.doubles(self.system.nm), self.doubles(self.system.nb)
         m.border, m.derivatives = self.doubles(nd * nc), self.doubles(len(w.tape.outputs))
         m.velocity = self.doubles(nq)
@@ -478,7 +478,7 @@ cdef class Integrator:
     def watch_events(self, tape):
         """Look for sign changes of a tape's outputs along the motion, from the start on."""
         cdef lag_events *events = &self.run.events
-        self.bind(&events.tape, tape)
+        self.bind(&events.tape, assemble(tape))
         events.count, events.time = len(tape.outputs), np.nan
         events.sign = self.integers([0] * events.count)
         events.after = self.integers([0] * events.count)
@@ -590,3 +590,6 @@ cdef class Integrator:
     def t_bad(self):
         """Time at which the equations had no finite value."""
         return self.run.t_bad
+
+
+include "lanes.pxi"

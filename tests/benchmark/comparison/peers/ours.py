@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,8 +34,8 @@ class Ours:
     def at(self, setting: float, **more: Any) -> _Ready:
         """Prepare a run at a tolerance."""
         settings = self.settings(setting, **more)
-        system = self.prepared.system
-        return _Ready(system, simulation._request(self.prepared.start, system, settings))
+        ready = replace(self.prepared, settings=settings)
+        return _Ready(ready.system, ready.request)
 
     def positions(self, result: tuple[Run, list[Block]]) -> NDArray[np.float64]:
         """Return q, once the run is seen to be complete."""

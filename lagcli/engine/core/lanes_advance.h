@@ -1,0 +1,402 @@
+/* Runs go into lanes, through their steps, and out; see run.c and dop853.c for one. */
+
+#define NEGLIGIBLE 0.01     /* as in run.c */
+#define STIFF 15
+#define STABLE 6.1          /* as in dop853.c */
+#define NOT_STIFF 6
+#define WORTH 300           /* steps that must be left for another method, as in engine/methods.py */
+#define ORDER 8.0
+
+/* Let the runs in some lanes leave; return the other ones. */
+static int lanes_leave_all(lag_lanes *s, int lanes, int leaving)
+{
+    EACH_LANE (l)
+        if (HAS(leaving & lanes, l))
+            lag_lanes_leave(s, l);
+    return lanes & ~leaving;
+}
+
+static void lanes_finish(lag_lanes *s, int l)
+{
+    if (lanes_complete_samples(s, l, 1)) {
+        lag_lanes_leave(s, l);
+        return;
+    }
+    s->status[s->run[l]] = LAG_LANE_DONE;
+    s->finished[s->finished_count] = s->run[l];
+    s->finished_slots[s->finished_count++] = s->slot[l];
+    s->run[l] = -1;
+}
+
+static int lanes_occupied(const lag_lanes *s)
+{
+    int lanes = 0;
+    EACH_LANE (l)
+        lanes |= (s->run[l] >= 0) << l;
+    return lanes;
+}
+
+/* The 2-norm of a lane of x over the tolerances at y: lag_scaled_norm. */
+static double lanes_norm(const lag_lanes *s, int l, const double *x, const double *y)
+{
+    const int n8 = lag_size(s->system) * LAG_LANES;
+    double sum = 0.0;
+    for (int m = l; m < n8; m += LAG_LANES) {
+        const double e = x[m] / (s->atol + s->rtol * fabs(y[m]));
+        sum += e * e;
+    }
+    return sqrt(sum);
+}
+
+/* The lanes in which n numbers are not all finite. */
+static int lanes_undefined(const double *x, int n)
+{
+    int found = 0;
+    EACH_PART (k) {
+        vec sum = all(0.0);
+        for (int m = k; m < n * LAG_LANES; m += LAG_LANES)
+            sum += READ(x + m);
+        found |= set_of(~(magnitude(sum) <= DBL_MAX), k);
+    }
+    return found;
+}
+
+/* Copy some lanes of n rows. */
+static void lanes_copy(double *to, const double *from, int n, int lanes)
+{
+    EACH_PART (k) {
+        const mask chosen = lanes_of(lanes, k);
+        for (int m = k; m < n * LAG_LANES; m += LAG_LANES)
+            AT(to + m) = choose(chosen, READ(from + m), READ(to + m));
+    }
+}
+
+/* Keep the largest length that each row of B has had in some lanes; the constraint tape holds the
+ * state. Returns the lanes in which a row has none. */
+static int lanes_measure(lag_lanes *s, int lanes)
+{
+    const lag_system *system = s->system;
+    const lag_lane_tape *c = &s->moving.constraint;
+    double *sum = s->moving.work;
+    int none = 0;
+    EACH_PART (k) {
+        const mask measured = lanes_of(lanes, k);
+        for (int i = 0; i < system->nc; ++i)
+            AT(sum + i * LAG_LANES + k) = all(0.0);
+        for (int i = 0; i < system->nb; ++i) {
+            const vec x = READ(OUTPUT(c, system->nh + i) + k);
+            AT(sum + system->jacobian_row[i] * LAG_LANES + k) += x * x;
+        }
+        for (int i = 0; i < system->nc; ++i) {
+            double *kept = s->lengths + i * LAG_LANES + k;
+            const vec length = larger(root(READ(sum + i * LAG_LANES + k)), READ(kept));
+            AT(kept) = choose(measured, length, READ(kept));
+            none |= set_of(~(length > 0.0), k);
+        }
+    }
+    return none & lanes;
+}
+
+/* Put waiting runs into empty lanes, as long as there are slots for their samples; return those
+ * lanes. */
+static int lanes_fill(lag_lanes *s)
+{
+    const lag_system *system = s->system;
+    const int moving = 2 * system->nq, n = moving + 1, count = s->parameters_count;
+    int filled = 0;
+    EACH_LANE (l) {
+        if (s->run[l] >= 0 || s->next == s->runs || !s->free_count)
+            continue;
+        const int64_t run = s->next++;
+        s->run[l] = run;
+        s->slot[l] = s->free_slots[--s->free_count];
+        s->status[run] = LAG_LANE_UNDER_WAY;
+        s->times_next[l] = s->samples_done[l] = 0;
+        s->t[l] = s->t_start;
+        s->error_old[l] = 1e-4;
+        s->after_rejection[l] = s->stiff[l] = s->not_stiff[l] = 0;
+        for (int i = 0; i < count; ++i) {
+            const double x = s->parameters[run * count + i];
+            s->moving.dynamics.registers[(n + i) * LAG_LANES + l] = x;
+            s->moving.constraint.registers[(n + i) * LAG_LANES + l] = x;
+        }
+        for (int i = 0; i < moving; ++i)
+            s->y[i * LAG_LANES + l] = s->states[run * moving + i];
+        s->y[moving * LAG_LANES + l] = 0.0;
+        for (int i = 0; i < system->nh; ++i)
+            s->moving.scale_position[i * LAG_LANES + l] = 0.0;
+        for (int i = 0; i < system->nc; ++i)
+            s->moving.scale_velocity[i * LAG_LANES + l] = s->lengths[i * LAG_LANES + l] = 0.0;
+        filled |= 1 << l;
+    }
+    if (filled) {
+        lanes_run(s->moving.dynamics.prelude, s->moving.dynamics.registers);
+        lanes_run(s->moving.constraint.prelude, s->moving.constraint.registers);
+    }
+    return filled;
+}
+
+/* The first steps of some lanes: Hairer, Norsett & Wanner, II.4. */
+static void lanes_first_steps(lag_lanes *s, int lanes)
+{
+    const int n = lag_size(s->system), n8 = n * LAG_LANES;
+    double d1[LAG_LANES] = {0.0}, h[LAG_LANES] = {0.0}, t[LAG_LANES];
+    double *f = s->stages, *f1 = s->stages + DOP_STAGES * n8;
+    EACH_LANE (l)
+        if (HAS(lanes, l)) {
+            const double d0 = lanes_norm(s, l, s->y, s->y);
+            d1[l] = lanes_norm(s, l, f, s->y);
+            h[l] = d0 < 1e-5 || d1[l] < 1e-5 ? 1e-6 : 0.01 * d0 / d1[l];
+            h[l] = fmin(h[l], fmin(s->h_max, s->t_end - s->t[l]));
+        }
+    EACH_PART (k) {
+        AT(t + k) = READ(s->t + k) + READ(h + k);
+        for (int m = k; m < n8; m += LAG_LANES)
+            AT(s->y_new + m) = READ(s->y + m) + READ(h + k) * READ(f + m);
+    }
+    lanes_evaluate(&s->moving.dynamics, s->system, t, s->y_new);
+    lanes_derivative(&s->moving, f1);
+    EACH_PART (k)
+        for (int m = k; m < n8; m += LAG_LANES)
+            AT(f1 + m) -= READ(f + m);
+    EACH_LANE (l)
+        if (HAS(lanes, l)) {
+            const double d2 = lanes_norm(s, l, f1, s->y) / h[l];
+            if (!isfinite(d2)) {
+                s->h[l] = h[l]; /* the step itself will find a size that is defined */
+                continue;
+            }
+            const double d = fmax(d1[l], d2);
+            const double h1 = d <= 1e-15 ? fmax(1e-6, h[l] * 1e-3) : pow(0.01 / d, 1.0 / ORDER);
+            s->h[l] = fmin(fmin(100.0 * h[l], h1), s->h_max);
+        }
+}
+
+/* Begin the runs in some lanes. */
+static void lanes_begin(lag_lanes *s, int lanes)
+{
+    const lag_system *system = s->system;
+    const int n = lag_size(system);
+    double *f = s->stages + DOP_STAGES * n * LAG_LANES;
+    if (system->nc) {
+        lanes_evaluate(&s->moving.dynamics, system, s->t, s->y);
+        lanes = lanes_leave_all(s, lanes, lanes_project(&s->moving, s->t, s->y, lanes));
+        lanes = lanes_leave_all(s, lanes, lanes_measure(s, lanes));
+    }
+    lanes_evaluate(&s->moving.dynamics, system, s->t, s->y);
+    lanes_derivative(&s->moving, f);
+    lanes = lanes_leave_all(s, lanes, lanes_undefined(f, n));
+    lanes_copy(s->stages, f, n, lanes);
+    EACH_LANE (l)
+        if (HAS(lanes, l)) {
+            s->counts[3 * s->run[l] + 2] += 2;
+            if (s->watching)
+                lanes_watch_start(s, l);
+            while (lanes_due(s, l, s->t[l]))
+                lanes_take(s, l, s->y);
+        }
+    lanes_first_steps(s, lanes);
+}
+
+/* The size of a lane's next step, cut at t_end; 0 where it is below the floor. */
+static double lanes_step_size(const lag_lanes *s, int l)
+{
+    const double t = s->t[l], h = s->h[l];
+    if (!(h > 10.0 * DBL_EPSILON * fabs(t)) || !(h > DBL_MIN * 1e10))
+        return 0.0;
+    return t + 1.01 * h >= s->t_end ? s->t_end - t : h;
+}
+
+/* Settle which steps are accepted, and the sizes of the next ones; return the lanes that go on. */
+static int lanes_judge(lag_lanes *s, int lanes, const double *h, const double *error)
+{
+    int accepted = 0;
+    EACH_LANE (l) {
+        if (!HAS(lanes, l))
+            continue;
+        s->counts[3 * s->run[l] + 2] += DOP_STAGES;
+        if (error[l] <= 1.0) {
+            /* PI control, Hairer & Wanner IV.2, with beta = 0.04 */
+            double factor = 10.0;
+            if (error[l] > 0.0)
+                factor = 0.9 * pow(error[l], -1.0 / ORDER + 0.03) * pow(s->error_old[l], 0.04);
+            factor = fmin(fmax(factor, 0.2), s->after_rejection[l] ? 1.0 : 10.0);
+            s->error_old[l] = fmax(error[l], 1e-4);
+            s->after_rejection[l] = 0;
+            s->h[l] = fmin(h[l] * factor, s->h_max);
+            ++s->counts[3 * s->run[l]];
+            accepted |= 1 << l;
+        } else {
+            s->h[l] = h[l] * fmax(0.9 * pow(error[l], -1.0 / ORDER), 0.2);
+            s->after_rejection[l] = 1;
+            ++s->counts[3 * s->run[l] + 1];
+        }
+    }
+    return accepted;
+}
+
+/* The lanes of accepted steps in which stability, not the error, has limited the steps for a while,
+ * and with many to come. */
+static int lanes_stiff(lag_lanes *s, int lanes, const double *h)
+{
+    double product[LAG_LANES];
+    int found = 0;
+    lanes_stiffness(s, h, product);
+    EACH_LANE (l) {
+        if (!HAS(lanes, l))
+            continue;
+        if (product[l] > STABLE) {
+            s->not_stiff[l] = 0;
+            ++s->stiff[l];
+        } else if (++s->not_stiff[l] == NOT_STIFF) {
+            s->stiff[l] = 0;
+        }
+        if (s->stiff[l] >= STIFF) {
+            s->stiff[l] = 0;
+            if (s->t_end - s->t[l] > WORTH * h[l])
+                found |= 1 << l;
+        }
+    }
+    return found;
+}
+
+/* The lanes in which the projection moved the state enough for another y'. */
+static int lanes_moved(const lag_lanes *s)
+{
+    const int n8 = lag_size(s->system) * LAG_LANES;
+    int found = 0;
+    EACH_PART (k) {
+        vec sum = all(0.0);
+        for (int m = k; m < n8; m += LAG_LANES) {
+            const vec y = READ(s->projected + m);
+            const vec e = (y - READ(s->y_new + m)) / (s->atol + s->rtol * magnitude(y));
+            sum += e * e;
+        }
+        found |= set_of(sum > NEGLIGIBLE * NEGLIGIBLE, k);
+    }
+    return found;
+}
+
+/* Go to the ends of accepted steps; return the lanes that arrive. */
+static int lanes_arrive(lag_lanes *s, int lanes, const double *h, double *end)
+{
+    const lag_system *system = s->system;
+    const int n8 = lag_size(system) * LAG_LANES;
+    EACH_LANE (l)
+        end[l] = h[l] == s->t_end - s->t[l] ? s->t_end : s->t[l] + h[l];
+    lanes = lanes_leave_all(s, lanes, lanes_inaccurate(&s->moving, s->rtol));
+    if (s->detecting)
+        lanes = lanes_leave_all(s, lanes, lanes_stiff(s, lanes, h));
+    memcpy(s->projected, s->y_new, (size_t)n8 * sizeof(double));
+    if (system->nc) {
+        lanes = lanes_leave_all(s, lanes, lanes_project(&s->moving, end, s->projected, lanes));
+        lanes_measure(s, lanes);
+    }
+    if (s->watching)
+        EACH_LANE (l)
+            if (HAS(lanes, l) && lanes_singular(s, l, h[l], lanes_alarmed(s, l)))
+                lanes = lanes_leave_all(s, lanes, 1 << l);
+    return lanes;
+}
+
+/* Begin the next steps at the ends of the last. */
+static void lanes_go_on(lag_lanes *s, int lanes, const double *end)
+{
+    const lag_system *system = s->system;
+    const int n = lag_size(system), nq8 = system->nq * LAG_LANES;
+    double *f = s->stages + DOP_STAGES * n * LAG_LANES;
+    const int moved = system->nc ? lanes & lanes_moved(s) : 0;
+    if (moved) {
+        lanes_evaluate(&s->moving.dynamics, system, end, s->projected);
+        lanes_derivative(&s->moving, s->before);
+        lanes_copy(f, s->before, n, moved);
+    }
+    /* f holds q' = v exactly in any case */
+    memcpy(f, s->projected + nq8, (size_t)nq8 * sizeof(double));
+    lanes_copy(s->stages, f, n, lanes);
+    lanes_copy(s->y, s->projected, n, lanes);
+    EACH_LANE (l)
+        if (HAS(lanes, l)) {
+            s->counts[3 * s->run[l] + 2] += HAS(moved, l);
+            s->t[l] = end[l];
+        }
+}
+
+/* Try one step in each lane. */
+static void lanes_attempt(lag_lanes *s, int lanes)
+{
+    double h[LAG_LANES] = {0.0}, error[LAG_LANES], end[LAG_LANES];
+    EACH_LANE (l)
+        if (HAS(lanes, l) && (h[l] = lanes_step_size(s, l)) == 0.0)
+            lanes = lanes_leave_all(s, lanes, 1 << l);
+    if (!lanes)
+        return;
+    lanes_stages(s, h);
+    lanes_errors(s, h, error);
+    lanes = lanes_judge(s, lanes, h, error);
+    if (!lanes)
+        return;
+    lanes = lanes_arrive(s, lanes, h, end);
+    lanes_sample_steps(s, lanes, h, end);
+    lanes_go_on(s, lanes, end);
+    EACH_LANE (l) {
+        if (!HAS(lanes, l))
+            continue;
+        if (s->t[l] >= s->t_end)
+            lanes_finish(s, l);
+        else if (s->counts[3 * s->run[l]] >= s->max_steps || lanes_complete_samples(s, l, 0))
+            lag_lanes_leave(s, l);
+    }
+}
+
+static int lanes_advance(lag_lanes *s, long attempts)
+{
+    for (;;) {
+        const int filled = lanes_fill(s);
+        if (filled) {
+            lanes_begin(s, filled);
+            continue; /* a run may have left at once */
+        }
+        const int lanes = lanes_occupied(s);
+        if (lanes != ALL_LANES && s->next < s->runs)
+            return LAG_BLOCK_FULL;
+        if (!lanes)
+            return LAG_DONE;
+        if (attempts-- <= 0)
+            return LAG_RUNNING;
+        lanes_attempt(s, lanes);
+    }
+}
+
+static void lanes_table(const lag_lane_tape *tape, const double *parameters, int parameters_count,
+                        const double *table, long rows, int columns, long width, int outputs,
+                        double *out)
+{
+    double *r = tape->registers;
+    for (int i = 0; i < parameters_count; ++i)
+        EACH_PART (k)
+            AT(r + (columns + i) * LAG_LANES + k) = all(parameters[i]);
+    lanes_run(tape->prelude, r);
+    for (long first = 0; first < rows; first += LAG_LANES) {
+        const int count = rows - first < LAG_LANES ? (int)(rows - first) : LAG_LANES;
+        EACH_LANE (l) {
+            const double *row = table + (first + (l < count ? l : count - 1)) * width;
+            for (int i = 0; i < columns; ++i)
+                r[i * LAG_LANES + l] = row[i];
+        }
+        lanes_run(tape->stream, r);
+        for (int i = 0; i < outputs; ++i)
+            for (int l = 0; l < count; ++l)
+                out[i * rows + first + l] = OUTPUT(tape, i)[l];
+    }
+}
+
+static void lanes_sincos(const double *x, double *sine, double *cosine)
+{
+    EACH_PART (k) {
+        vec a, b;
+        vec_sincos(READ(x + k), &a, &b);
+        AT(sine + k) = a;
+        AT(cosine + k) = b;
+    }
+}

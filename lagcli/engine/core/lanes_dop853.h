@@ -1,0 +1,156 @@
+/* A step of DOP853 in eight lanes, each of its own size; see dop853.c for one. */
+#include "dop853_tableau.h"
+
+/* Stages at which singular configurations are watched for, as in dop853.c. */
+static const int lanes_watched[DOP_STAGES + 1] = {[2] = 1, [5] = 1, [9] = 1, [10] = 1,
+                                                  [DOP_STAGES] = 1};
+
+/* y = base + h times the sum of `count` stages with weights, of which many are zero; `rows` of n. */
+static void lanes_add_stages(const double *base, const double *stages, const double *weight,
+                             int count, const double *h, int n, int rows, double *y)
+{
+    int used[DOP_ALL_STAGES];
+    double w[DOP_ALL_STAGES];
+    int terms = 0;
+    for (int j = 0; j < count; ++j)
+        if (weight[j] != 0.0) {
+            used[terms] = j * n * LAG_LANES;
+            w[terms++] = weight[j];
+        }
+    for (int m = 0; m < rows * LAG_LANES; m += LAG_LANES)
+        EACH_PART (k) {
+            vec sum = w[0] * READ(stages + used[0] + m + k);
+            for (int j = 1; j < terms; ++j)
+                sum += w[j] * READ(stages + used[j] + m + k);
+            AT(y + m + k) = READ(base + m + k) + READ(h + k) * sum;
+        }
+}
+
+/* y' at a stage: y = base + h times a sum of the stages before it. */
+static void lanes_stage(lag_lanes *s, int stage, int end, const double *h)
+{
+    const int n = lag_size(s->system), n8 = n * LAG_LANES;
+    const lag_lane_tape *d = &s->moving.dynamics;
+    const double c = end ? 1.0 : dop_c[stage];
+    /* q and v are sent where the tape reads them */
+    EACH_PART (k)
+        AT(d->registers + k) = READ(s->t + k) + c * READ(h + k);
+    lanes_add_stages(s->y, s->stages, end ? dop_b : dop_a[stage], stage, h, n, n - 1,
+                     d->registers + LAG_LANES);
+    lanes_run(d->stream, d->registers);
+    lanes_derivative(&s->moving, s->stages + stage * n8);
+}
+
+/* All stages of a step; y_new is its end, where the dynamics tape then stands. */
+static void lanes_stages(lag_lanes *s, const double *h)
+{
+    const int n = lag_size(s->system);
+    const size_t moving = 2 * (size_t)s->system->nq * LAG_LANES * sizeof(double);
+    const double *y = s->moving.dynamics.registers + LAG_LANES;
+    EACH_LANE (l) {
+        s->kept[l] = INFINITY;
+        s->most_kept[l] = 0.0;
+    }
+    for (int i = 1; i <= DOP_STAGES; ++i) {
+        lanes_stage(s, i, i == DOP_STAGES, h);
+        if (s->detecting && i == DOP_STAGES - 1)
+            memcpy(s->before, y, moving);
+        if (s->watching && lanes_watched[i])
+            lanes_watch_stage(s);
+    }
+    memcpy(s->y_new, y, moving);
+    const int work = (n - 1) * LAG_LANES;
+    lanes_add_stages(s->y + work, s->stages + work, dop_b, DOP_STAGES, h, n, 1, s->y_new + work);
+}
+
+/* The errors of a step over the tolerances (of lanes). */
+static void lanes_errors(const lag_lanes *s, const double *h, double *error)
+{
+    const int n8 = lag_size(s->system) * LAG_LANES;
+    EACH_PART (k) {
+        vec e5 = all(0.0), e3 = all(0.0);
+        for (int m = k; m < n8; m += LAG_LANES) {
+            vec x5 = all(0.0), x3 = all(0.0);
+            for (int i = 0; i <= DOP_STAGES; ++i) {
+                if (dop_e5[i] == 0.0 && dop_e3[i] == 0.0)
+                    continue;
+                const vec stage = READ(s->stages + i * n8 + m);
+                x5 += dop_e5[i] * stage;
+                x3 += dop_e3[i] * stage;
+            }
+            const vec size = larger(magnitude(READ(s->y + m)), magnitude(READ(s->y_new + m)));
+            const vec scale = 1.0 / (s->atol + s->rtol * size);
+            x5 *= scale;
+            x3 *= scale;
+            e5 += x5 * x5;
+            e3 += x3 * x3;
+        }
+        const vec below = e5 + 0.01 * e3;
+        const vec found = READ(h + k) * e5 / root(below);
+        /* numbers that overflow are no small error */
+        const vec defined = choose(below > 0.0, found, all(0.0));
+        AT(error + k) = choose(below <= DBL_MAX, defined, all(INFINITY));
+    }
+}
+
+/* h times the dominant eigenvalue, about, of the last step (of lanes); see dop853.c. */
+static void lanes_stiffness(const lag_lanes *s, const double *h, double *product)
+{
+    const int n8 = lag_size(s->system) * LAG_LANES;
+    const double *last = s->stages + DOP_STAGES * n8, *k_before = last - n8;
+    EACH_PART (k) {
+        vec rise = all(0.0), length = all(0.0);
+        for (int m = k; m < n8 - LAG_LANES; m += LAG_LANES) {
+            const vec df = READ(last + m) - READ(k_before + m);
+            const vec dy = READ(s->y_new + m) - READ(s->before + m);
+            rise += df * df;
+            length += dy * dy;
+        }
+        const vec found = READ(h + k) * root(rise / length);
+        AT(product + k) = choose(length > 0.0, found, all(0.0));
+    }
+}
+
+/* The coefficients of the dense output of the step from y to y_new. */
+static void lanes_dense(lag_lanes *s, const double *h)
+{
+    const int n8 = lag_size(s->system) * LAG_LANES;
+    double *d = s->dense;
+    for (int i = DOP_STAGES + 1; i < DOP_ALL_STAGES; ++i)
+        lanes_stage(s, i, 0, h);
+    EACH_PART (k) {
+        const vec size = READ(h + k);
+        for (int m = k; m < n8; m += LAG_LANES) {
+            const vec first = READ(s->stages + m), last = READ(s->stages + DOP_STAGES * n8 + m);
+            const vec delta = READ(s->y_new + m) - READ(s->y + m);
+            AT(d + m) = delta;
+            AT(d + n8 + m) = size * first - delta;
+            AT(d + 2 * n8 + m) = 2.0 * delta - size * (last + first);
+            vec sum[4] = {all(0.0), all(0.0), all(0.0), all(0.0)};
+            for (int j = 0; j < DOP_ALL_STAGES; ++j) {
+                const vec stage = READ(s->stages + j * n8 + m);
+                if (dop_d[0][j] != 0.0)
+                    for (int i = 0; i < 4; ++i)
+                        sum[i] += dop_d[i][j] * stage;
+            }
+            for (int i = 0; i < 4; ++i)
+                AT(d + (3 + i) * n8 + m) = size * sum[i];
+        }
+    }
+}
+
+/* The dense output at the part x (of lanes) of the step. */
+static void lanes_dense_at(const lag_lanes *s, const double *x, double *y)
+{
+    const int n8 = lag_size(s->system) * LAG_LANES;
+    const double *d = s->dense;
+    EACH_PART (k) {
+        const vec up = READ(x + k), down = 1.0 - up;
+        for (int m = k; m < n8; m += LAG_LANES) {
+            vec sum = all(0.0);
+            for (int i = 6; i >= 0; --i)
+                sum = (sum + READ(d + i * n8 + m)) * (i % 2 == 0 ? up : down);
+            AT(y + m) = READ(s->y + m) + sum;
+        }
+    }
+}

@@ -1,0 +1,128 @@
+/* Projection onto the constraints in eight lanes; see project.c for one. */
+
+#define PROJECTIONS 10      /* as in project.c */
+#define RESIDUAL 2e-15
+#define NOT_REACHED 1e-10
+
+/* Put the largest residual over its scale to worst and the residuals' sum to sum (of lanes); measure
+ * the scales of some lanes. */
+static void lanes_positions(const lag_octet *o, int lanes, double *worst, double *sum)
+{
+    const lag_system *s = o->system;
+    const lag_lane_tape *c = &o->constraint;
+    EACH_PART (k) {
+        const mask measured = lanes_of(lanes, k);
+        vec largest = all(0.0), total = all(0.0);
+        for (int i = 0; i < s->nh; ++i) {
+            double *kept = o->scale_position + i * LAG_LANES + k;
+            const vec phi = READ(OUTPUT(c, i) + k);
+            const vec scale = larger(READ(OUTPUT(c, s->nh + s->nb + s->nc + i) + k), READ(kept));
+            AT(kept) = choose(measured, scale, READ(kept));
+            largest = larger(magnitude(phi) / larger(scale, all(1e-300)), largest);
+            total += phi;
+        }
+        AT(worst + k) = largest;
+        AT(sum + k) = total;
+    }
+}
+
+/* Put (0, -psi) in the right side; measure the scales of some lanes, and return those of them in
+ * which psi is not yet met. */
+static int lanes_velocities(const lag_octet *o, int lanes, const double *y)
+{
+    const lag_system *s = o->system;
+    const lag_lane_tape *c = &o->constraint;
+    const int nq = s->nq, nc = s->nc;
+    double *psi = o->right + nq * LAG_LANES;
+    int open = 0;
+    memset(o->right, 0, (size_t)nq * LAG_LANES * sizeof(double));
+    EACH_PART (k) {
+        const mask measured = lanes_of(lanes, k);
+        mask unmet = {0};
+        for (int i = 0; i < nc; ++i)
+            AT(psi + i * LAG_LANES + k) = -READ(OUTPUT(c, s->nh + s->nb + i) + k);
+        for (int i = 0; i < s->nb; ++i)
+            AT(psi + s->jacobian_row[i] * LAG_LANES + k) -=
+                READ(OUTPUT(c, s->nh + i) + k)
+                * READ(y + (nq + s->jacobian_column[i]) * LAG_LANES + k);
+        for (int i = 0; i < nc; ++i) {
+            double *kept = o->scale_velocity + i * LAG_LANES + k;
+            const vec given = READ(OUTPUT(c, s->nh + s->nb + nc + s->nh + i) + k);
+            const vec scale = larger(given, READ(kept));
+            AT(kept) = choose(measured, scale, READ(kept));
+            unmet |= ~(magnitude(READ(psi + i * LAG_LANES + k)) <= RESIDUAL * scale);
+        }
+        open |= set_of(unmet & measured, k);
+    }
+    return open;
+}
+
+/* Add a change to `count` rows in some lanes. */
+static void lanes_move(double *y, const double *change, int count, int lanes)
+{
+    EACH_PART (k) {
+        const mask moving = lanes_of(lanes, k);
+        for (int i = k; i < count * LAG_LANES; i += LAG_LANES)
+            AT(y + i) += choose(moving, READ(change + i), all(0.0));
+    }
+}
+
+/*
+ * Bring y at t (of lanes) onto the constraints, in some lanes; the dynamics tape holds the factors at
+ * y or nearby. The constraint tape then holds the state reached. Returns the lanes in which that
+ * failed.
+ */
+static int lanes_project(const lag_octet *o, const double *t, double *y, int lanes)
+{
+    const lag_system *s = o->system;
+    const lag_lane_tape *c = &o->constraint;
+    const int nq = s->nq, nh = s->nh;
+    int open = lanes, failed = 0, restored = 0;
+    double best[LAG_LANES], worst[LAG_LANES], sum[LAG_LANES];
+    EACH_LANE (l)
+        best[l] = INFINITY;
+    for (int iteration = 0; iteration < PROJECTIONS && open; ++iteration) {
+        lanes_evaluate(c, s, t, y);
+        lanes_positions(o, lanes, worst, sum);
+        EACH_LANE (l) {
+            if (!HAS(open, l))
+                continue;
+            int met = worst[l] <= RESIDUAL;
+            if (!isfinite(sum[l])) {
+                failed |= 1 << l;
+                met = 1;
+            } else if (best[l] <= NOT_REACHED && worst[l] >= 0.5 * best[l] && !met) {
+                /* rounding error is reached: the better of the last two */
+                met = 1;
+                if (worst[l] > best[l]) {
+                    restored |= 1 << l;
+                    for (int i = l; i < nq * LAG_LANES; i += LAG_LANES)
+                        y[i] = o->trial[i];
+                }
+            }
+            best[l] = worst[l];
+            open &= ~(met << l);
+        }
+        if (!open)
+            break;
+        memcpy(o->trial, y, (size_t)nq * LAG_LANES * sizeof(double));
+        memset(o->right, 0, (size_t)(nq + s->nc) * LAG_LANES * sizeof(double));
+        EACH_PART (k)
+            for (int i = 0; i < nh; ++i)
+                AT(o->right + (nq + s->holonomic[i]) * LAG_LANES + k) = -READ(OUTPUT(c, i) + k);
+        lanes_solve(o, o->right);
+        lanes_move(y, o->right, nq, open);
+    }
+    failed |= open;
+    if (restored)
+        lanes_evaluate(c, s, t, y);
+    /* linear in the velocities: the second time removes rounding */
+    for (int iteration = 0; iteration < 2; ++iteration) {
+        open = lanes_velocities(o, lanes & ~failed, y);
+        if (!open)
+            break;
+        lanes_solve(o, o->right);
+        lanes_move(y + nq * LAG_LANES, o->right, nq, open);
+    }
+    return failed;
+}

@@ -1,0 +1,128 @@
+/* Samples: taken from the dense output of the steps in the lanes, then brought onto the constraints
+ * eight at a time for each run; see run.c for one. */
+
+#define TOGETHER 64         /* samples of a run that are waited for */
+
+/* Where a sample of a lane's run is written. */
+static double *lanes_row(const lag_lanes *s, int l, int64_t sample)
+{
+    const int64_t width = 2 + 3 * s->system->nq + s->system->nc;
+    return s->samples + (s->slot[l] * s->times_count + sample) * width;
+}
+
+/* Write t, q, v and W of a lane's next sample; y is of lanes. */
+static void lanes_take(lag_lanes *s, int l, const double *y)
+{
+    const int moving = 2 * s->system->nq, width = 2 + 3 * s->system->nq + s->system->nc;
+    double *row = lanes_row(s, l, s->times_next[l]);
+    row[0] = s->times[s->times_next[l]];
+    for (int i = 0; i < moving; ++i)
+        row[1 + i] = y[i * LAG_LANES + l];
+    row[width - 1] = y[moving * LAG_LANES + l];
+    ++s->times_next[l];
+}
+
+static int lanes_due(const lag_lanes *s, int l, double end)
+{
+    return s->times_next[l] < s->times_count && s->times[s->times_next[l]] <= end;
+}
+
+/* Take the samples that lie in the steps of size h of some lanes. */
+static void lanes_sample_steps(lag_lanes *s, int lanes, const double *h, const double *end)
+{
+    double x[LAG_LANES] = {0.0};
+    int due = 0;
+    EACH_LANE (l)
+        if (HAS(lanes, l) && lanes_due(s, l, end[l])) {
+            due |= 1 << l;
+            s->counts[3 * s->run[l] + 2] += DOP_ALL_STAGES - DOP_STAGES - 1;
+        }
+    if (!due)
+        return;
+    lanes_dense(s, h);
+    while (due) {
+        EACH_LANE (l)
+            if (HAS(due, l))
+                x[l] = (s->times[s->times_next[l]] - s->t[l]) / h[l];
+        lanes_dense_at(s, x, s->dense_y);
+        EACH_LANE (l)
+            if (HAS(due, l)) {
+                lanes_take(s, l, s->dense_y);
+                if (!lanes_due(s, l, end[l]))
+                    due &= ~(1 << l);
+            }
+    }
+}
+
+/* Give the parameters and scales of a lane to all lanes of the samples. */
+static void lanes_spread(lag_lanes *s, int l)
+{
+    const lag_octet *from = &s->moving, *to = &s->sampled;
+    const int first = 1 + 2 * s->system->nq, last = first + s->parameters_count;
+    EACH_PART (k)
+        for (int i = first; i < last; ++i) {
+            AT(to->dynamics.registers + i * LAG_LANES + k) =
+                all(from->dynamics.registers[i * LAG_LANES + l]);
+            AT(to->constraint.registers + i * LAG_LANES + k) =
+                all(from->constraint.registers[i * LAG_LANES + l]);
+        }
+    lanes_run(to->dynamics.prelude, to->dynamics.registers);
+    lanes_run(to->constraint.prelude, to->constraint.registers);
+}
+
+/* Bring `count` samples, at most eight, of a lane's run onto the constraints, and find their a and
+ * lambda. Returns 0, or 1 where that fails. */
+static int lanes_complete(lag_lanes *s, int l, int64_t first, int count)
+{
+    const lag_system *system = s->system;
+    const lag_octet *o = &s->sampled;
+    const int nq = system->nq, nc = system->nc, n = nq + nc;
+    double t[LAG_LANES], *y = s->dense_y, total = 0.0;
+    EACH_LANE (i) {
+        const double *row = lanes_row(s, l, first + (i < count ? i : count - 1));
+        t[i] = row[0];
+        for (int m = 0; m < 2 * nq; ++m)
+            y[m * LAG_LANES + i] = row[1 + m];
+    }
+    if (nc) {
+        for (int i = 0; i < system->nh * LAG_LANES; ++i)
+            o->scale_position[i] = s->moving.scale_position[i / LAG_LANES * LAG_LANES + l];
+        for (int i = 0; i < nc * LAG_LANES; ++i)
+            o->scale_velocity[i] = s->moving.scale_velocity[i / LAG_LANES * LAG_LANES + l];
+        lanes_evaluate(&o->dynamics, system, t, y);
+        if (lanes_project(o, t, y, ALL_LANES))
+            return 1;
+    }
+    lanes_evaluate(&o->dynamics, system, t, y);
+    lanes_refined(o, o->x);
+    for (int i = 0; i < count; ++i) {
+        double *row = lanes_row(s, l, first + i) + 1;
+        for (int m = 0; m < 2 * nq; ++m)
+            row[m] = y[m * LAG_LANES + i];
+        for (int m = 0; m < n; ++m) {
+            const double x = o->x[m * LAG_LANES + i];
+            row[2 * nq + m] = m < nq ? x : -x;
+            total += x;
+        }
+    }
+    return !isfinite(total);
+}
+
+/* Complete the samples of a lane's run that can be done eight at a time, or all that were taken.
+ * Returns 0, or 1 where that fails. */
+static int lanes_complete_samples(lag_lanes *s, int l, int all_taken)
+{
+    int64_t waiting = s->times_next[l] - s->samples_done[l];
+    if (!waiting || (waiting < TOGETHER && !all_taken))
+        return 0;
+    lanes_spread(s, l);
+    while (waiting >= LAG_LANES || (all_taken && waiting)) {
+        const int count = waiting < LAG_LANES ? (int)waiting : LAG_LANES;
+        if (lanes_complete(s, l, s->samples_done[l], count))
+            return 1;
+        s->samples_done[l] += count;
+        s->counts[3 * s->run[l] + 2] += count;
+        waiting -= count;
+    }
+    return 0;
+}

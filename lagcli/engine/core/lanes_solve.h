@@ -1,0 +1,194 @@
+/* What the dynamics tapes of eight lanes hold: matrices, factors, solutions; see motion.c for one. */
+
+#define ACCURATE 0.1        /* as in motion.c */
+#define LEAST_ACCURATE 1e-9
+#define MOST_ACCURATE 1e-12
+#define NEXT_TO_ALL 1e-4
+
+/* An output of a tape, eight numbers. */
+#define OUTPUT(tape, i) ((tape)->registers + (tape)->outputs[i])
+
+/* Where the outputs of the dynamics tape begin. */
+INLINE int at_forcing(const lag_system *s)
+{
+    return s->nm;
+}
+
+INLINE int at_jacobian(const lag_system *s)
+{
+    return s->nm + s->nq;
+}
+
+INLINE int at_rhs(const lag_system *s)
+{
+    return s->nm + s->nq + s->nb;
+}
+
+INLINE int at_power(const lag_system *s)
+{
+    return s->nm + s->nq + s->nb + s->nc;
+}
+
+INLINE int at_solution(const lag_system *s)
+{
+    return at_power(s) + 1;
+}
+
+INLINE int at_factors(const lag_system *s)
+{
+    return at_solution(s) + s->nq + s->nc;
+}
+
+/* Put t (of lanes) and q, v (of lanes) in a tape's inputs and run it. */
+static void lanes_evaluate(const lag_lane_tape *tape, const lag_system *s, const double *t,
+                           const double *y)
+{
+    memcpy(tape->registers, t, LAG_LANES * sizeof(double));
+    memcpy(tape->registers + LAG_LANES, y, 2 * (size_t)s->nq * LAG_LANES * sizeof(double));
+    lanes_run(tape->stream, tape->registers);
+}
+
+/* y' (of lanes) at the state that the dynamics tape holds. */
+static void lanes_derivative(const lag_octet *o, double *f)
+{
+    const lag_system *s = o->system;
+    const lag_lane_tape *d = &o->dynamics;
+    const int nq = s->nq;
+    const double *v = d->registers + (1 + nq) * LAG_LANES;
+    memcpy(f, v, (size_t)nq * LAG_LANES * sizeof(double));
+    for (int i = 0; i < nq; ++i)
+        memcpy(f + (nq + i) * LAG_LANES, OUTPUT(d, at_solution(s) + i),
+               LAG_LANES * sizeof(double));
+    EACH_PART (k) {
+        vec power = READ(OUTPUT(d, at_power(s)) + k);
+        for (int i = 0; i < s->nb; ++i)
+            power += READ(OUTPUT(d, at_solution(s) + nq + s->jacobian_row[i]) + k)
+                     * READ(OUTPUT(d, at_jacobian(s) + i) + k)
+                     * READ(v + s->jacobian_column[i] * LAG_LANES + k);
+        AT(f + 2 * nq * LAG_LANES + k) = power;
+    }
+}
+
+/* Solve [[M, B'], [B, 0]] x = x with the factors that the dynamics tape holds. */
+static void lanes_solve(const lag_octet *o, double *x)
+{
+    const lag_ldl *f = o->ldl;
+    const int n = f->n;
+    const int32_t *diagonal = o->dynamics.outputs + at_factors(o->system);
+    const int32_t *beside = diagonal + n, *lower = beside + n;
+    const double *r = o->dynamics.registers;
+    double *z = o->work;
+    EACH_PART (k) {
+        for (int i = 0; i < n; ++i)
+            AT(z + i * LAG_LANES + k) = READ(x + f->order[i] * LAG_LANES + k);
+        for (int i = 0; i < n; ++i) {
+            const vec y = READ(z + i * LAG_LANES + k);
+            for (int e = f->start[i]; e < f->start[i + 1]; ++e)
+                AT(z + f->row[e] * LAG_LANES + k) -= READ(r + lower[e] + k) * y;
+        }
+        for (int i = n - 1; i >= 0; --i) {
+            vec sum = READ(z + i * LAG_LANES + k);
+            if (f->paired[i]) {
+                /* its other half was divided, and substituted, just before */
+                sum = READ(x + f->order[i] * LAG_LANES + k);
+            } else if (i && f->paired[i - 1]) {
+                const vec one = READ(z + (i - 1) * LAG_LANES + k);
+                const vec off = READ(r + beside[i - 1] + k);
+                AT(x + f->order[i - 1] * LAG_LANES + k) = READ(r + diagonal[i - 1] + k) * one
+                                                          + off * sum;
+                sum = off * one + READ(r + diagonal[i] + k) * sum;
+            } else {
+                sum *= READ(r + diagonal[i] + k);
+            }
+            for (int e = f->start[i]; e < f->start[i + 1]; ++e)
+                sum -= READ(r + lower[e] + k) * READ(z + f->row[e] * LAG_LANES + k);
+            AT(z + i * LAG_LANES + k) = sum;
+            AT(x + f->order[i] * LAG_LANES + k) = sum;
+        }
+    }
+}
+
+/* (f, gamma) less the matrix times x = (a, -lambda), to r; the sums of the magnitudes to size, where
+ * it is given. */
+static void lanes_residual(const lag_octet *o, const double *x, double *r, double *size)
+{
+    const lag_system *s = o->system;
+    const lag_lane_tape *d = &o->dynamics;
+    const int nq = s->nq, n = nq + s->nc;
+    EACH_PART (k) {
+        for (int i = 0; i < n; ++i) {
+            const int output = i < nq ? at_forcing(s) + i : at_rhs(s) + i - nq;
+            const vec right = READ(OUTPUT(d, output) + k);
+            AT(r + i * LAG_LANES + k) = right;
+            if (size)
+                AT(size + i * LAG_LANES + k) = magnitude(right);
+        }
+        for (int i = 0; i < s->nm; ++i) {
+            const int row = s->mass_row[i] * LAG_LANES + k;
+            const vec part = READ(OUTPUT(d, i) + k)
+                             * READ(x + s->mass_column[i] * LAG_LANES + k);
+            AT(r + row) -= part;
+            if (size)
+                AT(size + row) += magnitude(part);
+        }
+        for (int i = 0; i < s->nb; ++i) {
+            const int row = (nq + s->jacobian_row[i]) * LAG_LANES + k;
+            const int column = s->jacobian_column[i] * LAG_LANES + k;
+            const vec b = READ(OUTPUT(d, at_jacobian(s) + i) + k);
+            const vec one = b * READ(x + column), other = b * READ(x + row);
+            AT(r + row) -= one;
+            AT(r + column) -= other;
+            if (size) {
+                AT(size + row) += magnitude(one);
+                AT(size + column) += magnitude(other);
+            }
+        }
+    }
+}
+
+/* x = (a, -lambda) as the dynamics tape gives it. */
+static void lanes_solution(const lag_octet *o, double *x)
+{
+    const lag_system *s = o->system;
+    const int nq = s->nq, n = nq + s->nc;
+    EACH_PART (k)
+        for (int i = 0; i < n; ++i) {
+            const vec given = READ(OUTPUT(&o->dynamics, at_solution(s) + i) + k);
+            AT(x + i * LAG_LANES + k) = i < nq ? given : -given;
+        }
+}
+
+/* x = (a, -lambda), with one step of iterative refinement. */
+static void lanes_refined(const lag_octet *o, double *x)
+{
+    const int n = o->ldl->n * LAG_LANES;
+    lanes_solution(o, x);
+    lanes_residual(o, x, o->right, 0);
+    lanes_solve(o, o->right);
+    EACH_PART (k)
+        for (int i = k; i < n; i += LAG_LANES)
+            AT(x + i) += READ(o->right + i);
+}
+
+/* The lanes in which the elimination is less accurate than it need be: lag_inaccurate of motion.c. */
+static int lanes_inaccurate(const lag_octet *o, double rtol)
+{
+    const int n = o->ldl->n;
+    double *r = o->work, *size = o->work + n * LAG_LANES;
+    const double allowed = fmin(fmax(ACCURATE * rtol, MOST_ACCURATE), LEAST_ACCURATE);
+    int found = 0;
+    lanes_solution(o, o->x);
+    lanes_residual(o, o->x, r, size);
+    EACH_PART (k) {
+        vec largest = all(0.0);
+        mask bad = {0};
+        for (int i = 0; i < n; ++i)
+            largest = larger(READ(size + i * LAG_LANES + k), largest);
+        for (int i = 0; i < n; ++i) {
+            const vec bound = READ(size + i * LAG_LANES + k) + NEXT_TO_ALL * largest;
+            bad |= ~(magnitude(READ(r + i * LAG_LANES + k)) <= allowed * bound);
+        }
+        found |= set_of(bad, k);
+    }
+    return found;
+}

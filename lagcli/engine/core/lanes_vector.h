@@ -1,0 +1,83 @@
+/* Vectors of the width that the processor has: VEC_BYTES; a part of the LAG_LANES numbers. */
+#include <float.h>
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "lanes.h"
+
+#define VEC (VEC_BYTES / 8)
+typedef double vec __attribute__((vector_size(VEC_BYTES)));
+typedef int64_t mask __attribute__((vector_size(VEC_BYTES)));
+/* the same in memory, wherever doubles may lie */
+typedef double vec_at __attribute__((vector_size(VEC_BYTES), aligned(8), may_alias));
+typedef int64_t mask_at __attribute__((vector_size(VEC_BYTES), aligned(8), may_alias));
+
+/* The parts of eight lanes, one after the other. */
+#define EACH_PART(k) for (int k = 0; k < LAG_LANES; k += VEC)
+#define EACH_LANE(l) for (int l = 0; l < LAG_LANES; ++l)
+#define AT(pointer) (*(vec_at *)(pointer))
+#define READ(pointer) ((vec)*(const vec_at *)(pointer))
+#define INLINE static inline __attribute__((always_inline))
+
+INLINE vec all(double x)
+{
+    return x - (vec){0.0};
+}
+
+INLINE vec choose(mask m, vec a, vec b)
+{
+    return (vec)((m & (mask)a) | (~m & (mask)b));
+}
+
+INLINE vec larger(vec a, vec b)
+{
+    return choose(a > b, a, b);
+}
+
+INLINE vec smaller(vec a, vec b)
+{
+    return choose(a < b, a, b);
+}
+
+INLINE vec magnitude(vec x)
+{
+    return (vec)((mask)x & INT64_MAX);
+}
+
+INLINE vec root(vec x)
+{
+    vec y;
+    for (int i = 0; i < VEC; ++i)
+        y[i] = sqrt(x[i]);
+    return y;
+}
+
+INLINE int any(mask m)
+{
+    int64_t found = 0;
+    for (int i = 0; i < VEC; ++i)
+        found |= m[i];
+    return found != 0;
+}
+
+/* A set of lanes (a bit for each) as a mask of the lanes from k on. */
+INLINE mask lanes_of(int set, int k)
+{
+    mask m;
+    for (int i = 0; i < VEC; ++i)
+        m[i] = -(int64_t)((set >> (k + i)) & 1);
+    return m;
+}
+
+/* The lanes from k on in which a mask holds, as a set. */
+INLINE int set_of(mask m, int k)
+{
+    int set = 0;
+    for (int i = 0; i < VEC; ++i)
+        set |= (m[i] != 0) << (k + i);
+    return set;
+}
+
+#define HAS(set, l) (((set) >> (l)) & 1)
+#define ALL_LANES ((1 << LAG_LANES) - 1)
