@@ -246,7 +246,7 @@ class Simulation:
             if progress is not None:
                 progress(t)
 
-        run = _engine(self.settings)(self.system, self.request, take, heed)
+        run = engine_of(self.settings)(self.system, self.request, take, heed)
         integrating = time.perf_counter() - began - elsewhere
         if not columns.samples:
             take(_no_samples(self.system))
@@ -369,7 +369,8 @@ def sample_times(settings: Settings) -> Array:
     return np.array([end]) if settings.samples == 1 else np.linspace(start, end, settings.samples)
 
 
-def _engine(settings: Settings) -> Engine:
+def engine_of(settings: Settings) -> Engine:
+    """Return the engine that complete settings name."""
     if settings.engine == "compiled":
         from lagcli.engine import compiled_engine
 

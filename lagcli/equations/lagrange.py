@@ -179,7 +179,7 @@ def derive(model: Model) -> Equations:
         constraints=constraints,
         energy=dynamics.energy,
         time_power=dynamics.time_power,
-        outputs=_outputs(model, constraints),
+        outputs=with_forces(model, constraints, model.outputs),
     )
 
 
@@ -272,11 +272,13 @@ def _second_rate(expression: Basic, motion: Motion) -> Basic:
     return se.Add(*found, rest)
 
 
-def _outputs(model: Model, constraints: tuple[ConstraintEquation, ...]) -> dict[str, Basic]:
-    """Return the outputs with the constraint forces written as λ b."""
+def with_forces(
+    model: Model, constraints: tuple[ConstraintEquation, ...], expressions: Mapping[str, Basic]
+) -> dict[str, Basic]:
+    """Return expressions with the constraint forces in them written as λ b."""
     forces = _ConstraintForces(model, constraints)
     found = {}
-    for name, expression in model.outputs.items():
+    for name, expression in expressions.items():
         used = {s: forces.of(s.name) for s in expression.free_symbols if s.name.startswith("Qc.")}
         found[name] = expression.subs(used) if used else expression
     return found

@@ -37,6 +37,10 @@ ROOMS = {
         *("start", "interruption", "lagcli"),
     },
     "start": {"errors", "model", "equations", "engine", "undefined"},
+    "sweep": {
+        *("errors", "model", "equations", "engine", "results", "simulation", "start", "variants"),
+        *("interruption", "samples", "lagcli"),
+    },
     "undefined": {"errors", "model", "equations", "engine"},
     "variants": {"errors", "model", "equations", "engine", "simulation", "start"},
     "pictures": {
@@ -60,6 +64,7 @@ FOREIGN = {
     "simulation": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
     "start": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
     "pictures": {"yaml", "sympy", "scipy", "h5py", "typer", "rich", "pint"},
+    "sweep": {"yaml", "sympy", "typer", "rich", "pint"},
     "undefined": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
     "variants": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
 }
@@ -89,9 +94,9 @@ HEAVY = {
     "scipy": {"engine"},
     "numpy": {
         *("engine", "results", "simulation", "samples", "trajectory", "derived", "extremes"),
-        *("start", "cli", "variants", "pictures"),
+        *("start", "cli", "variants", "pictures", "sweep"),
     },
-    "symengine": {"model", "equations", "engine", "undefined", "variants", "pictures"},
+    "symengine": {"model", "equations", "engine", "undefined", "variants", "pictures", "sweep"},
 }
 
 

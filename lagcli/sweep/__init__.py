@@ -1,0 +1,1 @@
+"""Parameter sweeps: many runs of one model, measured, kept, and never lost."""

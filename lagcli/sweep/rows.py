@@ -1,0 +1,203 @@
+"""Numbers of rows → their results: the one place where rows are run, on whichever machine."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.run import Run
+from lagcli.errors import LagcliError
+from lagcli.model.units import si_notation, to_si
+from lagcli.sweep.group import Ended, Group
+from lagcli.sweep.spec import Spec
+from lagcli.variants import Variants
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+#: The status of a row, by its number; MISSING is none that a result has.
+STATUSES = ("completed", "failed", "error", "missing")
+COMPLETED, FAILED, ERROR, MISSING = range(4)
+
+_MOST_GROUPS = 16  # structures that are kept derived
+_MOST_SPECS = 2
+
+
+class Results(NamedTuple):
+    """The results of n rows; arrays, so that they are sent and kept as they are.
+
+    Parameters
+    ----------
+    numbers : (n,) array of int
+        The rows' numbers.
+    status : (n,) array of int8
+        An index of ``STATUSES``: completed; failed, where the numbers did; error, where the model
+        cannot have these values.
+    messages : list of n str
+        Empty for most completed rows.
+    counts : (n, 3) array of int
+        Steps, rejected steps and evaluations.
+    measures : (n, m) array
+        NaN in rows that are not completed.
+    kept : (n, nt, columns) array
+        The samples, NaN where a run did not come to them; (n, 0, 0) where they are not kept.
+    """
+
+    numbers: Numbers
+    status: NDArray[np.int8]
+    messages: list[str]
+    counts: NDArray[np.int64]
+    measures: Array
+    kept: Array
+
+
+def run_rows(spec: Spec, numbers: Numbers, heed: Callable[[], None] | None = None) -> Results:
+    """Run some rows of a sweep.
+
+    A plain function of its arguments, which may be sent to any process; the model is loaded and
+    derived there once, and kept for the next call. What a row gives does not depend on which
+    other rows are run with it.
+
+    Parameters
+    ----------
+    spec : Spec
+    numbers : (n,) array of int
+        A few dozen rows or more, so that they are run together.
+    heed : callable, optional
+        Called several times in 0.1 s. What it raises ends the call; `Interrupted` is made for it.
+
+    Returns
+    -------
+    Results
+        In the order of ``numbers``. A row that fails is a row with a status and a message.
+    """
+    return _runner(spec).run(np.asarray(numbers, dtype=np.int64), heed or (lambda: None))
+
+
+class Runner:
+    """A sweep made ready to run rows; its structures are derived when a row needs them.
+
+    Parameters
+    ----------
+    spec : Spec
+    """
+
+    def __init__(self, spec: Spec):
+        self.spec = spec
+        self.model = spec.load()
+        variants = Variants(self.model, spec.settings)
+        columns = spec.plan.columns
+        #: places of the columns that each value of asks for a derivation of its own
+        self.structural = [i for i, name in enumerate(columns) if not variants.together([name])]
+        self.numeric = [i for i in range(len(columns)) if i not in self.structural]
+        self._groups: OrderedDict[tuple[float, ...], Group | LagcliError] = OrderedDict()
+
+    def group(self, values: tuple[float, ...]) -> Group:
+        """Return the group of rows with these structural values.
+
+        Raises
+        ------
+        LagcliError
+            The model cannot have them, or a measure does not fit it.
+        """
+        found = self._groups.get(values)
+        if found is None:
+            try:
+                found = self._derive(values)
+            except LagcliError as error:
+                found = error
+            self._groups[values] = found
+            if len(self._groups) > _MOST_GROUPS:
+                self._groups.popitem(last=False)
+        self._groups.move_to_end(values)
+        if isinstance(found, LagcliError):
+            raise found
+        return found
+
+    def _derive(self, values: tuple[float, ...]) -> Group:
+        spec, columns = self.spec, self.spec.plan.columns
+        given = {columns[i]: x for i, x in zip(self.structural, values, strict=True)}
+        model = spec.load({name: self._text(name, x) for name, x in given.items()})
+        numeric = [columns[i] for i in self.numeric]
+        kept = spec.keep == "trajectories"
+        return Group(Variants(model, spec.settings), numeric, spec.measures, kept)
+
+    def _text(self, name: str, value: float) -> str:
+        """Return a parameter's value in SI as --set takes it."""
+        unit = self.model.parameters[name].unit
+        text = repr(int(value) if value.is_integer() else value)
+        return text if unit is None or to_si(unit) == 1 else f"{text} {si_notation(unit)}"
+
+    def run(self, numbers: Numbers, heed: Callable[[], None]) -> Results:
+        """Run rows; as `run_rows`."""
+        n = len(numbers)
+        table = self.spec.plan.rows(numbers)
+        status = np.full(n, MISSING, dtype=np.int8)
+        messages, counts = [""] * n, np.zeros((n, 3), dtype=np.int64)
+        measures = np.full((n, len(self.spec.measures)), np.nan)
+        kept: Array | None = None
+        different, which = np.unique(table[:, self.structural], axis=0, return_inverse=True)
+        for i, values in enumerate(different):
+            places = np.flatnonzero(which.reshape(-1) == i)
+            try:
+                group = self.group(tuple(values.tolist()))
+            except LagcliError as error:
+                for place in places:
+                    status[place], messages[place] = ERROR, str(error)
+                continue
+            mine = table[places][:, self.numeric]
+            parameters = group.variants.values(group.columns, mine).parameters
+            if kept is None and group.kept_names:
+                kept = np.full((n, len(group.grid.times), len(group.kept_names)), np.nan)
+            for ended in group.run(mine, heed):
+                rows = places[ended.places]
+                for row, run in zip(rows, ended.runs, strict=True):
+                    status[row], messages[row] = _outcome(run)
+                    if isinstance(run, Run):
+                        counts[row] = run.steps, run.rejected, run.evaluations
+                self._fill(group, ended, parameters, rows, status, measures, kept)
+        if kept is None:
+            kept = np.empty((n, 0, 0))
+        return Results(numbers, status, messages, counts, measures, kept)
+
+    def _fill(
+        self,
+        group: Group,
+        ended: Ended,
+        parameters: Array,
+        rows: NDArray[np.intp],
+        status: NDArray[np.int8],
+        measures: Array,
+        kept: Array | None,
+    ) -> None:
+        """Enter what runs gave."""
+        if not ended.samples.shape[1]:
+            return
+        found, samples = group.measured(ended, parameters[ended.places])
+        completed = status[rows] == COMPLETED
+        measures[rows[completed]] = found[completed]
+        if kept is not None:
+            kept[rows, : samples.shape[1]] = samples
+
+
+def _outcome(run: Run | LagcliError) -> tuple[int, str]:
+    if isinstance(run, Run):
+        return (COMPLETED if run.status == "completed" else FAILED), run.message
+    return (FAILED if run.exit_status == 3 else ERROR), str(run)
+
+
+_runners: OrderedDict[str, Runner] = OrderedDict()
+
+
+def _runner(spec: Spec) -> Runner:
+    """Return what runs a sweep's rows in this process, made once."""
+    found = _runners.get(spec.sha256)
+    if found is None:
+        found = _runners[spec.sha256] = Runner(spec)
+        if len(_runners) > _MOST_SPECS:
+            _runners.popitem(last=False)
+    return found
