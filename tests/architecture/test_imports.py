@@ -37,7 +37,7 @@ ROOMS = {
         *("start", "interruption", "lagcli"),
     },
     "start": {"errors", "model", "equations", "engine", "undefined"},
-    "sweep": {
+    "sweeps": {
         *("errors", "model", "equations", "engine", "results", "simulation", "start", "variants"),
         *("interruption", "samples", "lagcli"),
     },
@@ -64,7 +64,7 @@ FOREIGN = {
     "simulation": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
     "start": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
     "pictures": {"yaml", "sympy", "scipy", "h5py", "typer", "rich", "pint"},
-    "sweep": {"yaml", "sympy", "typer", "rich", "pint"},
+    "sweeps": {"yaml", "sympy", "typer", "rich", "pint"},
     "undefined": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
     "variants": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
 }
@@ -94,9 +94,9 @@ HEAVY = {
     "scipy": {"engine"},
     "numpy": {
         *("engine", "results", "simulation", "samples", "trajectory", "derived", "extremes"),
-        *("start", "cli", "variants", "pictures", "sweep"),
+        *("start", "cli", "variants", "pictures", "sweeps"),
     },
-    "symengine": {"model", "equations", "engine", "undefined", "variants", "pictures", "sweep"},
+    "symengine": {"model", "equations", "engine", "undefined", "variants", "pictures", "sweeps"},
 }
 
 

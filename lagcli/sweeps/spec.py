@@ -13,7 +13,7 @@ from typing import Any
 import lagcli
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model, Settings
-from lagcli.sweep.plan import Plan
+from lagcli.sweeps.plan import Plan
 
 
 @dataclass(frozen=True, eq=False)

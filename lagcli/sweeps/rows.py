@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from lagcli.engine.run import Run
 from lagcli.errors import LagcliError
 from lagcli.model.units import si_notation, to_si
-from lagcli.sweep.group import Ended, Group
-from lagcli.sweep.spec import Spec
+from lagcli.sweeps.group import Ended, Group
+from lagcli.sweeps.spec import Spec
 from lagcli.variants import Variants
 
 Array = NDArray[np.float64]

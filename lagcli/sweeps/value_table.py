@@ -12,8 +12,8 @@ from lagcli.errors import FileError, UsageError
 from lagcli.model.model import Model
 from lagcli.model.units import UnknownUnit
 from lagcli.results.reasons import check_readable, read_failure
-from lagcli.sweep.factors import Table
-from lagcli.sweep.vary import si_factor, varied_name
+from lagcli.sweeps.factors import Table
+from lagcli.sweeps.vary import si_factor, varied_name
 
 _TITLE = re.compile(r"\s*(.*?)\s*(?:[\[(]([^\[\]()0-9][^\[\]]*)[\])])?\s*")
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
-from lagcli.sweep import sampling
-from lagcli.sweep.factors import Factor, Sample, Table
-from lagcli.sweep.vary import Drawn, read_vary
+from lagcli.sweeps import sampling
+from lagcli.sweeps.factors import Factor, Sample, Table
+from lagcli.sweeps.vary import Drawn, read_vary
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

@@ -23,9 +23,9 @@ from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.tensors import Tensor
 from lagcli.model.tokens import ExpressionError
 from lagcli.model.units import UNIT_HELP, Factor, UnknownUnit, to_si
-from lagcli.sweep import factors
-from lagcli.sweep.option_text import OptionText
-from lagcli.sweep.sampling import Distribution
+from lagcli.sweeps import factors
+from lagcli.sweeps.option_text import OptionText
+from lagcli.sweeps.sampling import Distribution
 
 #: Values of one grid; a larger one is a typing error.
 MOST_VALUES = 10**9
@@ -77,7 +77,7 @@ def read_vary(text: str, model: Model) -> factors.Factor | Drawn:
         The file cannot be read.
     """
     if text.lstrip().startswith("@"):
-        from lagcli.sweep.value_table import read_table
+        from lagcli.sweeps.value_table import read_table
 
         return read_table(text.strip()[1:], model)
     name, equals, values = text.partition("=")

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.sweep.sampling import Distribution, unit_points
+from lagcli.sweeps.sampling import Distribution, unit_points
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]

@@ -15,8 +15,8 @@ from lagcli.model.measures import read_measures
 from lagcli.model.model import InitialValue, Model
 from lagcli.simulation import Simulation, engine_of, ready, sample_times
 from lagcli.start import describe_undefined
-from lagcli.sweep.reductions import Grid, Measuring
-from lagcli.sweep.signals import Signals, kept_signals
+from lagcli.sweeps.reductions import Grid, Measuring
+from lagcli.sweeps.signals import Signals, kept_signals
 from lagcli.variants import Values, Variants
 
 Array = NDArray[np.float64]
