@@ -17,7 +17,7 @@ from lagcli import __version__
 from lagcli.errors import LagcliError
 
 #: The commands, in the order of the help; each is a function in the module of its name.
-COMMANDS = ("derive", "simulate", "plot", "animate", "info")
+COMMANDS = ("derive", "simulate", "sweep", "plot", "animate", "info", "export-csv")
 
 BUG_STATUS = 1
 INTERRUPTED_STATUS = 130
@@ -47,7 +47,8 @@ def program(arguments: Sequence[str] = ()) -> Any:
     )
     app.callback()(_program)
     for name in [a for a in arguments[:1] if a in COMMANDS] or COMMANDS:
-        app.command()(_command(getattr(import_module(f"lagcli.cli.{name}"), name)))
+        module = name.replace("-", "_")
+        app.command(name)(_command(getattr(import_module(f"lagcli.cli.{module}"), module)))
     return typer.main.get_command(app)
 
 

@@ -131,7 +131,7 @@ def simulate(
         t_end=t_end,
         samples=samples,
         dt=dt,
-        times=_times(times),
+        times=times_of(times),
         rtol=rtol,
         atol=atol,
         method=method.value if method else None,
@@ -249,7 +249,14 @@ def _run(
     return INTERRUPTED_STATUS if record.status == "interrupted" else FAILED_STATUS
 
 
-def _times(text: str | None) -> tuple[float, ...] | None:
+def times_of(text: str | None) -> tuple[float, ...] | None:
+    """Return the numbers of --times.
+
+    Raises
+    ------
+    UsageError
+        They are none.
+    """
     if text is None:
         return None
     try:

@@ -118,9 +118,19 @@ class Runner:
             raise found
         return found
 
-    def _derive(self, values: tuple[float, ...]) -> Group:
+    def base(self) -> Group:
+        """Return the group of the model as it is given, to see whether all fits it.
+
+        Raises
+        ------
+        LagcliError
+            It does not.
+        """
+        return self._derive(None)
+
+    def _derive(self, values: tuple[float, ...] | None) -> Group:
         spec, columns = self.spec, self.spec.plan.columns
-        given = {columns[i]: x for i, x in zip(self.structural, values, strict=True)}
+        given = dict(zip([columns[i] for i in self.structural], values or (), strict=False))
         model = spec.load({name: self._text(name, x) for name, x in given.items()})
         numeric = [columns[i] for i in self.numeric]
         kept = spec.keep == "trajectories"

@@ -1,0 +1,236 @@
+"""`lagcli sweep`: many runs of one model, measured and kept in one file."""
+
+import sys
+from enum import StrEnum
+from typing import Annotated, Any
+
+import typer
+
+from lagcli.cli.options import (
+    Force,
+    Json,
+    ModelPath,
+    NoColor,
+    Quiet,
+    SetInitial,
+    SetParameter,
+    assignments,
+    refuse_same_file,
+)
+from lagcli.cli.simulate import EngineName, Formulation, Method, times_of
+from lagcli.errors import LagcliError
+
+FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
+_CAUSES = 10  # that a person reads
+
+
+class Keep(StrEnum):
+    """What is kept of each row."""
+
+    measures = "measures"
+    trajectories = "trajectories"
+
+
+def sweep(
+    model: ModelPath,
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Result file: .h5 (HDF5), or .csv for the measures alone.",
+        ),
+    ],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUES",
+            help="What runs through which values: m=1:2:0.1, l=0.2,0.3, 'phi=linspace(0, pi, 9)',"
+            " logspace(first, last, count) of values, @file.csv; for --sample a range, m=1..2,"
+            " uniform, loguniform(a, b), normal(mean, deviation). Repeatable: each with each.",
+        ),
+    ] = None,
+    measure: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=EXPR",
+            help="A number of each run: max, min, mean, rms, final, argmax, argmin of an"
+            " expression, at(expression, time), time_of(condition), and arithmetic of these, e.g."
+            " 'peak=max(abs(lambda.guide))'. Repeatable.",
+        ),
+    ] = None,
+    keep: Annotated[
+        Keep | None,
+        typer.Option(
+            help="Keep the measures alone, or all samples too. [default: measures if any is given"
+            " or the samples take more than 1 GB, else trajectories]"
+        ),
+    ] = None,
+    sample: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND:N", help="Draw N points from the ranges: sobol:N, lhs:N or random:N."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of --sample.")] = 0,
+    zip_: Annotated[
+        bool, typer.Option("--zip", help="Run through the values together, not each with each.")
+    ] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", "-j", min=1, help="Processes. [default: the number of processors]"),
+    ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume", help="Go on with a sweep that was interrupted: run what is missing."
+        ),
+    ] = False,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="With --resume, run failed rows again too.")
+    ] = False,
+    set: SetParameter = None,
+    set_initial: SetInitial = None,
+    t_start: Annotated[float | None, typer.Option(help="Start time, s. [default: 0]")] = None,
+    t_end: Annotated[float | None, typer.Option(help="End time, s. [default: 10]")] = None,
+    samples: Annotated[
+        int | None, typer.Option(help="Number of samples of each run. [default: 1001]")
+    ] = None,
+    dt: Annotated[
+        float | None, typer.Option(help="Spacing of the samples, s, in place of --samples.")
+    ] = None,
+    times: Annotated[
+        str | None, typer.Option(metavar="T1,T2,…", help="The sample times themselves, s.")
+    ] = None,
+    rtol: Annotated[float | None, typer.Option(help="Relative tolerance. [default: 1e-9]")] = None,
+    atol: Annotated[float | None, typer.Option(help="Absolute tolerance. [default: 1e-10]")] = None,
+    method: Annotated[
+        Method | None, typer.Option(help="Integration method, as of simulate. [default: auto]")
+    ] = None,
+    formulation: Annotated[
+        Formulation | None,
+        typer.Option(help="How the constraints are kept. [default: projection]"),
+    ] = None,
+    alpha: Annotated[float | None, typer.Option(help="Baumgarte's α, 1/s.")] = None,
+    beta: Annotated[float | None, typer.Option(help="Baumgarte's β, 1/s.")] = None,
+    engine: Annotated[
+        EngineName | None, typer.Option(help="Engine. [default: compiled, for its methods]")
+    ] = None,
+    max_step: Annotated[float | None, typer.Option(help="Largest step, s.")] = None,
+    max_steps: Annotated[
+        int | None, typer.Option(help="Give a row up after so many steps. [default: 10000000]")
+    ] = None,
+    timeout: Annotated[
+        float | None, typer.Option(help="Give a row up after so many seconds of wall time.")
+    ] = None,
+    through_singular: Annotated[
+        bool, typer.Option("--through-singular", help="Pass singular configurations.")
+    ] = False,
+    force: Force = False,
+    quiet: Quiet = False,
+    json: Json = False,
+    no_color: NoColor = False,
+) -> int:
+    """Simulate a model for many values of its parameters and initial values.
+
+    A row that fails never stops the others: it has its status and message in the file, and the
+    exit status is 3. A sweep that is interrupted or killed goes on with --resume.
+    """
+    from lagcli.model.model import Settings
+
+    settings = Settings(
+        t_start=t_start,
+        t_end=t_end,
+        samples=samples,
+        dt=dt,
+        times=times_of(times),
+        rtol=rtol,
+        atol=atol,
+        method=method.value if method else None,
+        formulation=formulation.value if formulation else None,
+        alpha=alpha,
+        beta=beta,
+        engine=engine.value if engine else None,
+        max_step=max_step,
+        max_steps=max_steps,
+        timeout=timeout,
+        through_singular=through_singular or None,
+    )
+    options: dict[str, Any] = {
+        "measures": measure or [],
+        "keep": keep.value if keep else None,
+        "sample": sample,
+        "seed": seed,
+        "zipped": zip_,
+        "jobs": jobs,
+        "resume": resume,
+        "retry_failed": retry_failed,
+        "force": force,
+        "settings": settings,
+    }
+    try:
+        options["set"] = assignments("--set", set)
+        options["set_initial"] = assignments("--set-initial", set_initial)
+        refuse_same_file(model, output)
+        return _run(model, vary or [], output, options, quiet=quiet, json=json, color=not no_color)
+    except LagcliError as error:
+        if json:
+            from lagcli.cli.summary import error_object, to_json
+
+            typer.echo(to_json(error_object(error)))
+        raise
+
+
+def _run(
+    model: str,
+    vary: list[str],
+    output: str,
+    options: dict[str, Any],
+    *,
+    quiet: bool,
+    json: bool,
+    color: bool,
+) -> int:
+    from lagcli.cli.progress import RowProgress
+    from lagcli.sweeps.run import sweep as run_sweep
+
+    with RowProgress(enabled=not quiet, color=color) as progress:
+        summary = run_sweep(model, vary, output, progress=progress, **options)
+    if json:
+        from lagcli.cli.summary import to_json
+
+        typer.echo(to_json(summary.as_dict()))
+    elif not quiet:
+        print(_text(summary))
+    if summary.status == "interrupted":
+        print(
+            f"error: interrupted; {summary.done} of {summary.rows} rows are kept in"
+            f" {summary.output}\n   help: the same command with --resume goes on",
+            file=sys.stderr,
+        )
+        return INTERRUPTED_STATUS
+    if summary.ok < summary.rows:
+        print(f"error: {summary.rows - summary.ok} of {summary.rows} rows failed", file=sys.stderr)
+        return FAILED_STATUS
+    return 0
+
+
+def _text(summary: Any) -> str:
+    """Return the summary as text of at most 100 columns."""
+    s = summary
+    lines = [f"{s.status}: {s.done} of {s.rows} rows, {s.ok} good"]
+    if s.done > s.run:
+        lines.append(f"  {'found':<10}{s.done - s.run} rows done before, {s.run} run now")
+    causes = list(s.failed.items())
+    for i, (cause, count) in enumerate(causes[:_CAUSES]):
+        text = cause if len(cause) <= 75 else cause[:74] + "…"
+        lines.append(f"  {'failed' if not i else '':<10}{count:>7}  {text}")
+    if len(causes) > _CAUSES:
+        lines.append(f"  {'':<10}and {len(causes) - _CAUSES} more causes (--json lists all)")
+    speed = f", {s.rows_per_second:.4g} rows per second" if s.run else ""
+    lines.append(f"  {'time':<10}{s.seconds:.2f} s{speed}")
+    kept = "trajectories" if s.keep == "trajectories" else f"{len(s.measures)} measures"
+    if s.status == "completed":
+        lines.append(f"  {'written':<10}{s.output}: {kept} of each row")
+    return "\n".join(lines)
