@@ -4,43 +4,25 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from lagcli.engine.run import Interrupted
 from lagcli.errors import FileError, UsageError
 from lagcli.interruption import Interruption
-from lagcli.model.measures import read_measures
 from lagcli.model.model import Model, Settings
 from lagcli.model.reading import read_text
-from lagcli.results.formats import check_target, format_of
-from lagcli.sweeps.journal import Journal, check_no_journal, journal_of
-from lagcli.sweeps.layout import (
-    Column,
-    check_names,
-    default_measures,
-    kept_layout,
-    measure_columns,
-    named_measure,
-    varied_columns,
-)
+from lagcli.results.formats import format_of
+from lagcli.sweeps.layout import named_measure
 from lagcli.sweeps.ledger import Ledger, Missing
-from lagcli.sweeps.plan import make_plan
-from lagcli.sweeps.rows import COMPLETED, Results, Runner
+from lagcli.sweeps.preparation import Asked, Ready, prepare_sweep
+from lagcli.sweeps.resumption import State, opened
+from lagcli.sweeps.rows import COMPLETED, Results
 from lagcli.sweeps.spec import Spec
 from lagcli.sweeps.table_csv import export_csv
 from lagcli.sweeps.workers import Chunks, run_here
-
-Array = NDArray[np.float64]
-
-#: Bytes of samples up to which trajectories are kept where nothing is said.
-KEPT_UNASKED = 10**9
 
 #: Runs the missing rows of a sweep and yields their results, in any order.
 Executor = Callable[[Spec, Chunks, Callable[[], None]], Iterable[Results]]
@@ -166,215 +148,12 @@ def sweep(
         set = {**model.set, **(set or {})}
         set_initial = {**model.set_initial, **(set_initial or {})}
     given = measures.items() if isinstance(measures, Mapping) else map(named_measure, measures)
-    asked = _Asked(vary, sample, seed, zipped, tuple(given), keep)
+    asked = Asked(vary, sample, seed, zipped, tuple(given), keep)
     ready = prepare_sweep(text, name, set or {}, set_initial or {}, settings, asked, path)
-    with _opened(ready, path, resume, retry_failed, force) as state:
+    with opened(ready, path, resume, retry_failed, force) as state:
         if state.journal is None:
             return _summary(ready, state.ledger, "completed", path, 0, began)
         return _Sweep(ready, state, path, jobs, progress, executor, began).run()
-
-
-class _Asked(NamedTuple):
-    vary: Sequence[str]
-    sample: str | None
-    seed: int
-    zipped: bool
-    measures: tuple[tuple[str, str], ...]
-    keep: str | None
-
-
-@dataclass(frozen=True, eq=False)
-class Ready:
-    """A checked sweep.
-
-    Parameters
-    ----------
-    spec : Spec
-    model : Model
-        With the values that no row changes.
-    times : (nt,) array
-        The samples of the first structure, s.
-    columns, measures : lists of Column
-    row_bytes : int
-        Bytes of the samples that a row keeps.
-    options : dict
-        The settings, resolved.
-    """
-
-    spec: Spec
-    model: Model
-    times: Array
-    columns: list[Column]
-    measures: list[Column]
-    row_bytes: int
-    options: dict[str, Any]
-
-
-def prepare_sweep(
-    text: str,
-    name: str,
-    set: Mapping[str, object],
-    set_initial: Mapping[str, object],
-    settings: Settings | None,
-    asked: _Asked,
-    path: str,
-) -> Ready:
-    """Check everything that can be wrong before the first row."""
-    spec = Spec(text, name, set, set_initial, settings or Settings(), None, (), "measures")  # type: ignore[arg-type]
-    model = spec.load()
-    plan = make_plan(
-        model, asked.vary, asked.sample, asked.seed, asked.zipped, {**set, **_dotted(set_initial)}
-    )
-    csv = format_of(path) == "csv"
-    if asked.keep == "trajectories" and csv:
-        raise UsageError("a CSV file holds measures only; give -o with .h5 to keep trajectories")
-    read_measures(model, asked.measures)
-    trial = Runner(_replace(spec, plan=plan, measures=asked.measures))
-    base = trial.base()
-    widths = sum(width for _, _, width in kept_layout(model))
-    row_bytes = 8 * len(base.grid.times) * widths
-    keep, measures = asked.keep, asked.measures
-    if keep is None:
-        small = row_bytes * plan.length <= KEPT_UNASKED and not trial.structural
-        keep = "trajectories" if small and not measures and not csv else "measures"
-    if keep == "trajectories" and trial.structural:
-        names = ", ".join(f"`{plan.columns[i]}`" for i in trial.structural)
-        raise UsageError(
-            f"{names} changes the structure or the sample times of the runs, which then have no"
-            " common shape: give --measure, and --keep measures"
-        )
-    if keep == "measures" and not measures:
-        if trial.structural:
-            raise UsageError("runs of several structures need measures: give --measure 'max(…)'")
-        measures = default_measures(model)
-    spec = _replace(spec, plan=plan, measures=measures, keep=keep)
-    columns, measured = varied_columns(model, plan.columns), measure_columns(model, measures)
-    check_names([*columns, *measured])
-    if keep == "measures":
-        row_bytes = 0
-    options = {k: v for k, v in asdict(base.variants.settings).items() if v is not None}
-    return Ready(spec, model, base.grid.times, columns, measured, row_bytes, options)
-
-
-def _replace(spec: Spec, **changes: Any) -> Spec:
-    from dataclasses import replace
-
-    return replace(spec, **changes)
-
-
-def _dotted(set_initial: Mapping[str, object]) -> dict[str, object]:
-    """Return initial values by the one name that each has (``phi'``)."""
-    return {
-        name.removesuffix("_dot") + "'" if name.endswith("_dot") else name: value
-        for name, value in set_initial.items()
-    }
-
-
-class _State(NamedTuple):
-    journal: Journal | None
-    ledger: Ledger
-    replace: bool  # whether the result file may be there
-
-
-@contextmanager
-def _opened(
-    ready: Ready, path: str, resume: bool, retry_failed: bool, force: bool
-) -> Iterator[_State]:
-    """Find or make the journal, and read what is done."""
-    if retry_failed and not resume:
-        raise UsageError("--retry-failed goes with --resume")
-    journal_path = journal_of(path)
-    ledger = Ledger(ready.spec.plan.length)
-    described = ready.spec.described()
-    if resume and not os.path.exists(journal_path) and os.path.exists(path):
-        yield _State(_reopened(ready, path, ledger, retry_failed), ledger, True)
-        return
-    going_on = resume and os.path.exists(journal_path)
-    if not going_on:
-        check_target(path, force)
-        if not force:
-            check_no_journal(path)
-    header = {"sweep": described, "replace": force}
-    journal = Journal(journal_path, None if going_on else header)
-    try:
-        if going_on:
-            refuse_difference(journal.header["sweep"], described, journal_path)
-            for results in journal.results():
-                ledger.enter(results)
-            if retry_failed:
-                ledger.forget_failures()
-        yield _State(journal, ledger, force or bool(journal.header["replace"]))
-    except BaseException:
-        journal.close()
-        raise
-
-
-def _reopened(ready: Ready, path: str, ledger: Ledger, retry_failed: bool) -> Journal | None:
-    """Take up a finished sweep again: its failed rows, if these are to be run again."""
-    from lagcli.sweeps.store import open_sweep
-
-    if format_of(path) == "csv":
-        raise UsageError(
-            f"{path} is complete, and a CSV file does not say how it was made; write to .h5 to"
-            " resume a finished sweep"
-        )
-    described = ready.spec.described()
-    with open_sweep(path) as file:
-        refuse_difference(file.facts["sweep"], described, path)
-        for results in file.results():
-            ledger.enter(results)
-        if not retry_failed or ledger.count(COMPLETED) == len(ledger.status):
-            return None
-        journal = Journal(journal_of(path), {"sweep": described, "replace": True})
-        for results in file.results():
-            journal.append(results)
-    ledger.forget_failures()
-    return journal
-
-
-def refuse_difference(before: Mapping[str, Any], now: Mapping[str, Any], path: str) -> None:
-    """Raise if a sweep that is to be resumed was begun as another.
-
-    Raises
-    ------
-    UsageError
-        Names what differs.
-    """
-    lines = []
-    for key in now:
-        old, new = before.get(key), _as_read(now[key])
-        if old == new:
-            continue
-        if key == "model_sha256":
-            lines.append("the model file has changed")
-        elif isinstance(new, dict) and isinstance(old, dict):
-            lines += [
-                f"{name}: {_shown(old.get(name))} before, {_shown(new.get(name))} now"
-                for name in dict.fromkeys([*old, *new])
-                if old.get(name) != new.get(name)
-            ]
-        else:
-            lines.append(f"{key}: {_shown(old)} before, {_shown(new)} now")
-    if lines:
-        raise UsageError(
-            f"{path} is of another sweep, so that its rows cannot be gone on with:\n"
-            + "\n".join(f"  {line}" for line in lines)
-            + "\n   help: give the same model and options, another file, or --force to begin anew"
-        )
-
-
-def _as_read(value: Any) -> Any:
-    """Return a JSON value as it comes back from a file."""
-    import json
-
-    return json.loads(json.dumps(value))
-
-
-def _shown(value: Any) -> str:
-    if value is None:
-        return "not given"
-    text = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
-    return text if len(text) < 60 else text[:57] + "…"
 
 
 class _Sweep:
@@ -383,7 +162,7 @@ class _Sweep:
     def __init__(
         self,
         ready: Ready,
-        state: _State,
+        state: State,
         path: str,
         jobs: int | None,
         progress: Callable[[int, int], None] | None,
