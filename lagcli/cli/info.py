@@ -1,6 +1,6 @@
-"""`lagcli info`: say what a result file holds."""
+"""`lagcli info`: say what a result or sweep file holds."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -8,16 +8,33 @@ from lagcli.cli.options import Json
 
 
 def info(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="Result file, .h5 or .csv.")],
+    file: Annotated[
+        str, typer.Argument(metavar="FILE", help="Result file, .h5 or .csv, or sweep file.")
+    ],
     json: Json = False,
 ) -> None:
-    """Say what a result file holds: sizes, status, residuals, multipliers, provenance."""
-    from lagcli.results.info import describe, format_info
-
-    description = describe(file)
+    """Say what a file holds: sizes, status, residuals, multipliers, provenance."""
+    description, text = _described(file)
     if json:
         from lagcli.cli.summary import to_json
 
         typer.echo(to_json(description))
     else:
-        typer.echo(format_info(description))
+        typer.echo(text)
+
+
+def _described(file: str) -> tuple[dict[str, Any], str]:
+    from lagcli.results.formats import format_of
+
+    if format_of(file) == "hdf5":
+        from lagcli.sweeps.store import is_sweep
+
+        if is_sweep(file):
+            from lagcli.sweeps.description import describe_sweep, format_sweep
+
+            found = describe_sweep(file)
+            return found, format_sweep(found)
+    from lagcli.results.info import describe, format_info
+
+    found = describe(file)
+    return found, format_info(found)

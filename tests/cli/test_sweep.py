@@ -1,0 +1,470 @@
+"""`lagcli sweep` from the shell: files, statuses, resuming, and being killed."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.cli.app import run as run_here
+from lagcli.sweeps.journal import Journal
+
+MODELS = Path(__file__).parents[2] / "models"
+CRANK = str(MODELS / "slider_crank.yaml")
+SHORT = ("--t-end", "0.1", "--samples", "11", "--jobs", "1")
+PEAK = ("--measure", "peak=max(abs(lambda.guide))")
+GRID = ("--vary", "m=1:2:0.5", "--vary", "l=0.2,0.3")
+
+
+class Here:
+    """Runs the program in this process; keeps what it printed."""
+
+    def __init__(self, capture: pytest.CaptureFixture[str]):
+        self.capture = capture
+        self.out = self.err = ""
+
+    def __call__(self, *arguments: str) -> int:
+        self.capture.readouterr()
+        status = run_here(list(arguments))
+        self.out, self.err = self.capture.readouterr()
+        assert "Traceback" not in self.out + self.err
+        return status
+
+
+@pytest.fixture
+def here(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Here:
+    monkeypatch.chdir(tmp_path)
+    return Here(capsys)
+
+
+def contents(path: str | Path) -> dict[str, np.ndarray]:
+    """Return all datasets of a file."""
+    found: dict[str, np.ndarray] = {}
+    with h5py.File(path) as root:
+        root.visititems(
+            lambda name, x: found.update({name: x[()]}) if isinstance(x, h5py.Dataset) else None
+        )
+    return found
+
+
+def assert_same(a: str | Path, b: str | Path) -> None:
+    """Hold two files to the same rows, bit for bit."""
+    left, right = contents(a), contents(b)
+    assert left.keys() == right.keys()
+    for name, values in left.items():
+        assert np.array_equal(values, right[name], equal_nan=values.dtype.kind == "f"), name
+
+
+# files
+
+
+def test_measures_of_a_grid(here: Here) -> None:
+    assert here("sweep", CRANK, *GRID, *PEAK, "-o", "s.h5", *SHORT) == 0
+    assert here.out.startswith("completed: 6 of 6 rows, 6 good")
+    assert here.err == ""
+    assert os.listdir() == ["s.h5"]
+    found = contents("s.h5")
+    assert found["m"].tolist() == [1, 1, 1.5, 1.5, 2, 2]
+    assert found["l"].tolist() == [0.2, 0.3] * 3
+    for m, l, peak in zip(found["m"], found["l"], found["peak"], strict=True):
+        model = lagcli.load(CRANK, set={"m": m, "l": l})
+        run = lagcli.simulate(model, t_end=0.1, samples=11)
+        assert peak == pytest.approx(np.abs(run.multipliers).max(), rel=1e-9)
+
+
+def test_it_opens_in_xarray(here: Here) -> None:
+    import xarray
+
+    arguments = ("sweep", CRANK, "--vary", "m=0:2:1", "--vary", "phi'=8", *SHORT)
+    assert here(*arguments, *PEAK, "--keep", "trajectories", "-o", "s.h5") == 3
+    with xarray.open_dataset("s.h5", engine="h5netcdf") as data:
+        assert data.sizes == {"run": 3, "time": 11, "coordinate": 2, "constraint": 1}
+        assert data["q"].dims == ("run", "time", "coordinate")
+        assert data["m"].attrs["units"] == "kg"
+        assert data["phi_dot"].attrs["units"] == "rad/s"
+        assert data["peak"].attrs["long_name"] == "max(abs(lambda.guide))"
+        assert data["status"].attrs["flag_meanings"] == "completed failed error"
+        assert data["status"].values.tolist() == [1, 0, 0]
+        assert "no inertia" in str(data["message"].values[0])
+        assert str(data["message"].values[1]) == ""
+        assert np.isnan(data["q"].values[0]).all()
+        model = lagcli.load(CRANK, set={"m": 2}, set_initial={"phi'": 8})
+        run = lagcli.simulate(model, t_end=0.1, samples=11)
+        assert data["q"].values[2] == pytest.approx(run.q, rel=1e-9)
+        assert data["multipliers"].values[2] == pytest.approx(run.multipliers, rel=1e-8)
+        assert data["energy_total"].values[2] == pytest.approx(run.energy_total, rel=1e-9)
+        assert data["constraint_force"].values[2] == pytest.approx(run.constraint_force, rel=1e-8)
+    with xarray.open_dataset("s.h5", engine="h5netcdf", group="outputs") as outputs:
+        assert outputs["slider"].values[2] == pytest.approx(run.outputs["slider"], rel=1e-9)
+
+
+def test_what_is_kept_where_nothing_is_said(here: Here) -> None:
+    assert here("sweep", CRANK, "--vary", "m=1,2", "-o", "t.h5", *SHORT) == 0
+    assert contents("t.h5")["q"].shape == (2, 11, 2)
+    arguments = ("sweep", CRANK, "--vary", "m=1,2", "--keep", "measures", *SHORT)
+    assert here(*arguments, "-o", "m.h5") == 0
+    found = contents("m.h5")
+    assert "q" not in found
+    assert {"min(lambda.guide)", "final(phi)", "max(abs(energy_balance))"} <= set(found)
+    assert here(*arguments[:4], "-o", "m.csv", *SHORT) == 0
+    assert "final(phi')" in Path("m.csv").read_text()
+
+
+def test_csv_and_export(here: Here) -> None:
+    arguments = ("sweep", CRANK, "--vary", "m=0,1", *PEAK, *SHORT)
+    assert here(*arguments, "-o", "s.csv") == 3
+    assert here(*arguments, "-o", "s.h5") == 3
+    assert here("export-csv", "s.h5", "-o", "e.csv") == 0
+    assert sorted(os.listdir()) == ["e.csv", "s.csv", "s.h5"]
+    assert Path("s.csv").read_bytes() == Path("e.csv").read_bytes()
+    rows = list(csv.DictReader(Path("s.csv").read_text().splitlines()))
+    assert list(rows[0]) == ["run", "m", "peak", "status", "message"]
+    assert [row["status"] for row in rows] == ["failed", "completed"]
+    assert rows[0]["peak"] == "nan"
+    assert float(rows[1]["peak"]) == contents("s.h5")["peak"][1]
+    assert here("export-csv", "s.h5", "-o", "e.csv") == 4
+    assert "--force" in here.err
+    assert here("export-csv", "s.csv", "-o", "f.csv") == 4
+    assert here("export-csv", "s.h5", "-o", "e.h5") == 2
+
+
+def test_info(here: Here) -> None:
+    here("sweep", CRANK, "--vary", "m=0:2:1", *PEAK, "-o", "s.h5", *SHORT)
+    assert here("info", "s.h5") == 0
+    for word in ("sweep, HDF5", "3: 2 completed, 1 failed", "no inertia", "m=0:2:1", "m [kg]"):
+        assert word in here.out
+    assert max(map(len, here.out.splitlines())) <= 100
+    assert here("info", "s.h5", "--json") == 0
+    said = json.loads(here.out)
+    assert said["rows"] == {"completed": 2, "failed": 1}
+    assert said["columns"][0]["max"] == 2
+
+
+def test_the_file_reproduces_itself(here: Here) -> None:
+    here("sweep", CRANK, "--vary", "m=1..2", "--sample", "lhs:3", "--seed", "4", *PEAK,
+         "--set", "c=0.1", "-o", "s.h5", *SHORT)  # fmt: skip
+    with h5py.File("s.h5") as root:
+        assert root.attrs["model"] == Path(CRANK).read_text()
+        asked = json.loads(root.attrs["sweep"])
+        options = json.loads(root.attrs["options"])
+        Path("again.yaml").write_text(root.attrs["model"])
+    assert asked["set"] == {"c": "0.1"}
+    assert asked["plan"]["sample"] == {"m": {"kind": "lhs", "points": 3, "seed": 4}}
+    summary = lagcli.sweep(
+        "again.yaml",
+        asked["plan"]["vary"],
+        "again.h5",
+        sample="lhs:3",
+        seed=4,
+        set=asked["set"],
+        measures=dict(asked["measures"]),
+        jobs=1,
+        rtol=options["rtol"],
+        **{k: asked["settings"][k] for k in ("t_end", "samples")},
+    )
+    assert summary.ok == 3
+    assert_same("s.h5", "again.h5")
+
+
+# statuses and what is said
+
+
+def test_json(here: Here) -> None:
+    assert here("sweep", CRANK, "--vary", "m=0,1", *PEAK, "-o", "s.h5", "--json", *SHORT) == 3
+    said = json.loads(here.out)
+    assert {k: said[k] for k in ("status", "rows", "done", "ok", "run", "keep")} == {
+        **{"status": "completed", "rows": 2, "done": 2, "ok": 1, "run": 2, "keep": "measures"}
+    }
+    assert list(said["failed"].values()) == [1]
+    assert "no inertia" in next(iter(said["failed"]))
+    assert said["rows_per_second"] > 0
+    assert here("sweep", CRANK, "--vary", "zz=1", "-o", "t.h5", "--json") == 2
+    assert "zz" in json.loads(here.out)["message"]
+
+
+def test_quiet(here: Here) -> None:
+    assert here("sweep", CRANK, *GRID, *PEAK, "-o", "s.h5", "--quiet", *SHORT) == 0
+    assert here.out == here.err == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        (("--vary", "m=1,2", "--measure", "max(lambda.gide)"), 2, "did you mean"),
+        (("--vary", "m=1,2", "--measure", "max(phi)/m"), 2, "peak=max(phi)/m"),
+        (("--vary", "m=1,2", "--measure", "status=max(phi)"), 2, "another name"),
+        (("--vary", "m=1,2", "--measure", "m=max(phi)"), 2, "would be named `m`"),
+        (("--vary", "m=1,2", "--measure", "a=max(phi)", "--measure", "a=min(phi)"), 2, "`a`"),
+        (("--vary", "m=1,2", "--measure", "at(phi, 7)"), 2, "lasts from 0 to 0.1 s"),
+        (("--vary", "m=1,2", "--set", "m=3"), 2, "both varied and set"),
+        (("--vary", "m=1,2", "--retry-failed"), 2, "--resume"),
+        (("--vary", "m=1,2", "--rtol", "5"), 2, "rtol must lie"),
+        ((), 2, "nothing is varied"),
+    ],
+)
+def test_usage_errors(here: Here, arguments: tuple[str, ...], status: int, said: str) -> None:
+    assert here("sweep", CRANK, *arguments, "-o", "s.h5", *SHORT) == status
+    assert said in here.err
+    assert os.listdir() == []
+
+
+def test_targets(here: Here) -> None:
+    arguments = ("sweep", CRANK, "--vary", "m=1,2", *PEAK, *SHORT)
+    assert here(*arguments, "-o", "s.txt") == 2
+    assert here(*arguments, "-o", "no/s.h5") == 4
+    assert "mkdir -p no" in here.err
+    assert here(*arguments, "--keep", "trajectories", "-o", "s.csv") == 2
+    assert here(*arguments, "-o", "s.h5") == 0
+    assert here(*arguments, "-o", "s.h5") == 4
+    assert "--force" in here.err
+    assert here(*arguments, "-o", "s.h5", "--force") == 0
+    assert os.listdir() == ["s.h5"]
+
+
+def test_structures_need_measures(here: Here) -> None:
+    chain = str(MODELS / "chain.yaml")
+    arguments = ("sweep", chain, "--vary", "N=2,3", "--t-end", "0.05", "--jobs", "1")
+    assert here(*arguments, "-o", "s.h5") == 2
+    assert here(*arguments, "-o", "s.h5", "--keep", "trajectories") == 2
+    assert "`N` changes the structure" in here.err
+    assert here(*arguments, "-o", "s.h5", "--measure", "e=final(energy_total)") == 0
+    assert contents("s.h5")["N"].tolist() == [2, 3]
+
+
+# processes
+
+
+def test_rows_do_not_depend_on_jobs(here: Here) -> None:
+    # long enough that processes are worth it
+    arguments = ("sweep", CRANK, "--vary", "m=linspace(0, 2, 150)", "--measure", "rms(phi')",
+                 "--keep", "trajectories", "--samples", "5", "--t-end", "6")  # fmt: skip
+    assert here(*arguments, "-o", "one.h5", "--jobs", "1") == 3
+    assert here(*arguments, "-o", "three.h5", "--jobs", "3") == 3
+    assert_same("one.h5", "three.h5")
+
+
+# resuming
+
+
+RESUME = ("sweep", CRANK, *GRID, *PEAK, "-o", "s.h5", *SHORT, "--resume")
+
+
+def cut(path: str, records: int) -> None:
+    """Cut a journal down to its first records."""
+    journal = Journal(path)
+    kept = []
+    for i, results in enumerate(journal.results()):
+        if i < records:
+            kept.append(results)
+    header = journal.header
+    journal.close()
+    journal = Journal(path, header)
+    for results in kept:
+        journal.append(results)
+    journal.close()
+
+
+@pytest.fixture
+def journaled(here: Here, monkeypatch: pytest.MonkeyPatch) -> Here:
+    """A sweep of six rows, of which the journal holds the first two."""
+    from lagcli.sweeps import workers
+
+    monkeypatch.setattr(workers, "_FIRST", 2)
+    monkeypatch.setattr(workers, "_MOST", 2)
+    arguments = [x for x in RESUME if x != "--resume"]
+    assert here(*arguments, "-o", "whole.h5") == 0
+    with monkeypatch.context() as patch:
+        patch.setattr(Journal, "remove", Journal.close)
+        assert here(*arguments) == 0
+    os.unlink("s.h5")
+    cut("s.h5.journal", 1)
+    return here
+
+
+def test_resume_runs_what_is_missing(journaled: Here) -> None:
+    here = journaled
+    assert here(*RESUME, "--json") == 0
+    said = json.loads(here.out)
+    assert (said["done"], said["run"]) == (6, 4)
+    assert_same("s.h5", "whole.h5")
+    assert not Path("s.h5.journal").exists()
+    assert here(*RESUME, "--json") == 0
+    assert json.loads(here.out)["run"] == 0
+
+
+def test_resume_begins_what_was_not_begun(here: Here) -> None:
+    assert here(*RESUME) == 0
+    assert Path("s.h5").exists()
+
+
+def test_an_unfinished_sweep_is_not_overwritten(journaled: Here) -> None:
+    here = journaled
+    arguments = [x for x in RESUME if x != "--resume"]
+    assert here(*arguments) == 4
+    assert "--resume goes on with it" in here.err
+    assert here(*arguments, "--force", "--json") == 0
+    assert json.loads(here.out)["run"] == 6
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("--vary", "g=9,10"), "rows: 6 before, 12 now"),
+        (("--measure", "max(phi)"), "measures: "),
+        (("--rtol", "1e-7"), "rtol: not given before, 1e-07 now"),
+        (("--set", "c=0.1"), "c: not given before, 0.1 now"),
+        (("--keep", "trajectories"), "keep: measures before, trajectories now"),
+    ],
+)
+def test_another_sweep_is_refused(journaled: Here, change: tuple[str, ...], said: str) -> None:
+    here = journaled
+    before = Path("s.h5.journal").read_bytes()
+    assert here(*RESUME, *change) == 2
+    assert said in here.err
+    assert Path("s.h5.journal").read_bytes() == before
+    assert here(*RESUME) == 0
+    assert here(*RESUME, *change) == 2  # the file knows as well as the journal
+    assert said in here.err
+
+
+def test_a_changed_model_is_refused(journaled: Here) -> None:
+    here = journaled
+    changed = Path("slider_crank.yaml")
+    changed.write_text(Path(CRANK).read_text() + "\n# changed\n")
+    assert here("sweep", str(changed), *RESUME[2:]) == 2
+    assert "the model file has changed" in here.err
+
+
+def test_retry_failed_runs_the_failed_alone(here: Here) -> None:
+    arguments = ("sweep", CRANK, "--vary", "m=0,1,2", *PEAK, "-o", "s.h5", "--json", *SHORT)
+    assert here(*arguments) == 3
+    assert here(*arguments, "--resume") == 3
+    assert json.loads(here.out)["run"] == 0
+    assert here(*arguments, "--resume", "--retry-failed") == 3
+    said = json.loads(here.out)
+    assert (said["run"], said["ok"]) == (1, 2)
+    assert os.listdir() == ["s.h5"]
+    assert np.isfinite(contents("s.h5")["peak"]).tolist() == [False, True, True]
+
+
+def test_two_sweeps_of_one_file_are_refused(journaled: Here) -> None:
+    here = journaled
+    other = Journal("s.h5.journal")
+    assert here(*RESUME) == 2
+    assert "another process is running this sweep" in here.err
+    other.close()
+    assert here(*RESUME) == 0
+
+
+def test_a_full_disk_loses_nothing(journaled: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    here = journaled
+    from lagcli.errors import FileError
+    from lagcli.sweeps import store
+
+    def full(*_: object) -> None:
+        raise FileError("cannot write s.h5: the disk is full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(store, "new_file", full)
+        assert here(*RESUME) == 4
+    assert "all rows are kept in s.h5.journal" in here.err
+    assert here(*RESUME, "--json") == 0
+    assert json.loads(here.out)["run"] == 0
+    assert_same("s.h5", "whole.h5")
+
+
+# signals
+
+LONG = (
+    *("sweep", CRANK, "--vary", "m=linspace(0, 2, 60)", "--vary", "phi'=9,12", *PEAK),
+    *("--measure", "final(phi)", "--t-end", "4", "--samples", "101", "--quiet", "--jobs", "2"),
+)
+
+
+def program(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "lagcli", *arguments]
+
+
+def environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+
+
+def start(*arguments: str, cwd: Path) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        program(*arguments),
+        cwd=cwd,
+        env=environment(),
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+
+
+def journal_size(tmp_path: Path) -> int:
+    path = tmp_path / "k.h5.journal"
+    return path.stat().st_size if path.exists() else 0
+
+
+def wait_for_rows(process: subprocess.Popen[str], tmp_path: Path) -> None:
+    """Wait until the journal has some rows more, or the process has ended."""
+    before, end = journal_size(tmp_path), time.monotonic() + 30
+    while process.poll() is None and journal_size(tmp_path) <= max(before, 1000):
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def killed_and_resumed(tmp_path: Path, times: int, rng: random.Random) -> None:
+    whole = subprocess.run(program(*LONG, "-o", "whole.h5"), cwd=tmp_path, env=environment(),
+                           capture_output=True, check=False)  # fmt: skip
+    assert whole.returncode == 3
+    kills = 0
+    while kills < times:
+        process = start(*LONG, "-o", "k.h5", "--resume", cwd=tmp_path)
+        wait_for_rows(process, tmp_path)
+        time.sleep(rng.uniform(0, 0.2))
+        process.kill()
+        process.communicate()
+        kills += 1
+        if (tmp_path / "k.h5").exists():  # killed too late
+            assert_same(tmp_path / "k.h5", tmp_path / "whole.h5")
+            (tmp_path / "k.h5").unlink()
+            (tmp_path / "k.h5.journal").unlink(missing_ok=True)
+    process = start(*LONG, "-o", "k.h5", "--resume", cwd=tmp_path)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 3, said
+    assert_same(tmp_path / "k.h5", tmp_path / "whole.h5")
+    assert sorted(x.name for x in tmp_path.iterdir()) == ["k.h5", "whole.h5"]
+
+
+def test_killed_and_resumed_it_is_as_if_nothing_had_been(tmp_path: Path) -> None:
+    killed_and_resumed(tmp_path, 3, random.Random(1))
+
+
+@pytest.mark.slow
+def test_killed_twenty_times(tmp_path: Path) -> None:
+    killed_and_resumed(tmp_path, 20, random.Random(2))
+
+
+def test_ctrl_c_keeps_the_rows(tmp_path: Path) -> None:
+    process = start(*LONG, "-o", "k.h5", cwd=tmp_path)
+    wait_for_rows(process, tmp_path)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == -signal.SIGINT, said  # which a shell calls 130
+    assert "rows are kept in k.h5.journal" in said
+    assert "--resume goes on" in said
+    assert "Traceback" not in said
+    assert [x.name for x in tmp_path.iterdir()] == ["k.h5.journal"]
