@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -19,6 +20,8 @@ from lagcli.model.source import Node, Scalar
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 
 _SHOWN = 12  # missing entries written out
+#: A guess on the command line: as the file has it.
+GUESS = re.compile(r"\s*+\{\s*+(guess)\s*+:\s++([^{}]*+)\}\s*+")
 
 Values = dict[str, InitialValue]
 
@@ -46,7 +49,7 @@ def read_initial(
             readers[id(member.declaration)].read(canonical, member.indices, values)
     for canonical, option in given.items():
         node = override_node("--set-initial", option, overrides[option])
-        declaration = Declaration(canonical, node, node)
+        declaration = Declaration(canonical, node, _guess_or(node))
         _Reader(draft, declaration, constants).read(canonical, {}, values)
     if entries is not None and not names.incomplete and "initial" not in draft.meant:
         _report_missing(draft, {*attempted, *given})
@@ -126,6 +129,17 @@ def _overriding(draft: Draft, overrides: Mapping[str, object]) -> dict[str, str]
         else:
             given[canonical] = name
     return given
+
+
+def _guess_or(node: Scalar) -> Node:
+    """Return a value from the command line; a guess as the mapping that it is in a file."""
+    match = GUESS.fullmatch(node.value)
+    if match is None:
+        return node
+    key, guess = (
+        Scalar(node.source, (0, match.start(i)), (0, match.end(i)), match[i]) for i in (1, 2)
+    )
+    return MappingNode(node.source, node.start, node.end, {"guess": (key, guess)})
 
 
 def _canonical(draft: Draft, name: str) -> str | None:
@@ -227,7 +241,7 @@ class _Reader:
         if value is not None:
             quantity = self.quantity
             written = Written(quantity.parsed.tree, quantity.factor, indices)
-            values[name] = InitialValue(value, self.fixed, self.location, written)
+            values[name] = InitialValue(value, self.fixed, self.location, written, quantity.unit)
 
 
 def _report_missing(draft: Draft, attempted: set[str]) -> None:

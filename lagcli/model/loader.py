@@ -50,7 +50,8 @@ def load(
         Values that replace the file's: numbers, or text as it may stand in the file
         (``"30 deg"``, ``"2*m"``).
     set_initial : mapping of coordinate or velocity names to values, optional
-        Initial values that replace the file's, and are fixed.
+        Initial values that replace the file's: fixed, or free as in the file,
+        ``"{guess: 0.3}"``.
 
     Returns
     -------

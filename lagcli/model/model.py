@@ -84,6 +84,7 @@ class Parameter(NamedTuple):
 
     ``structural`` says whether the model's coordinates, constraints or sums depend on it: another
     value asks for another model, loaded anew. Any other parameter is an input of the equations.
+    ``location`` is that of the value's text.
     """
 
     name: str
@@ -93,6 +94,7 @@ class Parameter(NamedTuple):
     text: str = ""
     structural: bool = False
     written: Written | None = None
+    location: SourceLocation | None = None
 
 
 class Definition(NamedTuple):
@@ -122,12 +124,16 @@ class Constraint(NamedTuple):
 
 
 class InitialValue(NamedTuple):
-    """An initial coordinate or velocity: fixed, or a guess that the constraints may move."""
+    """An initial coordinate or velocity: fixed, or a guess that the constraints may move.
+
+    ``unit`` is the one it is given in, ``value`` is in SI.
+    """
 
     value: float
     fixed: bool
     location: SourceLocation | None = None
     written: Written | None = None
+    unit: str | None = None
 
 
 class Segment(NamedTuple):
@@ -384,6 +390,12 @@ class Model:
     def constraint_names(self) -> tuple[str, ...]:
         """Names of the constraints, in the model's order."""
         return tuple(c.name for c in self.constraints)
+
+    @property
+    def initial(self) -> dict[str, InitialValue]:
+        """The initial values by the names of coordinates and velocities (``q'``)."""
+        velocities = {f"{name}'": value for name, value in self.initial_velocities.items()}
+        return {**self.initial_positions, **velocities}
 
     @property
     def structural_parameters(self) -> tuple[str, ...]:

@@ -262,8 +262,15 @@ class _Reader:
         if value is None:
             return None
         written = Written(parsed.tree, quantity.factor, job.member.indices)
-        text = parsed.node.value
-        return Parameter(name, value, quantity.unit, job.description, text, written=written)
+        return Parameter(
+            name,
+            value,
+            quantity.unit,
+            job.description,
+            parsed.node.value,
+            written=written,
+            location=parsed.node.location,
+        )
 
     def circle(self, circle: list[str]) -> None:
         """Report parameters that are defined by each other."""

@@ -329,3 +329,15 @@ def test_a_bare_number_for_a_value_in_another_unit_is_ambiguous() -> None:
     with pytest.raises(ModelError, match=r"write the unit: --set 'a=2 cm/s\^2'"):
         load_text(with_length("cm/s^2"), set={"a": 2})
     assert load_text(with_length("cm/s^2"), set={"a": "2 cm/s^2"}).parameters["a"].value == 0.02
+
+
+def test_an_option_frees_an_initial_value_as_the_file_does() -> None:
+    crank = Path(__file__).parents[2] / "models" / "slider_crank.yaml"
+    model = load(crank, set_initial={"phi": " { guess : 30 deg } ", "psi": "{guess: 2*r*l}"})
+    phi, psi = (model.initial_positions[name] for name in ("phi", "psi"))
+    assert not phi.fixed
+    assert not psi.fixed
+    assert phi.value == math.radians(30)
+    assert psi.value == pytest.approx(2 * 0.1 * 0.3, rel=1e-15)
+    with pytest.raises(ModelError, match=r"has no value\n +\| \{guess: \}"):
+        load(crank, set_initial={"phi": "{guess: }"})
