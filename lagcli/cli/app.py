@@ -17,7 +17,11 @@ from lagcli import __version__
 from lagcli.errors import LagcliError
 
 #: The commands, in the order of the help; each is a function in the module of its name.
-COMMANDS = ("derive", "simulate", "sweep", "plot", "animate", "info", "export-csv")
+COMMANDS = (
+    *("derive", "simulate", "sweep"),
+    *("plot", "animate", "play"),
+    *("info", "export-csv"),
+)
 
 BUG_STATUS = 1
 INTERRUPTED_STATUS = 130

@@ -23,7 +23,7 @@ vertical): see `frames`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -119,8 +119,15 @@ class Scene:
             bounds.append((middle - half, middle + half))
         return tuple(bounds)
 
-    def to_json(self) -> dict[str, Any]:
-        """Return JSON values, as the module says."""
+    def to_json(self, numbers: Callable[[Array], Any] | None = None) -> dict[str, Any]:
+        """Return JSON values, as the module says.
+
+        Parameters
+        ----------
+        numbers : callable, optional
+            What stands for an array; a list by default.
+        """
+        numbers = numbers or _numbers
         shapes: list[dict[str, Any]] = [
             {"kind": "guide" if s.kind == "guide" else s.kind, "name": s.name}
             | {"from": s.start, "to": s.end}
@@ -131,9 +138,9 @@ class Scene:
                 "kind": "disc",
                 "name": d.name,
                 "center": d.center,
-                "radius": _numbers(d.radius),
-                "angle": None if d.angle is None else _numbers(d.angle),
-                "normal": None if d.normal is None else [_numbers(x) for x in d.normal],
+                "radius": numbers(d.radius),
+                "angle": None if d.angle is None else numbers(d.angle),
+                "normal": None if d.normal is None else [numbers(x) for x in d.normal],
             }
             for d in self.discs
         ]
@@ -148,7 +155,7 @@ class Scene:
                 "name": v.name,
                 "quantity": v.quantity,
                 "at": v.at,
-                "components": [_numbers(x) for x in v.components],
+                "components": [numbers(x) for x in v.components],
                 "unit": v.unit,
                 "scale": v.scale,
             }
@@ -157,8 +164,8 @@ class Scene:
         return {
             "dimension": self.dimension,
             "bounds": [list(pair) for pair in self.bounds],
-            "time": _numbers(self.time),
-            "points": {name: [_numbers(x) for x in p] for name, p in self.points.items()},
+            "time": numbers(self.time),
+            "points": {name: [numbers(x) for x in p] for name, p in self.points.items()},
             "shapes": shapes,
         }
 

@@ -41,6 +41,11 @@ ROOMS = {
         *("errors", "model", "equations", "engine", "results", "simulation", "start", "variants"),
         *("interruption", "samples", "lagcli"),
     },
+    # a page is where values go round: from the reader's hand to a run and its pictures
+    "play": {
+        *("errors", "model", "equations", "simulation", "variants", "samples", "trajectory"),
+        *("interruption", "pictures"),
+    },
     "undefined": {"errors", "model", "equations", "engine"},
     "variants": {"errors", "model", "equations", "engine", "simulation", "start"},
     "pictures": {
@@ -65,6 +70,7 @@ FOREIGN = {
     "start": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
     "pictures": {"yaml", "sympy", "scipy", "h5py", "typer", "rich", "pint"},
     "sweeps": {"yaml", "sympy", "typer", "rich", "pint"},
+    "play": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy", "symengine"},
     "undefined": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
     "variants": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
 }
@@ -94,7 +100,7 @@ HEAVY = {
     "scipy": {"engine"},
     "numpy": {
         *("engine", "results", "simulation", "samples", "trajectory", "derived", "extremes"),
-        *("start", "cli", "variants", "pictures", "sweeps"),
+        *("start", "cli", "variants", "pictures", "play", "sweeps"),
     },
     "symengine": {"model", "equations", "engine", "undefined", "variants", "pictures", "sweeps"},
 }

@@ -1,0 +1,71 @@
+"""`lagcli play`: a page on which a model's values are moved and its motion follows."""
+
+import os
+import sys
+import threading
+from typing import Annotated
+
+import typer
+
+from lagcli.cli.options import ModelPath, Quiet, SetInitial, SetParameter, assignments
+
+
+def play(
+    model: ModelPath,
+    port: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, help="Port of 127.0.0.1. [default: a free one]"),
+    ] = None,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address, and do not open it.")
+    ] = False,
+    set: SetParameter = None,
+    set_initial: SetInitial = None,
+    t_end: Annotated[float | None, typer.Option(help="End time, s. [default: 10]")] = None,
+    timeout: Annotated[
+        float, typer.Option(help="Seconds after which a run on the page is given up.")
+    ] = 5.0,
+    quiet: Quiet = False,
+) -> int:
+    """Move a model's values on a page, and see its motion, its λ and its energy follow.
+
+    The page is served to this machine alone, at the address on standard output. Ctrl-C closes it.
+    """
+    from lagcli.errors import UsageError
+    from lagcli.model.loader import load
+
+    try:
+        from lagcli.play.server import Server, listen
+    except ModuleNotFoundError as error:
+        if error.name != "aiohttp":
+            raise
+        raise UsageError(
+            "lagcli play needs aiohttp, which is not installed: pip install 'lagcli[pictures]'"
+        ) from None
+    from lagcli.play.runs import Played
+
+    loaded = load(model, assignments("--set", set), assignments("--set-initial", set_initial))
+    Played(loaded, t_end, timeout).check()
+    server = Server(
+        lambda: Played(loaded, t_end, timeout),
+        loaded.name,
+        loaded.description or "",
+        listen(port or 0),
+    )
+
+    def ready() -> None:
+        print(server.address, flush=True)
+        if not quiet:
+            print("Ctrl-C closes the page", file=sys.stderr)
+        if not no_browser:
+            import webbrowser
+
+            # a browser in the terminal returns when it is left
+            threading.Thread(target=webbrowser.open, args=[server.address], daemon=True).start()
+
+    server.serve(ready)
+    if server.busy:
+        # a thread that derives equations cannot be stopped, and would be torn down half-way
+        sys.stdout.flush()
+        os._exit(0)
+    return 0

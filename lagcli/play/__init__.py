@@ -1,0 +1,1 @@
+"""A page on which a model's values are moved and its motion follows."""

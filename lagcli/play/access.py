@@ -1,0 +1,96 @@
+"""Who may ask: only the page itself, opened with the address that was printed."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from aiohttp import web
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+HOST = "127.0.0.1"
+
+#: What the page may load; nothing from elsewhere.
+POLICY = (
+    "default-src 'none'",
+    "script-src 'self'",
+    "style-src 'self'",
+    "img-src data:",
+    "base-uri 'none'",
+    "form-action 'none'",
+    "frame-ancestors 'none'",
+)
+HEADERS = {
+    "Referrer-Policy": "no-referrer",  # the address holds the token
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Server": "lagcli",
+}
+
+
+class Access:
+    """The rules of one server.
+
+    A page of another site can make a browser send requests here, even under a name of its own that
+    leads to 127.0.0.1 (DNS rebinding). It neither knows the token nor can it give our Host and
+    Origin.
+
+    Parameters
+    ----------
+    port : int
+
+    Attributes
+    ----------
+    token : str
+        The first part of every path.
+    """
+
+    def __init__(self, port: int):
+        self.token = secrets.token_urlsafe(24)
+        self.port = port
+        self._hosts = {f"{name}:{port}" for name in (HOST, "localhost")}
+        if port == 80:
+            self._hosts |= {HOST, "localhost"}
+
+    @property
+    def address(self) -> str:
+        """The address of the page."""
+        return f"http://{HOST}:{self.port}/{self.token}/"
+
+    def status(self, request: web.Request) -> int:
+        """Return 200 for a request that is answered, else the status of its refusal."""
+        if request.headers.getall("Host", []) not in [[host] for host in self._hosts]:
+            return 403
+        given = request.path.split("/")[1]
+        if not secrets.compare_digest(given.encode(), self.token.encode()):
+            return 404
+        origin = request.headers.get("Origin")
+        socket = request.headers.get("Upgrade") is not None
+        if (socket or origin is not None) and origin not in {f"http://{h}" for h in self._hosts}:
+            return 403
+        return 200
+
+    def middleware(self) -> Any:
+        """Return what stands before all handlers: refusals say nothing but their status."""
+
+        @web.middleware
+        async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:
+            status = self.status(request)
+            if status != 200:
+                return web.Response(status=status)
+            try:
+                return await handler(request)
+            except web.HTTPException as error:
+                return web.Response(status=error.status)
+
+        return guard
+
+    async def mark(self, request: web.Request, response: web.StreamResponse) -> None:
+        """Give a response the headers that keep the page to itself."""
+        policy = [*POLICY, f"connect-src 'self' ws://{HOST}:{self.port} ws://localhost:{self.port}"]
+        response.headers["Content-Security-Policy"] = "; ".join(policy)
+        response.headers.update(HEADERS)

@@ -1,0 +1,290 @@
+"use strict";
+
+/*
+ * Controls: a slider and a field for each value of a model, and what the reader has changed.
+ *
+ *   const controls = new Controls(element, (event) => ask());
+ *   controls.build(list);       // as lagcli/play/controls.py describes them; changes stay
+ *   controls.follow(answer);    // values that follow from others, and what the start made of guesses
+ *   controls.changes();         // {set, set_initial, t_end}, as the command line takes them
+ */
+
+class Controls {
+  static HEADINGS = {
+    parameter: "Parameters",
+    position: "Initial coordinates",
+    velocity: "Initial velocities",
+    end: "Simulation",
+  };
+
+  /**
+   * @param {HTMLElement} element  is filled
+   * @param {function(Event)} changed  called after each change by the reader
+   */
+  constructor(element, changed) {
+    this.element = element;
+    this.changed = changed;
+    this.given = new Map(); // name → {text, free}: what the reader has changed
+    this.rows = new Map(); // name → Row
+    this.values = {};
+    this.start = {};
+    this.open = new Set(Object.keys(Controls.HEADINGS));
+  }
+
+  /** Show these controls. */
+  build(list) {
+    this.list = new Map(list.map((control) => [control.name, control]));
+    this.rows.clear();
+    const sections = Object.entries(Controls.HEADINGS).map(([kind, heading]) =>
+      this.#section(kind, heading, list.filter((control) => control.kind === kind)),
+    );
+    this.element.replaceChildren(...sections.filter((section) => section !== null));
+  }
+
+  /** Show the values of a run. */
+  follow({ values, start, t_end }) {
+    this.values = { ...values, t_end };
+    this.start = start;
+    for (const row of this.rows.values()) this.#show(row);
+  }
+
+  /** Return what differs from the program's start, as the command line takes it. */
+  changes() {
+    const found = { set: {}, set_initial: {}, t_end: "" };
+    for (const [name, { text, free }] of this.given) {
+      const control = this.list.get(name) ?? this.#like(name);
+      const value = Controls.#withUnit(text, control);
+      if (control.kind === "end") found.t_end = value;
+      else if (control.kind === "parameter") found.set[name] = value;
+      else found.set_initial[name] = free ? `{guess: ${value}}` : value;
+    }
+    return found;
+  }
+
+  /** Take back all changes. */
+  reset(event) {
+    this.given.clear();
+    for (const row of this.rows.values()) this.#show(row.restore());
+    this.changed(event);
+  }
+
+  /** A member that the model does not have now keeps its value for when it has it again. */
+  #like(name) {
+    const family = name.replace(/\[.*\]/, "");
+    return [...this.list.values()].find((control) => control.family === family);
+  }
+
+  static #withUnit(text, { suffix }) {
+    const number = /^\s*[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?\s*$/i.test(text);
+    return number ? text.trim() + suffix : text.trim();
+  }
+
+  #section(kind, heading, list) {
+    if (!list.length) return null;
+    const section = this.#details(heading, kind);
+    for (const [family, members] of Controls.#families(list)) {
+      if (family) section.append(this.#family(kind, family, members));
+      else section.append(...members.map((control) => this.#row(control)));
+    }
+    return section;
+  }
+
+  /** Return runs of members of one family, and runs of others: [family or "", controls]. */
+  static #families(list) {
+    const found = [];
+    for (const control of list) {
+      if (found.at(-1)?.[0] !== control.family) found.push([control.family, []]);
+      found.at(-1)[1].push(control);
+    }
+    return found;
+  }
+
+  /** Members are many: their rows are made when they are looked at. */
+  #family(kind, family, members) {
+    const [first, last] = [members[0], members.at(-1)].map(({ name }) => /\[(.*)\]/.exec(name)[1]);
+    const label = members[0].label.replace(/\[.*\]/, `[${first} … ${last}]`);
+    const details = this.#details(label, `${kind} ${family}`);
+    details.className = "family";
+    const fill = () => {
+      if (details.open && details.children.length === 1)
+        details.append(...members.map((control) => this.#row(control)));
+    };
+    details.addEventListener("toggle", fill);
+    fill();
+    return details;
+  }
+
+  #details(heading, key) {
+    const details = document.createElement("details");
+    details.append(Row.text("summary", "", heading));
+    details.open = this.open.has(key);
+    details.addEventListener("toggle", () => this.open[details.open ? "add" : "delete"](key));
+    return details;
+  }
+
+  #row(control) {
+    const { name } = control;
+    const row = new Row(control, {
+      moved: (event, text) => this.#change(row, { text }, event),
+      freed: (event, free) => this.#change(row, { free, text: this.#settled(control, free) }, event),
+      reset: (event) => {
+        this.given.delete(name);
+        this.#show(row.restore());
+        this.changed(event);
+      },
+    });
+    this.rows.set(name, row);
+    this.#show(row);
+    return row.element;
+  }
+
+  /** Return the value at which a guess is fixed, or from which a fixed value is guessed. */
+  #settled({ name, value }, free) {
+    const found = free ? this.values[name] : this.start[name];
+    return Row.written(found ?? this.values[name] ?? value);
+  }
+
+  #change(row, change, event) {
+    const { name, free } = row.control;
+    this.given.set(name, { free, text: "", ...this.given.get(name), ...change });
+    this.#show(row, event.target);
+    this.changed(event);
+  }
+
+  /** Show a value: the reader's own text, or what the run had. */
+  #show(row, source = null) {
+    const { name, value, free } = row.control;
+    const given = this.given.get(name);
+    row.show({
+      text: given?.text,
+      value: this.values[name] ?? value,
+      free: given?.free ?? free,
+      start: this.start[name],
+      source,
+    });
+  }
+}
+
+/** The row of one value: name, slider, field, and what is to be said of it. */
+class Row {
+  static count = 0;
+  static PLACES = 400; // of a slider
+
+  constructor(control, { moved, freed, reset }) {
+    this.control = control;
+    const { name, label, unit, description, kind } = control;
+    this.element = document.createElement("div");
+    this.element.className = "control";
+    this.element.dataset.name = name;
+    this.element.title = description;
+    const id = `control-${Row.count++}`;
+    const title = this.#add("label", "control-name", { htmlFor: id });
+    title.append(Row.#typeset(label));
+    if (unit) title.append(Row.text("span", "control-unit", ` [${Row.unit(unit)}]`));
+    if (description) title.append(Row.text("span", "control-about", ` ${description}`));
+    this.slider = this.#add("input", "", { type: "range", id });
+    this.slider.setAttribute("aria-label", `${name}${description ? `, ${description}` : ""}`);
+    this.field = this.#add("input", "control-value", { type: "text", spellcheck: false });
+    this.field.inputMode = "decimal";
+    this.field.autocomplete = "off";
+    this.field.setAttribute("aria-label", `${name}${unit ? ` in ${unit}` : ""}, exact value`);
+    this.undo = this.#add("button", "control-reset", { type: "button", textContent: "↺" });
+    this.undo.title = `Reset ${name}`;
+    this.undo.setAttribute("aria-label", `Reset ${name}`);
+    this.note = this.#add("div", "control-note", {});
+    if (kind === "position" || kind === "velocity") this.#addFree(freed);
+    this.said = Row.text("span", "", "");
+    this.note.append(this.said);
+    this.restore();
+    this.slider.addEventListener("input", (event) => moved(event, this.slider.value));
+    this.field.addEventListener("change", (event) => {
+      const text = this.field.value.trim();
+      if (text) moved(event, text);
+      else reset(event);
+    });
+    this.undo.addEventListener("click", reset);
+  }
+
+  /** Let the slider reach as far as at first. */
+  restore() {
+    this.#setRange(this.control);
+    return this;
+  }
+
+  /** Show a value and what is known of it; `text` is the reader's, undefined where there is none. */
+  show({ text, value, free, start, source }) {
+    const { unit, text: expression } = this.control;
+    const number = text === undefined || text === "" || Number.isNaN(Number(text)) ? value : Number(text);
+    if (source !== this.slider) {
+      this.#reach(number);
+      this.slider.value = String(number);
+    }
+    if (source !== this.field && document.activeElement !== this.field)
+      this.field.value = text ?? Row.written(number);
+    this.slider.setAttribute("aria-valuetext", `${Row.written(number)}${unit ? ` ${unit}` : ""}`);
+    this.undo.hidden = text === undefined;
+    this.element.classList.toggle("changed", text !== undefined);
+    if (this.free) this.free.checked = free;
+    const said = [];
+    if (expression && text === undefined) said.push(`= ${expression}`);
+    if (this.free && free && start !== undefined) said.push(`starts at ${Row.written(start, 6)}`);
+    this.said.textContent = said.join(", ");
+    this.note.hidden = !this.free && !said.length;
+  }
+
+  /** Return a number as it is written in a field. */
+  static written(number, digits = 12) {
+    return String(Number(number.toPrecision(digits)));
+  }
+
+  /** Return a unit as it is printed: m/s². */
+  static unit(text) {
+    const raise = (digits) => digits.replace(/./g, (c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c] ?? "⁻");
+    return text.replace(/\^(-?\d+)/g, (all, digits) => raise(digits)).replaceAll("*", "·");
+  }
+
+  static text(tag, className, textContent) {
+    return Object.assign(document.createElement(tag), { className, textContent });
+  }
+
+  #setRange({ low, high, step }) {
+    [this.low, this.high] = [low, high];
+    Object.assign(this.slider, { min: String(low), max: String(high), step: String(step || "any") });
+  }
+
+  /** Widen the slider to a value beyond it: to twice the value, as at first. */
+  #reach(number) {
+    if (!Number.isFinite(number) || (number >= this.low && number <= this.high)) return;
+    const size = 2 * Math.abs(number);
+    const low = number < 0 || this.low < 0 ? -size : this.low;
+    const high = number > 0 || this.high > 0 ? size : this.high;
+    const step = this.control.whole ? 1 : roundLength((high - low) / Row.PLACES);
+    const grid = (x, round) => Number((round(x / step) * step).toPrecision(12));
+    this.#setRange({ low: grid(low, Math.floor), high: grid(high, Math.ceil), step });
+  }
+
+  #addFree(freed) {
+    const label = document.createElement("label");
+    label.className = "control-free";
+    label.title = "A guess is moved until the constraints hold; otherwise the value is kept";
+    this.free = Object.assign(document.createElement("input"), { type: "checkbox" });
+    this.free.addEventListener("change", (event) => freed(event, this.free.checked));
+    label.append(this.free, "guess");
+    this.note.append(label);
+  }
+
+  #add(tag, className, properties) {
+    const child = Object.assign(document.createElement(tag), { className, ...properties });
+    this.element.append(child);
+    return child;
+  }
+
+  /** A name with its subscript. */
+  static #typeset(label) {
+    const [base, ...rest] = label.split("_");
+    const found = document.createDocumentFragment();
+    found.append(base);
+    if (rest.length) found.append(Row.text("sub", "", rest.join("_")));
+    return found;
+  }
+}

@@ -1,0 +1,139 @@
+"use strict";
+
+/*
+ * The page: asks the program for the run of the values that the controls show, and draws it.
+ *
+ * Each change is sent at once. The program leaves out requests that newer ones have overtaken; an
+ * answer to an older request than the last one drawn is not drawn.
+ */
+
+class Page {
+  static PATIENCE = 300; // ms before the page says that it waits
+
+  constructor() {
+    const found = (id) => document.getElementById(id);
+    this.elements = Object.fromEntries(
+      ["name", "description", "status", "notice", "pictures", "command"].map((id) => [id, found(id)]),
+    );
+    this.number = 0;
+    this.drawn = 0;
+    this.asked = new Map(); // number → when the reader moved
+    this.delays = []; // ms from a move to its drawing, the last hundred
+    this.answer = null;
+    this.controls = new Controls(found("controls"), (event) => this.ask(event));
+    found("reset").addEventListener("click", (event) => this.controls.reset(event));
+    found("save").addEventListener("click", () => this.#send({ save: true }));
+    found("copy").addEventListener("click", () => this.#copy());
+    this.socket = new WebSocket(new URL("socket", location.href.replace(/^http/, "ws")));
+    this.socket.binaryType = "arraybuffer";
+    this.socket.addEventListener("message", ({ data }) => this.#take(decodeFrame(data)));
+    this.socket.addEventListener("close", () => this.#close());
+  }
+
+  /** Ask for the run of the values as they are. */
+  ask(event = null) {
+    this.#send({});
+    if (event) this.asked.set(this.number, event.timeStamp);
+    this.waiting ??= setTimeout(() => this.#say("computing …"), Page.PATIENCE);
+  }
+
+  #send(more) {
+    if (this.socket.readyState !== WebSocket.OPEN) return;
+    const plots = this.pictures.groups();
+    const message = { number: ++this.number, ...this.controls.changes(), plots, ...more };
+    this.socket.send(JSON.stringify(message));
+  }
+
+  #take(answer) {
+    if ("palette" in answer) this.#begin(answer);
+    else if ("file" in answer) this.#download(answer.file);
+    else if (answer.number > this.drawn) this.#draw(answer);
+  }
+
+  #begin(hello) {
+    const { elements } = this;
+    document.title = `${hello.name} – lagcli play`;
+    elements.name.textContent = hello.name;
+    elements.description.textContent = hello.description;
+    this.controls.build(hello.controls);
+    const [player, plots] = ["player", "plots"].map((id) => document.getElementById(id));
+    this.pictures = new Pictures(player, plots, hello, () => this.ask());
+    this.ask();
+  }
+
+  #draw(answer) {
+    this.drawn = answer.number;
+    if (answer.number === this.number) {
+      clearTimeout(this.waiting);
+      this.waiting = undefined;
+    }
+    this.elements.command.textContent = answer.command;
+    this.elements.pictures.classList.toggle("stale", "error" in answer);
+    if ("error" in answer) {
+      this.#notice(answer.error, "error");
+      this.#say("");
+      return;
+    }
+    this.answer = answer;
+    if (answer.controls) this.controls.build(answer.controls);
+    this.controls.follow(answer);
+    this.pictures.draw(answer);
+    this.#notice(answer.message, "warning");
+    // plots draw in microtasks of their own, which come before this one
+    queueMicrotask(() => this.#measure(answer));
+  }
+
+  #measure({ number, counts, method }) {
+    const began = this.asked.get(number);
+    for (const older of this.asked.keys()) if (older <= number) this.asked.delete(older);
+    const said = [method, `${counts.steps} steps`];
+    if (began !== undefined) {
+      const delay = performance.now() - began;
+      this.delays = [...this.delays.slice(-99), delay];
+      said.push(`drawn after ${delay.toFixed(0)} ms`);
+    }
+    this.#say(said.join(", "));
+  }
+
+  /** Say how things are; aloud only what the reader has asked for. */
+  #say(text, aloud = false) {
+    this.elements.status.ariaLive = aloud ? "polite" : "off";
+    this.elements.status.textContent = text;
+  }
+
+  #notice(text, kind) {
+    const { notice } = this.elements;
+    notice.hidden = !text;
+    notice.className = kind;
+    notice.textContent = text;
+  }
+
+  #download(text) {
+    const address = URL.createObjectURL(new Blob([text], { type: "application/yaml" }));
+    const name = this.elements.name.textContent.replace(/[^\p{L}\p{N}._-]+/gu, "_");
+    Object.assign(document.createElement("a"), {
+      href: address,
+      download: `${name}_changed.yaml`,
+    }).click();
+    setTimeout(() => URL.revokeObjectURL(address), 1000);
+  }
+
+  async #copy() {
+    const { command } = this.elements;
+    try {
+      await navigator.clipboard.writeText(command.textContent);
+      this.#say("copied", true);
+    } catch {
+      getSelection().selectAllChildren(command);
+      this.#say("the browser does not let the page copy: the command is selected", true);
+    }
+  }
+
+  #close() {
+    this.elements.pictures.classList.add("stale");
+    this.#notice("The program has ended. To go on, start it again: lagcli play MODEL", "error");
+    document.getElementById("values").inert = true;
+  }
+}
+
+const page = new Page();

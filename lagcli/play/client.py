@@ -1,0 +1,95 @@
+"""One client of the page: its requests in, answers out; the newest request wins."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from lagcli.errors import LagcliError
+from lagcli.interruption import Interruption
+from lagcli.play.runs import Played, Request
+
+#: Seconds that a run may go on when a newer one waits: while a slider moves, something is drawn.
+GRACE = 0.25
+
+
+class _Superseded(Interruption):
+    """The wish to end a run: the client has left, or has waited for a newer one."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.began = time.monotonic()
+        self.closed = self.newer = False
+
+    def wished(self) -> bool:
+        """Return whether the run is to end."""
+        return self.closed or (self.newer and time.monotonic() - self.began > GRACE)
+
+
+class Client(threading.Thread):
+    """Runs the requests of one client in a thread of its own.
+
+    Parameters
+    ----------
+    played : Played
+        The client's own.
+    answer : callable
+        Is called in the thread with what the page is to be told.
+    """
+
+    def __init__(self, played: Played, answer: Callable[[dict[str, Any]], None]):
+        # a thread that derives equations cannot be stopped: it must not keep the program
+        super().__init__(name="lagcli play", daemon=True)
+        self._played, self._answer = played, answer
+        self._change = threading.Condition()
+        self._waiting: Request | None = None
+        self._running: _Superseded | None = None
+        self._closed = False
+
+    def ask(self, request: Request) -> None:
+        """Take a request, in place of one that waits and, soon, of one that runs."""
+        with self._change:
+            self._waiting = request
+            if self._running is not None:
+                self._running.newer = True
+            self._change.notify()
+
+    def close(self) -> None:
+        """End what runs, and the thread."""
+        with self._change:
+            self._closed = True
+            if self._running is not None:
+                self._running.closed = True
+            self._change.notify()
+
+    def run(self) -> None:
+        """Answer requests until the client is closed."""
+        while True:
+            with self._change:
+                self._change.wait_for(lambda: self._closed or self._waiting is not None)
+                if self._closed:
+                    return
+                request, self._waiting = self._waiting, None
+                self._running = running = _Superseded()
+            assert request is not None
+            answer = self._answered(request, running)
+            with self._change:
+                self._running = None
+                dropped = self._closed or answer.get("status") == "interrupted"
+            if not dropped:
+                self._answer(answer)
+
+    def _answered(self, request: Request, running: Interruption) -> dict[str, Any]:
+        try:
+            return self._played.run(request, running)
+        except LagcliError as error:
+            text = str(error)
+        except Exception as error:
+            traceback.print_exception(error, file=sys.stderr)
+            text = f"a bug in lagcli: {type(error).__name__}; the terminal shows where"
+        command = self._played.command(request)
+        return {"number": request.number, "error": text, "command": command}

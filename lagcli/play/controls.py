@@ -1,0 +1,237 @@
+"""Controls: what can be moved on the page, in which unit, and how far."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from lagcli.equations.render.names import Names
+from lagcli.model.members import family_of
+from lagcli.model.model import Coordinate, InitialValue, Model, Parameter, Settings, Written
+from lagcli.model.parameters import names_used
+from lagcli.model.units import to_si
+
+#: Of a slider; about as many places as it has pixels.
+_PLACES = 400
+#: How far a value reaches that is 0, where nothing else of the model says how large it may be.
+_USUAL = {"rad/s": 10.0}
+#: Half a turn, and a step of it, by unit.
+_TURNS = {"rad": (3.15, 0.01), "deg": (180.0, 1.0), "°": (180.0, 1.0)}
+
+
+@dataclass(frozen=True)
+class Control:
+    """A value that can be moved.
+
+    Parameters
+    ----------
+    name : str
+        As ``--set`` and ``--set-initial`` know it; ``t_end``.
+    kind : str
+    label : str
+        How formulas print it.
+    value : float
+        In ``unit``.
+    unit : str
+        That of the file; may be empty.
+    suffix : str
+        What follows a bare number on the command line, so that it is of this unit.
+    low, high, step : float
+        Of the slider.
+    family : str
+        What the members of a family are listed under; else empty.
+    description : str
+    text : str
+        The expression of other parameters that the value follows; else empty.
+    free : bool
+        Whether it is a guess.
+    whole : bool
+        Whether it must be a whole number.
+    """
+
+    name: str
+    kind: Literal["parameter", "position", "velocity", "end"]
+    label: str
+    value: float
+    unit: str
+    suffix: str
+    low: float
+    high: float
+    step: float
+    family: str = ""
+    description: str = ""
+    text: str = ""
+    free: bool = False
+    whole: bool = False
+
+    def shown(self, value: float) -> float:
+        """Return a value in SI in the control's unit."""
+        return _in_unit(value, self.unit)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as JSON values."""
+        return asdict(self)
+
+
+def controls(model: Model, settings: Settings) -> dict[str, Control]:
+    """Return the controls of a model, by kind and name.
+
+    Parameters
+    ----------
+    model : Model
+    settings : Settings
+        Complete.
+
+    Returns
+    -------
+    dict of str to Control
+        By name: parameters, then positions and velocities, then the end of the run. A velocity is
+        ``phi'``; no parameter can have that name.
+    """
+    maker = _Maker(model)
+    found = {name: maker.parameter(p) for name, p in model.parameters.items()}
+    initial = model.initial
+    for coordinate in model.coordinates:
+        for name in (coordinate.name, f"{coordinate.name}'"):
+            found[name] = maker.initial(coordinate, name, initial[name])
+    end = _end(settings)
+    return found | ({end.name: end} if end is not None else {})
+
+
+class _Maker:
+    """Makes the controls of one model."""
+
+    def __init__(self, model: Model):
+        self.given, self.names, self.sizes = model.set, Names(model), _sizes(model)
+        self.known = {*model.parameters, *map(family_of, model.parameters)}
+
+    def follows(self, written: Written | None) -> bool:
+        """Return whether an expression is one of parameters."""
+        used = names_used(written.tree) if written is not None else []
+        return any(n in self.known or f"{n}[]" in self.known for n in used)
+
+    def size(self, unit: str) -> float:
+        """Return how large a value of a unit may become that is 0."""
+        return self.sizes.get(unit) or _USUAL.get(unit, 1.0)
+
+    def parameter(self, parameter: Parameter) -> Control:
+        """Return the control of a parameter."""
+        name, unit = parameter.name, parameter.unit or ""
+        value = _in_unit(parameter.value, unit)
+        low, high, step = _span(value, self.size(unit), parameter.structural)
+        return Control(
+            name,
+            "parameter",
+            self.names.text(name),
+            value,
+            unit,
+            # a bare number is of the file's unit, if that is SI; not of that of an option
+            f" {unit}" if unit and (to_si(unit) != 1 or name in self.given) else "",
+            low,
+            high,
+            step,
+            _family(name),
+            parameter.description or "",
+            " ".join(parameter.text.split()) if self.follows(parameter.written) else "",
+            whole=parameter.structural,
+        )
+
+    def initial(self, coordinate: Coordinate, name: str, initial: InitialValue) -> Control:
+        """Return the control of an initial coordinate or velocity."""
+        base, moving = coordinate.name, name != coordinate.name
+        described = coordinate.description or ""
+        unit = initial.unit or _coherent(coordinate.unit, moving)
+        value = _in_unit(initial.value, unit)
+        if not moving and unit in _TURNS and abs(value) <= _TURNS[unit][0]:
+            half, step = _TURNS[unit]
+            low, high = -half, half
+        else:
+            size = 2 * abs(value) or self.size(unit)
+            low, high, step = _grid(-size, size)
+        return Control(
+            name,
+            "velocity" if moving else "position",
+            self.names.text(base, int(moving)),
+            value,
+            unit,
+            f" {unit}" if unit and to_si(unit) != 1 else "",
+            low,
+            high,
+            step,
+            _family(base) + "'" * (moving and base.endswith("]")),
+            f"velocity: {described}" if moving and described else described,
+            _written(initial) if self.follows(initial.written) else "",
+            free=not initial.fixed,
+        )
+
+
+def _end(settings: Settings) -> Control | None:
+    """Return the control of the run's end; none where the sample times themselves are given."""
+    if settings.times is not None or settings.t_end is None:
+        return None
+    start, end = settings.t_start or 0.0, settings.t_end
+    low, high, step = _grid(start, start + 2 * (end - start))
+    description = "end of the simulation"
+    return Control("t_end", "end", "t_end", end, "s", "", low + step, high, step, "", description)
+
+
+def _family(name: str) -> str:
+    family = family_of(name)
+    return family.removesuffix("[]") if family != name else ""
+
+
+def _written(initial: InitialValue) -> str:
+    """Return the text of an initial value, without the braces of a guess."""
+    place = initial.location
+    if place is None:
+        return ""
+    text = place.text[place.column - 1 : place.column - 1 + place.length].strip()
+    return text.removeprefix("{").removesuffix("}").strip().removeprefix("guess:").strip()
+
+
+def _coherent(unit: str | None, moving: bool) -> str:
+    """Return the SI unit of a coordinate, or of its velocity."""
+    if not unit:
+        return ""
+    return f"{unit}/s" if moving else unit
+
+
+def _in_unit(value: float, unit: str) -> float:
+    """Return an SI value in a unit, with the digits that it was written with."""
+    factor = to_si(unit) if unit else 1
+    return value if factor == 1 else float(f"{value / float(factor):.15g}")
+
+
+def _sizes(model: Model) -> dict[str, float]:
+    """Return the largest value of each unit in the model: what is 0 may become as large."""
+    sizes: dict[str, float] = {}
+    units = {c.name: c.unit for c in model.coordinates}
+    values = [(p.unit, p.value) for p in model.parameters.values()]
+    for name, x in model.initial.items():
+        base = name.rstrip("'")
+        values.append((x.unit or _coherent(units[base], name != base), x.value))
+    for unit, value in values:
+        if unit:
+            sizes[unit] = max(sizes.get(unit, 0.0), abs(_in_unit(value, unit)))
+    return sizes
+
+
+def _span(value: float, size: float, whole: bool) -> tuple[float, float, float]:
+    """Return the ends and the step of a parameter's slider: from 0 to twice the value."""
+    if whole:
+        return 1.0, max(2 * value, 10.0), 1.0
+    if not value:
+        return _grid(-size, size)
+    return _grid(min(0.0, 2 * value), max(0.0, 2 * value))
+
+
+def _grid(low: float, high: float) -> tuple[float, float, float]:
+    """Return ends that are multiples of a round step, and the step."""
+    rough = (high - low) / _PLACES
+    if not (math.isfinite(rough) and rough > 0):
+        return low, high, 0.0
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(float(f"{k * power:.12g}") for k in (10, 5, 2, 1) if k * power <= rough * 1.000001)
+    first, last = math.floor(low / step + 1e-6), math.ceil(high / step - 1e-6)
+    return float(f"{first * step:.12g}"), float(f"{last * step:.12g}"), step

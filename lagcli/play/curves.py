@@ -1,0 +1,172 @@
+"""Curves: what the plots of the page show of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lagcli.equations.render.names import Names
+from lagcli.model.model import Model
+from lagcli.samples import Array, Samples
+
+#: Curves that a plot can show and a reader tell apart.
+MOST = 12
+
+
+class Curve(NamedTuple):
+    """One curve: a name that result files know, how it is printed, its unit and values."""
+
+    name: str
+    label: str
+    unit: str
+    values: Array
+
+
+#: What can be plotted, in the order in which the page offers it.
+TITLES = {
+    "coordinates": "Coordinates",
+    "velocities": "Velocities",
+    "accelerations": "Accelerations",
+    "multipliers": "Multipliers λ",
+    "forces": "Constraint forces Σ λ b",
+    "energy": "Energy",
+    "balance": "Energy balance",
+    "power": "Power",
+    "outputs": "Outputs",
+    "residuals": "Residuals of the constraints",
+}
+LOGARITHMIC = ("residuals",)
+
+
+class Curves:
+    """Chooses and names the curves of one model.
+
+    Parameters
+    ----------
+    model : Model
+    """
+
+    def __init__(self, model: Model):
+        self._model, self._names = model, Names(model)
+        self._units = {c.name: c.unit or "" for c in model.coordinates}
+        stated = any(self._units.values()) or any(p.unit for p in model.parameters.values())
+        self._joule, self._watt = ("J", "W") if stated else ("", "")
+
+    def groups(self) -> dict[str, str]:
+        """Return the groups that have curves, with their titles."""
+        empty = set() if self._model.constraints else {"multipliers", "forces", "residuals"}
+        if not self._model.outputs:
+            empty.add("outputs")
+        return {group: title for group, title in TITLES.items() if group not in empty}
+
+    def plot(self, group: str, samples: Samples) -> dict[str, Any]:
+        """Return a plot as ``plots.js`` takes it, with arrays.
+
+        Parameters
+        ----------
+        group : str
+            One of `groups`.
+        samples : Samples
+        """
+        makers: Mapping[str, Callable[[Samples], list[Curve]]] = {
+            "coordinates": lambda s: self._by_coordinate(s.q, 0),
+            "velocities": lambda s: self._by_coordinate(s.v, 1),
+            "accelerations": lambda s: self._by_coordinate(s.a, 2),
+            "multipliers": self._multipliers,
+            "forces": self._forces,
+            "energy": self._energy,
+            "balance": self._balance,
+            "power": self._power,
+            "outputs": self._outputs,
+            "residuals": self._residuals,
+        }
+        curves = makers[group](samples)
+        shown = [curves[i] for i in _spread(len(curves))]
+        units = {c.unit for c in shown}
+        common = units.pop() if len(units) == 1 else ""
+        return {
+            "title": TITLES[group],
+            "unit": common,
+            "log": group in LOGARITHMIC,
+            "time": samples.time,
+            "series": [
+                {
+                    "name": c.name,
+                    "label": c.label if common or not c.unit else f"{c.label} [{c.unit}]",
+                    "unit": c.unit,
+                    "values": c.values,
+                }
+                for c in shown
+            ],
+            "of": len(curves),
+        }
+
+    def _by_coordinate(self, values: Array, dots: int) -> list[Curve]:
+        per = ("", "/s", "/s^2")[dots]
+        ending = ("", "_dot", "_ddot")[dots]
+        return [
+            Curve(q + ending, self._names.text(q, dots), unit + per if unit else "", values[:, i])
+            for i, (q, unit) in enumerate(self._units.items())
+        ]
+
+    def _multipliers(self, s: Samples) -> list[Curve]:
+        return [
+            Curve(f"lambda.{c}", self._names.multiplier(c), "", s.multipliers[:, i])
+            for i, c in enumerate(s.constraints)
+        ]
+
+    def _forces(self, s: Samples) -> list[Curve]:
+        # Q of an angle is a torque; other units are not known without more
+        named = {"m": "N", "rad": "N*m"} if self._joule else {}
+        total = s.constraint_force
+        return [
+            Curve(f"Qc.{q}", f"Q_{self._names.text(q)}", named.get(unit, ""), total[:, i])
+            for i, (q, unit) in enumerate(self._units.items())
+        ]
+
+    def _energy(self, s: Samples) -> list[Curve]:
+        parts = [
+            ("energy_kinetic", "T", s.energy_kinetic),
+            ("energy_potential", "V", s.energy_potential),
+            ("energy_total", "E", s.energy_total),
+        ]
+        if self._model.kinetic is None:  # written with L
+            parts = parts[2:]
+        return [Curve(name, label, self._joule, values) for name, label, values in parts]
+
+    def _balance(self, s: Samples) -> list[Curve]:
+        return [Curve("energy_balance", "ΔE − W", self._joule, s.energy_balance)]
+
+    def _power(self, s: Samples) -> list[Curve]:
+        return [
+            Curve("power_applied", "applied", self._watt, s.power_applied),
+            Curve("power_constraint", "constraints", self._watt, s.power_constraint),
+            Curve("power_time", "explicit time", self._watt, s.power_time),
+        ]
+
+    def _outputs(self, s: Samples) -> list[Curve]:
+        units = self._model.output_units
+        return [
+            Curve(name, name.replace("_", " "), units.get(name, ""), np.asarray(values))
+            for name, values in s.outputs.items()
+        ]
+
+    def _residuals(self, s: Samples) -> list[Curve]:
+        found = []
+        for i, c in enumerate(s.constraints):
+            for name, symbol, table in (
+                ("residual_position", "φ", s.residual_position),
+                ("residual_velocity", "ψ", s.residual_velocity),
+            ):
+                if not np.isnan(table[:, i]).all():
+                    found.append(Curve(f"{name}.{c}", f"{symbol}_{c}", "", table[:, i]))
+        return found
+
+
+def _spread(count: int) -> list[int]:
+    """Return which of so many curves are shown: all, or some from the first to the last."""
+    if count <= MOST:
+        return list(range(count))
+    return [round(i * (count - 1) / (MOST - 1)) for i in range(MOST)]

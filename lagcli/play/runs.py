@@ -1,0 +1,275 @@
+"""Runs: a model with the values of the page → motion, or what is wrong with them."""
+
+from __future__ import annotations
+
+import dataclasses
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lagcli.errors import UsageError
+from lagcli.interruption import Interruption
+from lagcli.model.loader import load_text
+from lagcli.model.model import Model, Settings
+from lagcli.model.rewriting import rewritten
+from lagcli.model.spelling import shorten
+from lagcli.pictures.stage import Stage
+from lagcli.play.controls import Control, controls
+from lagcli.play.curves import Curves
+from lagcli.samples import Record, Samples
+from lagcli.simulation import Simulation, resolve, sample_times
+from lagcli.trajectory import joined
+from lagcli.variants import Variants
+
+#: Samples that a page can draw in a moment; a run that asks for more is sampled so often.
+MOST_SAMPLES = 4001
+#: Members that the page derives equations for; more take seconds, which nobody waits for.
+MOST_MEMBERS = 1000
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a page asks for.
+
+    Parameters
+    ----------
+    number : int
+        By which the page knows the answer.
+    set, set_initial : mapping of str to str
+        As on the command line, beside those that the program was started with.
+    t_end : str
+        The end of the run, s; empty for the model's.
+    plots : tuple of str
+        Groups of curves.
+    """
+
+    number: int = 0
+    set: Mapping[str, str] = field(default_factory=dict)
+    set_initial: Mapping[str, str] = field(default_factory=dict)
+    t_end: str = ""
+    plots: tuple[str, ...] = ()
+
+    @classmethod
+    def parsed(cls, message: Mapping[str, Any]) -> Request:
+        """Return the request in a message of the page.
+
+        Raises
+        ------
+        ValueError
+            It is none.
+        """
+        number, plots = message.get("number"), message.get("plots", [])
+        if not isinstance(number, int) or not _texts(plots):
+            raise ValueError("a request has a number and a list of plots")
+        tables = [message.get(key, {}) for key in ("set", "set_initial")]
+        if not all(isinstance(t, dict) and _texts([*t, *t.values()]) for t in tables):
+            raise ValueError("values are texts")
+        t_end = message.get("t_end", "")
+        if not isinstance(t_end, str):
+            raise ValueError("t_end is a text")
+        return cls(number, tables[0], tables[1], t_end, tuple(plots))
+
+
+class Played:
+    """A model that is played with.
+
+    Parameters
+    ----------
+    model : Model
+        As the program was started with.
+    t_end : float, optional
+        The end of the run, s, in place of the model's.
+    timeout : float
+        Seconds that a run may take.
+
+    Attributes
+    ----------
+    controls : dict of str to Control
+    curves : Curves
+
+    Raises
+    ------
+    UsageError
+        A setting is out of its range.
+    """
+
+    def __init__(self, model: Model, t_end: float | None = None, timeout: float = 5.0):
+        self._started, self._t_end, self._timeout = model, t_end, timeout
+        self._take(model)
+
+    def _take(self, model: Model) -> None:
+        self.model = model
+        self._variants = Variants(model, self._settings(""))
+        self.controls: dict[str, Control] = controls(model, self._variants.settings)
+        self.curves = Curves(model)
+        self._stage = Stage(model) if model.view is not None else None
+
+    def check(self) -> None:
+        """Raise what is wrong with the values that the program was started with.
+
+        Raises
+        ------
+        ModelError, UsageError, NumericalError
+            As `lagcli.simulation.prepare`.
+        """
+        self._variants.varied()
+
+    def _settings(self, t_end: str) -> Settings:
+        end = _number(t_end, "t_end") if t_end else self._t_end
+        return Settings(t_end=end, timeout=self._timeout)
+
+    def run(self, request: Request, interruption: Interruption) -> dict[str, Any]:
+        """Run a request.
+
+        Returns
+        -------
+        dict
+            What the page is told: JSON values and arrays.
+
+        Raises
+        ------
+        ModelError, UsageError, NumericalError
+            There is something wrong with the values.
+        """
+        before = self.controls
+        self._adapt(request.set)
+        request = self._fitting(request)
+        simulation = self._variants.varied(request.set, request.set_initial)
+        settings = resolve(self._settings(request.t_end), simulation.model)
+        if len(sample_times(settings)) > MOST_SAMPLES:
+            settings = dataclasses.replace(settings, samples=MOST_SAMPLES, dt=None, times=None)
+        simulation = dataclasses.replace(simulation, settings=settings)
+        blocks: list[Samples] = []
+        record = simulation.run(blocks.append, None, interruption)
+        answer = self._answer(request, simulation, joined(blocks), record)
+        if self.controls is not before:
+            answer |= self.description()
+        return answer
+
+    def description(self) -> dict[str, Any]:
+        """Return what the page is to know of the model, before the first run."""
+        return {
+            "controls": [c.to_json() for c in self.controls.values()],
+            "groups": self.curves.groups(),
+        }
+
+    def _adapt(self, given: Mapping[str, str]) -> None:
+        """Derive the equations anew where the number of members changes."""
+        started = self._started
+        wanted = {n: x for n, x in given.items() if n in started.structural_parameters}
+        if {**started.set, **wanted} == self.model.set:
+            return
+        for name, text in wanted.items():
+            self._check_members(name, _number(text, name))
+        self._take(
+            load_text(started.text, started.path, {**started.set, **wanted}, started.set_initial)
+        )
+
+    def _check_members(self, name: str, value: float) -> None:
+        if abs(value) > max(MOST_MEMBERS, abs(self._started.parameters[name].value)):
+            raise UsageError(
+                f"{name} = {value:g}: this page goes as far as {MOST_MEMBERS}; lagcli simulate has"
+                " no such limit"
+            )
+
+    def _fitting(self, request: Request) -> Request:
+        """Leave out the values of members that the model, with fewer of them, does not have."""
+        families = {c.family for c in self.controls.values() if c.family}
+
+        def known(values: Mapping[str, str]) -> dict[str, str]:
+            return {
+                name: value
+                for name, value in values.items()
+                if name in self.controls or name.partition("[")[0] not in families
+            }
+
+        return dataclasses.replace(
+            request, set=known(request.set), set_initial=known(request.set_initial)
+        )
+
+    def _answer(
+        self, request: Request, simulation: Simulation, samples: Samples, record: Record
+    ) -> dict[str, Any]:
+        model, start = simulation.model, simulation.start
+        values = {**model.parameter_values, **{n: x.value for n, x in model.initial.items()}}
+        states = zip(model.coordinate_names, start.q.tolist(), start.v.tolist(), strict=True)
+        begun = {
+            name: x for q, *state in states for name, x in zip((q, f"{q}'"), state, strict=True)
+        }
+        shown = {name: self.controls[name].shown for name in values}
+        groups = self.curves.groups()
+        return {
+            "number": request.number,
+            "status": record.status,
+            "message": record.message if record.status != "completed" else "",
+            "values": {name: shown[name](x) for name, x in values.items()},
+            "start": {
+                name: shown[name](begun[name]) for name, x in model.initial.items() if not x.fixed
+            },
+            "t_end": simulation.settings.t_end,
+            "method": record.options["method"],
+            "counts": record.counts,
+            "seconds": record.seconds["integrate"],
+            "command": self.command(request),
+            "scene": self._scene(model, samples),
+            "plots": {
+                group: self.curves.plot(group, samples)
+                for group in request.plots
+                if group in groups
+            },
+        }
+
+    def _scene(self, model: Model, samples: Samples) -> dict[str, Any] | None:
+        if self._stage is None or not len(samples.time):
+            return None
+        scene = self._stage.scene(vars(samples), model.parameter_values)
+        return scene.to_json(lambda values: values)
+
+    # what is taken away from the page
+
+    def command(self, request: Request) -> str:
+        """Return the command line that reproduces a run, quoted for the shell."""
+        started, request = self._started, self._fitting(request)
+        words = ["lagcli", "simulate", "-" if started.path == "<stdin>" else started.path]
+        for option, values in (
+            ("--set", {**started.set, **request.set}),
+            ("--set-initial", {**started.set_initial, **request.set_initial}),
+        ):
+            for name, value in values.items():
+                words += [option, f"{name}={value}"]
+        end = request.t_end or self._t_end
+        if end:
+            words += ["--t-end", str(end)]
+        return shlex.join([*words, "-o", "run.h5"])
+
+    def text(self, request: Request) -> str:
+        """Return the model file with the values of a request.
+
+        Raises
+        ------
+        ModelError
+            As `rewritten`.
+        UsageError
+            The end of the run is no number.
+        """
+        started, request = self._started, self._fitting(request)
+        end = self._settings(request.t_end).t_end
+        return rewritten(
+            started.text,
+            started.path,
+            {n: str(x) for n, x in {**started.set, **request.set}.items()},
+            {n: str(x) for n, x in {**started.set_initial, **request.set_initial}.items()},
+            end,
+        )
+
+
+def _texts(values: Any) -> bool:
+    return isinstance(values, list) and all(isinstance(x, str) for x in values)
+
+
+def _number(text: str, name: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"{name} is a number on this page, not {shorten(text)!r}") from None
