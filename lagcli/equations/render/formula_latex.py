@@ -119,7 +119,7 @@ class LatexFormula:
             part = self._tight(factor, depth, product=True)
             if i:
                 before = node.factors[i - 1]
-                apart = _needs_space(before, factor)
+                apart = needs_space(before, factor)
                 found.append(Break(depth + LAST_RESORT, r" \, " if apart else " "))
             found += part
         return found
@@ -225,7 +225,7 @@ def _text(token: Token) -> str:
     return token.space if isinstance(token, Break) else token
 
 
-def _needs_space(before: Node, after: Node) -> bool:
+def needs_space(before: Node, after: Node) -> bool:
     """Whether two factors would run together without a thin space."""
     functions = isinstance(before, t.Call | t.Root | t.Quotient | t.Cases) or (
         isinstance(before, t.Power) and isinstance(before.base, t.Call)

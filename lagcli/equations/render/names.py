@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from html import escape
 
 from lagcli.model.model import Model
 
@@ -58,6 +59,7 @@ class Names:
         declared = [*model.coordinate_names, *model.parameters, *model.definitions]
         self._text = _distinct({name: _text(name) for name in declared})
         self._latex = _distinct({name: _latex(name) for name in declared})
+        self._mathml = _distinct({name: _mathml(name) for name in declared})
         self._own = {
             c.name: c.latex for c in model.coordinates if c.latex and _presentable(c.latex)
         }
@@ -89,6 +91,24 @@ class Names:
         """Return λ in LaTeX."""
         return r"\lambda" if self._single else rf"\lambda_{{{_latex_word(constraint)}}}"
 
+    def mathml(self, name: str, dots: int = 0) -> tuple[str, str]:
+        """Return a name with its dots in MathML: its letter, and its subscript or nothing."""
+        if name in self._own:
+            from lagcli.equations.render.mathml_sign import Unknown, sign_mathml
+
+            try:
+                return dotted(sign_mathml(self._own[name]), dots), ""
+            except Unknown:  # more than a sign: it looks as if it had no LaTeX of its own
+                pass
+        letter, subscript = self._mathml.get(name) or _mathml(name)
+        if letter == name:  # raw, so as not to look like another one
+            letter = f"<mi>{escape(name)}</mi>"
+        return dotted(letter, dots), subscript
+
+    def mathml_multiplier(self, constraint: str) -> str:
+        """Return the subscript of λ in MathML; nothing where it has none."""
+        return "" if self._single else _mathml_row(constraint)
+
 
 def _distinct(looks: dict[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
     """Drop the looks that two names would share: such names are written raw."""
@@ -119,6 +139,30 @@ def _latex(name: str) -> tuple[str, str]:
 def _latex_subscript(subscript: str) -> str:
     subscript = subscript.replace("[", "_").removesuffix("]")
     return ",".join(_latex_letter(GREEK.get(p, p), r"\mathrm") for p in subscript.split("_") if p)
+
+
+def _mathml(name: str) -> tuple[str, str]:
+    letter, subscript = split(name)
+    return f"<mi>{escape(GREEK.get(letter, letter))}</mi>", subscript and _mathml_row(subscript)
+
+
+def _mathml_row(subscript: str) -> str:
+    """Return a subscript: its parts with commas between."""
+    parts = [p for p in subscript.replace("[", "_").removesuffix("]").split("_") if p]
+    shown = [
+        f"<mn>{p}</mn>" if p.isdigit() else f"<mi>{escape(GREEK.get(p, p))}</mi>" for p in parts
+    ]
+    comma = '<mo separator="true">,</mo>'
+    return f"<mrow>{comma.join(shown)}</mrow>" if len(shown) > 1 else shown[0]
+
+
+def dotted(letter: str, dots: int) -> str:
+    """Return a letter in MathML with its dots above."""
+    if not dots:
+        return letter
+    # full stops of full size: the accents ˙ and ¨ touch low letters in some browsers
+    mark = f'<mo stretchy="false" lspace="0" rspace="0">{"." * dots}</mo>'
+    return f'<mover>{letter}<mstyle scriptlevel="0">{mark}</mstyle></mover>'
 
 
 def _latex_letter(text: str, font: str = r"\mathit") -> str:

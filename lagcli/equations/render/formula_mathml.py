@@ -1,0 +1,294 @@
+"""Formulas in MathML (MathML Core, which browsers draw without a script)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import cache
+from html import escape, unescape
+
+from lagcli.equations import typeset as t
+from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
+from lagcli.equations.render.formula_latex import needs_space
+from lagcli.equations.render.mathml_sign import sign_mathml
+from lagcli.equations.render.names import Names
+from lagcli.equations.render.numbers import decimal, rounded
+from lagcli.equations.typeset import Node
+
+_RELATIONS = {"<=": "≤", ">=": "≥", "!=": "≠", "==": "=", "<": "<", ">": ">"}
+_PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")
+_FUNCTIONS = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
+_FENCES = {"abs": ("|", "|"), "norm": ("‖", "‖"), "floor": ("⌊", "⌋"), "ceil": ("⌈", "⌉")}
+_FENCES["ceiling"] = _FENCES["ceil"]
+_THIN = '<mspace width="0.17em"/>'
+_APPLY, _TIMES = "<mo>\u2061</mo>", "<mo>\u2062</mo>"
+_SHORT_BRACKET = 24
+_TALL = ("<mfrac>", "<mtable")
+
+
+def operator(sign: str, form: str = "infix") -> str:
+    """Return an operator with its spaces, wherever it stands."""
+    return f'<mo form="{form}">{escape(sign)}</mo>'
+
+
+@cache
+def width(mathml: str) -> int:
+    """Return roughly how many letters wide a formula is."""
+    text = re.sub(r"<mstyle.*?</mstyle>", "", mathml)  # dots above
+    return len(re.sub("[\u2061\u2062]", "", unescape(re.sub(r"<[^>]*>", "", text))))
+
+
+class MathmlFormula:
+    """Writes formulas of one model in MathML.
+
+    Parameters
+    ----------
+    names : Names
+    decimals : frozenset of int
+        See `lagcli.equations.render.numbers.written_decimals`.
+    numeric : bool
+        Whether numbers are decimals of six digits at most.
+    """
+
+    def __init__(self, names: Names, decimals: frozenset[int] = frozenset(), numeric: bool = False):
+        self.names, self.decimals, self.numeric = names, decimals, numeric
+
+    def mathml(self, node: Node) -> str:
+        """Return a formula that is not broken, as one element."""
+        return _row(_joined(self.tokens(node)))
+
+    def tokens(self, node: Node, depth: int = 0) -> list[Token]:
+        """Return the pieces of a formula, each whole elements, and where it may be broken."""
+        match node:
+            case t.Number():
+                return [self.number(node.value)]
+            case t.Symbol():
+                return [self._symbol(node)]
+            case t.Variation():
+                return [f"<mrow><mi>δ</mi>{self._symbol(node.of)}</mrow>"]
+            case t.Partial():
+                top, bottom = (
+                    f"<mrow><mo>∂</mo>{self.mathml(x)}</mrow>" for x in (node.of, node.by)
+                )
+                return [f"<mfrac>{top}{bottom}</mfrac>"]
+            case t.Rate():
+                rate = "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
+                return [rate, _THIN, *self._fenced([self.mathml(node.of)])]
+            case t.Sign():
+                return [sign_mathml(node.latex)]
+            case t.Sum():
+                return self._sum(node, depth)
+            case t.Product():
+                return self._product(node, depth)
+            case t.Quotient():
+                top, bottom = self.mathml(node.numerator), self.mathml(node.denominator)
+                return [f"<mfrac>{top}{bottom}</mfrac>"]
+            case t.Power():
+                return self._power(node, depth)
+            case t.Root():
+                inside = self.mathml(node.radicand)
+                if node.degree == 2:
+                    return [f"<msqrt>{inside}</msqrt>"]
+                return [f"<mroot>{inside}<mn>{node.degree}</mn></mroot>"]
+            case t.Call():
+                return self._call(node, depth)
+            case t.Vector():
+                return [self._vector(node)]
+            case t.Cases():
+                return [self._cases(node)]
+            case t.Relation():
+                sign = operator(_RELATIONS.get(node.operator, node.operator))
+                return [f"{self.mathml(node.left)}{sign}{self.mathml(node.right)}"]
+            case t.Logical():
+                return [self._logical(node)]
+        raise AssertionError(f"no such node: {node!r}")
+
+    def number(self, value: Fraction) -> str:
+        """Return a number: ½, 0.1."""
+        if value < 0:
+            return f"<mrow>{operator('−', 'prefix')}{self.number(-value)}</mrow>"
+        plain = decimal(value, self.decimals)
+        if self.numeric and (plain is None or len(plain) > 6):
+            mantissa, power = rounded(value)
+            if power is None:
+                return f"<mn>{mantissa}</mn>"
+            raised = self.number(Fraction(power))
+            ten = f"<msup><mn>10</mn>{raised}</msup>"
+            return f"<mrow><mn>{mantissa}</mn>{operator('⋅')}{ten}</mrow>"
+        if plain:
+            return f"<mn>{plain}</mn>"
+        # small, as within a line of text
+        parts = f"<mn>{value.numerator}</mn><mn>{value.denominator}</mn>"
+        return f'<mstyle displaystyle="false" scriptlevel="0"><mfrac>{parts}</mfrac></mstyle>'
+
+    def _symbol(self, node: t.Symbol, raised: str = "") -> str:
+        """Return a name, with an exponent above its subscript."""
+        base, below = self._name(node)
+        if raised:
+            tag = "msubsup" if below else "msup"
+            return f"<{tag}>{base}{below}{raised}</{tag}>"
+        return f"<msub>{base}{below}</msub>" if below else base
+
+    def _name(self, node: t.Symbol) -> tuple[str, str]:
+        match node.kind:
+            case "multiplier":
+                return "<mi>λ</mi>", self.names.mathml_multiplier(node.name)
+            case "force":
+                base, below = self.names.mathml(node.name)
+                return "<mi>Q</mi>", f"<msub>{base}{below}</msub>" if below else base
+            case "constant":
+                return "<mi>π</mi>", ""
+        return self.names.mathml(node.name, node.dots)
+
+    def _sum(self, node: t.Sum, depth: int) -> list[Token]:
+        found: list[Token] = []
+        for i, (sign, term) in enumerate(node.terms):
+            if i:
+                found += [Break(depth), operator("+" if sign > 0 else "−")]
+            elif sign < 0:
+                found.append(operator("−", "prefix"))
+            found += self.tokens(term, depth + 1 if isinstance(term, t.Product) else depth)
+        return found
+
+    def _product(self, node: t.Product, depth: int) -> list[Token]:
+        found: list[Token] = []
+        for i, factor in enumerate(node.factors):
+            part = self._tight(factor, depth, product=True)
+            if i:
+                apart = needs_space(node.factors[i - 1], factor) or _named(factor)
+                found += [Break(depth + LAST_RESORT), _THIN if apart else _TIMES]
+            found += part
+        return found
+
+    def _power(self, node: t.Power, depth: int) -> list[Token]:
+        raised, base = self.mathml(node.exponent), node.base
+        if (
+            isinstance(base, t.Call)
+            and base.function in _PREFIX
+            and isinstance(node.exponent, t.Number)
+        ):
+            name = f"<msup><mi>{base.function}</mi>{raised}</msup>"
+            return [name, _APPLY, *self._arguments(base, depth)]
+        if isinstance(base, t.Symbol):
+            return [self._symbol(base, raised)]
+        *before, last = self._tight(base, depth)
+        if not before:
+            return [f"<msup>{_row(str(last))}{raised}</msup>"]
+        # the bracket's end carries the exponent
+        return [*before, f"<msup>{last}{raised}</msup>"]
+
+    def _call(self, node: t.Call, depth: int) -> list[Token]:
+        name, arguments = node.function, node.arguments
+        if name in _FENCES:
+            opening, closing = _FENCES[name]
+            return [_between(opening, self.mathml(arguments[0]), closing)]
+        if name in ("dot", "cross"):
+            sign = operator("⋅" if name == "dot" else "×")
+            left, right = (_joined(self._tight(a, depth)) for a in arguments)
+            return [f"<mrow>{left}{sign}{right}</mrow>"]
+        if name == "exp":
+            return [f"<msup><mi>e</mi>{self.mathml(arguments[0])}</msup>"]
+        if name == "transpose":
+            base = _row(_joined(self._tight(arguments[0], depth)))
+            return [f'<msup>{base}<mi mathvariant="normal">T</mi></msup>']
+        stem, _, index = _FUNCTIONS.get(name, name).partition("_")
+        sign = f"<mi>{escape(stem)}</mi>"
+        if len(stem) == 1:
+            sign = f'<mi mathvariant="normal">{escape(stem)}</mi>'
+        if index:
+            sign = f"<msub>{sign}<mi>{escape(index)}</mi></msub>"
+        return [sign, _APPLY, *self._arguments(node, depth)]
+
+    def _arguments(self, node: t.Call, depth: int) -> list[Token]:
+        first = node.arguments[0]
+        if node.function in _PREFIX and len(node.arguments) == 1 and isinstance(first, t.Symbol):
+            return [_THIN, self._symbol(first)]
+        found: list[Token] = []
+        for i, item in enumerate(node.arguments):
+            if i:
+                found += [operator(","), Break(depth + 1)]
+            found += self.tokens(item, depth + 2)
+        return self._fenced(found)
+
+    def _vector(self, node: t.Vector) -> str:
+        lists = [item.items if isinstance(item, t.Vector) else (item,) for item in node.items]
+        rows = "".join(
+            "<mtr>" + "".join(f"<mtd>{self.mathml(x)}</mtd>" for x in items) + "</mtr>"
+            for items in lists
+        )
+        return _between("(", f"<mtable>{rows}</mtable>", ")")
+
+    def _cases(self, node: t.Cases) -> str:
+        rows = []
+        rest: Node = node
+        while isinstance(rest, t.Cases):
+            condition = f"<mtext>if </mtext>{self.mathml(rest.condition)}"
+            rows.append(f"<mtd>{self.mathml(rest.then)}</mtd><mtd><mrow>{condition}</mrow></mtd>")
+            rest = rest.otherwise
+        rows.append(f"<mtd>{self.mathml(rest)}</mtd><mtd><mtext>else</mtext></mtd>")
+        table = "".join(f"<mtr>{row}</mtr>" for row in rows)
+        return _between("{", f'<mtable class="cases">{table}</mtable>', "")
+
+    def _logical(self, node: t.Logical) -> str:
+        parts = [
+            _joined(self._fenced([self.mathml(o)])) if isinstance(o, t.Logical) else self.mathml(o)
+            for o in node.operands
+        ]
+        if node.operator == "not":
+            return f"<mrow><mtext>not </mtext>{_joined(self._fenced([parts[0]]))}</mrow>"
+        return f"<mrow>{f'<mtext> {node.operator} </mtext>'.join(parts)}</mrow>"
+
+    def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
+        """Return a node that can stand beside others: as a factor or as a base."""
+        compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
+        if not product:
+            compound += (t.Product, t.Quotient, t.Power, t.Rate, t.Root, t.Cases)
+        dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")
+        called = not product and isinstance(node, t.Call) and node.function not in _FENCES
+        number = not product and isinstance(node, t.Number) and "mfrac" in self.number(node.value)
+        if isinstance(node, compound) or dotted or called or number:
+            return self._fenced(self.tokens(node, depth + 1))
+        return self.tokens(node, depth)
+
+    def _fenced(self, inner: list[Token]) -> list[Token]:
+        """Return tokens in brackets of a size that fits."""
+        text = _joined(inner)
+        opening, closing = ("[", "]") if ">(</mo>" in text and ">[</mo>" not in text else ("(", ")")
+        tall = any(tag in text for tag in _TALL)
+        if not any(isinstance(x, Break) for x in inner):
+            return [_between(opening, text, closing, stretchy=tall)]
+        # brackets that lines may be broken between do not see how tall their content is
+        size = ' stretchy="true" symmetric="true" minsize="2.2em"' if tall else ' stretchy="false"'
+        first, last = (
+            f'<mo form="{form}" fence="true"{size}>{sign}</mo>'
+            for form, sign in (("prefix", opening), ("postfix", closing))
+        )
+        if width(text) <= _SHORT_BRACKET:
+            inner = kept_together(inner)
+        return [first, *inner, last]
+
+
+def _between(opening: str, inside: str, closing: str, stretchy: bool = True) -> str:
+    """Return a formula in fences that are as tall as it is."""
+    size = "true" if stretchy else "false"
+    left, right = (
+        f'<mo form="{form}" fence="true" stretchy="{size}">{sign}</mo>' if sign else ""
+        for form, sign in (("prefix", opening), ("postfix", closing))
+    )
+    return f"<mrow>{left}{inside}{right}</mrow>"
+
+
+def _joined(tokens: Sequence[Token]) -> str:
+    return "".join(x for x in tokens if isinstance(x, str))
+
+
+def _row(mathml: str) -> str:
+    """Return one element."""
+    return f"<mrow>{mathml}</mrow>"
+
+
+def _named(factor: Node) -> bool:
+    """Whether a factor begins with the name of a function, which needs a space before it."""
+    base = factor.base if isinstance(factor, t.Power) else factor
+    return isinstance(base, t.Call) and base.function not in _FENCES

@@ -1,0 +1,77 @@
+"""Formulas in HTML: MathML in pieces, so that a browser breaks long ones where they may be broken.
+
+MathML has no line breaks of its own in browsers. A formula is cut where `Break` tokens are; its
+pieces are nested ``<span class="formula">``, to be laid out as inline blocks: a term that fits on a
+line stays whole, and a wider one is broken inside, as in a textbook.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from lagcli.equations.formulas import Line
+from lagcli.equations.render.breaking import Break, Token
+from lagcli.equations.render.formula_mathml import MathmlFormula, operator, width
+from lagcli.equations.render.formula_text import TextFormula
+from lagcli.equations.typeset import Node
+
+#: Letters that stand beside each other on the narrowest screen: what is shorter is not cut.
+_PIECE = 26
+#: Letters of a side that stays with the equality sign.
+_SHORT = 8
+
+
+def equation(line: Line, formula: MathmlFormula, text: TextFormula) -> str:
+    """Return a formula or an equation as an element of its own.
+
+    Parameters
+    ----------
+    line : Line
+    formula : MathmlFormula
+    text : TextFormula
+        Says it to those who cannot see it.
+
+    Returns
+    -------
+    str
+        ``<div class="equation">``.
+    """
+    first, *others = map(formula.tokens, line.sides)
+    parts: list[list[Token]] = [first]
+    for side in others:
+        if _width(side) <= _SHORT or _width(parts[-1]) <= _SHORT:
+            # x = …, and … = 0, are not torn apart
+            parts[-1] += [operator("="), *side]
+        else:
+            parts.append([operator("="), *side])
+    spoken = " = ".join(map(text.text, line.sides))
+    return (
+        f'<div class="equation" role="math" aria-label="{escape(spoken)}">'
+        + "<wbr>".join(map(_pieces, parts))
+        + "</div>"
+    )
+
+
+def inline(node: Node, formula: MathmlFormula) -> str:
+    """Return a formula within a text."""
+    return f'<math displaystyle="true">{formula.mathml(node)}</math>'
+
+
+def _width(tokens: Sequence[Token]) -> int:
+    return width("".join(x for x in tokens if isinstance(x, str)))
+
+
+def _pieces(tokens: Sequence[Token]) -> str:
+    """Return a formula cut at its best breaks, and its parts at the next ones."""
+    whole = "".join(x for x in tokens if isinstance(x, str))
+    depths = [x.depth for x in tokens if isinstance(x, Break)]
+    if not depths or width(whole) <= _PIECE:
+        return f'<math displaystyle="true">{whole}</math>'
+    best, parts = min(depths), [[]]  # type: tuple[int, list[list[Token]]]
+    for token in tokens:
+        if isinstance(token, Break) and token.depth == best:
+            parts.append([])
+        else:
+            parts[-1].append(token)
+    return f'<span class="formula">{"<wbr>".join(map(_pieces, parts))}</span>'
