@@ -283,8 +283,9 @@ class Hdf5Reader:
 
     def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
         """Yield columns of consecutive samples, by name."""
-        widest = max(self._length["coordinate"], self._length["constraint"], 1)
-        rows = max(1, _SLAB // (8 * widest))
+        lengths = self._length
+        sizes = [math.prod(lengths[a] for a in _AXES[n][1:]) for n in names if n in _AXES]
+        rows = max(1, _SLAB // (8 * max(1, *sizes)))
         for start in range(0, self._length["time"], rows):
             yield {name: self._array(name, slice(start, start + rows)) for name in names}
 

@@ -174,8 +174,7 @@ class TimePlot {
   #build() {
     const { data } = this;
     const caption = document.createElement("figcaption");
-    caption.append(TimePlot.#named(data.title ?? ""));
-    if (data.unit) caption.append(` [${data.unit}]`);
+    caption.textContent = [data.title, data.unit && `[${data.unit}]`].filter(Boolean).join(" ");
     const drawing = document.createElement("div");
     drawing.className = "plot-drawing";
     const legend = this.#legend();
@@ -228,7 +227,7 @@ class TimePlot {
     this.showTime(this.link.time);
   }
 
-  /** A title or label with its subscript. */
+  /** A label with its subscript. */
   static #named(text) {
     const [base, ...rest] = text.split("_");
     const fragment = document.createDocumentFragment();
@@ -346,11 +345,13 @@ class TimePlot {
   #listen() {
     const { chart, link } = this;
     const { over } = chart;
+    const names = this.data.series.map((s) => s.label ?? s.name).join(", ");
     over.tabIndex = 0;
     over.setAttribute("role", "application");
     over.setAttribute(
       "aria-label",
-      `${this.data.title ?? "plot"}: arrow keys move the time, plus and minus zoom, 0 shows all`,
+      `${this.data.title || `Plot of ${names}`}: arrow keys move the time, plus and minus zoom,` +
+        " 0 shows all",
     );
     const at = (event) => {
       const left = event.clientX - over.getBoundingClientRect().left;

@@ -1,0 +1,211 @@
+"""The page of a report, put together."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Mapping
+from html import escape
+from string import Template
+
+import numpy as np
+
+from lagcli.equations.formulas import Formulas
+from lagcli.equations.lagrange import derive
+from lagcli.extremes import Extremes
+from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, script_data
+from lagcli.pictures.report import tables
+from lagcli.pictures.report.curves import (
+    POWERS,
+    Curve,
+    Extreme,
+    Packed,
+    Plot,
+    Section,
+    gather,
+    sections,
+    to_json,
+)
+from lagcli.pictures.report.equations import System
+from lagcli.pictures.report.writing import chosen
+from lagcli.pictures.report.yaml_text import highlighted
+from lagcli.pictures.run_file import Run
+from lagcli.pictures.stage import scene_of
+from lagcli.pictures.style import PALETTE
+from lagcli.pictures.thinning import evenly
+
+_UPLOT = "vendor/uplot/"
+_SCRIPTS = (_UPLOT + "uPlot.iife.min.js", *PLAYER_SCRIPTS, "plots.js", "report.js")
+_STYLES = (_UPLOT + "uPlot.min.css", *PLAYER_STYLES, "plots.css", "report.css")
+
+#: Pictures of the animation: at most so many, and no more than so many numbers in all.
+_FRAMES, _FRAME_NUMBERS = 3000, 90_000
+#: Rows of each kind in the table of extremes.
+_ROWS = 24
+#: Of the energies that change: what powers do along the run that is rounding.
+_ROUNDING = 1e-10
+
+
+def assembled(run: Run, title: str | None = None) -> str:
+    """Return the page of a run.
+
+    Parameters
+    ----------
+    run : Run
+    title : str, optional
+        In place of the model's name.
+
+    Raises
+    ------
+    FileError, UsageError, ModelError
+        See `lagcli.pictures.report.report`.
+    """
+    model = run.model
+    system = System(run, Formulas(derive(model)))
+    found = sections(run, system.names) if run.count else []
+    plots = [plot for section in found for plot in section.plots]
+    extremes = {curve: Extreme() for curve in _looked_at(run, system)}
+    gather(run, plots, extremes)
+    found = _notable(found, extremes)
+    packed = Packed()
+    scene = _scene(run)
+    data = {
+        "name": title or model.name,
+        "palette": list(PALETTE),
+        "scene": scene,
+        "plots": [to_json(plot, packed) for section in found for plot in section.plots],
+        "arrays": list(packed.texts),
+    }
+    start = run.columns(("q", "v"), np.zeros(1, dtype=np.intp))
+    name = escape(title or model.name)
+    script = "\n".join(map(asset, _SCRIPTS))
+    style = "\n".join(map(asset, _STYLES))
+    return Template(asset("report.html")).substitute(
+        policy=_policy(script, style),
+        title=name,
+        style=style,
+        script=script,
+        data=script_data(data),
+        description=_paragraphs(model.description),
+        status=tables.status(run),
+        motion=_MOTION if scene else "",
+        layout="with-motion" if scene else "without-motion",
+        freedom=system.freedom(),
+        coordinates=system.coordinates([x[0] for x in start.values()] if run.count else []),
+        parameters=system.parameters(),
+        definitions=system.definitions(),
+        energies=system.energies(),
+        constraints=system.constraints(),
+        equations=system.motion(),
+        convention=system.convention(),
+        plots=_plots(found),
+        contents=_contents(found),
+        extremes=tables.extremes_table(extremes, system),
+        moved=tables.moved(run, system),
+        solver=tables.solver(run, _residuals(run)),
+        provenance=tables.provenance(run),
+        model=highlighted(model.text),
+    )
+
+
+_MOTION = """<aside id="motion" aria-label="Animation">
+<div id="player"></div>
+<p class="hint">Pass over a plot, or click on it: the animation shows that time.</p>
+<div class="strip" aria-hidden="true"></div>
+</aside>"""
+
+
+def _policy(script: str, style: str) -> str:
+    """Return the policy by which the page runs this script and style and fetches nothing."""
+
+    def digest(text: str) -> str:
+        return base64.b64encode(hashlib.sha256(f"\n{text}\n".encode()).digest()).decode()
+
+    return (
+        f"default-src 'none'; script-src 'sha256-{digest(script)}';"
+        f" style-src 'sha256-{digest(style)}'; base-uri 'none'; form-action 'none'"
+    )
+
+
+def _scene(run: Run) -> dict[str, object] | None:
+    """Return the scene in JSON values, at some of the samples."""
+    if run.count < 2:
+        return None
+    few = scene_of(run, evenly(run.count, 2))
+    if few is None:
+        return None
+    numbers = sum(len(places) for places in few.points.values()) + 4 * len(few.vectors) + 1
+    frames = max(100, min(_FRAMES, _FRAME_NUMBERS // numbers))
+    scene = scene_of(run, evenly(run.count, frames))
+    return None if scene is None else scene.to_json()
+
+
+def _looked_at(run: Run, system: System) -> list[Curve]:
+    """Return the curves whose extremes are listed."""
+    names = system.names
+    q, constraints = run.coordinates, run.constraints
+    places = chosen(q, _ROWS)
+    found = [Curve(q[j], names.text(q[j]), "q", (j,)) for j in places]
+    found += [Curve(f"{q[j]}_dot", names.text(q[j], 1), "v", (j,)) for j in places]
+    found += [
+        Curve(f"lambda.{constraints[i]}", names.multiplier(constraints[i]), "multipliers", (i,))
+        for i in chosen(constraints, _ROWS)
+    ]
+    outputs = [run.outputs[i] for i in chosen(run.outputs, _ROWS)]
+    found += [Curve(name, name, f"outputs/{name}") for name in outputs]
+    energies = {"kinetic": "T", "potential": "V", "total": "E"}
+    return found + [Curve(f"energy_{n}", s, f"energy_{n}") for n, s in energies.items()]
+
+
+def _residuals(run: Run) -> Extremes:
+    found = Extremes(run.constraints)
+    for columns in run.blocks(Extremes.COLUMNS):
+        found.add(columns)
+    return found
+
+
+def _notable(found: list[Section], extremes: Mapping[Curve, Extreme]) -> list[Section]:
+    """Return the sections without curves that say nothing."""
+    energies = [x for curve, x in extremes.items() if curve.name.startswith("energy")]
+    scale = max((x.high - x.low for x in energies if x.high >= x.low), default=0.0)
+    kept = []
+    for section in found:
+        for plot in section.plots:
+            if plot.title == POWERS and len(plot.time):
+                duration = float(plot.time[-1] - plot.time[0])
+                plot.least = _ROUNDING * scale / duration if duration else 0.0
+        plots = [plot for plot in section.plots if plot.notable()]
+        if plots:
+            kept.append(section._replace(plots=plots))
+    return kept
+
+
+def _plots(found: list[Section]) -> str:
+    """Return the places of the plots; the script fills them in this order."""
+    if not found:
+        return "<p>There are no samples.</p>"
+    parts = []
+    for section in found:
+        about = f"<p>{escape(section.about)}</p>" if section.about else ""
+        parts.append(f'<section id="{_anchor(section.title)}"><h3>{section.title}</h3>{about}')
+        parts.append(f'<div class="plots">{"".join(map(_place, section.plots))}</div></section>')
+    return "".join(parts)
+
+
+def _place(plot: Plot) -> str:
+    note = f'<p class="note">{escape(plot.note)}</p>' if plot.note else ""
+    return f'<div class="place"><figure></figure>{note}</div>'
+
+
+def _contents(found: list[Section]) -> str:
+    return "".join(f'<li><a href="#{_anchor(s.title)}">{s.title}</a></li>' for s in found)
+
+
+def _anchor(title: str) -> str:
+    return "plots-" + title.lower().replace(" ", "-")
+
+
+def _paragraphs(text: str | None) -> str:
+    """Return a description: its paragraphs, escaped."""
+    blocks = (text or "").strip().split("\n\n")
+    return "".join(f"<p>{escape(' '.join(b.split()))}</p>" for b in blocks if b.strip())

@@ -1,0 +1,249 @@
+"""The system on the page: coordinates, constraints, equations of motion, sign convention."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from html import escape
+
+from lagcli.equations.formulas import Formulas, Line
+from lagcli.equations.general import Signs
+from lagcli.equations.lagrange import ConstraintEquation
+from lagcli.equations.overview import convention, degrees_of_freedom, kind_of
+from lagcli.equations.render.formula_mathml import MathmlFormula
+from lagcli.equations.render.formula_text import TextFormula
+from lagcli.equations.render.html import equation, inline
+from lagcli.equations.render.names import Names
+from lagcli.equations.render.numbers import written_decimals
+from lagcli.equations.typeset import Node, Sign, Sum, Symbol
+from lagcli.pictures.report.writing import chosen, elided, number, table, unit
+from lagcli.pictures.run_file import Run
+from lagcli.samples import Array
+
+#: Coordinates, parameters, constraints and equations that are listed one by one.
+_ROWS, _PARAMETERS, _LISTED = 24, 60, 12
+#: Nodes of an equation above which it is not arranged.
+_NODES = 20_000
+#: Letters of a formula from which its sums are abridged, and from which it is not printed.
+_LONG, _LETTERS = 1200, 6000
+#: Terms of a sum that stand before and after the dots.
+_FIRST, _LAST = 5, 1
+
+
+class System:
+    """The equations of one run in HTML.
+
+    Parameters
+    ----------
+    run : Run
+    formulas : Formulas
+        Of its model.
+    """
+
+    def __init__(self, run: Run, formulas: Formulas):
+        self.run, self.formulas = run, formulas
+        self.equations, self.model = formulas.equations, formulas.model
+        self.names = Names(self.model)
+        decimals = written_decimals(self.model)
+        self.mathml = MathmlFormula(self.names, decimals)
+        self.text = TextFormula(self.names, decimals)
+
+    def symbol(self, name: str, dots: int = 0) -> str:
+        """Return a name of the model as a formula within a text."""
+        return inline(Symbol(name, dots), self.mathml)
+
+    def multiplier(self, constraint: str) -> str:
+        """Return λ of a constraint as a formula within a text."""
+        return inline(Symbol(constraint, kind="multiplier"), self.mathml)
+
+    def coordinates(self, first: Sequence[Array]) -> str:
+        """Return the table of coordinates, with their values at the first sample if there is one.
+
+        Parameters
+        ----------
+        first : sequence of (nq,) arrays
+            q and v; none where the run has no samples.
+        """
+        given = self.model.coordinates
+        places = chosen(self.run.coordinates, _ROWS)
+        units = self.run.record.units
+        head = ["Coordinate", "Meaning", "Unit"]
+        head += ["At the start", "Rate at the start"] if first else []
+        rows = []
+        for j in places:
+            c = given[j]
+            row = [self.symbol(c.name), escape(c.description or ""), unit(units.get(c.name))]
+            rows.append([*row, *(number(float(x[j])) for x in first)])
+        caption = _counted("Coordinates", len(places), len(given))
+        return table(caption, head, elided(places, rows, _dots(head)), numeric=(3, 4))
+
+    def parameters(self) -> str:
+        """Return the table of parameters with the values of the run."""
+        record = self.run.record
+        names = list(self.model.parameters)
+        if not names:
+            return ""
+        places = chosen(names, _PARAMETERS)
+        rows = []
+        for i in places:
+            p = self.model.parameters[names[i]]
+            value = record.parameters.get(p.name, p.value)
+            shown = unit(record.units.get(p.name, p.unit))
+            rows.append([self.symbol(p.name), escape(p.description or ""), number(value), shown])
+        caption = _counted("Parameters, in SI units", len(places), len(names))
+        head = ["Parameter", "Meaning", "Value", "Unit"]
+        return table(caption, head, elided(places, rows, _dots(head)), numeric=(2,))
+
+    def energies(self) -> str:
+        """Return T and V, or L, as the model states them."""
+        return "".join(map(self._limited, self._energies))
+
+    @cached_property
+    def _energies(self) -> list[Line]:
+        signs, trees = Signs(self.model), self.model.trees
+        stated = {"L": signs.lagrangian, "T": signs.kinetic, "V": signs.potential}
+        written = self.formulas.written
+        return [Line((sign, written(trees[key]))) for key, sign in stated.items() if key in trees]
+
+    @cached_property
+    def _constraints(self) -> dict[int, ConstraintEquation]:
+        """The constraints that are listed, by their places."""
+        every = self.equations.constraints
+        return {i: every[i] for i in chosen(self.run.constraints, _LISTED)}
+
+    @cached_property
+    def _motion(self) -> dict[int, Line | str]:
+        """The equations that are listed, by their places, or how long they are."""
+        return {i: self._assembled(i) for i in chosen(self.run.coordinates, _LISTED)}
+
+    def definitions(self) -> str:
+        """Return the definitions that energies, constraints and equations use, as written."""
+        lines = [*self._energies, *(x for x in self._motion.values() if isinstance(x, Line))]
+        nodes = [side for line in lines for side in line.sides]
+        found = self.formulas.definition_lines(self._constraints.values(), nodes)
+        if not found:
+            return ""
+        names = [side.name for line in found if isinstance(side := line.sides[0], Symbol)]
+        places = chosen(names, _ROWS)
+        shown = [self._limited(found[i]) for i in places]
+        rest = _elision(len(places), len(found), "definitions")
+        return f"<h3>Definitions</h3>{''.join(shown)}{rest}"
+
+    def constraints(self) -> str:
+        """Return the constraints as written, their kinds, and their virtual displacements."""
+        found = self._constraints
+        if not found:
+            return "<p>None: the coordinates are independent.</p>"
+        items = []
+        for c in found.values():
+            about = f" – {escape(c.constraint.description)}" if c.constraint.description else ""
+            items.append(
+                f'<dt><span class="name">{escape(c.constraint.name)}</span>:'
+                f" {escape(kind_of(c, self.equations))}, multiplier"
+                f" {self.multiplier(c.constraint.name)}{about}</dt>"
+                f"<dd>{self._equation(self.formulas.constraint_line(c))}"
+                f"{self._equation(self.formulas.variation_line(c))}</dd>"
+            )
+        rest = _elision(len(found), len(self.equations.constraints), "constraints")
+        return f'<dl class="constraints">{"".join(elided(list(found), items, _DOTS))}</dl>{rest}'
+
+    def freedom(self) -> str:
+        """Return a sentence on the degrees of freedom."""
+        k, r = len(self.equations.q), len(self.equations.constraints)
+        freedom = degrees_of_freedom(self.equations)
+        coordinates, constraints = _number_of(k, "coordinate"), _number_of(r, "constraint")
+        if not r:
+            return f"<p>{coordinates}, no constraint: {_number_of(k, 'degree')} of freedom.</p>"
+        return (
+            f"<p>{coordinates}, {constraints}: {k} − {r} ="
+            f" <strong>{_number_of(freedom, 'degree')} of freedom</strong>, if the constraints are"
+            " independent.</p>"
+        )
+
+    def motion(self) -> str:
+        """Return the equations of motion, those that are too long by their size."""
+        items = []
+        for i, line in self._motion.items():
+            shown = line if isinstance(line, str) else self._limited(line)
+            label = self.symbol(self.model.coordinate_names[i])
+            items.append(f"<dt>{label}</dt><dd>{shown}</dd>")
+        rest = _elision(len(items), len(self.equations.q), "equations")
+        listed = "".join(elided(list(self._motion), items, _DOTS))
+        return f'<dl class="equations">{listed}</dl>{rest}'
+
+    def convention(self) -> str:
+        """Return the general equations, which fix the sign of λ."""
+        step = convention(self.formulas)
+        remark = f"<p>{escape(step.remark)}</p>" if step.remark else ""
+        return "".join(self._equation(line) for line in step.lines) + remark
+
+    def _assembled(self, i: int) -> Line | str:
+        """Return an equation of motion, or how long it is."""
+        e = self.equations
+        size = _nodes(e.momentum_rates[i] - e.gradient[i], _NODES)
+        if size >= _NODES:
+            return _too_long(f"more than {_NODES} parts")
+        return self.formulas.equation_line(i)
+
+    def _limited(self, line: Line) -> str:
+        """Return a formula, or how long it is."""
+        if self._letters(line) > _LONG:
+            line = Line(tuple(map(_abridged, line.sides)))
+        letters = self._letters(line)
+        return _too_long(f"{letters} letters") if letters > _LETTERS else self._equation(line)
+
+    def _letters(self, line: Line) -> int:
+        return sum(len(self.text.text(side)) for side in line.sides)
+
+    def _equation(self, line: Line) -> str:
+        return equation(line, self.mathml, self.text)
+
+
+def _abridged(node: Node) -> Node:
+    """Return a long sum with dots in its middle, and a count of its terms."""
+    if not isinstance(node, Sum) or len(node.terms) <= _FIRST + _LAST + 2:
+        return node
+    dots = Sign(f"⋯ ({len(node.terms)} terms)", rf"\cdots_{{\text{{{len(node.terms)} terms}}}}")
+    return Sum((*node.terms[:_FIRST], (1, dots), *node.terms[-_LAST:]))
+
+
+def _nodes(expression: object, most: int) -> int:
+    """Count the nodes of an expression, as far as it matters."""
+    count, stack = 0, [expression]
+    while stack and count < most:
+        count += 1
+        stack.extend(stack.pop().args)  # type: ignore[attr-defined]
+    return count
+
+
+def _too_long(size: str) -> str:
+    return (
+        f"<p class='note'>Too long to be read on a page ({size});"
+        " <code>lagcli derive</code> prints it.</p>"
+    )
+
+
+def _elision(shown: int, count: int, what: str) -> str:
+    """Say how many of something are not shown."""
+    if shown == count:
+        return ""
+    return (
+        f'<p class="note">{shown} of {count} {what}; <code>lagcli derive</code> prints all of'
+        " them.</p>"
+    )
+
+
+def _counted(title: str, shown: int, count: int) -> str:
+    return title if shown == count else f"{title} ({shown} of {count})"
+
+
+def _number_of(count: int, what: str) -> str:
+    return f"{count} {what}" + ("" if count == 1 else "s")
+
+
+_DOTS = '<dt class="dots">⋮</dt><dd></dd>'
+
+
+def _dots(head: Sequence[str]) -> list[str]:
+    """Return a row of a table that stands for missing ones."""
+    return ["⋮", *[""] * (len(head) - 1)]

@@ -1,0 +1,160 @@
+"""What a report says in tables: extremes, what the start moved, solver, provenance, status."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+from lagcli import __version__
+from lagcli.extremes import Extremes
+from lagcli.pictures.report.curves import Curve, Extreme
+from lagcli.pictures.report.equations import System
+from lagcli.pictures.report.writing import number, rate_unit, table, unit
+from lagcli.pictures.run_file import Run
+from lagcli.samples import Array
+
+_ENDINGS = {
+    "failed": "The run failed: it ends before its time.",
+    "interrupted": "The run was interrupted: it ends before its time.",
+    "stopped-by-event": "The run was stopped by an event.",
+    "": "The file does not say how the run ended.",
+}
+
+
+def status(run: Run) -> str:
+    """Return the banner of a run that is not complete; nothing for one that is."""
+    record = run.record
+    if record.status == "completed":
+        return ""
+    title = _ENDINGS.get(record.status, f"The run has the status {record.status}.")
+    message = f"<p>{escape(record.message)}</p>" if record.message else ""
+    samples = (
+        f"<p>All of the {run.count} samples that were written are shown.</p>"
+        if run.count
+        else "<p>It has no samples, so that there is nothing to be drawn.</p>"
+    )
+    kind = "stopped" if record.status == "stopped-by-event" else "bad"
+    return (
+        f'<div class="status {kind}" role="alert"><strong>{escape(title)}</strong>'
+        f"{message}{samples}</div>"
+    )
+
+
+def extremes_table(found: Mapping[Curve, Extreme], system: System) -> str:
+    """Return the table of least and largest values, with the times to go to."""
+    rows = []
+    for curve, extreme in found.items():
+        if extreme.low > extreme.high:
+            continue
+        symbol, shown = _named(curve, system)
+        low, high = number(extreme.low), number(extreme.high)
+        times = [_time(extreme.low_time), _time(extreme.high_time)]
+        rows.append([symbol, shown, low, times[0], high, times[1]])
+    head = ["Quantity", "Unit", "Least", "at t [s]", "Largest", "at t [s]"]
+    if not rows:
+        return "<p>There are no samples.</p>"
+    return table("Extremes among all samples", head, rows, numeric=(2, 3, 4, 5), kind="extremes")
+
+
+def moved(run: Run, system: System) -> str:
+    """Return what the consistent start moved."""
+    correction = run.record.initial_correction
+    if not correction:
+        return "<p>The initial values satisfied the constraints as they were given.</p>"
+    rows = []
+    for name, (before, after) in list(correction.items())[:24]:
+        base = name.rstrip("'")
+        known = base in system.model.coordinate_names
+        symbol = system.symbol(base, len(name) - len(base)) if known else escape(name)
+        rows.append([symbol, number(before, 8), number(after, 8), number(after - before, 3)])
+    head = ["Initial value", "Guessed", "Used", "Difference"]
+    more = len(correction) - len(rows)
+    note = f"<p class='note'>And {more} more.</p>" if more else ""
+    caption = "What the start moved onto the constraints"
+    return table(caption, head, rows, numeric=(1, 2, 3)) + note
+
+
+def solver(run: Run, found: Extremes) -> str:
+    """Return how the run was computed, and how well."""
+    record = run.record
+    options = record.options
+    counts = ", ".join(f"{value} {name}" for name, value in record.counts.items())
+    seconds = ", ".join(f"{name} {number(value, 3)} s" for name, value in record.seconds.items())
+    scale = found.energy_scale
+    relative = f", {number(found.energy_balance / scale, 2)} of {number(scale, 4)} J"
+    rows = [
+        ("Status", escape(record.status or "not recorded")),
+        ("Message", escape(record.message)),
+        ("Method", escape(_phrase(options))),
+        ("Counts", escape(counts)),
+        ("Time", escape(seconds)),
+        ("Position residual", _worst(found.residual_position, record.scale_position)),
+        ("Velocity residual", _worst(found.residual_velocity, record.scale_velocity)),
+        ("Equation residual", number(found.residual_equation, 2)),
+        ("Energy balance", f"{number(found.energy_balance, 2)} J" + (relative if scale else "")),
+    ]
+    return table("Computation", ["", ""], [row for row in rows if row[1]], kind="facts")
+
+
+def provenance(run: Run) -> str:
+    """Return all that is needed to make the run again."""
+    record = run.record
+    options = ", ".join(f"{k} = {_plain(v)}" for k, v in record.options.items() if v is not None)
+    versions = f"run by lagcli {record.lagcli_version}" if record.lagcli_version else ""
+    page = f"page by lagcli {__version__}"
+    rows = [
+        ("File", escape(os.path.basename(run.name))),
+        ("Samples", str(run.count)),
+        ("Version", escape(", ".join(x for x in (versions, page) if x))),
+        ("Model", f"<code>sha256 {escape(record.model_sha256)}</code>"),
+        ("Options", escape(options)),
+    ]
+    return table("Provenance", ["", ""], [row for row in rows if row[1]], kind="facts")
+
+
+def _named(curve: Curve, system: System) -> tuple[str, str]:
+    """Return the symbol and the unit of a curve."""
+    run, place = system.run, curve.place
+    match curve.field:
+        case "q" | "v" as field:
+            name = run.coordinates[place[0]]
+            symbol = run.record.units.get(name)
+            rate = field == "v"
+            return system.symbol(name, int(rate)), unit(rate_unit(symbol) if rate else symbol)
+        case "multipliers":
+            name = run.constraints[place[0]]
+            return f'{system.multiplier(name)} <span class="name">{escape(name)}</span>', ""
+        case field if field.startswith("energy"):
+            return f"{curve.label}, {escape(curve.name.partition('_')[2])} energy", "J"
+    return escape(curve.name), unit(run.record.units.get(curve.name))
+
+
+def _time(time: float) -> str:
+    """Return a time that can be gone to."""
+    shown = number(time)
+    title = "Show this time in the animation and the plots"
+    return f'<button type="button" data-time="{time!r}" title="{title}">{shown}</button>'
+
+
+def _phrase(options: Mapping[str, Any]) -> str:
+    method, formulation = options.get("method"), options.get("formulation")
+    engine, rtol, atol = (options.get(key) for key in ("engine", "rtol", "atol"))
+    parts = [f"{method} with {formulation}" if formulation else method]
+    parts += [f"{engine} engine" if engine else "", f"rtol {rtol:g}, atol {atol:g}" if rtol else ""]
+    return ", ".join(p for p in parts if p)
+
+
+def _worst(residual: Array, scale: Array) -> str:
+    """Return the largest residual by its constraint's terms."""
+    ratios = [r / s for r, s in zip(residual, scale, strict=True) if r == r and s == s and s > 0]
+    return f"{number(max(ratios), 2)}, relative to the constraint's terms" if ratios else ""
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.9g}"
+    if isinstance(value, (list, tuple)) and len(value) > 8:
+        return f"{len(value)} values"
+    return str(value)

@@ -1,0 +1,126 @@
+"""Numbers, units and tables in HTML."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TypeVar
+
+_Item = TypeVar("_Item")
+_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_PER_JOULE = {"m": "N", "rad": "N m", "1": "N m", "": "N m"}
+
+
+def number(value: float | None, digits: int = 6) -> str:
+    """Return a number as it is printed: −5.15836, 2.4·10⁻⁹; a dash for none."""
+    if value is None or math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    mantissa, _, exponent = f"{value:.{digits}g}".partition("e")
+    mantissa = mantissa.replace("-", "−")
+    if not exponent:
+        return mantissa
+    return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
+
+
+def unit(text: str | None) -> str:
+    """Return a unit as it is printed: m/s², N m."""
+    if not text or text == "1":
+        return ""
+    shown = re.sub(r"(?:\^|\*\*)(-?\d+)", lambda m: m[1].translate(_RAISED), text)
+    return shown.replace("*", " ")
+
+
+def rate_unit(text: str | None) -> str | None:
+    """Return the unit of a velocity, from that of its coordinate."""
+    if text is None:
+        return None
+    return "1/s" if text in ("", "1") else f"{_grouped(text)}/s"
+
+
+def force_unit(text: str | None) -> str | None:
+    """Return the unit of a generalized force, J by the unit of its coordinate."""
+    if text is None:
+        return None
+    return _PER_JOULE.get(text) or f"J/{_grouped(text)}"
+
+
+def table(
+    caption: str,
+    head: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    numeric: Sequence[int] = (),
+    kind: str = "",
+) -> str:
+    """Return a table that is scrolled where the screen is too narrow.
+
+    Parameters
+    ----------
+    caption, head : text and texts
+        HTML.
+    rows : iterable of sequences of str
+        HTML; the first cell of a row heads it. A column without any text is left out.
+    numeric : sequence of int
+        Columns that are numbers.
+    kind : str
+        A class, for the style sheet.
+    """
+    filled = list(rows)
+    wide = [i for i in range(len(head)) if not i or any(row[i] for row in filled)]
+    classes = ['class="number"' if i in numeric else "" for i in range(len(head))]
+    titles = "".join(f'<th scope="col" {classes[i]}>{head[i]}</th>' for i in wide)
+    lines = []
+    for row in filled:
+        cells = "".join(f"<td {classes[i]}>{row[i]}</td>" for i in wide[1:])
+        lines.append(f'<tr><th scope="row">{row[0]}</th>{cells}</tr>')
+    return (
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(_plain(caption))}">'
+        f'<table class="{kind}"><caption>{caption}</caption><thead><tr>{titles}</tr></thead>'
+        f"<tbody>{''.join(lines)}</tbody></table></div>"
+    )
+
+
+def chosen(names: Sequence[str], most: int) -> list[int]:
+    """Return the places of about so many names at most: of each family the first and the last.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Members of families, x[1], x[2], …, among them.
+    most : int
+        All names where there are no more.
+    """
+    if len(names) <= most:
+        return list(range(len(names)))
+    families: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        families.setdefault(name.partition("[")[0], []).append(i)
+    share = max(2, most // len(families))
+    found = [i for f in families.values() for i in (f if len(f) <= share else _ends(f, share))]
+    found = sorted(found)
+    return found if len(found) <= 2 * most else _ends(found, most)
+
+
+def elided(places: Sequence[int], items: Sequence[_Item], dots: _Item) -> list[_Item]:
+    """Return items with dots where some are missing between their places."""
+    found: list[_Item] = []
+    for n, item in enumerate(items):
+        if n and places[n] > places[n - 1] + 1:
+            found.append(dots)
+        found.append(item)
+    return found
+
+
+def _ends(places: list[int], most: int) -> list[int]:
+    return [*places[: most - 1], places[-1]]
+
+
+def _grouped(text: str) -> str:
+    return f"({text})" if any(sign in text for sign in "*/ ") else text
+
+
+def _plain(html: str) -> str:
+    return re.sub(r"<[^>]*>", "", html)
