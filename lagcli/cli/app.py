@@ -19,7 +19,7 @@ from lagcli.errors import LagcliError
 #: The commands, in the order of the help; each is a function in the module of its name.
 COMMANDS = (
     *("derive", "simulate", "sweep"),
-    *("plot", "animate", "play"),
+    *("plot", "animate", "report", "play"),
     *("info", "export-csv"),
 )
 

@@ -8,8 +8,8 @@
  *   {title, unit, log, time: [nt], series: [{name, label, unit, values: [nt], hidden}]}
  *
  * `title`, `unit`, `label` and `hidden` may be missing; `log` draws magnitudes on a logarithmic
- * scale. Lists may be typed arrays; null and NaN are gaps. An underscore in a label begins its
- * subscript. Nothing in it is read as HTML.
+ * scale. Lists may be typed arrays; null and NaN are gaps. An underscore in a label begins the
+ * subscript of a letter. Nothing in it is read as HTML.
  */
 
 /** The time that plots and animations show together, and the interval that plots show. */
@@ -56,18 +56,19 @@ const PlotNumbers = {
     return PlotNumbers.typeset(text);
   },
 
-  /** Return the labels of an axis: as many digits as tell its ticks apart. */
+  /** Return the labels of an axis: as few digits as say its ticks exactly. */
   ticks(numbers) {
     const known = numbers.filter((number) => number !== null);
     const largest = Math.max(0, ...known.map(Math.abs));
     const step = known.length > 1 ? Math.abs(known[1] - known[0]) : largest || 1;
-    if (largest !== 0 && (largest < 1e-3 || largest >= 1e5)) {
-      const digits = Math.max(0, Math.ceil(Math.log10(largest / step) - 1e-9));
-      const write = (n) => (n === 0 ? "0" : n.toExponential(Math.min(digits, 8)));
-      return numbers.map((n) => (n === null ? null : PlotNumbers.typeset(write(n))));
-    }
-    const decimals = Math.min(12, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
-    return numbers.map((n) => (n === null ? null : PlotNumbers.typeset(n.toFixed(decimals))));
+    const raised = largest !== 0 && (largest < 1e-3 || largest >= 1e5);
+    const write = (n, digits) =>
+      raised && n !== 0 ? n.toExponential(digits) : n.toFixed(raised ? 0 : digits);
+    const exact = (digits) =>
+      known.every((n) => Math.abs(Number(write(n, digits)) - n) < 1e-3 * step);
+    let digits = 0;
+    while (digits < 12 && !exact(digits)) digits++;
+    return numbers.map((n) => (n === null ? null : PlotNumbers.typeset(write(n, digits))));
   },
 
   /** Return the whole powers of ten within an interval, at most six of them. */
@@ -227,24 +228,23 @@ class TimePlot {
     this.showTime(this.link.time);
   }
 
-  /** A label with its subscript. */
+  /** A label with its subscript: of letters, not of words. */
   static #named(text) {
     const [base, ...rest] = text.split("_");
     const fragment = document.createDocumentFragment();
-    fragment.append(base);
-    if (rest.length && base) {
-      const sub = document.createElement("sub");
-      sub.textContent = rest.join(",");
-      fragment.append(sub);
-    } else if (rest.length) {
-      fragment.append(`_${rest.join("_")}`);
+    if (!rest.length || !base || [...base].length > 3) {
+      fragment.append(text);
+      return fragment;
     }
+    const sub = document.createElement("sub");
+    sub.textContent = rest.join(",");
+    fragment.append(base, sub);
     return fragment;
   }
 
   static #room(labels) {
     const longest = Math.max(0, ...(labels ?? []).map((text) => (text ? text.length : 0)));
-    return 16 + 6.6 * longest;
+    return 18 + 7.6 * longest;
   }
 
   #style(name, otherwise) {

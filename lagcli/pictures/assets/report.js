@@ -4,7 +4,7 @@
  * The page of a report: plots and animation on one time, light and dark, print.
  *
  * Needs uPlot, the player's scripts and plots.js; the numbers are in the page's #data:
- * {name, palette, scene, arrays: [base64 of doubles], plots: [see plots.js, with places in arrays]}.
+ * {name, palette, scene, speed, arrays: [base64 of doubles], plots: [see plots.js, with places in arrays]}.
  */
 
 (() => {
@@ -28,19 +28,11 @@
     return new TimePlot(places[i], whole, { link, palette: data.palette, height: 220 });
   });
 
-  /** The speed at which a motion can be followed: real time, unless it is over at once or takes minutes. */
-  const readable = (time) => {
-    const duration = time[time.length - 1] - time[0];
-    if (duration < 1) return Player.SPEEDS.findLast((s) => duration / s >= 4) ?? Player.SPEEDS[0];
-    if (duration > 120) return Player.SPEEDS.find((s) => duration / s <= 60) ?? Player.SPEEDS.at(-1);
-    return 1;
-  };
-
   let player = null;
   if (data.scene) {
     player = new Player(find("#player"), data.scene, {
       label: data.name,
-      speed: readable(data.scene.time),
+      speed: data.speed,
       onTime: (time) => link.setTime(time, player),
     });
     link.onTime((time, source) => {
@@ -75,9 +67,9 @@
   dark.addEventListener("change", () => paint(dark.matches ? "dark" : "light"));
   paint(root.dataset.theme);
 
-  // On paper: light, plots two in a row, five pictures in place of the animation.
+  // On paper: light, plots two in a row, six pictures in place of the animation.
   const strip = find(".strip");
-  const STILLS = 5;
+  const STILLS = 6;
   const stills = [];
   const drawStrip = () => {
     if (!strip || !player) return;

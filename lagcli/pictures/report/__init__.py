@@ -3,12 +3,41 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from lagcli.results.atomic import whole_file
+from lagcli.errors import UsageError
+from lagcli.results.atomic import check_writable, whole_file
 
 if TYPE_CHECKING:
     from lagcli.trajectory import Trajectory
+
+_SUFFIXES = (".html", ".htm")
+
+
+class Report(NamedTuple):
+    """What was made.
+
+    Parameters
+    ----------
+    output : str
+        The page.
+    size : int
+        Bytes.
+    samples : int
+        Of the run.
+    notes : tuple of str
+        What the reader should know of the run.
+    """
+
+    output: str
+    size: int
+    samples: int
+    notes: tuple[str, ...]
+
+    @property
+    def summary(self) -> str:
+        """What was made, in a line."""
+        return f"{self.output}: {self.samples} samples, {self.size / 1000:.0f} kB"
 
 
 def report(
@@ -18,11 +47,11 @@ def report(
     title: str | None = None,
     model: str | None = None,
     force: bool = False,
-) -> None:
+) -> Report:
     """Write the report of a run: equations, animation, plots and figures on one HTML page.
 
     The page fetches nothing, and is below 6 MB whatever the number of samples: long runs are
-    thinned for the plots, of every curve the least and the largest value of each of some hundred
+    thinned for the plots. Of every curve the least and the largest value of each of some hundred
     intervals are kept as they are.
 
     Parameters
@@ -30,7 +59,7 @@ def report(
     source : path or Trajectory
         A result file that holds its model (HDF5, or CSV with its sidecar), or a run in memory.
     output : path
-        The page.
+        The page, ``.html``.
     title : str, optional
         In place of the model's name.
     model : path, optional
@@ -38,18 +67,34 @@ def report(
     force : bool
         Replace an existing file.
 
+    Returns
+    -------
+    Report
+
     Raises
     ------
     FileError
         The result cannot be read, or the page cannot be written.
     UsageError
-        The result holds no model, or the view cannot be drawn.
+        The result holds no model, its view cannot be drawn, or the output is no name of a page.
     ModelError
         The text of the model is none for this version.
     """
     from lagcli.pictures.report.assembly import assembled
     from lagcli.pictures.run_file import Run
 
-    page = assembled(Run(source, model), title)
-    with whole_file(os.fspath(output), force) as file:
-        file.write(page.encode())
+    output = os.fspath(output)
+    stem, suffix = os.path.splitext(output)
+    if suffix.lower() not in _SUFFIXES:
+        raise UsageError(
+            f"{output}: the suffix {suffix or '(none)'} is none of a page; name it {stem}.html"
+        )
+    check_writable(output, force)
+    run = Run(source, model)
+    page = assembled(run, title).encode()
+    with whole_file(output, force) as file:
+        file.write(page)
+    status, message = run.record.status, run.record.message
+    ended = f"the run is marked {status}{f': {message}' if message else ''}; the page says so"
+    notes = () if status in ("completed", "") else (ended,)
+    return Report(output, len(page), run.count, notes)

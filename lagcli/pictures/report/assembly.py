@@ -7,6 +7,7 @@ import hashlib
 from collections.abc import Mapping
 from html import escape
 from string import Template
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from lagcli.pictures.run_file import Run
 from lagcli.pictures.stage import scene_of
 from lagcli.pictures.style import PALETTE
 from lagcli.pictures.thinning import evenly
+from lagcli.pictures.timing import timing
 
 _UPLOT = "vendor/uplot/"
 _SCRIPTS = (_UPLOT + "uPlot.iife.min.js", *PLAYER_SCRIPTS, "plots.js", "report.js")
@@ -73,6 +75,7 @@ def assembled(run: Run, title: str | None = None) -> str:
         "name": title or model.name,
         "palette": list(PALETTE),
         "scene": scene,
+        "speed": timing(*_ends(scene)).speed if scene else 1,
         "plots": [to_json(plot, packed) for section in found for plot in section.plots],
         "arrays": list(packed.texts),
     }
@@ -98,7 +101,7 @@ def assembled(run: Run, title: str | None = None) -> str:
         constraints=system.constraints(),
         equations=system.motion(),
         convention=system.convention(),
-        plots=_plots(found),
+        plots=_plots(found, run.count),
         contents=_contents(found),
         extremes=tables.extremes_table(extremes, system),
         moved=tables.moved(run, system),
@@ -127,17 +130,21 @@ def _policy(script: str, style: str) -> str:
     )
 
 
-def _scene(run: Run) -> dict[str, object] | None:
-    """Return the scene in JSON values, at some of the samples."""
-    if run.count < 2:
+def _scene(run: Run) -> dict[str, Any] | None:
+    """Return the scene in JSON values, at some of the samples; None where there is none."""
+    if run.model.view is None or run.count < 2:
         return None
     few = scene_of(run, evenly(run.count, 2))
-    if few is None:
-        return None
-    numbers = sum(len(places) for places in few.points.values()) + 4 * len(few.vectors) + 1
-    frames = max(100, min(_FRAMES, _FRAME_NUMBERS // numbers))
+    assert few is not None
+    series = sum(len(axes) for axes in few.points.values()) + 4 * len(few.vectors) + 1
+    frames = max(100, min(_FRAMES, _FRAME_NUMBERS // series))
     scene = scene_of(run, evenly(run.count, frames))
-    return None if scene is None else scene.to_json()
+    assert scene is not None
+    return scene.to_json()
+
+
+def _ends(scene: Mapping[str, Any]) -> tuple[float, float]:
+    return scene["time"][0], scene["time"][-1]
 
 
 def _looked_at(run: Run, system: System) -> list[Curve]:
@@ -180,14 +187,23 @@ def _notable(found: list[Section], extremes: Mapping[Curve, Extreme]) -> list[Se
     return kept
 
 
-def _plots(found: list[Section]) -> str:
+def _plots(found: list[Section], count: int) -> str:
     """Return the places of the plots; the script fills them in this order."""
     if not found:
         return "<p>There are no samples.</p>"
     parts = []
+    drawn = min(len(plot.time) for section in found for plot in section.plots)
+    if drawn < count:
+        parts.append(
+            f'<p class="note">Of the {count} samples, each plot shows {drawn} or more: of every'
+            " interval of time the least and the largest value of each curve, as they are in the"
+            " file. Zooming in shows no others.</p>"
+        )
     for section in found:
         about = f"<p>{escape(section.about)}</p>" if section.about else ""
-        parts.append(f'<section id="{_anchor(section.title)}"><h3>{section.title}</h3>{about}')
+        narrow = ' class="narrow"' if len(section.plots) == 1 else ""
+        parts.append(f'<section id="{_anchor(section.title)}"{narrow}>')
+        parts.append(f"<h3>{section.title}</h3>{about}")
         parts.append(f'<div class="plots">{"".join(map(_place, section.plots))}</div></section>')
     return "".join(parts)
 

@@ -237,7 +237,9 @@ def _by_coordinate(run: Run, names: Names, field: str, dots: int) -> list[Plot]:
         symbol = run.record.units.get(q)
         curve = Curve(q + suffix, names.text(q, dots), field, (j,))
         groups.setdefault(rate_unit(symbol) if dots else symbol, []).append(curve)
-    return [_abridged(Plot("", unit(symbol), curves)) for symbol, curves in groups.items()]
+    # beside other units it must be said that there is none
+    none = "1" if len(groups) > 1 else ""
+    return [_abridged(Plot("", unit(symbol) or none, c)) for symbol, c in groups.items()]
 
 
 def _multipliers(run: Run, names: Names) -> list[Plot]:
