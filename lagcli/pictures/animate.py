@@ -250,7 +250,7 @@ def _page(run: Run, scene: Scene, when: Timing, forces: bool, notes: tuple[str, 
     title = model.name or os.path.basename(run.name)
     about = [model.description] if model.description else []
     if when.pace:
-        about.append(f"Played {when.pace}.")
+        about.append(f"{when.pace.capitalize()}.")
     paragraphs = [f"<p>{escape(text)}</p>" for text in about]
     paragraphs += [
         f'<p class="animation-note" role="note">{escape(note[0].upper() + note[1:])}</p>'

@@ -15,7 +15,7 @@
  * dimensions shift and an arrow key go around.
  *
  * The stage is a Scene on a canvas, or what `options.stage(element, data)` returns, which fills the
- * element: draw(time), setScene(data), `motion` with start and end, and a `target` that has the focus;
+ * element: draw(time), setScene(data), `motion` with start and end, and the `target` that is labelled;
  * what else a Scene has, only if it is there.
  */
 
@@ -225,8 +225,6 @@ class Player {
     this.vectors = find(".player-vectors");
     this.live = find("[aria-live]");
     this.stage = stage(this.frame, data);
-    this.stage.target.setAttribute("role", "img");
-    this.stage.target.tabIndex = 0;
     this.toggle.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
     this.#showPlaying();
     this.line.addEventListener("input", () => this.#seek(Number(this.line.value)));

@@ -38,6 +38,8 @@ class Scene {
    */
   constructor(canvas, data) {
     this.canvas = this.target = canvas;
+    canvas.setAttribute("role", "img");
+    canvas.tabIndex = 0; // for the keys of whoever plays the scene
     this.context = canvas.getContext("2d");
     this.hidden = new Set();
     this.setScene(data);

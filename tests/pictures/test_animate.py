@@ -1,0 +1,315 @@
+"""Animations: their times, films, pages, and the command."""
+
+import warnings
+from base64 import b64decode
+from dataclasses import replace
+from io import BytesIO
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import lagcli
+from lagcli.cli.app import run as lagcli_run
+from lagcli.errors import FileError, UsageError
+from lagcli.pictures.animate import animate
+from lagcli.pictures.drawing import SceneDrawing, round_length
+from lagcli.pictures.film import check_film
+from lagcli.pictures.run_file import Run
+from lagcli.pictures.stage import scene_of
+from lagcli.pictures.timing import Timing, timing, usual_speed
+
+MODELS = sorted(f.stem for f in (Path(__file__).parents[2] / "models").glob("*.yaml"))
+
+
+# times
+
+
+@pytest.mark.parametrize(
+    ("span", "speed"),
+    [
+        (1.0, 1),
+        (3.0, 1),
+        (60.0, 1),
+        (0.5, 0.1),
+        (0.03, 0.005),
+        (0.999, 0.2),
+        (61.0, 2),
+        (1e4, 200),
+        (3e-9, 5e-10),
+        (0.0, 1),
+    ],
+)
+def test_usual_speed_is_real_time_where_that_can_be_seen(span, speed):
+    assert usual_speed(span) == speed
+    if span:
+        assert 1 <= span / speed <= 60
+
+
+def test_frames_are_evenly_spaced_and_have_both_ends():
+    times = Timing(1.0, 3.0, 1.0).frames(25)
+    assert len(times) == 51
+    assert (times[0], times[-1]) == (1.0, 3.0)
+    assert np.diff(times) == pytest.approx(0.04)
+    slow = Timing(0.0, 0.5, 0.1).frames(10)
+    assert np.diff(slow) == pytest.approx(0.01)
+    assert len(slow) == 51
+
+
+def test_the_last_frame_is_the_end_where_frames_do_not_meet_it():
+    times = Timing(0.0, 1.01, 1.0).frames(10)
+    assert times[-2:] == pytest.approx([1.0, 1.01])
+    assert Timing(2.0, 2.0, 1.0).frames(25).tolist() == [2.0]
+
+
+def test_part_and_pace_of_a_motion():
+    assert timing(0, 10, start=2, end=4) == Timing(2, 4, 1)
+    assert timing(0, 10, start=-1, end=99) == Timing(0, 10, 1)
+    assert timing(0, 10, duration=5) == Timing(0, 10, 2)
+    assert timing(0, 10, speed=0.25).pace == "slowed down × 4"
+    assert timing(0, 10, speed=3).pace == "sped up × 3"
+    assert timing(0, 10).pace == ""
+    assert timing(5, 5) == Timing(5, 5, 1)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"start": 11}, "there is no motion from 11 to 10 s; the run goes from 0 to 10 s"),
+        ({"start": 3, "end": 3}, "no motion from 3 to 3 s"),
+        ({"end": -1}, "no motion from 0 to -1 s"),
+        ({"speed": 0}, "--speed must be greater than 0, not 0"),
+        ({"speed": float("inf")}, "--speed must be greater than 0, not inf"),
+        ({"duration": -2}, "--duration must be greater than 0, not -2"),
+        ({"start": float("nan")}, "--from must be a time in seconds, not nan"),
+        ({"speed": 1, "duration": 1}, "contradict each other"),
+    ],
+)
+def test_wishes_that_make_no_sense(options, message):
+    with pytest.raises(UsageError, match=message):
+        timing(0, 10, **options)
+
+
+def test_endless_films_are_refused():
+    with pytest.raises(UsageError, match="higher --speed"):
+        Timing(0, 10, 1e-6).frames(25)
+
+
+def test_round_lengths():
+    assert [round_length(x) for x in (0.034, 0.99, 1, 1.9, 2, 7, 12)] == pytest.approx(
+        [0.02, 0.5, 1, 1, 2, 5, 10]
+    )
+
+
+# drawings
+
+
+def test_the_mechanism_is_where_its_coordinates_say(result):
+    path = result("pendulum_cartesian")
+    trajectory = lagcli.read(path)
+    scene = replace(scene_of(Run(path)), vectors=())  # arrows would cover the bob
+    drawing = SceneDrawing(scene, 400, 400)
+    for sample in (0, 300, 999):
+        x, y = trajectory.q[sample]
+        image = drawing.frame(trajectory.time[sample])
+        right, up, _ = drawing.camera.project(np.array([x, y]))
+        assert image.shape == (400, 400, 3)
+        bob = image[round(400 - up) - 1, round(right)]
+        assert bob.tolist() == [0x20, 0x20, 0x20]
+        middle = image[round(400 - (up + drawing.camera.project(np.zeros(2))[1]) / 2) - 1]
+        assert (middle < 0x60).any()  # the rod crosses this line
+    lengths = [drawing.camera.project(np.array(p))[:2] for p in ([0, 0], [1, 0], [0, 1])]
+    across, upward = (np.linalg.norm(p - lengths[0]) for p in lengths[1:])
+    assert across == pytest.approx(upward)
+
+
+def test_between_samples_it_moves(result):
+    scene = scene_of(Run(result("slider_crank")))
+    drawing = SceneDrawing(scene, 320, 240)
+    first, between, second = (drawing.frame(t) for t in (0.1, 0.1025, 0.105))
+    assert (first != between).any()
+    assert (between != second).any()
+
+
+def test_forces_can_be_left_out(result):
+    scene = scene_of(Run(result("slider_crank")))
+    orange = (0xD5, 0x5E, 0x00)
+
+    def has_orange(image):
+        return bool((image == orange).all(axis=2).any())
+
+    assert has_orange(SceneDrawing(scene, 320, 240).frame(0.4))
+    assert not has_orange(SceneDrawing(scene, 320, 240, forces=False).frame(0.4))
+
+
+# films
+
+
+def test_gif_plays_in_real_time_and_repeats(result, tmp_path):
+    out = tmp_path / "run.gif"
+    made = animate(result("slider_crank"), out, size=(200, 160), fps=30)
+    with Image.open(out) as film:
+        assert film.size == (200, 160)
+        assert film.info["loop"] == 0
+        seconds, pictures = 0.0, []
+        for frame in range(film.n_frames):
+            film.seek(frame)
+            seconds += film.info["duration"] / 1000
+            pictures.append(np.asarray(film.convert("RGB")))
+    # hundredths of a second, but 30 frames are a second
+    assert made.frames == len(pictures) == 91
+    assert seconds == pytest.approx(91 / 30, abs=0.011)
+    moving = [(a != b).any() for a, b in pairwise(pictures)]
+    assert all(moving)
+
+
+def test_gif_shows_the_part_at_the_speed_that_is_wished_for(result, tmp_path):
+    path = result("slider_crank")
+    made = animate(path, tmp_path / "a.gif", start=1, end=2, speed=2, fps=20, size=(64, 64))
+    assert (made.start, made.end, made.speed, made.frames) == (1, 2, 2, 11)
+    made = animate(path, tmp_path / "b.gif", duration=0.5, fps=20, size=(64, 64))
+    assert (made.speed, made.frames) == (6, 11)
+
+
+def test_mp4(result, tmp_path, probe):
+    made = animate(result("slider_crank"), tmp_path / "run.mp4", size=(200, 160), end=1, fps=20)
+    found = probe(made.output)
+    assert (found["width"], found["height"]) == ("200", "160")
+    assert (found["codec_name"], found["pix_fmt"]) == ("h264", "yuv420p")
+    assert int(found["nb_read_frames"]) == made.frames == 21
+    assert float(found["duration"]) == pytest.approx(21 / 20, abs=0.01)
+
+
+def test_without_ffmpeg_the_package_is_named(result, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(UsageError, match="apt install ffmpeg"):
+        animate(result("atwood"), tmp_path / "run.mp4")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_failing_ffmpeg_is_an_error_and_leaves_no_file(result, tmp_path, monkeypatch):
+    program = tmp_path / "ffmpeg"
+    program.write_text("#!/bin/sh\necho 'Unknown encoder libx264' >&2\nexit 1\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(FileError, match="Unknown encoder libx264"):
+        animate(result("atwood"), tmp_path / "run.mp4")
+    assert [p.name for p in tmp_path.iterdir()] == ["ffmpeg"]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "frames", "size", "fps", "message"),
+    [
+        (".gif", 10, (640, 480), 60, "no more than 50 frames per second"),
+        (".gif", 10_000, (640, 480), 25, "too large to be made"),
+        (".mp4", 10, (641, 480), 25, "even numbers of pixels.*--size 642x480"),
+    ],
+)
+def test_films_that_cannot_be_made(suffix, frames, size, fps, message):
+    with pytest.raises(UsageError, match=message):
+        check_film(suffix, frames, size, fps)
+
+
+@pytest.mark.parametrize("suffix", ["gif", "mp4"])
+def test_an_interrupted_film_leaves_no_file(suffix, result, tmp_path):
+    from contextlib import contextmanager
+
+    @contextmanager
+    def progress(start, end):
+        def reached(time):
+            if time > start + 0.3 * (end - start):
+                raise KeyboardInterrupt
+
+        yield reached
+
+    with pytest.raises(KeyboardInterrupt):
+        animate(result("atwood"), tmp_path / f"run.{suffix}", size=(64, 64), progress=progress)
+    assert not list(tmp_path.iterdir())
+
+
+# every shipped model
+
+
+def painted(opened):
+    """Return how many pixels of the canvas are not blank."""
+    text = opened.evaluate("player.stage.canvas.toDataURL()").partition(",")[2]
+    with Image.open(BytesIO(b64decode(text))) as picture:
+        return int((np.asarray(picture)[:, :, 3] > 0).sum())
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_shipped_model_is_animated_without_a_warning(name, result, tmp_path, visit):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        film = animate(result(name), tmp_path / "run.gif", size=(160, 120), duration=0.3, fps=10)
+        page = animate(result(name), tmp_path / "run.html")
+    assert film.frames == 4
+    assert page.frames >= 100
+    with Image.open(film.output) as frames:
+        colors = frames.convert("RGB").getcolors(100_000)
+    assert len(colors) > 5
+    opened = visit(page.output)
+    opened.evaluate("player.pause(); player.setTime(player.end / 2)")
+    with_shapes = painted(opened)
+    opened.evaluate("player.setScene({...data, shapes: []})")
+    assert with_shapes > painted(opened) + 200
+
+
+# the command
+
+
+def test_the_command_says_what_it_made(result, tmp_path, capsys):
+    out = tmp_path / "run.html"
+    assert lagcli_run(["animate", str(result("andrews_squeezer")), "-o", str(out)]) == 0
+    said = capsys.readouterr()
+    assert said.out.startswith(f"{out}: t = 0 to 0.03 s, slowed down × 200, 301 samples, ")
+    assert said.err == ""
+    assert lagcli_run(["animate", str(result("andrews_squeezer")), "-o", str(out)]) == 4
+    assert "--force" in capsys.readouterr().err
+    again = ["animate", str(result("andrews_squeezer")), "-o", str(out), "--force", "-q"]
+    assert lagcli_run(again) == 0
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["-o", "run.avi"], 2, "run.avi: the suffix .avi is no format of animations"),
+        (["-o", "run"], 2, "name it run.html"),
+        (["-o", "run.gif", "--size", "wide"], 2, "--size 'wide' is no size"),
+        (["-o", "run.gif", "--size", "10x10"], 2, "between 64 and 8192 pixels, not 10"),
+        (["-o", "run.gif", "--fps", "0"], 2, "--fps must lie between 0 and 1000, not 0"),
+        (["-o", "run.html", "--fps", "30"], 2, "--fps is for films"),
+        (["-o", "run.html", "--size", "64x64"], 2, "--size is for films"),
+        (["-o", "run.gif", "--from", "9"], 2, "the run goes from 0 to 1 s"),
+        (["-o", "no/run.gif"], 4, "mkdir -p no"),
+    ],
+)
+def test_wrong_calls(arguments, status, message, result, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert lagcli_run(["animate", str(result("atwood")), *arguments]) == status
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_that_failed_is_shown_as_far_as_it_came(tmp_path, visit, capsys):
+    model = lagcli.load(Path(__file__).parents[2] / "models" / "slider_crank.yaml")
+    failed = lagcli.simulate(model, max_steps=40)
+    assert failed.status == "failed"
+    lagcli.write(failed, tmp_path / "run.h5")
+    out = tmp_path / "run.html"
+    assert lagcli_run(["animate", str(tmp_path / "run.h5"), "-o", str(out)]) == 0
+    last = f"{failed.time[-1]:.6g}"
+    assert f"note: the run failed at t = {last} s" in capsys.readouterr().err
+    opened = visit(out)
+    assert f"The run failed at t = {last} s" in opened.get_by_role("note").text_content()
+    assert opened.evaluate("player.end") == pytest.approx(failed.time[-1])
+
+
+def test_a_page_holds_as_many_samples_as_it_needs(result, tmp_path):
+    long = animate(result("pendulum_cartesian", t_end=100, samples=20001), tmp_path / "a.html")
+    assert long.speed == 2
+    assert long.frames == 3000  # 50 s at 60 per second
+    assert (tmp_path / "a.html").stat().st_size < 400_000
