@@ -1,12 +1,17 @@
 /* The tape evaluator on eight register files; see tape.c for one. */
 
-#define PART(place) AT(r + p[place] + k)
-/* A run of operations of one kind: `width` numbers each, the destination first. */
+/* A run of operations of one kind: the destination, then the operands. Places are read before
+ * anything is written, for all that the compiler knows is that it may be written over them. */
 #define RUN(op, width, value)                                                                     \
     case op:                                                                                      \
-        for (const int32_t *end = p + (width) * n; p != end; p += (width))                        \
+        for (const int32_t *end = p + (width) * n; p != end; p += (width)) {                      \
+            double *to = r + p[0];                                                                \
+            const double *a = r + p[1], *b = r + p[(width) > 2 ? 2 : 1],                          \
+                         *c = r + p[(width) > 3 ? 3 : 1];                                         \
+            (void)b, (void)c;                                                                     \
             EACH_PART (k)                                                                         \
-                PART(0) = (value);                                                                \
+                AT(to + k) = (value);                                                             \
+        }                                                                                         \
         break;
 /* The same, left to the C library lane by lane. */
 #define RUN_SINGLY(op, width, value)                                                              \
@@ -15,9 +20,9 @@
             EACH_LANE (l)                                                                         \
                 r[p[0] + l] = (value);                                                            \
         break;
-#define A PART(1)
-#define B PART(2)
-#define C PART(3)
+#define A READ(a + k)
+#define B READ(b + k)
+#define C READ(c + k)
 #define A_SINGLE r[p[1] + l]
 #define B_SINGLE r[p[2] + l]
 #define TRUTH(condition) ((vec)((condition) & (mask)all(1.0)))
@@ -80,13 +85,16 @@ static void lanes_run(const int32_t *p, double *r)
             RUN(OP_MULSUB, 4, A * B - C)
             RUN(OP_SUBMUL, 4, C - A * B)
         case OP_SINCOS:
-            for (const int32_t *end = p + 3 * n; p != end; p += 3)
+            for (const int32_t *end = p + 3 * n; p != end; p += 3) {
+                double *sines = r + p[0], *cosines = r + p[1];
+                const double *angles = r + p[2];
                 EACH_PART (k) {
                     vec sine, cosine;
-                    vec_sincos(PART(2), &sine, &cosine);
-                    PART(0) = sine;
-                    PART(1) = cosine;
+                    vec_sincos(READ(angles + k), &sine, &cosine);
+                    AT(sines + k) = sine;
+                    AT(cosines + k) = cosine;
                 }
+            }
             break;
         default: /* OP_END */
             return;
@@ -94,7 +102,6 @@ static void lanes_run(const int32_t *p, double *r)
     }
 }
 
-#undef PART
 #undef RUN
 #undef RUN_SINGLY
 #undef A
