@@ -105,7 +105,13 @@ class Catalogue:
         return found
 
     def named(self, name: str) -> Curve | None:
-        """Return the curve of an exact name."""
+        """Return the curve of an exact name, if there is one."""
+        curve = self._named(name)
+        if curve is None or (self.run.fields is not None and curve.field not in self.run.fields):
+            return None
+        return curve
+
+    def _named(self, name: str) -> Curve | None:
         if name in ("t", "time"):
             return Curve("t", "time", (), "time", "s", "$t$")
         if name in _SINGLE:
@@ -192,15 +198,17 @@ class Catalogue:
                     yield curve
 
     def _unknown(self, text: str, name: str) -> UsageError:
-        question = did_you_mean(nearest(name, list(self.names())))
+        every = self.names() if self.run.fields is None else filter(self.named, self.names())
+        question = did_you_mean(nearest(name, list(every)))
         q, constraints = self.run.coordinates, self.run.constraints
+        forces = [f"Qc.{q[0]}", f"Qc.{constraints[0]}.{q[0]}"] if q and constraints else []
         lines = [
             ("coordinates", _listed(q)),
             ("velocities, …", f"{q[0]}_dot, {q[0]}_ddot" if q else ""),
             ("multipliers", _listed([f"lambda.{c}" for c in constraints])),
-            ("forces", f"Qc.{q[0]}, Qc.{constraints[0]}.{q[0]}, …" if q and constraints else ""),
+            ("forces", ", ".join(filter(self.named, forces))),
             ("outputs", _listed(self.run.outputs)),
-            ("of all runs", ", ".join((*_SINGLE, *_RESIDUALS))),
+            ("of all runs", ", ".join(filter(self.named, (*_SINGLE, *_RESIDUALS)))),
         ]
         return UsageError(
             f"{self.run.name} has no `{shorten(text)}`"

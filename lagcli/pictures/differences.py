@@ -33,7 +33,7 @@ def labels_of(runs: Sequence[Run]) -> tuple[list[str], list[float] | None, str]:
     """
     if len(runs) < 2:
         return [""] * len(runs), None, ""
-    tables = [dict(run.record.parameters) for run in runs]
+    tables = [dict(run.varied or run.record.parameters) for run in runs]
     differing = _differing(tables)
     units = runs[0].record.units
     if differing:

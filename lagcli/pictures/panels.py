@@ -97,7 +97,7 @@ def usual(catalogue: Catalogue) -> list[Panel]:
     run = catalogue.run
     names = [*run.coordinates, *(f"lambda.{c}" for c in run.constraints), "energy_balance"]
     panels = asked(catalogue, names)
-    if run.constraints:
+    if run.constraints and catalogue.named("residual_velocity") is not None:
         residuals = ["residual_velocity"]
         if any(scale == scale for scale in run.record.scale_position) or not run.record.model:
             residuals.insert(0, "residual_position")

@@ -131,9 +131,13 @@ class _Drawing:
 
     def __init__(self, figure: Any, runs: Sequence[Run], values: Sequence[Values], columns: int):
         self.figure, self.runs, self.values, self.columns = figure, runs, values, columns
-        self.labels, self.numbers, self.difference = labels_of(runs)
-        #: Many runs that one number tells apart are a family: coloured by it, without a legend.
-        self.family = self.numbers if len(runs) > len(style.PALETTE) else None
+        self.labels, numbers, self.difference = labels_of(runs)
+        #: Many runs are a family: coloured by what tells them apart, without a legend.
+        self.family: Sequence[float] | None = None
+        if len(runs) > len(style.PALETTE):
+            self.family = numbers or range(1, len(runs) + 1)
+            self.difference = self.difference or "run"
+            self.grades = style.grades(self.family)
 
     def draw(self, panels: Sequence[Sequence[Panel]], heights: Sequence[float]) -> None:
         """Draw all panels, one below the other."""
@@ -159,14 +163,7 @@ class _Drawing:
 
     def scale(self, axes: Sequence[Any]) -> None:
         """Draw the scale of a family's colours."""
-        from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import ListedColormap, Normalize
-
-        assert self.family is not None
-        norm = Normalize(min(self.family), max(self.family))
-        shades = ListedColormap([self.shade(i / 255) for i in range(256)])
-        shown = ScalarMappable(norm, shades)
-        self.figure.colorbar(shown, ax=axes, label=self.difference, aspect=40, pad=0.02)
+        self.figure.colorbar(self.grades, ax=axes, label=self.difference, aspect=40, pad=0.02)
 
     def panel(self, ax: Any, panels: Sequence[Panel]) -> None:
         """Draw one panel of all runs."""
@@ -210,21 +207,14 @@ class _Drawing:
     def look(self, run: int, curve: int, count: int) -> dict[str, Any]:
         """Return colour and dashes of a curve of a run."""
         if self.family is not None:
-            low, high = min(self.family), max(self.family)
-            return {"color": self.shade((self.family[run] - low) / (high - low)), **_dash(curve)}
+            return {"color": self.grades.to_rgba(self.family[run]), **_dash(curve)}
         if len(self.runs) == 1:
             if count <= _LISTED:
                 return style.line(curve)
-            return {"color": self.shade(curve / (count - 1)), "linewidth": 0.8}
+            return {"color": style.shade(curve / (count - 1)), "linewidth": 0.8}
         if count == 1:
             return style.line(run)
         return {"color": style.line(run)["color"], **_dash(curve)}
-
-    def shade(self, part: float) -> Any:
-        """Return the colour of a place between 0 and 1."""
-        from matplotlib import colormaps
-
-        return colormaps[style.COLORMAP](0.9 * part)  # its bright end vanishes on white
 
     def legend(self, ax: Any, curves: Sequence[Curve], first: bool) -> None:
         """Draw the legend of a panel, if there is something to tell apart.

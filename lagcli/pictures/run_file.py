@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,12 +40,19 @@ class Run:
     count : int
         Number of samples.
     record : Record
+    varied : mapping of str to float
+        Of a row of a sweep: what tells it from the others, by name.
+    fields : frozenset of str or None
+        The fields that there are; None for all.
 
     Raises
     ------
     FileError, UsageError
         As `lagcli.read`.
     """
+
+    varied: Mapping[str, float] = MappingProxyType({})
+    fields: frozenset[str] | None = None
 
     def __init__(self, source: str | os.PathLike[str] | Trajectory, model: str | None = None):
         self._source, self._model_file = source, model

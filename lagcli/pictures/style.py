@@ -52,6 +52,33 @@ def line(number: int) -> dict[str, Any]:
     return {"color": PALETTE[place], "linestyle": DASHES[(place + turn) % len(DASHES)]}
 
 
+def shade(part: float) -> Any:
+    """Return the colour of a place between 0 and 1 among many."""
+    from matplotlib import colormaps
+
+    return colormaps[COLORMAP](0.9 * part)  # its bright end vanishes on white
+
+
+def grades(values: Any, log: bool = False) -> Any:
+    """Return what gives curves the colours of their values, and a colour bar its scale.
+
+    Parameters
+    ----------
+    values : sequence of float
+    log : bool
+        Whether colours follow the logarithm.
+
+    Returns
+    -------
+    matplotlib.cm.ScalarMappable
+    """
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, LogNorm, Normalize
+
+    norm = (LogNorm if log else Normalize)(min(values), max(values))
+    return ScalarMappable(norm, ListedColormap([shade(i / 255) for i in range(256)]))
+
+
 def settings() -> Any:
     """Return what matplotlib is to be set to while a picture is made."""
     return {

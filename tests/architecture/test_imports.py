@@ -50,7 +50,7 @@ ROOMS = {
     "variants": {"errors", "model", "equations", "engine", "simulation", "start"},
     "pictures": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "results"),
-        *("simulation", "extremes", "derived", "interruption", "lagcli"),
+        *("simulation", "extremes", "derived", "interruption", "sweeps", "lagcli"),
     },
 }
 

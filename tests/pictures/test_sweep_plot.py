@@ -1,0 +1,147 @@
+"""Plots of sweep files: families of curves, measures over what was varied, maps."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.cli.app import run
+from lagcli.pictures.curves import Catalogue, read_curves
+from lagcli.pictures.sweep_plot import Table
+from lagcli.pictures.sweep_rows import MOST, Rows
+
+pytest.importorskip("matplotlib")
+
+MODEL = str(Path(__file__).parents[2] / "models" / "slider_crank.yaml")
+PEAK = ("--measure", "peak=max(abs(lambda.guide))")
+SWEEPS = {
+    "kept": ("--vary", "l=0.2:0.4:0.025", *PEAK, "--keep", "trajectories"),
+    "grid": ("--vary", "l=0.2:0.4:0.05", "--vary", "m=logspace(0.1, 10, 4)", *PEAK),
+    "drawn": ("--vary", "l=0.2..0.4", "--vary", "m=1..2", "--sample", "sobol:16", *PEAK),
+    "three": ("--vary", "l=0.2,0.3", "--vary", "m=1,2", "--vary", "r=0.1,0.12", *PEAK),
+    "start": ("--vary", "phi=linspace(0, 3, 8)", *PEAK, "--keep", "trajectories"),
+    "bad": ("--vary", "l=0.01,0.02", *PEAK, "--keep", "trajectories"),
+}
+
+
+@pytest.fixture(scope="module")
+def sweeps(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sweeps")
+    for name, options in SWEEPS.items():
+        output = ["-o", str(folder / f"{name}.h5"), "--quiet", "--jobs", "1"]
+        status = run(["sweep", MODEL, *options, "--t-end", "0.3", "--samples", "31", *output])
+        assert status == (3 if name == "bad" else 0)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _no_warnings(sweeps: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.chdir(sweeps)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+def plot(tmp_path: Path, *arguments: str) -> str:
+    path = tmp_path / "figure.svg"
+    assert run(["plot", *arguments, "-o", str(path), "--force"]) == 0
+    return path.read_text(encoding="utf-8")
+
+
+def test_rows_are_runs() -> None:
+    rows = Rows("kept.h5")
+    assert len(rows.runs) == rows.good == 9
+    source = rows.runs[4]
+    assert source.varied == {"l": pytest.approx(0.3)}
+    model = lagcli.load(MODEL, set={"l": source.varied["l"]})
+    alone = lagcli.simulate(model, t_end=0.3, samples=31)
+    catalogue = Catalogue(source)
+    curves = [catalogue.find(name)[0] for name in ("phi", "psi_dot", "lambda.guide", "slider")]
+    found = read_curves(source, curves)
+    expected = (alone.q[:, 0], alone.v[:, 1], alone.multipliers[:, 0], alone.outputs["slider"])
+    for curve, values in zip(curves, expected, strict=True):
+        np.testing.assert_allclose(found[curve.name], values, rtol=1e-6, atol=1e-7)
+
+
+def test_families_of_curves(tmp_path: Path) -> None:
+    text = plot(tmp_path, "kept.h5", "psi", "lambda.guide", "phi:phi_dot")
+    assert "l [m]" in text
+    assert "[rad]" in text
+    assert "phi [rad]" in plot(tmp_path, "start.h5", "psi")
+
+
+def test_measures_are_what_a_sweep_shows(tmp_path: Path) -> None:
+    text = plot(tmp_path, "kept.h5")
+    assert "peak" in text
+    assert "l [m]" in text
+
+
+def test_maps(tmp_path: Path) -> None:
+    for name in ("grid.h5", "drawn.h5"):
+        text = plot(tmp_path, name)
+        for word in ("peak", "l [m]", "m [kg]", "slider_crank"):
+            assert word in text
+    assert "<image" in plot(tmp_path, "grid.h5", "l:m:peak")
+    assert "<image" in plot(tmp_path, "three.h5", "peak:m:l")
+
+
+def test_curves_over_one_of_two(tmp_path: Path) -> None:
+    text = plot(tmp_path, "grid.h5", "l:peak")
+    for mass in ("0.1", "0.4642", "2.154", "10"):
+        assert f"m = {mass}" in text
+    text = plot(tmp_path, "grid.h5", "m:peak", "l:peak")
+    assert text.count("peak") >= 2
+    plot(tmp_path, "drawn.h5", "m:peak")
+    plot(tmp_path, "three.h5", "m:peak")
+
+
+def test_values_of_measures() -> None:
+    table = Table("grid.h5")
+    peak, mass = table.find("peak").values, table.find("m").values
+    at = table.find("l").values == 0.2
+    # without friction, lambda is proportional to the mass
+    np.testing.assert_allclose(peak[at] / mass[at], peak[at][0] / mass[at][0], rtol=1e-6)
+    assert table.find("m").log
+    assert not table.find("l").log
+
+
+def test_rows_that_failed_are_not_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plot(tmp_path, "bad.h5")
+    assert np.isnan(Table("bad.h5").find("peak").values).all()
+    assert run(["plot", "bad.h5", "phi", "-o", str(tmp_path / "x.svg")]) == 2
+    assert "no row was completed" in capsys.readouterr().err
+
+
+def test_a_few_of_many_rows_are_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert MOST == 200
+    monkeypatch.setattr("lagcli.pictures.sweep_rows.MOST", 5)
+    plot(tmp_path, "kept.h5", "psi")
+    assert re.search("5 of 9 rows", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["grid.h5", "peek"], "did you mean `peak`"),
+        (["grid.h5", "phi"], "no trajectories"),
+        (["three.h5"], "say over which"),
+        (["grid.h5", "l:m:l:peak"], "more than a map shows"),
+        (["kept.h5", "residual_velocity"], "has no `residual_velocity`"),
+        (["kept.h5", "Qc.guide.phi"], "has no `Qc.guide.phi`"),
+        (["kept.h5", "grid.h5"], "plotted alone"),
+    ],
+)
+def test_wrong_inputs(
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["plot", *arguments, "-o", str(tmp_path / "x.png")]) == 2
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
