@@ -81,7 +81,7 @@ def assembled(run: Run, title: str | None = None) -> str:
     }
     start = run.columns(("q", "v"), np.zeros(1, dtype=np.intp))
     name = escape(title or model.name)
-    script = "\n".join(map(asset, _SCRIPTS))
+    script = "\n".join([f"/*\n{asset(_UPLOT + 'LICENSE')}\n*/", *map(asset, _SCRIPTS)])
     style = "\n".join(map(asset, _STYLES))
     return Template(asset("report.html")).substitute(
         policy=_policy(script, style),

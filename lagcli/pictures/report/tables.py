@@ -83,7 +83,9 @@ def solver(run: Run, found: Extremes) -> str:
     counts = ", ".join(f"{value} {name}" for name, value in record.counts.items())
     seconds = ", ".join(f"{name} {number(value, 3)} s" for name, value in record.seconds.items())
     scale = found.energy_scale
-    relative = f", {number(found.energy_balance / scale, 2)} of {number(scale, 4)} J"
+    balance = f"{number(found.energy_balance, 2)} J"
+    if scale:
+        balance += f", {number(found.energy_balance / scale, 2)} of {number(scale, 4)} J"
     rows = [
         ("Status", escape(record.status or "not recorded")),
         ("Message", escape(record.message)),
@@ -93,7 +95,7 @@ def solver(run: Run, found: Extremes) -> str:
         ("Position residual", _worst(found.residual_position, record.scale_position)),
         ("Velocity residual", _worst(found.residual_velocity, record.scale_velocity)),
         ("Equation residual", number(found.residual_equation, 2)),
-        ("Energy balance", f"{number(found.energy_balance, 2)} J" + (relative if scale else "")),
+        ("Energy balance", balance),
     ]
     return table("Computation", ["", ""], [row for row in rows if row[1]], kind="facts")
 

@@ -1,0 +1,405 @@
+"""Reports: what stands on the page, what is refused, and how large pages are."""
+
+import base64
+import json
+import re
+import warnings
+from html import unescape
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.cli.app import run as cli
+from lagcli.errors import FileError, LagcliError
+from lagcli.pictures.report import report
+from lagcli.pictures.report.writing import chosen, elided, force_unit, number, rate_unit, unit
+from lagcli.pictures.report.yaml_text import highlighted
+
+MODELS = Path(__file__).parents[2] / "models"
+MB = 1_000_000
+#: Elements that have no end tag.
+VOID = {"meta", "wbr", "input", "br", "path"}
+
+
+class Outline(HTMLParser):
+    """Checks that tags are closed in order, and gathers what the page says."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.text, self.tables, self.attributes = [], [], [], []
+
+    def handle_starttag(self, tag, attributes):
+        self.attributes += [(tag, *pair) for pair in attributes]
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "tr":
+            self.tables.append([])
+        elif tag in ("td", "th") and self.tables:
+            self.tables[-1].append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if not {"script", "style"} & set(self.open):
+            self.text.append(data)
+        if self.tables and {"td", "th"} & set(self.open):
+            self.tables[-1][-1] += data
+
+
+def read(path):
+    outline = Outline()
+    outline.feed(path.read_text(encoding="utf-8"))
+    assert not outline.open
+    return outline
+
+
+def data_of(path):
+    """Return the numbers of a page: its JSON, with the arrays in place."""
+    text = path.read_text(encoding="utf-8")
+    found = json.loads(
+        re.search(r'<script type="application/json" id="data">(.*?)</script>', text)[1]
+    )
+    arrays = [np.frombuffer(base64.b64decode(x), dtype="<f8") for x in found["arrays"]]
+    for plot in found["plots"]:
+        plot["time"] = arrays[plot["time"]]
+        for series in plot["series"]:
+            series["values"] = arrays[series["values"]]
+    return found
+
+
+def sampled(run, samples):
+    """Return the fields of a run with some of its samples."""
+    fields = dict(vars(run))
+    for name, value in fields.items():
+        if isinstance(value, np.ndarray) and not name.startswith("scale"):
+            fields[name] = value[samples]
+    return fields | {"outputs": {name: value[samples] for name, value in run.outputs.items()}}
+
+
+def series_of(path, name):
+    """Return times and values of the curve of a name."""
+    for plot in data_of(path)["plots"]:
+        for series in plot["series"]:
+            if series["name"] == name:
+                return plot["time"], series["values"]
+    raise AssertionError(f"there is no curve {name}")
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
+def test_every_shipped_model(path, tmp_path):
+    model = lagcli.load(path)
+    trajectory = lagcli.simulate(model, samples=60)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        made = report(trajectory, tmp_path / "report.html")
+    page = read(tmp_path / "report.html")
+    text = " ".join(" ".join(page.text).split())
+    assert model.name in text
+    assert trajectory.model_sha256 in text
+    assert made.size < 1.5 * MB
+    for name in trajectory.constraints[:3]:
+        assert f"{name}: " in text.replace(" : ", ": ").replace(f"{name} :", f"{name}:")
+    assert data_of(tmp_path / "report.html")["scene"] is not None
+    assert not [a for a in page.attributes if a[1] in ("src", "style") or a[1].startswith("on")]
+    assert all(a[2].startswith("#") for a in page.attributes if a[1] == "href")
+
+
+@pytest.fixture(scope="module")
+def crank(result, tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    report(result("slider_crank"), path, title="Slider <crank> & co.")
+    return path
+
+
+@pytest.fixture(scope="module")
+def run(result):
+    return lagcli.read(result("slider_crank"))
+
+
+def test_curves_are_those_of_the_run(crank, run):
+    time, values = series_of(crank, "lambda.guide")
+    assert np.array_equal(time, run.time)
+    assert np.array_equal(values, run.multipliers[:, 0])
+    assert np.array_equal(series_of(crank, "phi_dot")[1], run.v[:, 0])
+    assert np.array_equal(series_of(crank, "Qc.guide.psi")[1], run.constraint_force_by[:, 0, 1])
+    assert np.array_equal(series_of(crank, "rod_tension")[1], run.outputs["rod_tension"])
+    assert np.array_equal(series_of(crank, "energy_total")[1], run.energy_total)
+    scaled = run.residual_position[:, 0] / run.scale_position[0]
+    assert np.array_equal(series_of(crank, "residual_position.guide")[1], scaled)
+
+
+def test_title_and_text_are_escaped(crank):
+    text = crank.read_text(encoding="utf-8")
+    assert "<h1>Slider &lt;crank&gt; &amp; co.</h1>" in text
+    assert "<title>Slider &lt;crank&gt; &amp; co.</title>" in text
+
+
+def test_extremes_are_those_of_the_run(crank, run):
+    rows = {row[0].split()[-1]: row for row in read(crank).tables if len(row) == 6}
+    guide, multipliers = rows["guide"], run.multipliers[:, 0]
+    shown = [float(x.replace("−", "-")) for x in guide[2:]]
+    low, high = multipliers.argmin(), multipliers.argmax()
+    expected = [multipliers[low], run.time[low], multipliers[high], run.time[high]]
+    assert shown == pytest.approx(expected, rel=1e-5)
+
+
+def test_it_says_how_the_run_was_made(crank, run):
+    rows = {row[0]: row[1:] for row in read(crank).tables if row}
+    assert rows["Version"] == [
+        f"run by lagcli {lagcli.__version__}, page by lagcli {lagcli.__version__}"
+    ]
+    assert rows["Model"] == [f"sha256 {run.model_sha256}"]
+    assert "rtol = 1e-09" in rows["Options"][0]
+    assert f"{run.counts['steps']} steps" in rows["Counts"][0]
+    assert rows["τ"] == ["torque on the crank", "0", "N m"]
+    assert rows["g"] == ["", "9.81", "m/s²"]
+    moved = run.initial_correction["psi'"]
+    assert [float(x) for x in rows["ψ."][:2]] == pytest.approx(moved, rel=1e-7)
+
+
+def test_the_model_is_on_the_page_as_it_is(crank, run):
+    text = crank.read_text(encoding="utf-8")
+    shown = re.search(r"<pre.*?><code>(.*?)</code></pre>", text, re.DOTALL)[1]
+    assert unescape(re.sub(r"<[^>]*>", "", shown)) == run.model.rstrip("\n")
+
+
+def test_the_policy_lets_nothing_in(crank):
+    text = crank.read_text(encoding="utf-8")
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1]
+    assert policy.startswith("default-src 'none'; script-src 'sha256-")
+    assert "unsafe" not in policy
+    assert "http" not in policy
+    # the license of what is embedded goes along
+    assert "The MIT License (MIT)" in text
+    assert "Copyright (c) 2022 Leon Sorokin" in text
+
+
+def test_powers_that_are_rounding_are_left_out(crank, result, tmp_path):
+    names = [s["name"] for p in data_of(crank)["plots"] for s in p["series"]]
+    assert "power_constraint" not in names
+    assert "power_applied" not in names
+    report(result("driven_slider_crank"), tmp_path / "driven.html")
+    names = [s["name"] for p in data_of(tmp_path / "driven.html")["plots"] for s in p["series"]]
+    assert "power_constraint" in names
+
+
+def test_a_failed_run_says_so(tmp_path):
+    model = lagcli.load(MODELS / "slider_crank.yaml")
+    path = tmp_path / "run.h5"
+    assert (
+        cli(["simulate", str(MODELS / "slider_crank.yaml"), "--max-steps", "50", "-o", str(path)])
+        == 3
+    )
+    made = report(path, tmp_path / "report.html")
+    assert "failed" in made.notes[0]
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    banner = text.index('<div class="status bad" role="alert">')
+    assert text.index("<h1>") < banner < text.index("<main")
+    assert "The run failed" in text
+    assert "gave up after 50 steps" in text
+    assert model.name in text
+
+
+def test_a_run_without_samples_is_a_page_without_plots(tmp_path, result):
+    whole = lagcli.read(result("slider_crank"))
+    fields = sampled(whole, slice(0))
+    fields |= {"status": "interrupted", "message": "interrupted at the start"}
+    report(type(whole)(**fields), tmp_path / "report.html")
+    text = " ".join(read(tmp_path / "report.html").text)
+    assert "It has no samples" in text
+    assert "interrupted at the start" in text
+    assert data_of(tmp_path / "report.html")["plots"] == []
+
+
+def test_a_model_without_a_view_is_shown_by_its_plots(tmp_path, result):
+    text = lagcli.read(result("pendulum_cartesian")).model
+    model = lagcli.load_text(text[: text.index("view:")])
+    report(lagcli.simulate(model, samples=20), tmp_path / "report.html")
+    assert data_of(tmp_path / "report.html")["scene"] is None
+    assert '<aside id="motion"' not in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_large_system_is_abridged_and_says_so(tmp_path):
+    model = lagcli.load(MODELS / "chain.yaml", set={"N": 120})
+    report(lagcli.simulate(model, t_end=0.02, samples=5), tmp_path / "report.html")
+    page = read(tmp_path / "report.html")
+    text = " ".join(" ".join(page.text).split())
+    assert "240 coordinates, 120 constraints" in text
+    assert "of 240 equations" in text
+    assert "12 of 240 curves are drawn" in text
+    assert "120 terms" in text
+    assert "y 120" in " ".join(" ".join(row) for row in page.tables) or "y120" in text.replace(
+        " ", ""
+    )
+    assert (tmp_path / "report.html").stat().st_size < MB
+
+
+def test_long_runs_keep_their_peaks(tmp_path, result):
+    """Needles one sample wide in a run of 200 000 samples are there, exactly."""
+    whole = lagcli.read(result("pendulum_cartesian"))
+    rng = np.random.default_rng(5)
+    count = 200_000
+    nearest = np.minimum(np.arange(count) * len(whole.time) // count, len(whole.time) - 1)
+    fields = sampled(whole, nearest)
+    fields["time"] = np.linspace(0, 10, count)
+    needles = rng.choice(count, 40, replace=False)
+    fields["multipliers"] = fields["multipliers"].copy()
+    fields["multipliers"][needles, 0] = rng.choice([-1, 1], 40) * rng.uniform(1e4, 2e4, 40)
+    run = type(whole)(**fields)
+    # from a file, in blocks, and from memory, in one piece
+    lagcli.write(run, tmp_path / "run.h5")
+    for source in (tmp_path / "run.h5", run):
+        report(source, tmp_path / "report.html", force=True)
+        assert (tmp_path / "report.html").stat().st_size < 4 * MB
+        time, values = series_of(tmp_path / "report.html", "lambda.rod")
+        assert len(time) < count / 4
+        assert np.all(np.diff(time) > 0)
+        assert values.min() == run.multipliers.min()
+        assert values.max() == run.multipliers.max()
+        kept = np.isin(fields["multipliers"][needles, 0], values)
+        assert kept.mean() > 0.9  # of two needles of one sign in one interval the higher one
+        # every sample that is shown is one of the run
+        places = np.searchsorted(run.time, time)
+        assert np.array_equal(run.multipliers[places, 0], values)
+    assert "Of the 200000 samples" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_a_million_samples(tmp_path, capfd):
+    """Below 6 MB, in seconds, and in memory that does not grow with the samples."""
+    import resource
+    import subprocess
+    import sys
+    import time
+
+    run, page = tmp_path / "run.h5", tmp_path / "report.html"
+    model = str(MODELS / "andrews_squeezer.yaml")
+    assert cli(["simulate", model, "--samples", "1000000", "-o", str(run), "--quiet"]) == 0
+    begun = time.monotonic()
+    command = [sys.executable, "-m", "lagcli", "report", str(run), "-o", str(page)]
+    subprocess.run(command, check=True, timeout=120)
+    assert time.monotonic() - begun < 30
+    kilobytes = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    assert kilobytes < 700_000
+    assert page.stat().st_size < 6 * MB
+    whole = lagcli.read(run)
+    for i, name in enumerate(whole.constraints):
+        values = series_of(page, f"lambda.{name}")[1]
+        assert values.min() == whole.multipliers[:, i].min()
+        assert values.max() == whole.multipliers[:, i].max()
+
+
+# what is refused
+
+
+def test_csv_needs_its_model(tmp_path, capsys):
+    model, bare = str(MODELS / "pendulum_cartesian.yaml"), str(tmp_path / "bare.csv")
+    page = str(tmp_path / "report.html")
+    assert cli(["simulate", model, "--samples", "9", "-o", bare, "--quiet"]) == 0
+    assert cli(["report", bare, "-o", page]) == 2
+    assert "holds no model" in capsys.readouterr().err
+    assert not Path(page).exists()
+    assert cli(["report", bare, "-o", page, "--model", model]) == 0
+    assert "The file does not say how the run ended" in Path(page).read_text(encoding="utf-8")
+    with_model = str(tmp_path / "whole.csv")
+    assert cli(["simulate", model, "--samples", "9", "-o", with_model, "--meta", "--quiet"]) == 0
+    assert cli(["report", with_model, "-o", page, "--force", "--title", "By hand"]) == 0
+    assert "<h1>By hand</h1>" in Path(page).read_text(encoding="utf-8")
+
+
+def test_exit_statuses_and_messages(tmp_path, result, capsys):
+    run, page = str(result("pendulum_cartesian")), tmp_path / "report.html"
+    assert cli(["report", run, "-o", str(page)]) == 0
+    said = capsys.readouterr()
+    assert re.fullmatch(r".*report\.html: \d+ samples, \d+ kB\n", said.out)
+    assert not said.err
+    before = page.read_bytes()
+    assert cli(["report", run, "-o", str(page)]) == 4
+    assert "--force" in capsys.readouterr().err
+    assert page.read_bytes() == before
+    assert cli(["report", run, "-o", str(page), "--force", "--quiet"]) == 0
+    assert not capsys.readouterr().out
+    assert cli(["report", run]) == 2
+    assert cli(["report", run, "-o", str(tmp_path / "report.pdf")]) == 2
+    assert "name it" in capsys.readouterr().err
+    assert cli(["report", str(tmp_path / "none.h5"), "-o", str(page), "--force"]) == 4
+    assert cli(["report", run, "-o", str(tmp_path / "no" / "report.html")]) == 4
+    assert "mkdir" in capsys.readouterr().err
+
+
+def test_another_model_is_refused(tmp_path, result):
+    with pytest.raises(LagcliError):
+        report(
+            result("pendulum_cartesian"),
+            tmp_path / "report.html",
+            model=str(MODELS / "slider_crank.yaml"),
+        )
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_damaged_file_leaves_no_page(tmp_path, result):
+    whole = result("pendulum_cartesian").read_bytes()
+    (tmp_path / "cut.h5").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(FileError):
+        report(tmp_path / "cut.h5", tmp_path / "report.html")
+    assert not (tmp_path / "report.html").exists()
+
+
+# how things are written
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (-5.158361, "−5.15836"),
+        (2.37e-9, "2.37·10⁻⁹"),
+        (1.5e12, "1.5·10¹²"),
+        (float("nan"), "–"),
+        (float("-inf"), "−∞"),
+        (None, "–"),
+    ],
+)
+def test_numbers(value, text):
+    assert number(value) == text
+
+
+@pytest.mark.parametrize(
+    ("symbol", "shown", "rate", "force"),
+    [
+        ("rad", "rad", "rad/s", "N m"),
+        ("m", "m", "m/s", "N"),
+        ("1", "", "1/s", "N m"),
+        ("kg*m^2", "kg m²", "(kg*m^2)/s", "J/(kg*m^2)"),
+    ],
+)
+def test_units(symbol, shown, rate, force):
+    assert unit(symbol) == shown
+    assert rate_unit(symbol) == rate
+    assert force_unit(symbol) == force
+
+
+def test_of_families_the_first_and_the_last_are_chosen():
+    names = [f"x[{i}]" for i in range(1, 41)] + [f"y[{i}]" for i in range(1, 41)] + ["angle"]
+    places = chosen(names, 12)
+    shown = [names[i] for i in places]
+    assert {"x[1]", "x[40]", "y[1]", "y[40]", "angle"} <= set(shown)
+    assert len(shown) <= 12
+    assert elided(places, shown, "⋮").count("⋮") == 2
+    assert chosen(names[:5], 12) == [0, 1, 2, 3, 4]
+    assert len(chosen([f"p{i}" for i in range(500)], 12)) == 12
+
+
+def test_yaml_is_highlighted_without_losing_a_sign():
+    text = "# a: b <c>\nname: 'x # no' # yes\nlist: {a: 1.5e-3, \"b\": [2, m/2*x'^2]}\nphi': 0\n"
+    shown = highlighted(text)
+    assert unescape(re.sub(r"<[^>]*>", "", shown)) == text.rstrip("\n")
+    assert '<span class="yaml-comment"># a: b &lt;c&gt;</span>' in shown
+    assert '<span class="yaml-text">&#x27;x # no&#x27;</span>' in shown
+    assert '<span class="yaml-comment"># yes</span>' in shown
+    assert '<span class="yaml-key">phi&#x27;</span>' in shown
+    assert '<span class="yaml-number">1.5e-3</span>' in shown

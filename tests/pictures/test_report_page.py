@@ -1,0 +1,285 @@
+"""The page of a report in a real browser, opened from a file without a network."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.pictures.report import report
+
+PLOTS = "document.querySelectorAll('.place canvas')"
+
+
+@pytest.fixture(scope="session")
+def pages(result, tmp_path_factory):
+    """Return the report of a shipped model."""
+    folder = tmp_path_factory.mktemp("reports")
+
+    def of(name):
+        path = folder / f"{name}.html"
+        if not path.exists():
+            report(result(name), path)
+        return path
+
+    return of
+
+
+@pytest.fixture
+def crank(pages, visit):
+    """The slider-crank's report."""
+    opened = visit(pages("slider_crank"))
+    opened.wait_for_selector(".uplot")
+    return opened
+
+
+@pytest.fixture(scope="session")
+def run(result):
+    return lagcli.read(result("slider_crank"))
+
+
+def plot(opened, section):
+    """Return the first plot of a section."""
+    return opened.locator(f"#plots-{section} .plot").first
+
+
+def picture(figure):
+    return figure.locator("canvas").evaluate("canvas => canvas.toDataURL()")
+
+
+def animation(opened):
+    return opened.locator("#player canvas").evaluate("canvas => canvas.toDataURL()")
+
+
+def time_of(opened):
+    return float(opened.locator("#player input[type=range]").input_value())
+
+
+def values(figure):
+    """Return what the legend says, by the names of the curves."""
+    found = figure.locator(".plot-legend button").evaluate_all(
+        "all => all.map(b => [b.dataset.series, b.querySelector('.plot-value').textContent])"
+    )
+    return {name: number(text) for name, text in found}
+
+
+def number(text):
+    text = text.replace("−", "-").translate(str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-"))
+    return float(text.replace("·10", "e"))
+
+
+def at(figure, part):
+    """Return a place in a plot's drawing: a part of its width, and half of its height."""
+    box = figure.locator(".u-over").bounding_box()
+    return box["x"] + part * box["width"], box["y"] + 0.5 * box["height"]
+
+
+def point_at(opened, figure, part):
+    figure.scroll_into_view_if_needed()
+    opened.mouse.move(*at(figure, part))
+
+
+def test_animation_plays_and_takes_the_cursors_along(crank, until):
+    before = animation(crank)
+    multipliers = plot(crank, "multipliers")
+    first = values(multipliers)
+    crank.get_by_role("button", name="Play").click()
+    until(crank, "Number(document.querySelector('#player input').value) > 0.2")
+    crank.get_by_role("button", name="Pause").click()
+    assert animation(crank) != before
+    assert values(multipliers) != first
+
+
+def test_hover_over_a_plot_moves_the_animation_and_every_cursor(crank, run):
+    before = animation(crank)
+    point_at(crank, plot(crank, "coordinates"), 0.5)
+    assert time_of(crank) == pytest.approx(1.5, abs=0.02)
+    assert animation(crank) != before
+    sample = int(np.argmin(np.abs(run.time - time_of(crank))))
+    shown = values(plot(crank, "multipliers"))["lambda.guide"]
+    assert shown == pytest.approx(run.multipliers[sample, 0], rel=1e-4)
+    shown = values(plot(crank, "velocities"))
+    assert shown["phi_dot"] == pytest.approx(run.v[sample, 0], rel=1e-4)
+
+
+def test_a_playing_motion_is_not_carried_off_by_the_mouse_but_by_a_click(crank, until):
+    crank.set_viewport_size({"width": 1300, "height": 800})  # the animation beside the plots
+    figure = plot(crank, "coordinates")
+    figure.scroll_into_view_if_needed()
+    crank.locator("#player canvas").focus()
+    crank.keyboard.press("Space")
+    until(crank, "Number(document.querySelector('#player input').value) > 0.1")
+    crank.mouse.move(*at(figure, 0.9))
+    assert time_of(crank) < 2
+    crank.mouse.click(*at(figure, 0.9))
+    assert time_of(crank) == pytest.approx(2.7, abs=0.05)
+    assert crank.get_by_role("button", name="Play").count() == 1  # it is paused
+
+
+def test_scrubbing_moves_the_plots(crank, run):
+    crank.locator("#player input[type=range]").fill("2.34")
+    shown = values(plot(crank, "multipliers"))["lambda.guide"]
+    assert shown == pytest.approx(run.multipliers[:, 0].min(), rel=1e-5)
+
+
+def test_a_click_in_the_legend_hides_a_curve_and_shows_it_again(crank):
+    figure = plot(crank, "coordinates")
+    button = figure.locator("button[data-series=phi]")
+    before = picture(figure)
+    button.click()
+    assert button.get_attribute("aria-pressed") == "false"
+    hidden = picture(figure)
+    assert hidden != before
+    button.focus()
+    crank.keyboard.press("Enter")
+    assert button.get_attribute("aria-pressed") == "true"
+    assert picture(figure) != hidden
+
+
+def test_dragging_zooms_all_plots_and_a_button_shows_everything_again(crank, run):
+    figures = [plot(crank, "coordinates"), plot(crank, "multipliers")]
+    before = [picture(figure) for figure in figures]
+    back = crank.locator("#zoom-out")
+    assert not back.is_visible()
+    point_at(crank, figures[0], 0.25)
+    crank.mouse.down()
+    crank.mouse.move(*at(figures[0], 0.4), steps=4)
+    crank.mouse.move(*at(figures[0], 0.5), steps=4)
+    crank.mouse.up()
+    assert back.is_visible()
+    assert all(picture(f) != b for f, b in zip(figures, before, strict=True))
+    # the axis now runs from 0.75 s to 1.5 s
+    point_at(crank, figures[1], 0.5)
+    assert time_of(crank) == pytest.approx(1.125, abs=0.02)
+    back.click()
+    assert not back.is_visible()
+    point_at(crank, figures[1], 0.5)
+    assert time_of(crank) == pytest.approx(1.5, abs=0.02)
+
+
+def test_the_keyboard_moves_the_time_and_zooms(crank):
+    figure = plot(crank, "coordinates")
+    figure.locator(".u-over").focus()
+    for _ in range(3):
+        crank.keyboard.press("ArrowRight")
+    assert time_of(crank) == pytest.approx(0.09)
+    crank.keyboard.press("End")
+    assert time_of(crank) == pytest.approx(3)
+    before = picture(figure)
+    crank.keyboard.press("+")
+    assert picture(figure) != before
+    crank.keyboard.press("Escape")
+    assert not crank.locator("#zoom-out").is_visible()
+
+
+def test_a_time_in_the_table_can_be_gone_to(crank, run):
+    row = crank.locator("table.extremes tr", has_text="guide").first
+    button = row.locator("button").first
+    button.click()
+    least = run.time[run.multipliers[:, 0].argmin()]
+    assert time_of(crank) == pytest.approx(least)
+    assert float(button.text_content()) == pytest.approx(least, rel=1e-5)
+
+
+def test_dark_and_light(pages, visit):
+    background = "getComputedStyle(document.body).backgroundColor"
+    dark = visit(pages("slider_crank"), color_scheme="dark")
+    assert dark.evaluate(background) == "rgb(22, 25, 29)"
+    first = picture(plot(dark, "coordinates")), animation(dark)
+    dark.locator("#theme").click()
+    assert dark.evaluate(background) == "rgb(255, 255, 255)"
+    second = picture(plot(dark, "coordinates")), animation(dark)
+    assert first[0] != second[0]
+    assert first[1] != second[1]
+
+
+def test_plots_fill_a_phone_and_nothing_is_wider_than_it(pages, visit):
+    opened = visit(pages("andrews_squeezer"))
+    opened.set_viewport_size({"width": 360, "height": 700})
+    opened.wait_for_timeout(200)
+    assert opened.evaluate("document.documentElement.scrollWidth") <= 360
+    width = plot(opened, "coordinates").locator("canvas").bounding_box()["width"]
+    assert 300 < width <= 360
+
+
+def test_formulas_are_broken_to_fit(pages, visit):
+    opened = visit(pages("andrews_squeezer"))
+    lines = "e => Math.round(e.getBoundingClientRect().height)"
+    first = opened.locator("dl.equations .equation").first
+    wide = first.evaluate(lines)
+    opened.set_viewport_size({"width": 360, "height": 700})
+    assert first.evaluate(lines) > wide
+    scrolled = opened.locator(".equation").evaluate_all(
+        "all => all.filter(e => e.scrollWidth > e.clientWidth + 1).length"
+    )
+    assert scrolled == 0
+
+
+def test_print_shows_stills_light_plots_and_the_model(pages, visit, tmp_path):
+    opened = visit(pages("slider_crank"), color_scheme="dark")
+    opened.evaluate("addEventListener('beforeprint', () => { window.printed = true; })")
+    opened.emulate_media(media="print")
+    opened.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert opened.locator(".strip figure").count() == 6
+    stills = opened.locator(".strip canvas").evaluate_all("all => all.map(c => c.toDataURL())")
+    assert len(set(stills)) == 6
+    assert opened.locator("details").evaluate("d => d.open")
+    assert opened.evaluate("document.documentElement.dataset.theme") == "light"
+    assert not opened.locator("#player").is_visible()
+    opened.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert opened.evaluate("document.documentElement.dataset.theme") == "dark"
+    assert not opened.locator("details").evaluate("d => d.open")
+
+
+def test_the_page_can_be_read_without_a_mouse_and_without_eyes(crank):
+    assert crank.locator("main").count() == crank.locator("header").count() == 1
+    assert crank.locator("h1").count() == 1
+    levels = crank.locator("h1, h2, h3").evaluate_all("all => all.map(h => +h.tagName[1])")
+    assert all(b - a <= 1 for a, b in pairwise(levels))
+    for table in crank.locator("table").all():
+        assert table.locator("caption").text_content()
+    unnamed = crank.locator("button, input, select").evaluate_all(
+        "all => all.filter(e => !e.textContent.trim() && !e.ariaLabel && !e.labels?.length).length"
+    )
+    assert unnamed == 0
+    for over in crank.locator(".u-over").all():
+        assert over.get_attribute("aria-label")
+    for formula in crank.locator(".equation").all():
+        assert formula.get_attribute("role") == "math"
+        assert formula.get_attribute("aria-label")
+
+
+def test_a_model_cannot_run_anything(visit, tmp_path):
+    evil = "</script><script>document.title = 'taken'</script><img src=x onerror=alert(1)>"
+    text = f"""
+name: "{evil}"
+description: "{evil}"
+coordinates: {{x: {{unit: m, description: "{evil}"}}, y: {{unit: m}}}}
+parameters: {{m: {{value: 1 kg, description: "{evil}"}}}}
+T: m/2*(x'^2 + y'^2)
+V: m*y
+constraints: {{rod: {{expr: x^2 + y^2 = 1, description: "{evil}"}}}}
+initial: {{x: 1, y: 0, x': 0, y': 0}}
+outputs: {{height: y}}
+view:
+  points: {{O: [0, 0], A: [x, y]}}
+  rods: [O-A]
+  labels: {{A: "{evil}"}}
+# {evil}
+"""
+    trajectory = lagcli.simulate(lagcli.load_text(text), t_end=0.2, samples=5)
+    report(trajectory, tmp_path / "evil.html")
+    opened = visit(tmp_path / "evil.html")
+    opened.wait_for_selector(".uplot")
+    assert opened.title() == evil
+    assert opened.locator("h1").text_content() == evil
+    assert opened.locator("img").count() == 0
+    assert opened.locator("script").count() == 2  # the data and the page's own
+
+
+@pytest.mark.parametrize("name", ["heavy_top", "chain"])
+def test_other_pages_open_without_a_word(pages, visit, name):
+    opened = visit(pages(name))
+    opened.wait_for_selector(".uplot")
+    drawn = opened.locator(".place canvas").count()
+    assert drawn == opened.locator(".place").count() > 3
