@@ -14,13 +14,14 @@ if TYPE_CHECKING:
     from lagcli.equations.lagrange import derive
     from lagcli.equations.render import render
     from lagcli.model.loader import load, load_text
+    from lagcli.pictures.report import report
     from lagcli.results import read, write
     from lagcli.simulation import simulate
     from lagcli.sweeps.run import sweep
 
 __version__ = "0.1.0"
 
-__all__ = ["derive", "load", "load_text", "read", "render", "simulate", "sweep", "write"]
+__all__ = ["derive", "load", "load_text", "read", "render", "report", "simulate", "sweep", "write"]
 
 # imported when first asked for: the command line must not pay for what a command does not use
 _PLACES = {
@@ -29,6 +30,7 @@ _PLACES = {
     "load_text": "lagcli.model.loader",
     "read": "lagcli.results",
     "render": "lagcli.equations.render",
+    "report": "lagcli.pictures.report",
     "simulate": "lagcli.simulation",
     "sweep": "lagcli.sweeps.run",
     "write": "lagcli.results",
