@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import traceback
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -86,6 +87,9 @@ class Access:
                 return await handler(request)
             except web.HTTPException as error:
                 return web.Response(status=error.status)
+            except Exception:
+                traceback.print_exc()
+                raise
 
         return guard
 

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from lagcli.errors import UsageError
 from lagcli.interruption import Interruption
 from lagcli.model.loader import load_text
@@ -15,6 +17,7 @@ from lagcli.model.model import Model, Settings
 from lagcli.model.rewriting import rewritten
 from lagcli.model.spelling import shorten
 from lagcli.pictures.stage import Stage
+from lagcli.pictures.timing import usual_speed
 from lagcli.play.controls import Control, controls
 from lagcli.play.curves import Curves
 from lagcli.samples import Record, Samples
@@ -25,7 +28,7 @@ from lagcli.variants import Variants
 #: Samples that a page can draw in a moment; a run that asks for more is sampled so often.
 MOST_SAMPLES = 4001
 #: Members that the page derives equations for; more take seconds, which nobody waits for.
-MOST_MEMBERS = 1000
+MOST_MEMBERS = 500
 
 
 @dataclass(frozen=True)
@@ -141,7 +144,7 @@ class Played:
             settings = dataclasses.replace(settings, samples=MOST_SAMPLES, dt=None, times=None)
         simulation = dataclasses.replace(simulation, settings=settings)
         blocks: list[Samples] = []
-        record = simulation.run(blocks.append, None, interruption)
+        record = simulation.run(lambda block: blocks.append(self._kept(block)), None, interruption)
         answer = self._answer(request, simulation, joined(blocks), record)
         if self.controls is not before:
             answer |= self.description()
@@ -213,12 +216,23 @@ class Played:
             "seconds": record.seconds["integrate"],
             "command": self.command(request),
             "scene": self._scene(model, samples),
+            "speed": usual_speed(float(np.ptp(samples.time))) if len(samples.time) else 1.0,
             "plots": {
                 group: self.curves.plot(group, samples)
                 for group in request.plots
                 if group in groups
             },
         }
+
+    def _kept(self, block: Samples) -> Samples:
+        """Return samples with constraint forces as if of one constraint, where none is drawn.
+
+        Those of each constraint on each coordinate are the one thing that grows like N squared.
+        """
+        if self._stage is not None and "constraint_force_by" in self._stage.needs:
+            return block
+        total = block.constraint_force[:, np.newaxis, :]
+        return dataclasses.replace(block, constraint_force_by=total)
 
     def _scene(self, model: Model, samples: Samples) -> dict[str, Any] | None:
         if self._stage is None or not len(samples.time):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
 import signal
 import socket
 from collections.abc import Callable
@@ -114,7 +115,9 @@ class Server:
         application.on_response_prepare.append(self._access.mark)
         application.router.add_get("/{token}/socket", self._talk)
         application.router.add_get("/{token}/{file:[^/]*}", self._file)
-        runner = web.AppRunner(application, access_log=None, shutdown_timeout=0.1)
+        quiet = logging.Logger("lagcli play")  # says nothing of requests that are none
+        quiet.addHandler(logging.NullHandler())
+        runner = web.AppRunner(application, access_log=None, shutdown_timeout=0.1, logger=quiet)
         await runner.setup()
         await web.SockSite(runner, self._socket).start()
         try:

@@ -64,8 +64,15 @@ class Controls {
   /** Take back all changes. */
   reset(event) {
     this.given.clear();
-    for (const row of this.rows.values()) this.#show(row.restore());
+    for (const row of this.rows.values()) this.#restore(row);
     this.changed(event);
+  }
+
+  /** Show the value that the program was started with, until a run says what it has become. */
+  #restore(row) {
+    delete this.values[row.control.name];
+    row.restore();
+    this.#show(row);
   }
 
   /** A member that the model does not have now keeps its value for when it has it again. */
@@ -129,7 +136,7 @@ class Controls {
       freed: (event, free) => this.#change(row, { free, text: this.#settled(control, free) }, event),
       reset: (event) => {
         this.given.delete(name);
-        this.#show(row.restore());
+        this.#restore(row);
         this.changed(event);
       },
     });
@@ -141,7 +148,7 @@ class Controls {
   /** Return the value at which a guess is fixed, or from which a fixed value is guessed. */
   #settled({ name, value }, free) {
     const found = free ? this.values[name] : this.start[name];
-    return Row.written(found ?? this.values[name] ?? value);
+    return Row.written(found ?? this.values[name] ?? value, 15);
   }
 
   #change(row, change, event) {
@@ -208,7 +215,6 @@ class Row {
   /** Let the slider reach as far as at first. */
   restore() {
     this.#setRange(this.control);
-    return this;
   }
 
   /** Show a value and what is known of it; `text` is the reader's, undefined where there is none. */

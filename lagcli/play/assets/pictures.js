@@ -41,12 +41,13 @@ class Pictures {
   }
 
   /** Draw a run. */
-  draw({ scene, plots }) {
+  draw({ scene, plots, speed }) {
     this.stage.hidden = scene === null;
     if (scene && this.player) this.player.setScene(scene);
     else if (scene) {
       const onTime = (time) => this.link.setTime(time, this.player);
-      this.player = new Player(this.stage, scene, { label: this.name, onTime, autoplay: true });
+      const options = { label: this.name, onTime, speed, autoplay: true };
+      this.player = new Player(this.stage, scene, options);
     }
     for (const slot of this.slots) {
       const data = plots[slot.select.value];
