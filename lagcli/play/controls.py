@@ -11,6 +11,7 @@ from lagcli.model.members import family_of
 from lagcli.model.model import Coordinate, InitialValue, Model, Parameter, Settings, Written
 from lagcli.model.parameters import names_used
 from lagcli.model.units import to_si
+from lagcli.pictures.report.writing import unit as printed
 
 #: Of a slider; about as many places as it has pixels.
 _PLACES = 400
@@ -70,8 +71,8 @@ class Control:
         return _in_unit(value, self.unit)
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as JSON values."""
-        return asdict(self)
+        """Return it as JSON values, with its unit as it is printed."""
+        return {**asdict(self), "unit": printed(self.unit)}
 
 
 def controls(model: Model, settings: Settings) -> dict[str, Control]:

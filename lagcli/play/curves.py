@@ -9,6 +9,7 @@ import numpy as np
 
 from lagcli.equations.render.names import Names
 from lagcli.model.model import Model
+from lagcli.pictures.report.writing import chosen, force_unit, rate_unit, unit
 from lagcli.samples import Array, Samples
 
 #: Curves that a plot can show and a reader tell apart.
@@ -50,7 +51,7 @@ class Curves:
 
     def __init__(self, model: Model):
         self._model, self._names = model, Names(model)
-        self._units = {c.name: c.unit or "" for c in model.coordinates}
+        self._units = {c.name: c.unit for c in model.coordinates}
         stated = any(self._units.values()) or any(p.unit for p in model.parameters.values())
         self._joule, self._watt = ("J", "W") if stated else ("", "")
 
@@ -83,7 +84,7 @@ class Curves:
             "residuals": self._residuals,
         }
         curves = makers[group](samples)
-        shown = [curves[i] for i in _spread(len(curves))]
+        shown = [curves[i] for i in chosen([c.name for c in curves], MOST)]
         units = {c.unit for c in shown}
         common = units.pop() if len(units) == 1 else ""
         return {
@@ -104,12 +105,13 @@ class Curves:
         }
 
     def _by_coordinate(self, values: Array, dots: int) -> list[Curve]:
-        per = ("", "/s", "/s^2")[dots]
         ending = ("", "_dot", "_ddot")[dots]
-        return [
-            Curve(q + ending, self._names.text(q, dots), unit + per if unit else "", values[:, i])
-            for i, (q, unit) in enumerate(self._units.items())
-        ]
+        found = []
+        for i, (q, symbol) in enumerate(self._units.items()):
+            if symbol and dots:
+                symbol = f"{rate_unit(symbol)}{'^2' if dots == 2 else ''}"
+            found.append(Curve(q + ending, self._names.text(q, dots), unit(symbol), values[:, i]))
+        return found
 
     def _multipliers(self, s: Samples) -> list[Curve]:
         return [
@@ -118,12 +120,10 @@ class Curves:
         ]
 
     def _forces(self, s: Samples) -> list[Curve]:
-        # Q of an angle is a torque; other units are not known without more
-        named = {"m": "N", "rad": "N*m"} if self._joule else {}
         total = s.constraint_force
         return [
-            Curve(f"Qc.{q}", f"Q_{self._names.text(q)}", named.get(unit, ""), total[:, i])
-            for i, (q, unit) in enumerate(self._units.items())
+            Curve(f"Qc.{q}", f"Q_{self._names.text(q)}", unit(force_unit(symbol)), total[:, i])
+            for i, (q, symbol) in enumerate(self._units.items())
         ]
 
     def _energy(self, s: Samples) -> list[Curve]:
@@ -149,7 +149,7 @@ class Curves:
     def _outputs(self, s: Samples) -> list[Curve]:
         units = self._model.output_units
         return [
-            Curve(name, name.replace("_", " "), units.get(name, ""), np.asarray(values))
+            Curve(name, self._names.text(name), unit(units.get(name)), np.asarray(values))
             for name, values in s.outputs.items()
         ]
 
@@ -163,10 +163,3 @@ class Curves:
                 if not np.isnan(table[:, i]).all():
                     found.append(Curve(f"{name}.{c}", f"{symbol}_{c}", "", table[:, i]))
         return found
-
-
-def _spread(count: int) -> list[int]:
-    """Return which of so many curves are shown: all, or some from the first to the last."""
-    if count <= MOST:
-        return list(range(count))
-    return [round(i * (count - 1) / (MOST - 1)) for i in range(MOST)]

@@ -299,7 +299,9 @@ def loaded(*arguments: str, status: int = 0) -> set[str]:
 
 
 @as_declared
-@pytest.mark.parametrize("command", [(), ("derive",), ("simulate",), ("plot",), ("info",)])
+@pytest.mark.parametrize(
+    "command", [(), ("derive",), ("simulate",), ("plot",), ("play",), ("info",)]
+)
 def test_help_imports_nothing_but_the_command_line(command: tuple[str, ...]) -> None:
     assert loaded(*command, "--help") <= OF_TYPER
 

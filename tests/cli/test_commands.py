@@ -390,7 +390,7 @@ def test_plain_surroundings(surroundings: dict[str, str]) -> None:
         assert done.stderr == ""
 
 
-@pytest.mark.parametrize("command", ["derive", "simulate", "info"])
+@pytest.mark.parametrize("command", ["derive", "simulate", "play", "info"])
 def test_help_shows_every_option_with_its_text(here: Here, command: str) -> None:
     from lagcli.cli.app import program
 

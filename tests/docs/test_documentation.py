@@ -75,7 +75,7 @@ def test_readme_names_the_two_commands_and_they_are_targets():
     assert "make test" in (ROOT / ".ci" / "run").read_text()
 
 
-@pytest.mark.parametrize("command", ["derive", "simulate", "plot", "info"])
+@pytest.mark.parametrize("command", ["derive", "simulate", "plot", "play", "info"])
 def test_every_option_is_documented(command):
     from lagcli.cli.app import program
 

@@ -187,7 +187,7 @@ class Row {
     const id = `control-${Row.count++}`;
     const title = this.#add("label", "control-name", { htmlFor: id });
     title.append(Row.#typeset(label));
-    if (unit) title.append(Row.text("span", "control-unit", ` [${Row.unit(unit)}]`));
+    if (unit) title.append(Row.text("span", "control-unit", ` [${unit}]`));
     if (description) title.append(Row.text("span", "control-about", ` ${description}`));
     this.slider = this.#add("input", "", { type: "range", id });
     this.slider.setAttribute("aria-label", `${name}${description ? `, ${description}` : ""}`);
@@ -243,12 +243,6 @@ class Row {
     return String(Number(number.toPrecision(digits)));
   }
 
-  /** Return a unit as it is printed: m/s². */
-  static unit(text) {
-    const raise = (digits) => digits.replace(/./g, (c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c] ?? "⁻");
-    return text.replace(/\^(-?\d+)/g, (all, digits) => raise(digits)).replaceAll("*", "·");
-  }
-
   static text(tag, className, textContent) {
     return Object.assign(document.createElement(tag), { className, textContent });
   }
@@ -285,12 +279,12 @@ class Row {
     return child;
   }
 
-  /** A name with its subscript. */
+  /** A name with its subscript, if it is a letter or little more; as in plots. */
   static #typeset(label) {
     const [base, ...rest] = label.split("_");
     const found = document.createDocumentFragment();
-    found.append(base);
-    if (rest.length) found.append(Row.text("sub", "", rest.join("_")));
+    if (!rest.length || [...base].length > 3) found.append(label);
+    else found.append(base, Row.text("sub", "", rest.join(",")));
     return found;
   }
 }

@@ -56,7 +56,7 @@ class Pictures {
       if (slot.plot) slot.plot.setData(data);
       else slot.plot = new TimePlot(slot.figure, data, { link, palette, height: 190 });
       const some = data.of > data.series.length ? `${data.series.length} of ${data.of} curves` : "";
-      slot.more.textContent = [data.unit && `[${Row.unit(data.unit)}]`, some].filter(Boolean).join(" ");
+      slot.more.textContent = [data.unit && `[${data.unit}]`, some].filter(Boolean).join(" ");
     }
   }
 

@@ -1,0 +1,364 @@
+"""The page of `lagcli play` in a browser: sliders, curves, errors, what is taken away."""
+
+from __future__ import annotations
+
+import math
+import os
+import shlex
+import signal
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.cli.app import run
+
+playwright = pytest.importorskip("playwright.sync_api")
+
+MODELS = Path(__file__).parents[2] / "models"
+CRANK = MODELS / "slider_crank.yaml"
+
+
+class Played:
+    """A page of `lagcli play`, and what the tests do with it."""
+
+    def __init__(self, page):
+        self.page = page
+
+    def slider(self, name):
+        return self.page.locator(f'.control[data-name="{name}"] input[type=range]')
+
+    def field(self, name):
+        return self.page.locator(f'.control[data-name="{name}"] input[type=text]')
+
+    def note(self, name):
+        return self.page.locator(f'.control[data-name="{name}"] .control-note').inner_text()
+
+    def settled(self):
+        """Wait for the answer to the last request."""
+        end = time.monotonic() + 15
+        while not self.page.evaluate("page.number > 0 && page.drawn === page.number"):
+            assert time.monotonic() < end
+            self.page.wait_for_timeout(5)
+        # plots draw in microtasks, the measure comes after them
+        self.page.evaluate("new Promise((done) => setTimeout(done))")
+
+    def enter(self, name, text):
+        self.field(name).fill(text)
+        self.field(name).press("Enter")
+        self.settled()
+
+    def values(self):
+        return self.page.evaluate("page.answer.values")
+
+    def curve(self, slot, series):
+        """Return a curve as uPlot has it."""
+        return np.array(
+            self.page.evaluate(f"page.pictures.slots[{slot}].plot.chart.data[{series + 1}]")
+        )
+
+    def command(self):
+        return self.page.locator("#command").inner_text()
+
+    def error(self):
+        return self.page.locator("#notice.error").inner_text()
+
+
+@pytest.fixture(scope="module")
+def served(browser):
+    """The address of the slider-crank's page."""
+    yield from serving(CRANK)
+
+
+def serving(*arguments):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-m", "lagcli", "play", "--no-browser", "-q", *map(str, arguments)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    yield process.stdout.readline().strip()
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=10)
+    assert process.returncode == 0
+
+
+@pytest.fixture
+def opened(browser):
+    """Open a page; any word on the console, and any request elsewhere, fails the test."""
+    yield from opening(browser)
+
+
+@pytest.fixture(scope="module")
+def shared(browser, served):
+    """The page of the slider-crank, which several tests use one after the other."""
+    opening_ = opening(browser)
+    yield next(opening_)(served)
+    next(opening_, None)
+
+
+@pytest.fixture
+def crank(shared):
+    """The page of the slider-crank as it is at first."""
+    shared.page.get_by_role("button", name="Reset all").click()
+    shared.settled()
+    return shared
+
+
+def opening(browser):
+    contexts, said = [], []
+
+    def opened(address, **options):
+        settings = {"viewport": {"width": 1280, "height": 800}, "reduced_motion": "reduce"}
+        context = browser.new_context(**{**settings, **options})
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(15_000)
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda r: None if r.url.startswith(own) else said.append(r.url))
+        own = (address, "blob:", "data:")
+        page.goto(address)
+        found = Played(page)
+        found.settled()
+        return found
+
+    yield opened
+    for context in contexts:
+        context.close()
+    assert not said
+
+
+def simulated(model=CRANK, **values):
+    return lagcli.simulate(lagcli.load(model, **values))
+
+
+def test_a_slider_moves_and_the_curves_are_those_of_simulate(crank):
+    p = crank
+    before = p.curve(1, 0)
+    p.slider("m").focus()
+    for _ in range(7):
+        p.slider("m").press("ArrowRight")
+    p.settled()
+    mass = p.slider("m").input_value()
+    assert float(mass) == p.values()["m"] == pytest.approx(1.035)
+    assert p.field("m").input_value() == mass
+    t = simulated(set={"m": mass})
+    assert np.array_equal(p.curve(0, 0), t.q[:, 0])
+    assert np.array_equal(p.curve(1, 0), t.multipliers[:, 0])
+    assert np.array_equal(p.curve(2, 2), t.energy_total)
+    assert not np.array_equal(before, p.curve(1, 0))
+    # the animation has the same run
+    x = p.page.evaluate("Array.from(page.pictures.player.stage.data.points.A[0])")
+    assert np.allclose(x, 0.1 * np.cos(t.q[:, 0]), rtol=0, atol=1e-15)
+
+
+def test_from_slider_to_drawing_takes_no_longer_than_a_few_frames(crank):
+    p = crank
+    p.slider("m").focus()
+    for i in range(21):
+        p.slider("m").press("ArrowLeft" if i % 2 else "ArrowRight")
+        p.settled()
+    delays = p.page.evaluate("page.delays.slice(-21)")
+    # 50 ms on two idle cores, which the machine of a test is not
+    assert statistics.median(delays) < 250
+
+
+def test_two_clients_are_independent(crank, opened, served):
+    one, two = crank, opened(served)
+    one.enter("m", "3")
+    two.enter("m", "0.5")
+    one.enter("r", "0.05")
+    assert (one.values()["m"], one.values()["r"]) == (3, 0.05)
+    assert (two.values()["m"], two.values()["r"]) == (0.5, 0.1)
+    t = simulated(set={"m": "0.5"})
+    assert np.array_equal(two.curve(1, 0), t.multipliers[:, 0])
+
+
+def test_a_wrong_token_gets_nothing(browser, served):
+    page = browser.new_page()
+    answers = []
+    page.on("response", lambda response: answers.append((response.status, response.url)))
+    wrong = served[:-3] + "x/"
+    with pytest.raises(playwright.Error, match="HTTP_RESPONSE_CODE_FAILURE"):  # it has no content
+        page.goto(wrong)
+    assert answers == [(404, wrong)]
+    page.close()
+
+
+def test_bad_values_show_the_models_error_and_the_last_good_curves(crank):
+    p = crank
+    good = p.curve(0, 0)
+    p.enter("m", "0")
+    assert "has no inertia" in p.error()
+    assert p.page.locator("#pictures.stale").count() == 1
+    assert np.array_equal(p.curve(0, 0), good)
+    p.enter("m", "1 + nonsense")
+    assert "uses `nonsense`, which is not declared" in p.error()
+    assert "1 + nonsense\n" in p.error()
+    p.enter("m", "l/0.1 * 1")
+    assert p.page.locator("#notice").is_hidden()
+    assert p.page.locator("#pictures.stale").count() == 0
+    assert p.values()["m"] == pytest.approx(3, rel=1e-15)
+    p.enter("t_end", "-3")
+    assert "t_end" in p.error()
+
+
+def test_values_beyond_the_slider_and_reset(crank):
+    p = crank
+    p.enter("g", "25")
+    assert float(p.slider("g").get_attribute("max")) == 50
+    assert float(p.slider("g").input_value()) == 25
+    p.enter("tau", "-7")
+    assert float(p.slider("tau").get_attribute("min")) == -14
+    p.page.locator('.control[data-name="tau"] .control-reset').click()
+    p.settled()
+    assert (p.values()["tau"], p.values()["g"]) == (0, 25)
+    assert float(p.slider("tau").get_attribute("min")) == -1
+    p.page.get_by_role("button", name="Reset all").click()
+    p.settled()
+    assert p.values()["g"] == 9.81
+    assert p.command() == f"lagcli simulate {CRANK} -o run.h5"
+
+
+def test_guesses_are_freed_and_fixed(crank):
+    p = crank
+    assert "starts at 0.160497" in p.note("psi")
+    assert p.note("phi").strip() == "guess"
+    # the other solution of the constraint
+    p.enter("psi", "3")
+    assert "starts at 2.9811" in p.note("psi")
+    box = p.page.locator('.control[data-name="psi"]').get_by_label("guess")
+    box.uncheck()
+    p.settled()
+    # fixed where the start had put it
+    fixed = p.field("psi").input_value()
+    assert float(fixed) == pytest.approx(math.pi - math.asin(math.sin(0.5) / 3), rel=1e-14)
+    assert f"--set-initial psi={fixed}" in p.command()
+    p.page.locator('.control[data-name="phi"]').get_by_label("guess").check()
+    p.enter("psi", "0.2")
+    assert "starts at" in p.note("phi")
+    assert "'phi={guess: 0.5}'" in p.command()
+    t = simulated(set_initial={"psi": "0.2", "phi": "{guess: 0.5}"})
+    assert np.array_equal(p.curve(0, 0), t.q[:, 0])
+
+
+def test_the_command_line_reproduces_the_run(crank, tmp_path, monkeypatch):
+    p = crank
+    p.enter("m", "2.25")
+    p.enter("r", "l/4")
+    p.enter("phi'", "7.5")
+    p.enter("t_end", "1.25")
+    p.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    p.page.get_by_role("button", name="Copy the command line").click()
+    command = p.page.evaluate("navigator.clipboard.readText()")
+    assert command == p.command()
+    words = shlex.split(command)
+    assert words[0] == "lagcli"
+    monkeypatch.chdir(tmp_path)
+    assert run([*words[1:], "--quiet"]) == 0
+    t = lagcli.read("run.h5")
+    assert np.array_equal(p.curve(0, 1), t.q[:, 1])
+    assert np.array_equal(p.curve(1, 0), t.multipliers[:, 0])
+    assert t.time[-1] == 1.25
+
+
+def test_the_saved_file_has_the_values_and_keeps_the_comments(crank, tmp_path):
+    p = crank
+    p.enter("l", "0.45")
+    p.enter("phi", "30 deg")
+    p.enter("t_end", "2")
+    with p.page.expect_download() as download:
+        p.page.get_by_role("button", name="Save as YAML").click()
+    assert download.value.suggested_filename == "slider_crank_changed.yaml"
+    saved = tmp_path / "saved.yaml"
+    download.value.save_as(saved)
+    t = lagcli.simulate(lagcli.load(saved))
+    assert np.array_equal(p.curve(0, 0), t.q[:, 0])
+    assert np.array_equal(p.curve(2, 0), t.energy_kinetic)
+    before, after = (x.read_text(encoding="utf-8").splitlines() for x in (CRANK, saved))
+    changed = [new for old, new in zip(before, after, strict=True) if old != new]
+    assert changed == [
+        "  l: {value: 0.45 m, description: rod AB}",
+        "  phi: 30 deg",
+        "simulation: {t_end: 2, samples: 601, rtol: 1e-9}",
+    ]
+
+
+def test_other_curves_can_be_chosen(crank):
+    p = crank
+    p.page.locator(".slot select").nth(1).select_option("outputs")
+    p.settled()
+    t = simulated()
+    assert np.array_equal(p.curve(1, 1), t.outputs["guide_force"])
+    legend = p.page.locator(".slot").nth(1).locator(".plot-legend button")
+    names = [button.get_attribute("data-series") for button in legend.all()]
+    assert names == ["slider", "guide_force", "rod_tension"]
+    p.page.locator(".slot select").nth(1).select_option("multipliers")
+    p.settled()
+
+
+def test_dependent_values_follow_and_members_come_and_go(opened):
+    server = serving(MODELS / "chain.yaml", "--set", "N=4", "--t-end", "0.2")
+    p = opened(next(server))
+    p.page.get_by_text("m[1 … 4]").click()
+    p.enter("m[4]", "0.5")
+    p.slider("N").focus()
+    p.slider("N").press("ArrowLeft")
+    p.settled()
+    assert p.page.locator('.control[data-name^="m["]').count() == 3
+    assert "m[4]" not in p.command()
+    p.slider("N").press("ArrowRight")
+    p.settled()
+    assert p.field("m[4]").input_value() == "0.5"
+    t = lagcli.simulate(lagcli.load(MODELS / "chain.yaml", set={"N": 4, "m[4]": 0.5}), t_end=0.2)
+    assert np.array_equal(p.curve(1, 3), t.multipliers[:, 3])
+    p.page.context.close()
+    next(server, None)
+
+
+def test_a_model_without_a_view_is_plotted(opened, tmp_path):
+    model = tmp_path / "falling <b>.yaml"
+    model.write_text(
+        "coordinates: [x]\nparameters: {g: 9.81}\nT: x'^2/2\nV: g*x\ninitial: {x: 0, x': 1}\n"
+    )
+    server = serving(model)
+    p = opened(next(server))
+    assert p.page.locator("#player").is_hidden()
+    assert p.page.locator("h1").inner_text() == "falling <b>"
+    p.enter("g", "1.5")
+    t = p.page.evaluate("Array.from(page.answer.plots.coordinates.time)")
+    assert p.curve(0, 0) == pytest.approx(np.array(t) - 0.75 * np.array(t) ** 2, abs=1e-6)
+    assert "'" in p.command()
+    p.page.context.close()
+    next(server, None)
+
+
+def test_the_page_says_when_the_program_ends(opened):
+    server = serving(CRANK)
+    p = opened(next(server))
+    next(server, None)
+    p.page.locator("#notice.error").wait_for()
+    assert "The program has ended" in p.error()
+
+
+@pytest.mark.parametrize("size", [(390, 800), (1000, 700), (1900, 1000)])
+def test_nothing_is_wider_than_the_window(opened, served, size):
+    p = opened(served, viewport={"width": size[0], "height": size[1]}, color_scheme="dark")
+    assert p.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    for name in ("m", "psi'"):
+        box = p.field(name).bounding_box()
+        assert box["x"] + box["width"] <= size[0]
+
+
+def test_every_control_has_a_name_that_is_spoken(crank):
+    p = crank
+    unnamed = p.page.evaluate(
+        """[...document.querySelectorAll("input, select, button")].filter((e) =>
+          !(e.ariaLabel || e.textContent.trim() || e.labels?.length)).map((e) => e.outerHTML)"""
+    )
+    assert unnamed == []
+    assert p.slider("r").get_attribute("aria-label") == "r, crank OA"
+    assert p.slider("r").get_attribute("aria-valuetext") == "0.1 m"
