@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.run import Block, Interrupted, Run
-from lagcli.errors import LagcliError, UsageError
+from lagcli.engine.run import Block, Interrupted, Request, Run
+from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.measures import read_measures
 from lagcli.model.model import InitialValue, Model
 from lagcli.simulation import Simulation, engine_of, ready, sample_times
@@ -34,11 +35,13 @@ class Ended(NamedTuple):
         that were reached.
     runs : list of k Run or LagcliError
         How each ended, or why it did not begin.
+    parameters : (k, np) array
     """
 
     places: NDArray[np.intp]
     samples: Array
     runs: list[Run | LagcliError]
+    parameters: Array
 
 
 class Group:
@@ -76,7 +79,8 @@ class Group:
         self._state = 1 + 3 * len(model.coordinates) + len(model.constraints)  # t, q, v, a, λ
         self.kept_names = _state_names(model) + list(self._extra) if kept else []
         wanted = [r.signal for r in self.measuring.reductions]
-        self.signals = Signals(variants.equations, [*wanted, *self._extra.values()])
+        compiled = variants.settings.engine == "compiled"
+        self.signals = Signals(variants.equations, [*wanted, *self._extra.values()], compiled)
 
     def _check_times(self) -> None:
         start, end = self.variants.settings.t_start or 0.0, self.grid.times[-1]
@@ -87,28 +91,31 @@ class Group:
                     f" {end:g} s; take a time in it, or another --t-end"
                 )
 
-    def run(self, table: Array, heed: Callable[[], None]) -> Iterator[Ended]:
+    def run(self, table: Array, sink: Callable[[Ended], None], heed: Callable[[], None]) -> None:
         """Run rows; each is handed over once, in no certain order.
 
         Parameters
         ----------
         table : (n, columns) array
             The varied values, in SI.
+        sink : callable
+            Takes the rows that ended, a few dozen at a time at most.
         heed : callable
             Called several times in 0.1 s; may raise `Interrupted`.
         """
         values = self.variants.values(self.columns, table)
-        for place in range(len(table)):
-            yield self._single(place, table[place], values, heed)
+        rest = self._together(values, sink, heed)
+        for place in rest:
+            sink(self._single(place, table[place], values, heed))
 
-    def measured(self, ended: Ended, parameters: Array) -> tuple[Array, Array]:
+    def measured(self, ended: Ended) -> tuple[Array, Array]:
         """Return measures (k, m) and kept columns (k, samples reached, columns) of runs.
 
         Parameters
         ----------
         ended : Ended
-        parameters : (k, np) array
         """
+        parameters = ended.parameters
         signals = self.signals(ended.samples, parameters)
         runs, _, reached = signals.shape
         split = len(self.measuring.reductions)
@@ -122,6 +129,63 @@ class Group:
         )
         return measures, rows[:, self.grid.samples[self.grid.samples < reached]]
 
+    # eight at a time
+
+    @cached_property
+    def _common(self) -> Request | None:
+        """What all runs in lanes have in common; None where there are none.
+
+        What is made ready once comes from the model's own values, so that no row depends on which
+        others it is run with.
+        """
+        variants = self.variants
+        if variants.settings.engine != "compiled":
+            return None
+        from lagcli.engine.lanes import prepare_lanes, suits_lanes
+
+        try:
+            simulation = ready(variants.equations, variants.system, variants.settings, {})
+        except (ModelError, NumericalError):
+            return None
+        request = dataclasses.replace(simulation.request, times=self.grid.all)
+        prepared = prepare_lanes(variants.system, request)
+        request = dataclasses.replace(request, prepared=prepared)
+        return request if suits_lanes(variants.system, request) else None
+
+    def _together(
+        self, values: Values, sink: Callable[[Ended], None], heed: Callable[[], None]
+    ) -> NDArray[np.intp]:
+        """Run what can be run in lanes; return the places of the other rows."""
+        request, system = self._common, self.variants.system
+        if request is None:
+            return np.arange(len(values.q))
+        from lagcli.engine.lanes import Finished, run_lanes
+        from lagcli.engine.starts import consistent_starts
+
+        starts = consistent_starts(system, request.t_start, *values)
+        ordinary = np.flatnonzero(starts.found)
+
+        def take(finished: Finished) -> None:
+            places = ordinary[finished.rows]
+            runs = [
+                self._said(place, run, values)
+                for place, run in zip(places, finished.runs, strict=True)
+            ]
+            sink(Ended(places, finished.samples, [*runs], values.parameters[places]))
+
+        parameters, q, v = (x[ordinary] for x in (values.parameters, starts.q, starts.v))
+        run_lanes(system, request, parameters, q, v, take, heed)
+        return np.flatnonzero(~starts.found)
+
+    def _said(self, place: int, run: Run, values: Values) -> Run:
+        """Return a run whose message says what was undefined, if that ended it."""
+        if run.undefined is not None:
+            equations = dataclasses.replace(
+                self.variants.equations, model=self._model(place, values)
+            )
+            run.message += "; " + describe_undefined(equations, *run.undefined)
+        return run
+
     # one by one
 
     def _single(self, place: int, given: Array, values: Values, heed: Callable[[], None]) -> Ended:
@@ -130,7 +194,7 @@ class Group:
         try:
             simulation = self._simulation(place, given, values)
         except LagcliError as error:
-            return Ended(places, np.empty((1, 0, width)), [error])
+            return Ended(places, np.empty((1, 0, width)), [error], values.parameters[places])
         request = dataclasses.replace(simulation.request, times=self.grid.all)
         rows = [np.empty((0, width))]
 
@@ -141,9 +205,8 @@ class Group:
         run = engine(simulation.system, request, take, lambda t: heed())
         if run.status == "interrupted":
             raise Interrupted
-        if run.undefined is not None:
-            run.message += "; " + describe_undefined(simulation.equations, *run.undefined)
-        return Ended(places, np.concatenate(rows)[None], [run])
+        said = self._said(place, run, values)
+        return Ended(places, np.concatenate(rows)[None], [said], values.parameters[places])
 
     def _simulation(self, place: int, given: Array, values: Values) -> Simulation:
         """Return the simulation of one row; raises what keeps it from beginning."""
@@ -151,19 +214,25 @@ class Group:
         parameters, q, v = (x[place] for x in (values.parameters, values.q, values.v))
         if not all(np.isfinite(x).all() for x in (parameters, q, v)):
             return self._explained(given)
-        model = variants.model
-        changed = dataclasses.replace(
+        model = self._model(place, values)
+        equations = dataclasses.replace(variants.equations, model=model)
+        system = dataclasses.replace(variants.system, parameters=tuple(parameters.tolist()))
+        return ready(equations, system, variants.settings, {})
+
+    def _model(self, place: int, values: Values) -> Model:
+        """Return the model with the values of one row."""
+        model = self.variants.model
+        return dataclasses.replace(
             model,
             parameters={
                 name: p._replace(value=float(x))
-                for (name, p), x in zip(model.parameters.items(), parameters, strict=True)
+                for (name, p), x in zip(
+                    model.parameters.items(), values.parameters[place], strict=True
+                )
             },
-            initial_positions=_initial(model.initial_positions, q, values.fixed_q),
-            initial_velocities=_initial(model.initial_velocities, v, values.fixed_v),
+            initial_positions=_initial(model.initial_positions, values.q[place], values.fixed_q),
+            initial_velocities=_initial(model.initial_velocities, values.v[place], values.fixed_v),
         )
-        equations = dataclasses.replace(variants.equations, model=changed)
-        system = dataclasses.replace(variants.system, parameters=tuple(parameters.tolist()))
-        return ready(equations, system, variants.settings, {})
 
     def _explained(self, given: Array) -> Simulation:
         """Let the model's own loading say what is wrong with the values of a row."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -144,54 +145,63 @@ class Runner:
 
     def run(self, numbers: Numbers, heed: Callable[[], None]) -> Results:
         """Run rows; as `run_rows`."""
-        n = len(numbers)
         table = self.spec.plan.rows(numbers)
-        status = np.full(n, MISSING, dtype=np.int8)
-        messages, counts = [""] * n, np.zeros((n, 3), dtype=np.int64)
-        measures = np.full((n, len(self.spec.measures)), np.nan)
-        kept: Array | None = None
+        found = _Collected(numbers, len(self.spec.measures))
         different, which = np.unique(table[:, self.structural], axis=0, return_inverse=True)
         for i, values in enumerate(different):
             places = np.flatnonzero(which.reshape(-1) == i)
             try:
                 group = self.group(tuple(values.tolist()))
             except LagcliError as error:
-                for place in places:
-                    status[place], messages[place] = ERROR, str(error)
+                found.refuse(places, error)
                 continue
-            mine = table[places][:, self.numeric]
-            parameters = group.variants.values(group.columns, mine).parameters
-            if kept is None and group.kept_names:
-                kept = np.full((n, len(group.grid.times), len(group.kept_names)), np.nan)
-            for ended in group.run(mine, heed):
-                rows = places[ended.places]
-                for row, run in zip(rows, ended.runs, strict=True):
-                    status[row], messages[row] = _outcome(run)
-                    if isinstance(run, Run):
-                        counts[row] = run.steps, run.rejected, run.evaluations
-                self._fill(group, ended, parameters, rows, status, measures, kept)
-        if kept is None:
-            kept = np.empty((n, 0, 0))
-        return Results(numbers, status, messages, counts, measures, kept)
+            found.expect(group)
+            group.run(table[places][:, self.numeric], partial(found.enter, group, places), heed)
+        return found.results()
 
-    def _fill(
-        self,
-        group: Group,
-        ended: Ended,
-        parameters: Array,
-        rows: NDArray[np.intp],
-        status: NDArray[np.int8],
-        measures: Array,
-        kept: Array | None,
-    ) -> None:
-        """Enter what runs gave."""
+
+class _Collected:
+    """The results of some rows as they come."""
+
+    def __init__(self, numbers: Numbers, measures: int):
+        n = len(numbers)
+        self.numbers, self.messages = numbers, [""] * n
+        self.status = np.full(n, MISSING, dtype=np.int8)
+        self.counts = np.zeros((n, 3), dtype=np.int64)
+        self.measures = np.full((n, measures), np.nan)
+        self.kept = np.empty((n, 0, 0))
+
+    def refuse(self, places: NDArray[np.intp], error: LagcliError) -> None:
+        """Enter rows that a whole structure's error keeps from running."""
+        for place in places:
+            self.status[place], self.messages[place] = ERROR, str(error)
+
+    def expect(self, group: Group) -> None:
+        """Make room for the samples that a group keeps."""
+        if group.kept_names:
+            shape = len(self.numbers), len(group.grid.times), len(group.kept_names)
+            self.kept = np.full(shape, np.nan)
+
+    def enter(self, group: Group, places: NDArray[np.intp], ended: Ended) -> None:
+        """Enter rows of a group that ended; ``places`` are those of all of its rows."""
+        rows = places[ended.places]
+        for row, run in zip(rows, ended.runs, strict=True):
+            self.status[row], self.messages[row] = _outcome(run)
+            if isinstance(run, Run):
+                self.counts[row] = run.steps, run.rejected, run.evaluations
         if not ended.samples.shape[1]:
             return
-        found, samples = group.measured(ended, parameters[ended.places])
-        completed = status[rows] == COMPLETED
-        measures[rows[completed]] = found[completed]
-        if kept is not None:
-            kept[rows, : samples.shape[1]] = samples
+        measures, kept = group.measured(ended)
+        completed = self.status[rows] == COMPLETED
+        self.measures[rows[completed]] = measures[completed]
+        if group.kept_names:
+            self.kept[rows, : kept.shape[1]] = kept
+
+    def results(self) -> Results:
+        """Return them."""
+        return Results(
+            self.numbers, self.status, self.messages, self.counts, self.measures, self.kept
+        )
 
 
 def _outcome(run: Run | LagcliError) -> tuple[int, str]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 import symengine as se
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from symengine import Basic
 
 from lagcli.engine.interpreter import run_arrays
-from lagcli.engine.tape import compile_tape
+from lagcli.engine.tape import Tape, compile_tape
 from lagcli.equations.lagrange import Equations, with_forces
 from lagcli.errors import UsageError
 from lagcli.model.functions import FUNCTIONS
@@ -32,6 +33,8 @@ class Signals:
     equations : Equations
     expressions : sequence of expressions
         As in `lagcli.model.measures`.
+    compiled : bool
+        Whether the compiled core evaluates them.
 
     Raises
     ------
@@ -39,7 +42,7 @@ class Signals:
         The residual of a position constraint is asked for, and it has none.
     """
 
-    def __init__(self, equations: Equations, expressions: Sequence[Basic]):
+    def __init__(self, equations: Equations, expressions: Sequence[Basic], compiled: bool):
         eq = equations
         numbered = {str(i): x for i, x in enumerate(expressions)}
         written = with_forces(eq.model, eq.constraints, numbered)
@@ -51,7 +54,12 @@ class Signals:
         parameters = [se.Symbol(name) for name in eq.model.parameters]
         lambdas = [multiplier(c.constraint.name) for c in eq.constraints]
         state = [TIME, *eq.q, *eq.v, *eq.a, *lambdas, _WORK]
-        self._tape = compile_tape(found, state, [*parameters, _BEFORE])
+        tape = compile_tape(found, state, [*parameters, _BEFORE])
+        self._evaluate: Callable[[Array, Array], Array] = partial(_run_blocks, tape)
+        if compiled:
+            from lagcli.engine.lanes import SampleTape
+
+            self._evaluate = SampleTape(tape)
         self._balance = any(_BEFORE in x.free_symbols for x in found)
         self._energy = compile_tape([eq.energy - _WORK], state, parameters)
 
@@ -69,17 +77,22 @@ class Signals:
         if self._balance and count:
             first = [*samples[:, 0].T, *parameters.T]
             before = run_arrays(self._energy, first, runs)[0]
-        constants = np.column_stack([parameters, before])
-        found = np.empty((runs, len(self._tape.outputs), count))
-        step = max(1, _TOGETHER // max(1, count))
-        for start in range(0, runs, step):
-            part = slice(start, start + step)
-            mine = samples[part]
-            inputs = np.ascontiguousarray(mine.reshape(-1, mine.shape[2]).T)
-            steady = np.repeat(constants[part], count, axis=0).T
-            out = run_arrays(self._tape, [*inputs, *steady], len(mine) * count)
-            found[part] = out.reshape(-1, len(mine), count).swapaxes(0, 1)
-        return found
+        return self._evaluate(samples, np.column_stack([parameters, before]))
+
+
+def _run_blocks(tape: Tape, samples: Array, constants: Array) -> Array:
+    """Run a tape over samples, as `lagcli.engine.lanes.SampleTape` does."""
+    runs, count = samples.shape[:2]
+    found = np.empty((runs, len(tape.outputs), count))
+    step = max(1, _TOGETHER // max(1, count))
+    for start in range(0, runs, step):
+        part = slice(start, start + step)
+        mine = samples[part]
+        inputs = np.ascontiguousarray(mine.reshape(-1, mine.shape[2]).T)
+        steady = np.repeat(constants[part], count, axis=0).T
+        out = run_arrays(tape, [*inputs, *steady], len(mine) * count)
+        found[part] = out.reshape(-1, len(mine), count).swapaxes(0, 1)
+    return found
 
 
 class _Columns:
