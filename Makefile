@@ -61,6 +61,7 @@ $(BENCH)/.installed: pyproject.toml
 bench: install $(BENCH)/.installed ## Run the long published problems; measure beside other programs
 	$(BIN)/python -m pytest -m slow --durations=0 tests/benchmark
 	$(BIN)/python tests/benchmark/shell_loop.py
+	$(BIN)/python tests/benchmark/sweep_rows.py
 	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check .
 	cd tests/benchmark && $(CURDIR)/$(BENCH)/bin/python -m comparison
 

@@ -106,7 +106,7 @@ class Group:
         values = self.variants.values(self.columns, table)
         rest = self._together(values, sink, heed)
         for place in rest:
-            sink(self._single(place, table[place], values, heed))
+            sink(self.single(place, table[place], values, heed))
 
     def measured(self, ended: Ended) -> tuple[Array, Array]:
         """Return measures (k, m) and kept columns (k, samples reached, columns) of runs.
@@ -188,7 +188,20 @@ class Group:
 
     # one by one
 
-    def _single(self, place: int, given: Array, values: Values, heed: Callable[[], None]) -> Ended:
+    def single(self, place: int, given: Array, values: Values, heed: Callable[[], None]) -> Ended:
+        """Run one row by itself.
+
+        Parameters
+        ----------
+        place : int
+            Which row of the values.
+        given : (columns,) array
+            Its varied values, in SI.
+        values : Values
+            Of all rows.
+        heed : callable
+            As for `run`.
+        """
         places = np.array([place])
         width = self._state + 1
         try:

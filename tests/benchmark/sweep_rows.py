@@ -1,0 +1,97 @@
+"""Rows of a sweep per second and processor, beside single runs and what a user writes by hand.
+
+    python tests/benchmark/sweep_rows.py [ROWS]
+
+The slider-crank, 10 s, rtol 1e-8, 1001 samples, measures only. CPU time of one process each; the
+three take turns, so that what else the machine does falls on all alike. The promises are 3 times
+the rows of single runs, and 300 times those of a loop of lambdify and solve_ivp.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from statistics import median
+
+import numpy as np
+from comparison.cases import CASES
+from comparison.peers.by_hand import rate
+from scipy.integrate import solve_ivp
+
+from lagcli.model.model import Settings
+from lagcli.sweeps.plan import make_plan
+from lagcli.sweeps.rows import COMPLETED, Runner
+from lagcli.sweeps.spec import Spec
+
+CASE = CASES["slider_crank"]
+T_END, SAMPLES, RTOL = 10.0, 1001, 1e-8
+TURNS = 5
+SINGLE, BY_HAND = 40, 2  # rows per turn
+
+
+def runner(rows: int) -> Runner:
+    """Return what runs rows over mass, length and start."""
+    model = CASE.load()
+    vary = ["m=0.5..2", "l=0.25..0.35", "phi'=11..13"]
+    texts = ("max(abs(lambda.guide))", "final(phi)", "rms(phi')")
+    settings = Settings(t_end=T_END, samples=SAMPLES, rtol=RTOL)
+    plan = make_plan(model, vary, f"random:{rows}", 1)
+    return Runner(
+        Spec(model.text, "", {}, {}, settings, plan, tuple((x, x) for x in texts), "measures")
+    )
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Return the CPU time of some work."""
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+
+def main() -> None:
+    """Print seconds per row and ratios."""
+    rows = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
+    sweep = runner(rows)
+    group = sweep.group(())
+    function, start = rate(CASE), CASE.start
+    times, begin = np.linspace(0, T_END, SAMPLES), np.concatenate([start.q, start.v])
+
+    def heed() -> None:
+        pass
+
+    def together() -> None:
+        results = sweep.run(np.arange(rows), heed)
+        assert (results.status == COMPLETED).all()
+
+    def singly() -> None:
+        table = sweep.spec.plan.rows(np.arange(SINGLE))
+        values = group.variants.values(group.columns, table)
+        for place in range(SINGLE):
+            group.measured(group.single(place, table[place], values, heed))
+
+    def by_hand() -> None:
+        for _ in range(BY_HAND):
+            found = solve_ivp(function, (0, T_END), begin, "DOP853", times, rtol=RTOL, atol=RTOL)
+            assert found.success
+            np.abs(found.y).max()
+
+    sweep.run(np.arange(8), heed)  # makes all ready
+    taken = [
+        [
+            seconds(work) / count
+            for work, count in ((together, rows), (singly, SINGLE), (by_hand, BY_HAND))
+        ]
+        for _ in range(TURNS)
+    ]
+    lanes, single, hand = (median(x) for x in zip(*taken, strict=True))
+    print(
+        f"sweep of the slider-crank, {rows} rows: {1e3 * lanes:.3f} ms per row and processor"
+        f" ({1 / lanes:.0f} rows/s); single runs {1e3 * single:.2f} ms: ratio"
+        f" {single / lanes:.1f} (promised 3); lambdify + solve_ivp {1e3 * hand:.0f} ms: ratio"
+        f" {hand / lanes:.0f} (promised 300)"
+    )
+
+
+if __name__ == "__main__":
+    main()
