@@ -6,21 +6,21 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from html import escape
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from lagcli.errors import UsageError
+from lagcli.pictures.animation_page import animation_page
 from lagcli.pictures.drawing import SceneDrawing
 from lagcli.pictures.film import Image, check_film, write_gif, write_mp4
-from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data
+from lagcli.pictures.histories import Histories, HistoriesDrawing
 from lagcli.pictures.run_file import Run
-from lagcli.pictures.scene import Scene
 from lagcli.pictures.stage import scene_of
 from lagcli.pictures.thinning import evenly
 from lagcli.pictures.timing import Timing, timing
 from lagcli.results.atomic import check_writable, whole_file
+from lagcli.results.metadata import model_name
 from lagcli.samples import Array
 
 SUFFIXES = (".html", ".gif", ".mp4")
@@ -28,10 +28,6 @@ FPS = {".gif": 25.0, ".mp4": 50.0}
 SIZE = (640, 480)
 _SMALLEST, _LARGEST = 64, 8192  # pixels
 
-#: Samples that a page holds: so many per second that it plays, and at least so many,
-_PER_SECOND, _LEAST = 60, 1000
-#: but no more numbers than these: about 3 MB.
-_NUMBERS = 300_000
 #: Samples from which films are interpolated.
 _FILMED = 20_000
 
@@ -146,21 +142,30 @@ def animate(
         raise UsageError(f"{run.name} holds no samples, so that there is nothing to animate")
     times = run.columns(["time"])["time"]
     when = timing(times[0], times[-1], start=start, end=end, speed=speed, duration=duration)
-    notes = _notes(run, times[-1])
+    known = bool(model or run.record.model)
+    view = known and run.model.view is not None
+    notes = _notes(run, times[-1], known, view)
+    title = model_name(run.record.model) or os.path.basename(run.name)
     if suffix == ".html":
-        scene = _scene_of_page(run, times, when)
-        text = _page(run, scene, when, forces, notes)
+        inside = _within(times, when, len(times))
+        text, samples = animation_page(
+            run, inside, when, title=title, view=view, forces=forces, notes=notes
+        )
         with whole_file(output, force) as file:
             file.write(text.encode())
-        return Animation(output, *when, len(scene.time), notes)
+        return Animation(output, *when, samples, notes)
     rate = FPS[suffix] if fps is None else fps
     wide, high = SIZE if size is None else size
     moments = when.frames(rate)
     check_film(suffix, len(moments), (wide, high), rate)
-    scene = _shown(scene_of(run, _within(times, when, _FILMED)))
-    drawing = SceneDrawing(scene, wide, high, forces=forces)
+    inside = _within(times, when, _FILMED)
+    scene = scene_of(run, inside) if view else None
+    drawing: Drawing
+    if scene is not None:
+        drawing = SceneDrawing(scene, wide, high, forces=forces)
+    else:
+        drawing = HistoriesDrawing(Histories(run, inside), wide, high)
     digits = _digits(when.end - when.start)
-    title = run.model.name or ""
 
     def draw(time: float) -> Image:
         clock = f"t = {time:.{digits}f} s"
@@ -199,13 +204,17 @@ def _check_film_options(suffix: str, fps: float | None, size: tuple[int, int] | 
             )
 
 
-def _notes(run: Run, last: float) -> tuple[str, ...]:
+def _notes(run: Run, last: float, known: bool, view: bool) -> tuple[str, ...]:
     """Return what the reader should know of the run."""
     status, message = run.record.status, run.record.message
-    if status in ("completed", ""):
-        return ()
-    what = {"failed": "failed", "interrupted": "was interrupted"}.get(status, status)
-    return (f"the run {what} at t = {last:.6g} s{f': {message}' if message else ''}",)
+    notes: tuple[str, ...] = ()
+    if status not in ("completed", ""):
+        what = {"failed": "failed", "interrupted": "was interrupted"}.get(status, status)
+        notes = (f"the run {what} at t = {last:.6g} s{f': {message}' if message else ''}",)
+    if view:
+        return notes
+    why = "its model has no view" if known else "the result holds no model, and so no view"
+    return (*notes, f"{why}; coordinates are drawn over the time")
 
 
 def _within(times: Array, when: Timing, most: int) -> Any:
@@ -215,67 +224,6 @@ def _within(times: Array, when: Timing, most: int) -> Any:
     return first + evenly(last - first, most)
 
 
-def _scene_of_page(run: Run, times: Array, when: Timing) -> Scene:
-    """Return the scene with as many samples as a page should hold."""
-    inside = _within(times, when, len(times))
-    # what varies is known from two samples; the rest is one number in each series
-    varying = _varying(_shown(scene_of(run, inside[:2]))) if len(inside) > 2 else 1
-    most = max(_LEAST, math.ceil(_PER_SECOND * when.seconds))
-    most = max(2, min(most, _NUMBERS // max(1, varying)))
-    return _shown(scene_of(run, inside[evenly(len(inside), most)]))
-
-
-def _varying(scene: Scene) -> int:
-    """Return how many series of a scene vary."""
-    series = [x for place in scene.points.values() for x in place]
-    for disc in scene.discs:
-        series += [x for x in (disc.radius, disc.angle, *(disc.normal or ())) if x is not None]
-    series += [x for vector in scene.vectors for x in vector.components]
-    return sum(len(x) > 1 for x in series)
-
-
-def _shown(scene: Scene | None) -> Scene:
-    assert scene is not None
-    return scene
-
-
 def _digits(span: float) -> int:
     """Return the decimals of a time with which a thousandth of the run can be told apart."""
     return max(0, min(9, math.ceil(2.5 - math.log10(span)))) if span > 0 else 2
-
-
-def _page(run: Run, scene: Scene, when: Timing, forces: bool, notes: tuple[str, ...]) -> str:
-    """Return the page that plays a scene."""
-    model = run.model
-    title = model.name or os.path.basename(run.name)
-    about = [model.description] if model.description else []
-    if when.pace:
-        about.append(f"{when.pace.capitalize()}.")
-    paragraphs = [f"<p>{escape(text)}</p>" for text in about]
-    paragraphs += [
-        f'<p class="animation-note" role="note">{escape(note[0].upper() + note[1:])}</p>'
-        for note in notes
-    ]
-    body = f"""<main class="animation">
-<h1>{escape(title)}</h1>
-{"".join(paragraphs)}
-<div id="player"></div>
-<p class="animation-keys">Space plays and pauses; arrow keys, Page Up and Page Down, Home and End
-move the time; F shows and hides forces.</p>
-</main>"""
-    options = {
-        "label": title,
-        "speed": when.speed,
-        "forces": forces,
-        "autoplay": True,
-    }
-    data = script_data(scene.to_json())
-    start = f"""const data = {data};
-const player = new Player(document.getElementById("player"), data, {script_data(options)});"""
-    return page(
-        title,
-        body,
-        styles=[asset(name) for name in (*PLAYER_STYLES, "animation.css")],
-        scripts=[asset(name) for name in PLAYER_SCRIPTS],
-        start=start,
-    )

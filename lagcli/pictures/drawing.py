@@ -107,7 +107,11 @@ class SceneDrawing:
         ends = [(14, 12 + tick), (14, 12), (14 + pixels, 12), (14 + pixels, 12 + tick)]
         pen.line(ends, ROLES["ground"], 1.2)
         pen.text(
-            f"{length:g}", (14 + pixels / 2, 12 + 11 * pen.unit), ROLES["ground"], 11, "center"
+            f"{length:g} {self.scene.unit}".rstrip(),
+            (14 + pixels / 2, 12 + 11 * pen.unit),
+            ROLES["ground"],
+            11,
+            "center",
         )
 
     def _magnitudes(self, moment: Moment) -> None:

@@ -57,9 +57,12 @@ class Pen:
         self._as_it_is = IdentityTransform()
         self._rgba = to_rgba
 
-    def clear(self) -> None:
-        """Begin with a clean sheet."""
+    def clear(self, still: NDArray[np.uint8] | None = None) -> None:
+        """Begin with a clean sheet, or with a picture: (height, width, 4)."""
         self.renderer.clear()
+        if still is not None:
+            np.asarray(self.renderer.buffer_rgba())[...] = still
+            return
         sheet = [(0, 0), (self.width, 0), (self.width, self.height), (0, self.height)]
         self.area(np.array(sheet, dtype=float), self.paper)
 

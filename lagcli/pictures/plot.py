@@ -82,7 +82,7 @@ def plot(
     title = _title(runs) if title is None else title
     with new_figure(size, dpi) as figure:
         columns = int(size[0] * (dpi if kind == "png" else _PRINTED))
-        drawing = _Drawing(figure, runs, values, columns)
+        drawing = PanelDrawing(figure, runs, values, columns)
         drawing.draw(panels, heights)
         if title:
             figure.suptitle(title.replace("$", r"\$"), fontsize=10)
@@ -116,7 +116,7 @@ def _title(runs: Sequence[Run]) -> str:
     return f"{name} ({bad[0]})" if name else bad[0]
 
 
-class _Drawing:
+class PanelDrawing:
     """Draws panels of runs into a figure.
 
     Parameters

@@ -4,6 +4,7 @@ As JSON, for programs that draw (`Scene.to_json`)::
 
     {"dimension": 2 | 3,
      "bounds": [[low, high], …],                    one pair by axis
+     "unit": "m" | "",                              of the points
      "time": [nt],                                  s
      "points": {NAME: [[x…], [y…], ([z…])]},        each axis nt values, or 1 where it is constant
      "shapes": [
@@ -85,6 +86,8 @@ class Scene:
         Names of points.
     labels : dict of str to str
         Texts by points.
+    unit : str
+        Of the points; empty where the model states no units.
     """
 
     dimension: int
@@ -96,6 +99,7 @@ class Scene:
     grounds: tuple[str, ...] = ()
     trails: tuple[str, ...] = ()
     labels: dict[str, str] | None = None
+    unit: str = ""
 
     def at(self, point: str, sample: int) -> tuple[float, ...]:
         """Return a point at a sample."""
@@ -164,6 +168,7 @@ class Scene:
         return {
             "dimension": self.dimension,
             "bounds": [list(pair) for pair in self.bounds],
+            "unit": self.unit,
             "time": numbers(self.time),
             "points": {name: [numbers(x) for x in p] for name, p in self.points.items()},
             "shapes": shapes,

@@ -178,16 +178,19 @@ class Stage:
             view.grounds,
             view.trails,
             labels,
+            "m" if self._stated() else "",
         )
 
     def _unit(self, arrow: Arrow) -> str:
         """Return the unit of a vector: of points in metres, where the model has units at all."""
         if arrow.unit is not None:
             return arrow.unit
-        model = self._model
-        stated = any(c.unit for c in model.coordinates)
-        stated = stated or any(p.unit for p in model.parameters.values())
-        return {"velocity": "m/s", "force": "N"}.get(arrow.quantity, "") if stated else ""
+        return {"velocity": "m/s", "force": "N"}.get(arrow.quantity, "") if self._stated() else ""
+
+    def _stated(self) -> bool:
+        """Return whether the model has units at all."""
+        stated = any(c.unit for c in self._model.coordinates)
+        return stated or any(p.unit for p in self._model.parameters.values())
 
     def _values(self, columns: Mapping[str, Array], parameters: Mapping[str, float]) -> list[Any]:
         """Return the value of each expression, (nt,) or (1,) where it is constant."""

@@ -313,3 +313,65 @@ def test_a_page_holds_as_many_samples_as_it_needs(result, tmp_path):
     assert long.speed == 2
     assert long.frames == 3000  # 50 s at 60 per second
     assert (tmp_path / "a.html").stat().st_size < 400_000
+
+
+# models without a view
+
+WITHOUT_VIEW = """
+name: two_springs
+coordinates: {x: {unit: m}, theta: {unit: rad}}
+T: x'^2/2 + theta'^2/20
+V: 10*x^2 + 3/2*theta^2
+initial: {x: 0.1, x': 0, theta: 1, theta': 0}
+simulation: {t_end: 5, samples: 501}
+"""
+
+
+@pytest.fixture(scope="session")
+def without_view(tmp_path_factory):
+    """Results of a model without a view: with the model, and without."""
+    folder = tmp_path_factory.mktemp("plain")
+    trajectory = lagcli.simulate(lagcli.load_text(WITHOUT_VIEW))
+    for name in ("run.h5", "run.csv"):
+        lagcli.write(trajectory, folder / name)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "note"),
+    [
+        ("run.h5", "its model has no view; coordinates are drawn over the time"),
+        ("run.csv", "the result holds no model, and so no view; coordinates are drawn"),
+    ],
+)
+def test_without_a_view_coordinates_are_played(name, note, without_view, tmp_path, visit):
+    made = animate(without_view / name, tmp_path / "run.html")
+    assert note in made.notes[0]
+    opened = visit(tmp_path / "run.html")
+    opened.evaluate("player.pause(); player.setTime(0)")
+    assert opened.get_by_role("group", name="Coordinates over the time").count() == 1
+    cursor = opened.locator(".u-cursor-x").first
+    first = cursor.bounding_box()["x"]
+    opened.get_by_role("slider", name="Time").focus()
+    opened.keyboard.press("PageUp")
+    plot = opened.locator(".u-over").first.bounding_box()
+    assert cursor.bounding_box()["x"] - first == pytest.approx(0.1 * plot["width"], abs=2)
+    opened.mouse.click(plot["x"] + 0.5 * plot["width"], plot["y"] + 20)
+    assert opened.evaluate("player.time") == pytest.approx(2.5, abs=0.05)
+    x = opened.locator("[data-series=x] .plot-value").text_content()
+    assert float(x.replace("−", "-")) == pytest.approx(0.1 * np.cos(np.sqrt(20) * 2.5), abs=2e-3)
+
+
+def test_without_a_view_films_show_coordinates(without_view, tmp_path):
+    made = animate(without_view / "run.h5", tmp_path / "a.gif", duration=0.4, fps=10)
+    frames = []
+    with Image.open(made.output) as film:
+        for frame in range(film.n_frames):
+            film.seek(frame)
+            frames.append(np.asarray(film.convert("RGB")).astype(int))
+    assert len(frames) == 5
+    # the mark is a line from top to bottom that goes on by the same way in each frame
+    marks = [np.argmin(f[60:200].sum(axis=2).mean(axis=0)[80:625]) + 80 for f in frames[1:4]]
+    steps = np.diff(marks)
+    assert (steps > 80).all()
+    assert steps == pytest.approx([steps[0]] * 2, abs=2)

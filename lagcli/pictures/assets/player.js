@@ -16,7 +16,7 @@
  *
  * The stage is a Scene on a canvas, or what `options.stage(element, data)` returns, which fills the
  * element: draw(time), setScene(data), `motion` with start and end, and the `target` that is labelled;
- * what else a Scene has, only if it is there.
+ * what else a Scene has, only if it is there. It may call its onSeek(time).
  */
 
 class Player {
@@ -98,7 +98,7 @@ class Player {
 
   /** Show the arrows of a quantity (force, velocity, vector), or not. */
   show(quantity, shown) {
-    this.stage.show(quantity, shown);
+    this.stage.show?.(quantity, shown);
     this.switches[quantity].setAttribute("aria-pressed", String(shown));
     this.#showVectors();
   }
@@ -186,7 +186,7 @@ class Player {
     const names = [...new Set((data.shapes ?? []).filter((s) => s.kind === "label").map((s) => s.text))];
     const points = names.length ? ` Labelled points: ${names.join(", ")}.` : "";
     const turn = data.dimension === 3 ? " Drag, or shift and an arrow key, to turn it." : "";
-    return `Animation of ${this.label}.${points}${turn}`;
+    return `${this.stage.subject ?? "Animation"} of ${this.label}.${points}${turn}`;
   }
 
   static #canvas(element, data) {
@@ -225,6 +225,7 @@ class Player {
     this.vectors = find(".player-vectors");
     this.live = find("[aria-live]");
     this.stage = stage(this.frame, data);
+    this.stage.onSeek = (time) => this.#seek(time);
     this.toggle.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
     this.#showPlaying();
     this.line.addEventListener("input", () => this.#seek(Number(this.line.value)));

@@ -1,0 +1,46 @@
+"use strict";
+
+/*
+ * Histories: coordinates over the time, a stage for the player where a model has no view.
+ *
+ * Needs uPlot and plots.js. The data:
+ *
+ *   {time: [nt], palette: […], plots: [{title, unit, series: [{name, label, values: [nt]}]}]}
+ */
+
+class Histories {
+  /**
+   * @param {HTMLElement} element  is filled
+   * @param {object} data
+   */
+  constructor(element, data) {
+    this.target = element;
+    this.subject = "Coordinates over the time";
+    element.classList.add("player-plots");
+    element.setAttribute("role", "group");
+    this.link = new TimeLink();
+    this.link.free = false; // the player moves the time, or a click
+    this.link.onTime((time, source) => source !== this && this.onSeek?.(time));
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+      for (const plot of this.plots) plot.recolour();
+    });
+    this.setScene(data);
+  }
+
+  /** Take other data. */
+  setScene(data) {
+    this.motion = { start: data.time[0], end: data.time[data.time.length - 1] };
+    this.target.replaceChildren();
+    this.plots = data.plots.map((plot) => {
+      const figure = document.createElement("figure");
+      this.target.append(figure);
+      const { link } = this;
+      return new TimePlot(figure, { time: data.time, ...plot }, { link, palette: data.palette });
+    });
+  }
+
+  /** Show where the coordinates are at a time, s. */
+  draw(time) {
+    this.link.setTime(time, this);
+  }
+}
