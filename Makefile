@@ -15,7 +15,7 @@ CORE_TESTS := tests/unit/test_compiled_engine.py tests/unit/test_engines.py test
               tests/unit/test_lanes.py tests/unit/test_starts.py tests/unit/test_events.py tests/property/test_property_elimination.py \
               tests/physics/test_stiff.py
 
-.PHONY: help install demo test lint bench docs-check sanitize valgrind clean
+.PHONY: help install demo test lint bench gallery docs-check sanitize valgrind clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -65,6 +65,9 @@ bench: install $(BENCH)/.installed ## Run the long published problems; measure b
 	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check .
 	cd tests/benchmark && $(CURDIR)/$(BENCH)/bin/python -m comparison
 
+gallery: install ## Make the pictures, animations and reports of the models in docs/gallery
+	$(BIN)/python docs/gallery/build.py
+
 docs-check: install ## Run the commands and check the statements of the documentation
 	$(BIN)/python -m pytest tests/docs
 
@@ -89,4 +92,4 @@ valgrind: install ## Run tests of the core under valgrind (Debian: valgrind); ta
 	! grep -E -A 12 "core/binding|\(($(CORE_FILES))\.c:" build/valgrind.log
 
 clean: ## Remove what the targets made
-	rm -rf $(VENV) $(BENCH) $(DEMO) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(BENCH) $(DEMO) docs/gallery/index.html docs/gallery/pages build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

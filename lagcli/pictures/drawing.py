@@ -120,7 +120,9 @@ class SceneDrawing:
         right, space = pen.width - 14.0, 16 * pen.unit
         for vector in reversed(self.vectors[:_LISTED]):
             value = float(np.linalg.norm(moment.vector(vector.components)))
-            text = f"{named(vector, self.scene.vectors)} {value:#.3g} {vector.unit}".rstrip()
+            text = (
+                f"{named(vector, self.scene.vectors)} {three_digits(value)} {vector.unit}".rstrip()
+            )
             if right < 0.4 * pen.width:
                 break
             place = (right, self.strip / 2)
@@ -131,6 +133,13 @@ def named(vector: DrawnVector, among: tuple[DrawnVector, ...]) -> str:
     """Return what a vector is called: with its point, where others have its name."""
     alike = sum(v.name == vector.name for v in among) > 1
     return f"{vector.name} at {vector.at}" if alike else vector.name
+
+
+def three_digits(value: float) -> str:
+    """Return a magnitude with three digits, without an exponent where it reads better so."""
+    if 1000 <= value < 1e6:
+        return f"{float(f'{value:.3g}'):.0f}"
+    return f"{value:#.3g}".rstrip(".")
 
 
 def round_length(length: float) -> float:

@@ -15,7 +15,7 @@ import lagcli
 from lagcli.cli.app import run as lagcli_run
 from lagcli.errors import FileError, UsageError
 from lagcli.pictures.animate import animate
-from lagcli.pictures.drawing import SceneDrawing, round_length
+from lagcli.pictures.drawing import SceneDrawing, round_length, three_digits
 from lagcli.pictures.film import check_film
 from lagcli.pictures.run_file import Run
 from lagcli.pictures.stage import scene_of
@@ -104,6 +104,12 @@ def test_round_lengths():
 
 
 # drawings
+
+
+def test_magnitudes_have_three_digits():
+    values = (826.3, 1234.5, 0.01234, 7.0, 2e6, 0.0)
+    shown = ["826", "1230", "0.0123", "7.00", "2.00e+06", "0.00"]
+    assert [three_digits(x) for x in values] == shown
 
 
 def test_the_mechanism_is_where_its_coordinates_say(result):

@@ -170,9 +170,15 @@ class Player {
       const item = this.vectors.children[i];
       if (!item) return;
       item.hidden = this.switches[quantity].getAttribute("aria-pressed") === "false";
-      const number = Number.isFinite(value) ? value.toPrecision(3) : "–";
-      item.textContent = `${name} ${number} ${unit}`.trimEnd();
+      item.textContent = `${name} ${Player.#number(value)} ${unit}`.trimEnd();
     });
+  }
+
+  /** Return a magnitude with three digits, without an exponent where it reads better so. */
+  static #number(value) {
+    if (!Number.isFinite(value)) return "–";
+    const digits = value.toPrecision(3);
+    return value >= 1000 && value < 1e6 ? String(Number(digits)) : digits;
   }
 
   #showPlaying() {

@@ -1,0 +1,67 @@
+"""The gallery shows what its models look like now."""
+
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import lagcli
+from lagcli.pictures.run_file import Run
+
+ROOT = Path(__file__).parents[2]
+GALLERY = ROOT / "docs" / "gallery"
+MODELS = sorted(f.stem for f in (ROOT / "models").glob("*.yaml"))
+
+#: Of all pixels, those that may differ by more than soft edges do.
+_TOLERANCE = 3e-4
+
+
+@pytest.fixture(scope="module")
+def build():
+    """The program that makes the gallery."""
+    spec = spec_from_file_location("build", GALLERY / "build.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def different(first, second):
+    """Return which part of the pixels differs by more than soft edges do."""
+    first, second = (np.asarray(x.convert("RGB")).astype(int) for x in (first, second))
+    assert first.shape == second.shape
+    return float((np.abs(first - second).max(axis=2) > 64).mean())
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_stored_pictures_are_those_of_the_models(name, build, result):
+    drawn = build.picture(Run(result(name)))
+    with Image.open(GALLERY / f"{name}.png") as stored:
+        assert different(drawn, stored) < _TOLERANCE
+
+
+def test_another_moment_is_another_picture(build, result, monkeypatch):
+    monkeypatch.setattr(build, "MOMENT", build.MOMENT + 0.01)
+    drawn = build.picture(Run(result("slider_crank")))
+    with Image.open(GALLERY / "slider_crank.png") as stored:
+        assert different(drawn, stored) > 5 * _TOLERANCE
+
+
+def test_the_index_has_every_model(build):
+    models = {name: lagcli.load(ROOT / "models" / f"{name}.yaml") for name in MODELS}
+    text = (GALLERY / "README.md").read_text(encoding="utf-8")
+    assert text == build.INTRODUCTION + build.table(models)
+    page = build.index(models)
+    for name, model in models.items():
+        assert model.description
+        assert f'src="{name}.png"' in page
+        assert f'href="pages/{name}-report.html"' in page
+
+
+def test_what_the_repository_keeps_is_small():
+    assert all(f.stat().st_size < 50_000 for f in GALLERY.glob("*.png"))
+    film = GALLERY / "slider_crank.gif"
+    assert film.stat().st_size < 300_000
+    with Image.open(film) as frames:
+        assert frames.n_frames > 30
