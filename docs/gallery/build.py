@@ -13,7 +13,6 @@ from pathlib import Path
 from PIL import Image
 
 import lagcli
-from lagcli.cli.app import COMMANDS
 from lagcli.cli.app import run as command
 from lagcli.model.model import Model
 from lagcli.pictures.drawing import SceneDrawing
@@ -73,8 +72,7 @@ def main() -> None:
         make("simulate", path, "-o", result)
         picture(Run(result)).save(HERE / f"{name}.png", optimize=True)
         make("animate", result, "-o", PAGES / f"{name}.html")
-        if "report" in COMMANDS:
-            make("report", result, "-o", PAGES / f"{name}-report.html")
+        make("report", result, "-o", PAGES / f"{name}-report.html")
     film = ("--size", "480x320", "--to", "2", "--fps", "20")
     make("animate", PAGES / f"{SHOWN}.h5", "-o", HERE / f"{SHOWN}.gif", *film)
     (HERE / "README.md").write_text(INTRODUCTION + table(models), encoding="utf-8")
