@@ -236,7 +236,7 @@ def _as_rows(block: Block) -> Array:
 
 
 class SampleTape:
-    """A tape evaluated over the samples of many runs, eight at a time.
+    """A tape evaluated over the samples of many runs, eight at a time; by one thread at a time.
 
     Parameters
     ----------

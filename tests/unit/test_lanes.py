@@ -261,6 +261,29 @@ def test_many_runs_go_through_few_slots(monkeypatch):
     assert [run.status for _, run in runs()] == ["completed"] * 30
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"t_start": 0.7, "t_end": 1.2, "samples": 5},
+        {"t_end": 1.0, "times": (0.1, 0.4, 0.40001, 0.9)},
+        {"t_end": 0.5, "samples": 3, "max_step": 0.004},
+    ],
+    ids=["t_start", "times", "max_step"],
+)
+def test_settings_are_heeded(changes):
+    runs = Runs(lagcli.load(MODELS[NAMES.index("driven_slider_crank")]), rtol=1e-10, **changes)
+    [(found, run)] = runs()
+    expected, single = runs.single(0)
+    assert run.steps == single.steps
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
+
+
+def test_runs_without_samples_are_done():
+    assert [(len(x), run.status) for x, run in slider_cranks(3)(times=np.empty(0))] == [
+        (0, "completed")
+    ] * 3
+
+
 def test_no_runs_are_none():
     runs = slider_cranks(1).at()
     assert runs() == []

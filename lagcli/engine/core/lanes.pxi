@@ -92,6 +92,8 @@ cdef class _LaneMemory:
     cdef object keep
 
     cdef double *borrow(self, array) except NULL:
+        if array.size == 0:
+            array = np.zeros(1)
         self.keep.append(array)
         cdef double[::1] view = array.reshape(-1)
         return &view[0]
@@ -173,8 +175,8 @@ cdef class Lanes(_LaneMemory):
         times = np.ascontiguousarray(times, dtype=float)
         s.times, s.times_count = self.borrow(times), len(times)
         s.runs, s.next, s.parameters_count = len(states), 0, parameters.shape[1]
-        s.parameters = self.borrow(_filled(parameters))
-        s.states = self.borrow(_filled(states))
+        s.parameters = self.borrow(np.ascontiguousarray(parameters, dtype=float))
+        s.states = self.borrow(np.ascontiguousarray(states, dtype=float))
         self.status = np.zeros(len(states) + 1, dtype=np.int32)
         cdef int32_t[::1] status = self.status
         s.status = &status[0]
@@ -233,14 +235,8 @@ cdef class Lanes(_LaneMemory):
         lag_lanes_leave(&self.s, lane)
 
 
-def _filled(array):
-    """Return an array in C's order that is never empty."""
-    array = np.ascontiguousarray(array, dtype=float)
-    return array if array.size else np.zeros(1)
-
-
 cdef class LaneTable(_LaneMemory):
-    """A program evaluated over the rows of tables, eight at a time.
+    """A program evaluated over the rows of tables, eight at a time; by one thread at a time.
 
     Parameters
     ----------
@@ -275,7 +271,7 @@ cdef class LaneTable(_LaneMemory):
         if not out.size:
             return out
         cdef double[:, :, ::1] given = np.ascontiguousarray(tables, dtype=float)
-        cdef double[::1] values = _filled(parameters).reshape(-1)
+        cdef double[::1] values = np.append(parameters, 0.0)  # never empty
         cdef double[:, :, ::1] view = out
         with nogil:
             for i in range(count):
