@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from lagcli.equations.lagrange import derive
     from lagcli.equations.render import render
     from lagcli.model.loader import load, load_text
+    from lagcli.pictures.plot import plot
     from lagcli.pictures.report import report
     from lagcli.results import read, write
     from lagcli.simulation import simulate
@@ -21,13 +22,25 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-__all__ = ["derive", "load", "load_text", "read", "render", "report", "simulate", "sweep", "write"]
+__all__ = [
+    "derive",
+    "load",
+    "load_text",
+    "plot",
+    "read",
+    "render",
+    "report",
+    "simulate",
+    "sweep",
+    "write",
+]
 
 # imported when first asked for: the command line must not pay for what a command does not use
 _PLACES = {
     "derive": "lagcli.equations.lagrange",
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",
+    "plot": "lagcli.pictures.plot",
     "read": "lagcli.results",
     "render": "lagcli.equations.render",
     "report": "lagcli.pictures.report",

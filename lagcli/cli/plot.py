@@ -1,7 +1,6 @@
 """`lagcli plot`: draw the curves of runs."""
 
 import sys
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -46,12 +45,8 @@ def plot(
     Several results are drawn over each other and told apart by the parameters that differ. Of a
     sweep: peak over what was varied, m:peak over m, m:l:peak as a map; phi of all its rows.
     """
-    from lagcli.pictures.figure_file import check_picture, size_of
+    from lagcli.pictures.figure_file import size_of
     from lagcli.pictures.plot import plot as draw
-    from lagcli.pictures.run_file import Run
-    from lagcli.pictures.sweep_plot import Table, plot_table
-    from lagcli.pictures.sweep_rows import Rows
-    from lagcli.sweeps.store import is_sweep
 
     files = [a for a in arguments if a.lower().endswith(_RESULTS)]
     names = [a for a in arguments if not a.lower().endswith(_RESULTS)]
@@ -60,22 +55,7 @@ def plot(
             "there is no result file among the arguments: its name ends with .h5, .hdf5 or .csv;"
             " lagcli simulate writes one"
         )
-    kind = check_picture(output, force)
     inches = size_of(size) if size is not None else None
-    if any(Path(output).exists() and Path(output).samefile(file) for file in files):
-        raise UsageError(f"{output} is a result itself; choose another name for the plot")
-    options: dict[str, Any] = {"title": title, "size": inches, "dpi": dpi, "force": force}
-    sweeps = [file for file in files if not file.lower().endswith(".csv") and is_sweep(file)]
-    if not sweeps:
-        draw([Run(file, model) for file in files], names, output, kind, **options)
-        return
-    if len(files) > 1:
-        raise UsageError(f"{sweeps[0]} is a sweep, which is plotted alone")
-    table = Table(sweeps[0])
-    if not table.kept or (all(map(table.knows, names)) and (names or table.measures)):
-        plot_table(table, names, output, kind, **options)
-        return
-    rows = Rows(sweeps[0], model)
-    draw(rows.runs, names, output, kind, **options)
-    if rows.good > len(rows.runs):
-        print(f"note: {len(rows.runs)} of {rows.good} rows are drawn", file=sys.stderr)
+    look: dict[str, Any] = {"title": title, "size": inches, "dpi": dpi}
+    for note in draw(files, output, names, model=model, force=force, **look):
+        print(f"note: {note}", file=sys.stderr)

@@ -234,8 +234,16 @@ class _Reader:
                 for points, _, _ in each(self.draft, path, self.constants, None, self.points.at):
                     found[points[0]] = text
             elif d.span is not None:
-                members = members_of(self.draft, d, self.constants)
-                found.update({m.name: text for m in members if m.name in self.points.found})
+                members = [m.name for m in members_of(self.draft, d, self.constants)]
+                missing = [name for name in members if name not in self.points.declared]
+                if missing:
+                    self.draft.report.add(
+                        "no-member",
+                        f"the view has no point `{missing[0]}` to be labelled",
+                        d.key.location,
+                        "let the ranges be the same",
+                    )
+                found.update({name: text for name in members if name in self.points.found})
         return found
 
     # discs

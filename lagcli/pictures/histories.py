@@ -12,8 +12,8 @@ from lagcli.pictures.curves import Catalogue, Curve, pretty_unit, read_curves
 from lagcli.pictures.figure_file import new_figure
 from lagcli.pictures.panels import Panel, asked
 from lagcli.pictures.pen import Pen
-from lagcli.pictures.plot import PanelDrawing
 from lagcli.pictures.run_file import Run
+from lagcli.pictures.run_plot import PanelDrawing
 from lagcli.pictures.style import PALETTE, ROLES
 from lagcli.samples import Array
 

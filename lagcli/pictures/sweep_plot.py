@@ -132,7 +132,7 @@ def plot_table(
         Measures, over the one or two quantities that were varied; or ``m:peak``, and ``m:l:peak``
         for a map over m and l. By default all measures, if they are few.
     path, kind, title, size, dpi, force
-        As for `lagcli.pictures.plot.plot`.
+        As for `lagcli.plot`.
 
     Raises
     ------

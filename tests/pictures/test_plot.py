@@ -183,6 +183,13 @@ def test_runs_of_other_starts_or_options(
     assert label in labels_of(runs)[0][1]
 
 
+def test_from_python(tmp_path: Path) -> None:
+    trajectory = lagcli.read("slider_crank.h5")
+    assert lagcli.plot(trajectory, tmp_path / "a.svg", ["phi"]) == ()
+    assert lagcli.plot("slider_crank.h5", tmp_path / "b.svg", ["phi"], size=(4, 3)) == ()
+    lagcli.plot([trajectory, "mass_1.h5"], tmp_path / "c.svg", ["phi"])
+
+
 # what it looks like
 
 

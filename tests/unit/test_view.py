@@ -114,6 +114,11 @@ def test_labels_are_short_names_by_default() -> None:
     assert labelled == {"O": "the pivot", "G[2]": "two"}
 
 
+def test_a_label_without_a_point_is_an_error() -> None:
+    with pytest.raises(ModelError, match=r"no point `G\[3\]`"):
+        view("view: {points: {'G[1..2]': r}, labels: {'G[1..3]': g}}")
+
+
 def test_vectors() -> None:
     found = view(
         "view:\n  points: {O: [0, 0], P: [x, y]}\n  vectors:\n"
