@@ -148,6 +148,23 @@ def test_one_stage_for_many_values() -> None:
     assert [float(x[0]) for x in velocity.components] == pytest.approx([-6, 0])
 
 
+def test_a_force_at_a_dead_centre_is_that_beside_it() -> None:
+    model = lagcli.load(MODELS / "slider_crank.yaml")
+    phi, psi = np.array([0.0, 1e-7, 0.5]), np.array([0.0, 1e-7 / 3, np.arcsin(np.sin(0.5) / 3)])
+    work = 2.0 * np.stack((0.1 * np.cos(phi), -0.3 * np.cos(psi)), axis=1)  # lambda = 2
+    scene = Stage(model).scene(
+        {
+            "time": np.arange(3.0),
+            "q": np.stack((phi, psi), axis=1),
+            "v": np.zeros((3, 2)),
+            "constraint_force_by": work[:, None],
+        }
+    )
+    guide = next(v for v in scene.vectors if v.name == "guide")
+    np.testing.assert_allclose(guide.components[0], 0, atol=1e-7)
+    np.testing.assert_allclose(guide.components[1], 2, rtol=1e-12)
+
+
 # bounds and scales
 
 
