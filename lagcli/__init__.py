@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from lagcli.equations.lagrange import derive
     from lagcli.equations.render import render
     from lagcli.model.loader import load, load_text
+    from lagcli.pictures.animate import animate
     from lagcli.pictures.plot import plot
     from lagcli.pictures.report import report
     from lagcli.results import read, write
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "animate",
     "derive",
     "load",
     "load_text",
@@ -37,6 +39,7 @@ __all__ = [
 
 # imported when first asked for: the command line must not pay for what a command does not use
 _PLACES = {
+    "animate": "lagcli.pictures.animate",
     "derive": "lagcli.equations.lagrange",
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",

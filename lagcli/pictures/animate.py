@@ -22,6 +22,7 @@ from lagcli.pictures.timing import Timing, timing
 from lagcli.results.atomic import check_writable, whole_file
 from lagcli.results.metadata import model_name
 from lagcli.samples import Array
+from lagcli.trajectory import Trajectory
 
 SUFFIXES = (".html", ".gif", ".mp4")
 FPS = {".gif": 25.0, ".mp4": 50.0}
@@ -83,7 +84,7 @@ class Drawing(Protocol):
 
 
 def animate(
-    source: str | os.PathLike[str],
+    source: str | os.PathLike[str] | Trajectory,
     output: str | os.PathLike[str],
     *,
     model: str | None = None,
@@ -101,8 +102,8 @@ def animate(
 
     Parameters
     ----------
-    source : path
-        A result file.
+    source : path or Trajectory
+        A result file, or a run in memory.
     output : path
         ``.html`` is a page that plays the motion by itself, without a network; ``.gif`` and
         ``.mp4`` are films.
@@ -162,7 +163,7 @@ def animate(
     scene = scene_of(run, inside) if view else None
     drawing: Drawing
     if scene is not None:
-        drawing = SceneDrawing(scene, wide, high, forces=forces)
+        drawing = SceneDrawing(scene, wide, high, forces=forces, trail=when.trail)
     else:
         drawing = HistoriesDrawing(Histories(run, inside), wide, high)
     digits = _digits(when.end - when.start)

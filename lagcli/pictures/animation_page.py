@@ -84,7 +84,11 @@ def _scene(run: Run, samples: Indices, when: Timing) -> _Subject:
     assert few is not None
     scene = scene_of(run, _chosen(samples, when, _varying(few)))
     assert scene is not None
-    return _Subject(scene.to_json(), len(scene.time))
+    data = scene.to_json()
+    for shape in data["shapes"]:
+        if shape["kind"] == "trail":
+            shape["seconds"] = when.trail
+    return _Subject(data, len(scene.time))
 
 
 def _histories(run: Run, samples: Indices, when: Timing) -> _Subject:

@@ -12,6 +12,7 @@ from lagcli.pictures.pen import Pen
 from lagcli.pictures.scene import DrawnVector, Scene
 from lagcli.pictures.strokes import BODIES, LAYERS, Moment, Stroke, arrow, joints, strokes
 from lagcli.pictures.style import ROLES
+from lagcli.pictures.timing import TRAIL_PART
 
 Image = NDArray[np.uint8]
 
@@ -28,10 +29,22 @@ class SceneDrawing:
         Pixels.
     forces : bool
         Whether the arrows of constraint forces are shown.
+    trail : float, optional
+        How far back trails go, s; by default 30 % of the run.
     """
 
-    def __init__(self, scene: Scene, width: int, height: int, *, forces: bool = True):
+    def __init__(
+        self,
+        scene: Scene,
+        width: int,
+        height: int,
+        *,
+        forces: bool = True,
+        trail: float | None = None,
+    ):
         self.scene = scene
+        span = float(scene.time[-1] - scene.time[0])
+        self.trail = TRAIL_PART * span if trail is None else trail
         unit = max(0.6, min(1.6, min(width, height) / 420))
         self.pen = Pen(width, height, unit, ROLES["paper"])
         #: The height of the lines of text at the top and at the foot.
@@ -59,7 +72,7 @@ class SceneDrawing:
         pen.clear()
         if solid:
             self._floor()
-        moment = Moment(self.scene, self.camera, pen, time)
+        moment = Moment(self.scene, self.camera, pen, time, self.trail)
 
         def order(stroke: Stroke) -> tuple[int, float]:
             layer = "rod" if solid and stroke.layer in BODIES else stroke.layer

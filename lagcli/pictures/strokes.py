@@ -22,8 +22,8 @@ LAYERS = ("guide", "ground", "trail", "disc", "spring", "rod", "joint", "vector"
 #: In three dimensions these are one layer, the nearest painted last.
 BODIES = frozenset({"trail", "disc", "spring", "rod", "joint"})
 
-#: The part of the run that a trail shows, the pieces of one shade in it, and the most points.
-_TRAIL, _PIECES, _POINTS = 0.3, 40, 400
+#: The pieces of one shade in a trail, and the most points.
+_PIECES, _POINTS = 40, 400
 _TURNS = 7  # of a spring
 
 
@@ -52,10 +52,19 @@ class Moment:
     pen : Pen
     now : float
         s.
+    trail : float
+        How far back trails go, s.
     """
 
-    def __init__(self, scene: Scene, camera: PlaneCamera | OrbitCamera, pen: Pen, now: float):
-        self.scene, self.camera, self.pen, self.now = scene, camera, pen, now
+    def __init__(
+        self,
+        scene: Scene,
+        camera: PlaneCamera | OrbitCamera,
+        pen: Pen,
+        now: float,
+        trail: float,
+    ):
+        self.scene, self.camera, self.pen, self.now, self.trail = scene, camera, pen, now, trail
         self.points = {name: self.vector(series) for name, series in scene.points.items()}
         self.places = {name: camera.project(point) for name, point in self.points.items()}
 
@@ -231,8 +240,7 @@ def _disc(moment: Moment, disc: DrawnDisc) -> Iterator[Stroke]:
 
 def _trail(moment: Moment, name: str) -> Iterator[Stroke]:
     """Yield the path of a point in the recent past, fading."""
-    scene, now = moment.scene, moment.now
-    length = float(scene.time[-1] - scene.time[0]) * _TRAIL
+    scene, now, length = moment.scene, moment.now, moment.trail
     first = int(np.searchsorted(scene.time, now - length))
     last = int(np.searchsorted(scene.time, now, side="right"))
     stride = max(1, math.ceil((last - first) / _POINTS))

@@ -14,6 +14,8 @@ from lagcli.errors import UsageError
 _SHORT, _LONG = 1.0, 60.0
 #: How long a slowed-down motion is shown at least, s.
 _SLOWED = 4.0
+#: A trail is this part of the motion, and no more than was shown in so many seconds.
+TRAIL_PART, _TRAIL_SECONDS = 0.3, 3.0
 #: Frames beyond which a film is surely a mistake: an hour and a half at 25 frames per second.
 _MOST_FRAMES = 135_000
 
@@ -46,6 +48,11 @@ class Timing(NamedTuple):
         factor = self.speed if self.speed > 1 else 1 / self.speed
         shown = f"{factor:.4g}"
         return f"sped up × {shown}" if self.speed > 1 else f"slowed down × {shown}"
+
+    @property
+    def trail(self) -> float:
+        """How far back the trail of a point goes, s: what can be followed while it moves."""
+        return min(TRAIL_PART * (self.end - self.start), _TRAIL_SECONDS * self.speed)
 
     def frames(self, fps: float) -> NDArray[np.float64]:
         """Return the times of the frames, s: evenly spaced, both ends among them.

@@ -181,6 +181,9 @@ def open_reader(path: str | os.PathLike[str]) -> AbstractContextManager[Reader]:
 
     They are raised when the context is entered, or when damage is met.
     """
+    name = os.fspath(path)
+    if name.lower().endswith((".yaml", ".yml")):
+        raise UsageError(f"{name} is a model; simulate it first: lagcli simulate {name} -o run.h5")
     if format_of(path) == "csv":
         from lagcli.results.csv_reader import open_csv
 

@@ -263,6 +263,18 @@ def test_every_shipped_model_is_animated_without_a_warning(name, result, tmp_pat
     assert with_shapes > painted(opened) + 200
 
 
+def test_a_run_in_memory_is_animated(tmp_path):
+    model = lagcli.load(Path(__file__).parents[2] / "models" / "atwood.yaml")
+    made = lagcli.animate(lagcli.simulate(model), tmp_path / "run.html")
+    assert made.frames == 101
+
+
+def test_trails_are_what_can_be_followed():
+    assert Timing(0, 3, 1).trail == pytest.approx(0.9)
+    assert Timing(0, 60, 1).trail == 3
+    assert Timing(0, 1000, 20).trail == 60
+
+
 # the command
 
 
@@ -381,3 +393,9 @@ def test_without_a_view_films_show_coordinates(without_view, tmp_path):
     steps = np.diff(marks)
     assert (steps > 80).all()
     assert steps == pytest.approx([steps[0]] * 2, abs=2)
+
+
+def test_a_model_is_no_result(tmp_path, capsys):
+    model = str(Path(__file__).parents[2] / "models" / "atwood.yaml")
+    assert lagcli_run(["animate", model, "-o", str(tmp_path / "run.gif")]) == 2
+    assert f"simulate it first: lagcli simulate {model} -o run.h5" in capsys.readouterr().err

@@ -173,7 +173,7 @@ const SHAPES = {
     return [{ layer: "disc", depth: at[2], paint }];
   },
 
-  /** The path of a point in the recent past, fading. */
+  /** The path of a point in the recent past, fading: 30 % of the run, or `seconds` of the shape. */
   trail(shape, pen) {
     const { motion } = pen;
     const length = shape.seconds ?? (motion.end - motion.start) * 0.3;
