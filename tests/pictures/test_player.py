@@ -37,8 +37,9 @@ def slider_crank(pages, visit):
 
 
 def picture(opened):
-    """Return the canvas as a reader would see it."""
-    return opened.evaluate(PICTURE)
+    """Return the canvas as a reader sees it, once the page has its final sizes."""
+    settled = "requestAnimationFrame(() => requestAnimationFrame(() => done({})))"
+    return opened.evaluate(f"new Promise((done) => {settled.format(PICTURE)})")
 
 
 def time(opened):

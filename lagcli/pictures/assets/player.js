@@ -169,7 +169,9 @@ class Player {
     this.#vectors().forEach(({ name, quantity, unit, value }, i) => {
       const item = this.vectors.children[i];
       if (!item) return;
-      item.hidden = this.switches[quantity].getAttribute("aria-pressed") === "false";
+      // keeps its place, so that the stage keeps its size
+      const shown = this.switches[quantity].getAttribute("aria-pressed") === "true";
+      item.style.visibility = shown ? "visible" : "hidden";
       item.textContent = `${name} ${Player.#number(value)} ${unit}`.trimEnd();
     });
   }
