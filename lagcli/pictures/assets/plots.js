@@ -216,7 +216,7 @@ class TimePlot {
       series: [{}, ...data.series.map((series, i) => this.#strokes(series, i))],
       cursor: {
         y: false,
-        points: { size: 6, show: data.series.length <= 12 },
+        points: data.series.length <= 12 ? { size: 6 } : { show: false },
         drag: { x: true, y: false, setScale: false },
         bind: { dblclick: () => () => this.link.setRange(null, this) },
       },
@@ -244,7 +244,7 @@ class TimePlot {
 
   static #room(labels) {
     const longest = Math.max(0, ...(labels ?? []).map((text) => (text ? text.length : 0)));
-    return 18 + 7.6 * longest;
+    return Math.max(58, 18 + 7.6 * longest); // one width for most, so that times line up
   }
 
   #style(name, otherwise) {
