@@ -232,6 +232,7 @@ def test_a_large_system_is_abridged_and_says_so(tmp_path):
     assert "of 240 equations" in text
     assert "12 of 240 curves are drawn" in text
     assert "120 terms" in text
+    assert "Those of single constraints are 120 times as many" in text
     assert "y 120" in " ".join(" ".join(row) for row in page.tables) or "y120" in text.replace(
         " ", ""
     )
@@ -326,6 +327,8 @@ def test_exit_statuses_and_messages(tmp_path, result, capsys):
     assert cli(["report", run]) == 2
     assert cli(["report", run, "-o", str(tmp_path / "report.pdf")]) == 2
     assert "name it" in capsys.readouterr().err
+    assert cli(["report", run, "-o", "-"]) == 2
+    assert "written to a file" in capsys.readouterr().err
     assert cli(["report", str(tmp_path / "none.h5"), "-o", str(page), "--force"]) == 4
     assert cli(["report", run, "-o", str(tmp_path / "no" / "report.html")]) == 4
     assert "mkdir" in capsys.readouterr().err

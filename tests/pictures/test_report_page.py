@@ -220,9 +220,9 @@ def test_print_shows_stills_light_plots_and_the_model(pages, visit, tmp_path):
     opened.evaluate("addEventListener('beforeprint', () => { window.printed = true; })")
     opened.emulate_media(media="print")
     opened.evaluate("dispatchEvent(new Event('beforeprint'))")
-    assert opened.locator(".strip figure").count() == 6
+    assert opened.locator(".strip figure").count() == 4
     stills = opened.locator(".strip canvas").evaluate_all("all => all.map(c => c.toDataURL())")
-    assert len(set(stills)) == 6
+    assert len(set(stills)) == 4
     assert opened.locator("details").evaluate("d => d.open")
     assert opened.evaluate("document.documentElement.dataset.theme") == "light"
     assert not opened.locator("#player").is_visible()

@@ -232,7 +232,7 @@ class TimePlot {
   static #named(text) {
     const [base, ...rest] = text.split("_");
     const fragment = document.createDocumentFragment();
-    if (!rest.length || !base || [...base].length > 3) {
+    if (!rest.length || !base || [...base].length > 2) {
       fragment.append(text);
       return fragment;
     }

@@ -67,15 +67,34 @@
   dark.addEventListener("change", () => paint(dark.matches ? "dark" : "light"));
   paint(root.dataset.theme);
 
-  // On paper: light, plots two in a row, six pictures in place of the animation.
+  // On paper: light, plots two in a row, four pictures in place of the animation.
   const strip = find(".strip");
-  const STILLS = 6;
+  const STILLS = 4;
   const stills = [];
+
+  /** The times at which the mechanism looks most different, the first among them. */
+  const differing = (scene, count) => {
+    const moving = Object.values(scene.points)
+      .flat()
+      .filter((series) => series.length > 1);
+    const distance = (a, b) =>
+      moving.reduce((sum, series) => sum + (series[a] - series[b]) ** 2, 0);
+    const chosen = [0];
+    const nearest = scene.time.map((_, i) => distance(i, 0));
+    while (chosen.length < count) {
+      const farthest = Math.max(...nearest);
+      if (!(farthest > 0)) break; // it stands still
+      const next = nearest.indexOf(farthest);
+      chosen.push(next);
+      nearest.forEach((d, i) => (nearest[i] = Math.min(d, distance(i, next))));
+    }
+    return chosen.sort((a, b) => a - b).map((i) => scene.time[i]);
+  };
+
   const drawStrip = () => {
     if (!strip || !player) return;
-    const { start, end } = player;
-    for (let i = 0; i < STILLS; i++) {
-      const time = start + ((end - start) * i) / (STILLS - 1);
+    const times = differing(data.scene, STILLS);
+    for (const [i, time] of times.entries()) {
       if (!stills[i]) {
         const figure = document.createElement("figure");
         const canvas = document.createElement("canvas");

@@ -85,6 +85,8 @@ def report(
 
     output = os.fspath(output)
     stem, suffix = os.path.splitext(output)
+    if output == "-":
+        raise UsageError("a page is written to a file; name one: -o report.html")
     if suffix.lower() not in _SUFFIXES:
         raise UsageError(
             f"{output}: the suffix {suffix or '(none)'} is none of a page; name it {stem}.html"

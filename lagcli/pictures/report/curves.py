@@ -141,11 +141,7 @@ def sections(run: Run, names: Names) -> list[Section]:
             "λ of each constraint, in joules (or watts) by the unit of the constraint.",
             _multipliers(run, names),
         ),
-        Section(
-            "Constraint forces",
-            "What each constraint exerts on each coordinate: the generalized force λ b.",
-            _forces(run, names),
-        ),
+        _forces(run, names),
         Section("Outputs", "", _outputs(run, names)),
         Section(
             "Energy",
@@ -250,25 +246,40 @@ def _multipliers(run: Run, names: Names) -> list[Plot]:
     return [_abridged(Plot("", "", curves))] if curves else []
 
 
-def _forces(run: Run, names: Names) -> list[Plot]:
+def _forces(run: Run, names: Names) -> Section:
+    title = "Constraint forces"
     if len(run.constraints) * len(run.coordinates) > _FORCES:
-        return []
-    plots = []
+        about = (
+            "The generalized force Σ λ b of all constraints on each coordinate. Those of single"
+            f" constraints are {len(run.constraints)} times as many, too many to be drawn."
+        )
+        curves = _grouped(run, names, "Qc.", "constraint_force")
+        return Section(title, about, [_abridged(p) for p in _by_unit("", curves)])
     places = chosen(run.constraints, _CONSTRAINTS)
+    plots = []
     for i in places:
         constraint = run.constraints[i]
-        groups: dict[str, list[Curve]] = {}
-        for j, q in enumerate(run.coordinates):
-            curve = Curve(f"Qc.{constraint}.{q}", names.text(q), "constraint_force_by", (i, j))
-            symbol = unit(force_unit(run.record.units.get(q)))
-            groups.setdefault(symbol, []).append(curve)
-        plots += [
-            Plot(f"Force of {constraint}", symbol, curves, least=0.0)
-            for symbol, curves in groups.items()
-        ]
+        curves = _grouped(run, names, f"Qc.{constraint}.", "constraint_force_by", (i,))
+        plots += _by_unit(f"Force of {constraint}", curves)
     if len(places) < len(run.constraints):
         plots[0].note = f"{len(places)} of {len(run.constraints)} constraints are drawn."
-    return plots
+    about = "What each constraint exerts on each coordinate: the generalized force λ b."
+    return Section(title, about, plots)
+
+
+def _grouped(
+    run: Run, names: Names, prefix: str, field: str, place: tuple[int, ...] = ()
+) -> dict[str, list[Curve]]:
+    """Return the curves of forces on the coordinates, by unit."""
+    groups: dict[str, list[Curve]] = {}
+    for j, q in enumerate(run.coordinates):
+        curve = Curve(f"{prefix}{q}", names.text(q), field, (*place, j))
+        groups.setdefault(unit(force_unit(run.record.units.get(q))), []).append(curve)
+    return groups
+
+
+def _by_unit(title: str, groups: Mapping[str, list[Curve]]) -> list[Plot]:
+    return [Plot(title, symbol, curves, least=0.0) for symbol, curves in groups.items()]
 
 
 def _outputs(run: Run, names: Names) -> list[Plot]:
