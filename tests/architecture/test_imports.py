@@ -300,7 +300,7 @@ def loaded(*arguments: str, status: int = 0) -> set[str]:
 
 @as_declared
 @pytest.mark.parametrize(
-    "command", [(), ("derive",), ("simulate",), ("plot",), ("play",), ("info",)]
+    "command", [(), ("derive",), ("simulate",), ("plot",), ("report",), ("play",), ("info",)]
 )
 def test_help_imports_nothing_but_the_command_line(command: tuple[str, ...]) -> None:
     assert loaded(*command, "--help") <= OF_TYPER
@@ -313,6 +313,13 @@ def test_simulate_imports_what_it_uses(tmp_path: Path, suffix: str, format_: set
     out = str(tmp_path / f"run{suffix}")
     found = loaded("simulate", str(model), "--t-end", "0.1", "-o", out)
     assert {"numpy", "symengine", *format_} <= found <= OF_SIMULATE | format_
+
+
+@as_declared
+def test_reports_need_no_extra(tmp_path: Path) -> None:
+    run, page = str(tmp_path / "run.h5"), str(tmp_path / "report.html")
+    loaded("simulate", str(ROOT / "models" / "slider_crank.yaml"), "--t-end", "0.1", "-o", run)
+    assert loaded("report", run, "-o", page) <= OF_SIMULATE | {"h5py"}
 
 
 @as_declared
