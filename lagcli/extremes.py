@@ -92,8 +92,8 @@ class Extremes:
         for extreme, values in zip(
             self.multipliers.values(), columns["multipliers"].T, strict=True
         ):
-            _widen(extreme, time, values)
-        _widen(self._potential, time, columns["energy_potential"])
+            widen(extreme, time, values)
+        widen(self._potential, time, columns["energy_potential"])
         for name in ("residual_position", "residual_velocity"):
             largest = np.fmax.reduce(np.abs(columns[name]), axis=0)
             setattr(self, name, np.fmax(getattr(self, name), largest))
@@ -110,8 +110,15 @@ def known(value: float) -> float | None:
     return None if math.isnan(value) else float(value)
 
 
-def _widen(extreme: Extreme, time: Array, values: Array) -> None:
-    """Take more values of one quantity into account; of equal ones the first counts."""
+def widen(extreme: Extreme, time: Array, values: Array) -> None:
+    """Take more values of one quantity into account; of equal ones the first counts, NaN never.
+
+    Parameters
+    ----------
+    extreme : Extreme
+        Is changed.
+    time, values : (n,) arrays
+    """
     if np.isnan(values).all():
         return
     low, high = int(np.nanargmin(values)), int(np.nanargmax(values))

@@ -13,13 +13,12 @@ import numpy as np
 
 from lagcli.equations.formulas import Formulas
 from lagcli.equations.lagrange import derive
-from lagcli.extremes import Extremes
+from lagcli.extremes import Extreme, Extremes
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, script_data
 from lagcli.pictures.report import tables
 from lagcli.pictures.report.curves import (
     POWERS,
     Curve,
-    Extreme,
     Packed,
     Plot,
     Section,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.equations.render.names import Names
+from lagcli.extremes import Extreme, widen
 from lagcli.pictures.report.writing import chosen, force_unit, rate_unit, unit
 from lagcli.pictures.run_file import Run
 from lagcli.pictures.thinning import thin
@@ -99,26 +100,6 @@ class Section(NamedTuple):
     plots: list[Plot]
 
 
-@dataclass
-class Extreme:
-    """The least and the largest value of one curve, and when."""
-
-    low: float = np.inf
-    low_time: float = np.nan
-    high: float = -np.inf
-    high_time: float = np.nan
-
-    def widen(self, time: Array, values: Array) -> None:
-        """Take more samples into account; of equal ones the first counts, NaN never."""
-        if np.isnan(values).all():
-            return
-        low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
-        if values[low] < self.low:
-            self.low, self.low_time = float(values[low]), float(time[low])
-        if values[high] > self.high:
-            self.high, self.high_time = float(values[high]), float(time[high])
-
-
 def sections(run: Run, names: Names) -> list[Section]:
     """Return the plots of a run, without values as yet.
 
@@ -178,7 +159,7 @@ def gather(run: Run, plots: Sequence[Plot], extremes: Mapping[Curve, Extreme]) -
         for plot, kept in zip(plots, pieces, strict=True):
             kept.append(_thinned(plot, block, of_plot * len(time) / run.count))
         for curve, extreme in extremes.items():
-            extreme.widen(time, curve.of(block))
+            widen(extreme, time, curve.of(block))
     for plot, kept in zip(plots, pieces, strict=True):
         plot.time = np.concatenate([time for time, _ in kept] or [np.empty(0)])
         empty = np.empty((0, len(plot.curves)))

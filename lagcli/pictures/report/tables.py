@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from html import escape
 from typing import Any
 
 from lagcli import __version__
-from lagcli.extremes import Extremes
-from lagcli.pictures.report.curves import Curve, Extreme
+from lagcli.extremes import Extreme, Extremes
+from lagcli.pictures.report.curves import Curve
 from lagcli.pictures.report.equations import System
 from lagcli.pictures.report.writing import number, rate_unit, table, unit
 from lagcli.pictures.run_file import Run
@@ -46,7 +47,7 @@ def extremes_table(found: Mapping[Curve, Extreme], system: System) -> str:
     """Return the table of least and largest values, with the times to go to."""
     rows = []
     for curve, extreme in found.items():
-        if extreme.low > extreme.high:
+        if math.isnan(extreme.low):
             continue
         symbol, shown = _named(curve, system)
         low, high = number(extreme.low), number(extreme.high)
