@@ -15,17 +15,18 @@ from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.html import equation, inline
 from lagcli.equations.render.names import Names
 from lagcli.equations.render.numbers import written_decimals
-from lagcli.equations.typeset import Node, Sign, Sum, Symbol
+from lagcli.equations.typeset import Node, Product, Sign, Sum, Symbol
 from lagcli.pictures.report.writing import chosen, elided, number, table, unit
 from lagcli.pictures.run_file import Run
 from lagcli.samples import Array
 
-#: Coordinates, parameters, constraints and equations that are listed one by one.
-_ROWS, _PARAMETERS, _LISTED = 24, 60, 12
+#: Coordinates, parameters, constraints and equations that are listed one by one; of more than
+#: these, about so many constraints and equations.
+_ROWS, _PARAMETERS, _LISTED, _FEW = 24, 60, 12, 6
 #: Nodes of an equation above which it is not arranged.
-_NODES = 20_000
+_NODES = 200_000
 #: Letters of a formula from which its sums are abridged, and from which it is not printed.
-_LONG, _LETTERS = 1200, 6000
+_LONG, _LETTERS = 700, 4000
 #: Terms of a sum that stand before and after the dots.
 _FIRST, _LAST = 5, 1
 
@@ -109,12 +110,12 @@ class System:
     def _constraints(self) -> dict[int, ConstraintEquation]:
         """The constraints that are listed, by their places."""
         every = self.equations.constraints
-        return {i: every[i] for i in chosen(self.run.constraints, _LISTED)}
+        return {i: every[i] for i in chosen(self.run.constraints, _LISTED, _FEW)}
 
     @cached_property
     def _motion(self) -> dict[int, Line | str]:
         """The equations that are listed, by their places, or how long they are."""
-        return {i: self._assembled(i) for i in chosen(self.run.coordinates, _LISTED)}
+        return {i: self._assembled(i) for i in chosen(self.run.coordinates, _LISTED, _FEW)}
 
     def definitions(self) -> str:
         """Return the definitions that energies, constraints and equations use, as written."""
@@ -124,7 +125,7 @@ class System:
         if not found:
             return ""
         names = [side.name for line in found if isinstance(side := line.sides[0], Symbol)]
-        places = chosen(names, _ROWS)
+        places = chosen(names, _ROWS, _FEW)
         shown = [self._limited(found[i]) for i in places]
         rest = _elision(len(places), len(found), "definitions")
         return f"<h3>Definitions</h3>{''.join(shown)}{rest}"
@@ -200,11 +201,16 @@ class System:
 
 
 def _abridged(node: Node) -> Node:
-    """Return a long sum with dots in its middle, and a count of its terms."""
-    if not isinstance(node, Sum) or len(node.terms) <= _FIRST + _LAST + 2:
+    """Return a formula whose long sums have dots in their middle, and a count of their terms."""
+    if isinstance(node, Product):
+        return Product(tuple(map(_abridged, node.factors)))
+    if not isinstance(node, Sum):
         return node
-    dots = Sign(f"⋯ ({len(node.terms)} terms)", rf"\cdots_{{\text{{{len(node.terms)} terms}}}}")
-    return Sum((*node.terms[:_FIRST], (1, dots), *node.terms[-_LAST:]))
+    terms = tuple((sign, _abridged(term)) for sign, term in node.terms)
+    if len(terms) <= _FIRST + _LAST + 2:
+        return Sum(terms)
+    dots = Sign(f"⋯ ({len(terms)} terms)", rf"\cdots_{{\text{{{len(terms)} terms}}}}")
+    return Sum((*terms[:_FIRST], (1, dots), *terms[-_LAST:]))
 
 
 def _nodes(expression: object, most: int) -> int:

@@ -83,8 +83,8 @@ def table(
     )
 
 
-def chosen(names: Sequence[str], most: int) -> list[int]:
-    """Return the places of about so many names at most: of each family the first and the last.
+def chosen(names: Sequence[str], most: int, few: int | None = None) -> list[int]:
+    """Return the places of not too many names: of each family the first ones and the last.
 
     Parameters
     ----------
@@ -92,16 +92,19 @@ def chosen(names: Sequence[str], most: int) -> list[int]:
         Members of families, x[1], x[2], …, among them.
     most : int
         All names where there are no more.
+    few : int, optional
+        About how many there are otherwise; ``most`` by default.
     """
     if len(names) <= most:
         return list(range(len(names)))
+    few = most if few is None else few
     families: dict[str, list[int]] = {}
     for i, name in enumerate(names):
         families.setdefault(name.partition("[")[0], []).append(i)
-    share = max(2, most // len(families))
+    share = max(2, few // len(families))
     found = [i for f in families.values() for i in (f if len(f) <= share else _ends(f, share))]
     found = sorted(found)
-    return found if len(found) <= 2 * most else _ends(found, most)
+    return found if len(found) <= most else _ends(found, few)
 
 
 def elided(places: Sequence[int], items: Sequence[_Item], dots: _Item) -> list[_Item]:
