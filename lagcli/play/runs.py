@@ -45,6 +45,8 @@ class Request:
         The end of the run, s; empty for the model's.
     plots : tuple of str
         Groups of curves.
+    members : str
+        The numbers of members that the page has controls for; see `Played.members`.
     """
 
     number: int = 0
@@ -52,6 +54,7 @@ class Request:
     set_initial: Mapping[str, str] = field(default_factory=dict)
     t_end: str = ""
     plots: tuple[str, ...] = ()
+    members: str = ""
 
     @classmethod
     def parsed(cls, message: Mapping[str, Any]) -> Request:
@@ -68,10 +71,10 @@ class Request:
         tables = [message.get(key, {}) for key in ("set", "set_initial")]
         if not all(isinstance(t, dict) and _texts([*t, *t.values()]) for t in tables):
             raise ValueError("values are texts")
-        t_end = message.get("t_end", "")
-        if not isinstance(t_end, str):
-            raise ValueError("t_end is a text")
-        return cls(number, tables[0], tables[1], t_end, tuple(plots))
+        texts = [message.get(key, "") for key in ("t_end", "members")]
+        if not _texts(texts):
+            raise ValueError("t_end and members are texts")
+        return cls(number, tables[0], tables[1], texts[0], tuple(plots), texts[1])
 
 
 class Played:
@@ -90,6 +93,8 @@ class Played:
     ----------
     controls : dict of str to Control
     curves : Curves
+    members : str
+        The numbers of members that the controls are for: N=20.
 
     Raises
     ------
@@ -106,6 +111,8 @@ class Played:
         self._variants = Variants(model, self._settings(""))
         self.controls: dict[str, Control] = controls(model, self._variants.settings)
         self.curves = Curves(model)
+        structural = (model.parameters[name] for name in model.structural_parameters)
+        self.members = " ".join(f"{p.name}={p.value:g}" for p in structural)
         self._stage = Stage(model) if model.view is not None else None
 
     def check(self) -> None:
@@ -135,24 +142,25 @@ class Played:
         ModelError, UsageError, NumericalError
             There is something wrong with the values.
         """
-        before = self.controls
         self._adapt(request.set)
         request = self._fitting(request)
         simulation = self._variants.varied(request.set, request.set_initial)
         settings = resolve(self._settings(request.t_end), simulation.model)
-        if len(sample_times(settings)) > MOST_SAMPLES:
-            settings = dataclasses.replace(settings, samples=MOST_SAMPLES, dt=None, times=None)
+        times = sample_times(settings)
+        if len(times) > MOST_SAMPLES:
+            settings = dataclasses.replace(
+                settings, t_end=float(times[-1]), samples=MOST_SAMPLES, dt=None, times=None
+            )
         simulation = dataclasses.replace(simulation, settings=settings)
         blocks: list[Samples] = []
         record = simulation.run(lambda block: blocks.append(self._kept(block)), None, interruption)
         answer = self._answer(request, simulation, joined(blocks), record)
-        if self.controls is not before:
-            answer |= self.description()
-        return answer
+        return answer if request.members == self.members else answer | self.description()
 
     def description(self) -> dict[str, Any]:
         """Return what the page is to know of the model, before the first run."""
         return {
+            "members": self.members,
             "controls": [c.to_json() for c in self.controls.values()],
             "groups": self.curves.groups(),
         }

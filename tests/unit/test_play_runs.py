@@ -91,19 +91,33 @@ def test_dependent_values_follow_unless_they_are_moved() -> None:
 
 def test_another_number_of_members_brings_other_controls() -> None:
     played = play("chain")
-    few = run(played, set={"N": "3", "m[3]": "2"}, t_end="0.1")
+    masses = played.members
+
+    def asked(**given: str) -> dict[str, Any]:
+        nonlocal masses
+        request = Request(1, set=given, t_end="0.1", plots=("coordinates",), members=masses)
+        answer = played.run(request, Interruption())
+        masses = answer.get("members", masses)
+        return answer
+
+    few = asked(**{"N": "3", "m[3]": "2"})
     assert [c["name"] for c in few["controls"] if c["family"] == "m"] == ["m[1]", "m[2]", "m[3]"]
-    assert "controls" not in run(played, set={"N": "3", "m[3]": "4"}, t_end="0.1")
-    t = lagcli.simulate(load(MODELS / "chain.yaml", {"N": 2}), t_end=0.1)
+    assert "controls" not in asked(**{"N": "3", "m[3]": "4"})
     # of two masses, the third has none
-    two = run(played, set={"N": "2", "m[3]": "4"}, t_end="0.1")
+    two = asked(**{"N": "2", "m[3]": "4"})
     assert "m[3]" not in two["command"]
+    t = lagcli.simulate(load(MODELS / "chain.yaml", {"N": 2}), t_end=0.1)
     assert np.array_equal(curves(two)["y[2]"], t.q[:, 3])
-    again = run(played, set={}, t_end="0.1")
-    assert len([c for c in again["controls"] if c["family"] == "m"]) == 20
+    # controls come with the first good answer, not with an error
+    with pytest.raises(LagcliError):
+        asked(N="5", l="nothing")
+    assert len([c for c in asked(N="5")["controls"] if c["family"] == "m"]) == 5
+    assert len([c for c in asked()["controls"] if c["family"] == "m"]) == 20
     with pytest.raises(UsageError, match="this page goes as far as"):
-        run(played, set={"N": "100000"})
-    assert run(played, t_end="0.1")["status"] == "completed"
+        asked(N="100000")
+    with pytest.raises(UsageError, match="N is a number"):
+        asked(N="many")
+    assert asked()["status"] == "completed"
 
 
 def test_what_the_program_was_started_with_stays() -> None:
@@ -121,10 +135,14 @@ def test_what_the_program_was_started_with_stays() -> None:
     assert saved.settings.t_end == 1.0
 
 
-def test_long_runs_are_sampled_as_a_page_can_draw_them(tmp_path: Path) -> None:
+@pytest.mark.parametrize("grid", ["samples: 1000001", f"times: {[k / 1000 for k in range(4002)]}"])
+def test_long_runs_are_sampled_as_a_page_can_draw_them(grid: str) -> None:
     text = (MODELS / "pendulum_cartesian.yaml").read_text(encoding="utf-8")
-    played = Played(load_text(text.replace("samples: 1001", "samples: 1000001")))
-    assert len(run(played)["plots"]["coordinates"]["time"]) == MOST_SAMPLES
+    text = text.replace("samples: 1001", grid)
+    played = Played(load_text(text.replace("t_end: 10, ", "" if "times" in grid else "t_end: 1, ")))
+    time = run(played)["plots"]["coordinates"]["time"]
+    assert len(time) == MOST_SAMPLES
+    assert time[-1] == (4.001 if "times" in grid else 1)
 
 
 @pytest.mark.parametrize(

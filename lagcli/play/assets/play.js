@@ -40,7 +40,8 @@ class Page {
   #send(more) {
     if (this.socket.readyState !== WebSocket.OPEN) return;
     const plots = this.pictures.groups();
-    const message = { number: ++this.number, ...this.controls.changes(), plots, ...more };
+    const { members } = this;
+    const message = { number: ++this.number, ...this.controls.changes(), plots, members, ...more };
     this.socket.send(JSON.stringify(message));
   }
 
@@ -55,10 +56,16 @@ class Page {
     document.title = `${hello.name} – lagcli play`;
     elements.name.textContent = hello.name;
     elements.description.textContent = hello.description;
-    this.controls.build(hello.controls);
+    this.#build(hello);
     const [player, plots] = ["player", "plots"].map((id) => document.getElementById(id));
     this.pictures = new Pictures(player, plots, hello, () => this.ask());
     this.ask();
+  }
+
+  /** Show the controls of a model with these numbers of members. */
+  #build({ members, controls }) {
+    this.members = members;
+    this.controls.build(controls);
   }
 
   #draw(answer) {
@@ -75,7 +82,7 @@ class Page {
       return;
     }
     this.answer = answer;
-    if (answer.controls) this.controls.build(answer.controls);
+    if ("controls" in answer) this.#build(answer);
     this.controls.follow(answer);
     this.pictures.draw(answer);
     this.#notice(answer.message, "warning");
