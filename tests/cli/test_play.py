@@ -140,14 +140,6 @@ def test_the_page_and_its_files_come_with_the_headers_that_keep_it_to_itself(
     connection.close()
 
 
-def test_the_token_is_long_and_new_each_time(program: Program) -> None:
-    other = Program(CRANK, "--no-browser", "--quiet")
-    tokens = [p.path.strip("/") for p in (program, other)]
-    assert other.end()[:2] == (0, "")
-    assert tokens[0] != tokens[1]
-    assert all(len(t) >= 32 for t in tokens)
-
-
 @pytest.mark.parametrize(
     "path",
     ["/", "/x/", "/x/socket", "/favicon.ico", "//", "/%00/", "/../", "/{}x/", "/{}", "/%C3%A9/"],
@@ -358,26 +350,29 @@ def test_a_port_that_is_taken_is_said(fails: Fails, program: Program) -> None:
     )
 
 
-def test_a_chosen_port_is_free_again_at_once(tmp_path: Path) -> None:
+def test_a_chosen_port_is_free_again_at_once_under_another_token() -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
+    tokens = set()
     for _ in range(2):
-        running = Program(CRANK, "--no-browser", "--port", str(port))
+        running = Program(CRANK, "--no-browser", "--quiet", "--port", str(port))
         assert running.port == port
         assert asked(running)[0] == 200
-        assert running.end()[0] == 0
+        tokens.add(running.path.strip("/"))
+        assert running.end()[:2] == (0, "")
+    assert len(tokens) == 2
+    assert all(len(token) >= 32 for token in tokens)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_it_ends_at_once_while_a_client_waits_for_a_long_run(number: int) -> None:
+def test_it_ends_at_once_while_a_client_waits_for_a_long_run() -> None:
     running = Program(CRANK, "--no-browser", "--timeout", "60")
 
     async def talk(ws: aiohttp.ClientWebSocketResponse) -> Any:
         await heard(ws)
         await ws.send_json({"number": 1, "t_end": "1000000"})
         await asyncio.sleep(0.3)
-        ended = await asyncio.to_thread(running.end, number)
+        ended = await asyncio.to_thread(running.end, signal.SIGTERM)
         return ended, (await ws.receive()).data
 
     (status, said, seconds), code = talked(running, talk)
@@ -386,21 +381,12 @@ def test_it_ends_at_once_while_a_client_waits_for_a_long_run(number: int) -> Non
     assert code == aiohttp.WSCloseCode.GOING_AWAY
 
 
-def test_the_browser_is_opened_with_the_address(tmp_path: Path) -> None:
+def test_a_model_from_standard_input_in_the_readers_browser(tmp_path: Path) -> None:
     browser, seen = tmp_path / "browser", tmp_path / "seen"
     browser.write_text(f"#!/bin/sh\nprintf %s \"$1\" > '{seen}'\n")
     browser.chmod(browser.stat().st_mode | stat.S_IXUSR)
-    running = Program(CRANK, env={"BROWSER": f"{browser} %s"})
-    end = time.monotonic() + 10
-    while not (seen.exists() and seen.read_text()) and time.monotonic() < end:
-        time.sleep(0.02)
-    assert seen.read_text() == running.address
-    assert running.end()[0] == 0
-
-
-def test_a_model_from_standard_input() -> None:
     with open(CRANK, encoding="utf-8") as text:
-        running = Program("-", "--no-browser", "--set", "m=4", stdin=text)
+        running = Program("-", "--set", "m=4", stdin=text, env={"BROWSER": f"{browser} %s"})
 
     async def talk(ws: aiohttp.ClientWebSocketResponse) -> Any:
         await heard(ws)
@@ -410,4 +396,8 @@ def test_a_model_from_standard_input() -> None:
     answer = talked(running, talk)
     assert answer["values"]["m"] == 4
     assert answer["command"] == "lagcli simulate - --set m=4 --t-end 0.1 -o run.h5"
+    end = time.monotonic() + 10
+    while not (seen.exists() and seen.read_text()) and time.monotonic() < end:
+        time.sleep(0.02)
+    assert seen.read_text() == running.address
     assert running.end()[0] == 0
