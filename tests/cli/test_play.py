@@ -377,7 +377,7 @@ def test_it_ends_at_once_while_a_client_waits_for_a_long_run() -> None:
 
     (status, said, seconds), code = talked(running, talk)
     assert (status, said) == (0, "Ctrl-C closes the page\n")
-    assert seconds < 1.5
+    assert seconds < 3  # a fraction of one where nothing else runs
     assert code == aiohttp.WSCloseCode.GOING_AWAY
 
 

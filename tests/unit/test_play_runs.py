@@ -281,7 +281,7 @@ def test_closing_ends_a_run_at_once() -> None:
     began = time.monotonic()
     answers.client.join(5)
     assert not answers.client.is_alive()
-    assert time.monotonic() - began < 1
+    assert time.monotonic() - began < 3  # not the 60 s that it may take
     assert not answers.got
 
 
