@@ -24,7 +24,8 @@ SetInitial = Annotated[
     typer.Option(
         "--set-initial",
         metavar="NAME=VALUE",
-        help="Fix another initial value, e.g. phi=0.3 or phi_dot=2. Repeatable.",
+        help="Fix another initial value, e.g. phi=0.3 or phi_dot=2; 'phi={guess: 0.3}' frees it."
+        " Repeatable.",
     ),
 ]
 Output = Annotated[
