@@ -230,7 +230,8 @@ def _text(summary: Any) -> str:
         lines.append(f"  {'':<10}and {len(causes) - _CAUSES} more causes (--json lists all)")
     speed = f", {s.rows_per_second:.4g} rows per second" if s.run else ""
     lines.append(f"  {'time':<10}{s.seconds:.2f} s{speed}")
-    kept = "trajectories" if s.keep == "trajectories" else f"{len(s.measures)} measures"
+    count = len(s.measures)
+    kept = "trajectories" if s.keep == "trajectories" else f"{count} measure{'s' * (count != 1)}"
     if s.status == "completed":
         lines.append(f"  {'written':<10}{s.output}: {kept} of each row")
     return "\n".join(lines)

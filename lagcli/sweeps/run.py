@@ -192,8 +192,7 @@ class _Sweep:
 
             try:
                 for results in self.executor(self.ready.spec, chunks, heed):
-                    self.journal.append(results)
-                    self.ledger.enter(results)
+                    self._keep(results)
                     done += len(results.numbers)
                     self.progress(done, all_)
                     heed()
@@ -207,6 +206,16 @@ class _Sweep:
         self._write(seconds)
         self.journal.remove()
         return _summary(self.ready, self.ledger, "completed", self.path, done - before, self.began)
+
+    def _keep(self, results: Results) -> None:
+        try:
+            self.journal.append(results)
+        except FileError as error:
+            raise FileError(
+                f"{error}\n   note: {self.ledger.done} rows are kept; the same command with"
+                " --resume goes on"
+            ) from error
+        self.ledger.enter(results)
 
     def _write(self, seconds: float) -> None:
         try:

@@ -45,6 +45,7 @@ class Chunks:
         self.most = max(1, min(_MOST, _MOST_BYTES // max(1, row_bytes)))
         self.size = min(_FIRST, self.most)
         self.seconds_per_row = 0.0
+        self.timed = 0  # chunks
 
     def next(self) -> Numbers:
         """Return the numbers of the next rows; none at the end."""
@@ -55,13 +56,17 @@ class Chunks:
     def took(self, rows: int, seconds: float) -> None:
         """Take note of how long a chunk took."""
         self.seconds_per_row = seconds / rows
+        self.timed += 1
         wanted = int(_CHUNK / max(self.seconds_per_row, 1e-9))
         self.size = max(1, min(wanted, _GROWTH * self.size, self.most))
 
     @property
     def left(self) -> float:
-        """Seconds of work that one process would have left."""
-        return self.missing.left * self.seconds_per_row
+        """Seconds of work that one process would have left; 0 while that is not known.
+
+        The first chunk says nothing of it: it derives the model.
+        """
+        return self.missing.left * self.seconds_per_row if self.timed > 1 else 0.0
 
 
 def run_here(spec: Spec, chunks: Chunks, heed: Callable[[], None], jobs: int) -> Iterator[Results]:

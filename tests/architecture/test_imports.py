@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from lagcli.cli.app import COMMANDS
+
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "lagcli"
 FILES = sorted(PACKAGE.rglob("*.py"))
@@ -299,9 +301,7 @@ def loaded(*arguments: str, status: int = 0) -> set[str]:
 
 
 @as_declared
-@pytest.mark.parametrize(
-    "command", [(), ("derive",), ("simulate",), ("plot",), ("report",), ("play",), ("info",)]
-)
+@pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])
 def test_help_imports_nothing_but_the_command_line(command: tuple[str, ...]) -> None:
     assert loaded(*command, "--help") <= OF_TYPER
 
