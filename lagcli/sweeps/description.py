@@ -14,6 +14,7 @@ from lagcli.sweeps.layout import Column
 from lagcli.sweeps.store import SLAB, SweepFile, open_sweep
 
 _WIDTH, _LABEL = 100, 14
+_LONGEST = 120  # characters of what is said of one varied quantity
 
 
 def describe_sweep(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -82,7 +83,8 @@ def format_sweep(info: Mapping[str, Any]) -> str:
     for cause, count in info["failures"].items():
         lines += _entry("  failed", f"{count}: {cause}")
     how = "together" if info["zip"] else "each with each"
-    lines += _entry("varied", "; ".join(info["vary"]) + (f" ({how})" if info["vary"][1:] else ""))
+    varied = "; ".join(x if len(x) <= _LONGEST else f"{x[:_LONGEST]}…" for x in info["vary"])
+    lines += _entry("varied", varied + (f" ({how})" if info["vary"][1:] else ""))
     for names, drawn in info["sample"].items():
         lines += _entry(
             "drawn", f"{names}: {drawn['points']} points, {drawn['kind']}, seed {drawn['seed']}"
