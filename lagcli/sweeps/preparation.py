@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.errors import UsageError
+from lagcli.model.loader import load_text
 from lagcli.model.measures import read_measures
 from lagcli.model.model import Model, Settings
 from lagcli.results.formats import format_of
@@ -79,16 +80,16 @@ def prepare_sweep(
     path: str,
 ) -> Ready:
     """Check everything that can be wrong before the first row."""
-    spec = Spec(text, name, set, set_initial, settings or Settings(), None, (), "measures")  # type: ignore[arg-type]
-    model = spec.load()
-    plan = make_plan(
-        model, asked.vary, asked.sample, asked.seed, asked.zipped, {**set, **_dotted(set_initial)}
-    )
+    model = load_text(text, name, set, set_initial)
+    taken = {**set, **_dotted(set_initial)}
+    plan = make_plan(model, asked.vary, asked.sample, asked.seed, asked.zipped, taken)
     csv = format_of(path) == "csv"
     if asked.keep == "trajectories" and csv:
         raise UsageError("a CSV file holds measures only; give -o with .h5 to keep trajectories")
     read_measures(model, asked.measures)
-    trial = Runner(replace(spec, plan=plan, measures=asked.measures))
+    given = settings or Settings()
+    spec = Spec(text, name, set, set_initial, given, plan, asked.measures, "measures")
+    trial = Runner(spec)
     base = trial.base()
     widths = sum(width for _, _, width in kept_layout(model))
     row_bytes = 8 * len(base.grid.times) * widths
@@ -106,7 +107,7 @@ def prepare_sweep(
         if trial.structural:
             raise UsageError("runs of several structures need measures: give --measure 'max(…)'")
         measures = default_measures(model)
-    spec = replace(spec, plan=plan, measures=measures, keep=keep)
+    spec = replace(spec, measures=measures, keep=keep)
     columns, measured = varied_columns(model, plan.columns), measure_columns(model, measures)
     check_names([*columns, *measured])
     if keep == "measures":

@@ -109,7 +109,7 @@ def sweep(
     set, set_initial : mappings, optional
         Values that replace the model's in all rows.
     jobs : int, optional
-        Processes; by default as many as there are processors. Rows do not depend on it.
+        Processes; by default as many as this one may use processors. Rows do not depend on it.
     resume : bool
         Go on with a sweep that was interrupted; one that was not begun is begun.
     retry_failed : bool
@@ -172,7 +172,7 @@ class _Sweep:
         assert state.journal is not None
         self.ready, self.path, self.began = ready, path, began
         self.journal, self.ledger, self.replace = state.journal, state.ledger, state.replace
-        self.jobs = jobs or os.cpu_count() or 1
+        self.jobs = jobs or _processors()
         self.progress = progress or (lambda done, all_: None)
         self.executor = executor or self._here
 
@@ -260,6 +260,13 @@ class _Sweep:
             export_csv(hidden, self.path, self.replace)
         finally:
             Path(hidden).unlink(missing_ok=True)
+
+
+def _processors() -> int:
+    """Return the number of processors that this process may use: a batch system may say which."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _signals() -> list[Any]:
