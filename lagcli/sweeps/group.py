@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -76,6 +75,7 @@ class Group:
         self.grid = Grid(sample_times(variants.settings), self.measuring.times)
         self._check_times()
         self._extra = kept_signals(variants.equations) if kept else {}
+        self._prepared: list[Request | None] = []
         self._state = 1 + 3 * len(model.coordinates) + len(model.constraints)  # t, q, v, a, λ
         self.kept_names = _state_names(model) + list(self._extra) if kept else []
         wanted = [r.signal for r in self.measuring.reductions]
@@ -131,13 +131,17 @@ class Group:
 
     # eight at a time
 
-    @cached_property
-    def _common(self) -> Request | None:
-        """What all runs in lanes have in common; None where there are none.
+    def _common(self, heed: Callable[[], None]) -> Request | None:
+        """Return what all runs in lanes have in common; None where there are none.
 
         What is made ready once comes from the model's own values, so that no row depends on which
-        others it is run with.
+        others it is run with. It takes as long as one run.
         """
+        if not self._prepared:
+            self._prepared.append(self._prepare(heed))
+        return self._prepared[0]
+
+    def _prepare(self, heed: Callable[[], None]) -> Request | None:
         variants = self.variants
         if variants.settings.engine != "compiled":
             return None
@@ -148,7 +152,7 @@ class Group:
         except (ModelError, NumericalError):
             return None
         request = dataclasses.replace(simulation.request, times=self.grid.all)
-        prepared = prepare_lanes(variants.system, request)
+        prepared = prepare_lanes(variants.system, request, heed)
         request = dataclasses.replace(request, prepared=prepared)
         return request if suits_lanes(variants.system, request) else None
 
@@ -156,7 +160,7 @@ class Group:
         self, values: Values, sink: Callable[[Ended], None], heed: Callable[[], None]
     ) -> NDArray[np.intp]:
         """Run what can be run in lanes; return the places of the other rows."""
-        request, system = self._common, self.variants.system
+        request, system = self._common(heed), self.variants.system
         if request is None:
             return np.arange(len(values.q))
         from lagcli.engine.lanes import Finished, run_lanes
