@@ -1,6 +1,8 @@
 """`lagcli sweep`: many runs of one model, measured and kept in one file."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from typing import Annotated, Any
 
@@ -18,7 +20,7 @@ from lagcli.cli.options import (
     refuse_same_file,
 )
 from lagcli.cli.simulate import EngineName, Formulation, Method, times_of
-from lagcli.errors import LagcliError
+from lagcli.errors import LagcliError, UsageError
 
 FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
 _CAUSES = 10  # that a person reads
@@ -80,6 +82,14 @@ def sweep(
     jobs: Annotated[
         int | None,
         typer.Option("--jobs", "-j", min=1, help="Processes. [default: the number of processors]"),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Run the rows on the workers of a Dask scheduler, tcp://HOST:PORT, or local:N for"
+            " N workers on this machine; needs lagcli[cluster].",
+        ),
     ] = None,
     resume: Annotated[
         bool,
@@ -173,13 +183,37 @@ def sweep(
         options["set"] = assignments("--set", set)
         options["set_initial"] = assignments("--set-initial", set_initial)
         refuse_same_file(model, output)
-        return _run(model, vary or [], output, options, quiet=quiet, json=json, color=not no_color)
+        with _workers(scheduler, jobs, quiet) as options["executor"]:
+            return _run(
+                model, vary or [], output, options, quiet=quiet, json=json, color=not no_color
+            )
     except LagcliError as error:
         if json:
             from lagcli.cli.summary import error_object, to_json
 
             typer.echo(to_json(error_object(error)))
         raise
+
+
+@contextmanager
+def _workers(scheduler: str | None, jobs: int | None, quiet: bool) -> Iterator[Any]:
+    """Yield what runs the rows elsewhere, if they are to be run elsewhere."""
+    if scheduler is None:
+        yield None
+        return
+    if jobs is not None:
+        raise UsageError(
+            "--jobs are processes of this machine, and --scheduler has workers of its own; give"
+            " one of them (--scheduler local:N starts N workers here)"
+        )
+    from lagcli.sweeps.cluster import Cluster
+
+    def say(text: str) -> None:
+        if not quiet:
+            print(f"note: {text}", file=sys.stderr)
+
+    with Cluster(scheduler, say) as cluster:
+        yield cluster.run
 
 
 def _run(

@@ -96,6 +96,8 @@ HEAVY = {
     "matplotlib": set(),
     "PIL": set(),
     "pandas": set(),
+    "dask": set(),
+    "distributed": set(),
     "pint": set(),
     "rich": set(),
     "h5py": set(),
@@ -256,9 +258,10 @@ def test_package_holds_its_data() -> None:
 
 def test_dependencies_are_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    every = [*project["dependencies"], *project["optional-dependencies"]["pictures"]]
+    extras = project["optional-dependencies"]
+    every = [*project["dependencies"], *extras["pictures"], *extras["cluster"]]
     declared = {re.split(r"[<>=\[; ]", d)[0].lower() for d in every}
-    named = {"yaml": "pyyaml", "PIL": "pillow"}
+    named = {"yaml": "pyyaml", "PIL": "pillow", "dask": "distributed"}
     used = {name.split(".")[0] for module in MODULES for name in imports(module)}
     outside = used - set(sys.stdlib_module_names) - {"lagcli", "lagcli_core"}
     assert {named.get(n, n).lower() for n in outside} <= declared
