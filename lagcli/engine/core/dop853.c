@@ -7,11 +7,6 @@
 #include "motion.h"
 #include "watch.h"
 
-#define STABLE 6.1          /* h times the dominant eigenvalue: the edge of the stable region */
-#define NOT_STIFF 6         /* steps inside it after which the count begins anew */
-
-/* Stages at which singular configurations are watched for: spread over the step, the end included. */
-static const int dop_watched[DOP_STAGES + 1] = {[2] = 1, [5] = 1, [9] = 1, [10] = 1, [DOP_STAGES] = 1};
 
 /* Count steps that the method's stability limits, not its error: Hairer & Wanner, IV.2. The last
  * two stages have the same time, and their slope is about the dominant eigenvalue; `before` is where

@@ -1,9 +1,5 @@
 /* Runs go into lanes, through their steps, and out; see run.c and dop853.c for one. */
 
-#define NEGLIGIBLE 0.01     /* as in run.c */
-#define STIFF 15
-#define STABLE 6.1          /* as in dop853.c */
-#define NOT_STIFF 6
 #define WORTH 300           /* steps that must be left for another method, as in engine/methods.py */
 #define ORDER 8.0
 

@@ -1,9 +1,4 @@
 /* A step of DOP853 in eight lanes, each of its own size; see dop853.c for one. */
-#include "dop853_tableau.h"
-
-/* Stages at which singular configurations are watched for, as in dop853.c. */
-static const int lanes_watched[DOP_STAGES + 1] = {[2] = 1, [5] = 1, [9] = 1, [10] = 1,
-                                                  [DOP_STAGES] = 1};
 
 /* y = base + h times the sum of `count` stages with weights, of which many are zero; `rows` of n. */
 static void lanes_add_stages(const double *base, const double *stages, const double *weight,
@@ -55,7 +50,7 @@ static void lanes_stages(lag_lanes *s, const double *h)
         lanes_stage(s, i, i == DOP_STAGES, h);
         if (s->detecting && i == DOP_STAGES - 1)
             memcpy(s->before, y, moving);
-        if (s->watching && lanes_watched[i])
+        if (s->watching && dop_watched[i])
             lanes_watch_stage(s);
     }
     memcpy(s->y_new, y, moving);

@@ -1,10 +1,15 @@
 /* All of the lanes for one instruction set: its file defines VEC_BYTES and NAME, and includes this. */
+#include "dop853.h"
+#include "dop853_tableau.h"
 #include "lanes_vector.h"
-
-#include "lanes_sincos.h"
-#include "lanes_tape.h"
-
 #include "motion.h"
+#include "project.h"
+#include "watch.h"
+
+/* each needs those before it */
+#include "lanes_sincos.h"
+
+#include "lanes_tape.h"
 
 #include "lanes_solve.h"
 

@@ -1,9 +1,5 @@
 /* Projection onto the constraints in eight lanes; see project.c for one. */
 
-#define PROJECTIONS 10      /* as in project.c */
-#define RESIDUAL 2e-15
-#define NOT_REACHED 1e-10
-
 /* Put the largest residual over its scale to worst and the residuals' sum to sum (of lanes); measure
  * the scales of some lanes. */
 static void lanes_positions(const lag_octet *o, int lanes, double *worst, double *sum)

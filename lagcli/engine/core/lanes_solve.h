@@ -1,10 +1,5 @@
 /* What the dynamics tapes of eight lanes hold: matrices, factors, solutions; see motion.c for one. */
 
-#define ACCURATE 0.1        /* as in motion.c */
-#define LEAST_ACCURATE 1e-9
-#define MOST_ACCURATE 1e-12
-#define NEXT_TO_ALL 1e-4
-
 /* An output of a tape, eight numbers. */
 #define OUTPUT(tape, i) ((tape)->registers + (tape)->outputs[i])
 

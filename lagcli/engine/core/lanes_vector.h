@@ -47,10 +47,9 @@ INLINE vec magnitude(vec x)
 
 INLINE vec root(vec x)
 {
-    vec y;
     for (int i = 0; i < VEC; ++i)
-        y[i] = sqrt(x[i]);
-    return y;
+        x[i] = sqrt(x[i]);
+    return x;
 }
 
 INLINE int any(mask m)
@@ -64,7 +63,7 @@ INLINE int any(mask m)
 /* A set of lanes (a bit for each) as a mask of the lanes from k on. */
 INLINE mask lanes_of(int set, int k)
 {
-    mask m;
+    mask m = {0};
     for (int i = 0; i < VEC; ++i)
         m[i] = -(int64_t)((set >> (k + i)) & 1);
     return m;

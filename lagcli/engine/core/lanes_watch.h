@@ -1,9 +1,5 @@
 /* The watch for singular configurations in eight lanes: what shows at the stages of a step is kept
  * lane by lane; what raises an alarm is looked at by the functions of watch.c, one lane at a time. */
-#include "watch.h"
-
-#define NEAR 0.3            /* as in watch.c */
-#define STEADY 0.7
 
 /* The square of what the pivots keep, and the rows of B of their lengths: watch.c has it for one. */
 static void lanes_watch_stage(lag_lanes *s)
@@ -85,7 +81,7 @@ static lag_run *lanes_single(const lag_lanes *s, int l, const double *y)
 {
     const lag_system *system = s->system;
     lag_run *run = s->single;
-    const int inputs = 1 + 2 * system->nq, n = inputs;
+    const int n = lag_size(system), inputs = 1 + 2 * system->nq;
     single_parameters(&s->moving.dynamics, &run->system->dynamics, s->single_dynamics_prelude,
                       inputs, s->parameters_count, l);
     single_parameters(&s->moving.constraint, &run->system->constraint,

@@ -4,6 +4,11 @@
 
 #include "run.h"
 
+#define ACCURATE 0.1        /* of rtol: what the residual of the equations may be, row by row */
+#define LEAST_ACCURATE 1e-9 /* the largest and the smallest residual that is asked for */
+#define MOST_ACCURATE 1e-12
+#define NEXT_TO_ALL 1e-4    /* of the largest row: what a row of small terms is compared with */
+
 /* Size of the state y = (q, v, W). */
 int lag_size(const lag_system *system);
 

@@ -5,9 +5,6 @@
 
 #include "motion.h"
 
-#define PROJECTIONS 10      /* Newton steps of a projection; the drift of one step takes two */
-#define RESIDUAL 2e-15      /* of the constraint's scale: where a projection ends */
-#define NOT_REACHED 1e-10   /* of the scale: beyond it there is no consistent state nearby */
 
 int lag_project(lag_run *run, double t, double *y)
 {

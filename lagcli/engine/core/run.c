@@ -12,9 +12,7 @@
 #include "watch.h"
 
 #define SHORTER 0.3         /* of a step that went over a singular configuration to be passed */
-#define NEGLIGIBLE 0.01     /* of the tolerance: a projection that moves less leaves f as it is */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
-#define STIFF 15            /* steps that stability limits, until the model counts as stiff */
 
 /* What a method does; order is that of its error control. */
 static const struct {

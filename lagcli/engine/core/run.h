@@ -10,6 +10,9 @@
 #include "ldl.h"
 #include "system.h"
 
+#define NEGLIGIBLE 0.01     /* of the tolerance: a projection that moves less leaves f as it is */
+#define STIFF 15            /* steps that stability limits, until the model counts as stiff */
+
 enum lag_status {
     LAG_RUNNING,      /* the slice of steps is over */
     LAG_DONE,         /* t_end is reached */

@@ -6,8 +6,6 @@
 #include "linear.h"
 #include "motion.h"
 
-#define NEAR 0.3            /* of its largest value: the weakest pivot next to a singular place */
-#define STEADY 0.7          /* of the most that pivots kept during a step: less needs a closer look */
 #define LARGE 20000.0       /* operations beyond which the rows of B are not orthogonalized */
 #define OVER 0.05           /* of its largest value: the weakest pivot that is looked at again */
 #define GOLDEN 0.6180339887498949
