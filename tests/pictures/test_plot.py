@@ -253,9 +253,9 @@ def test_a_million_samples_take_seconds_and_keep_their_peaks(tmp_path: Path) -> 
     changes["multipliers"][peak] = 1
     outputs = dict.fromkeys(short.outputs, changes["time"])
     lagcli.write(dataclasses.replace(short, **changes, outputs=outputs), tmp_path / "long.h5")
-    began = time.perf_counter()
+    began = time.process_time()  # the machine may have other things to do
     plot(tmp_path, str(tmp_path / "long.h5"), "lambda.guide", "--size", "6x2", suffix="png")
-    assert time.perf_counter() - began < 5
+    assert time.process_time() - began < 5
     image = imread(tmp_path / "figure.png")[..., :3]
     blue = (np.abs(image - [0, 0x72 / 255, 0xB2 / 255]).max(axis=-1) < 0.3).sum(axis=0)
     # one column, from the bottom to the top of the panel
