@@ -14,7 +14,9 @@ import pytest
 import lagcli
 from lagcli.cli.app import run as cli
 from lagcli.errors import FileError, LagcliError
+from lagcli.extremes import Extreme
 from lagcli.pictures.report import report
+from lagcli.pictures.report.curves import Curve, Plot, gather
 from lagcli.pictures.report.writing import chosen, elided, force_unit, number, rate_unit, unit
 from lagcli.pictures.report.yaml_text import highlighted
 
@@ -267,6 +269,37 @@ def test_long_runs_keep_their_peaks(tmp_path, result):
         places = np.searchsorted(run.time, time)
         assert np.array_equal(run.multipliers[places, 0], values)
     assert "Of the 200000 samples" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_many_short_blocks_keep_no_more_than_few_long_ones():
+    """Wide systems are read in blocks of few samples, each of which keeps its own extremes."""
+    count, width = 60_000, 12
+    rng = np.random.default_rng(2)
+    time = np.linspace(0, 1, count)
+    values = rng.standard_normal((count, width))
+
+    class Blocks:
+        def __init__(self, length):
+            self.count, self.length = count, length
+
+        def blocks(self, fields):
+            for start in range(0, count, self.length):
+                part = slice(start, start + self.length)
+                yield {"time": time[part], "q": values[part]}
+
+    sizes = []
+    for length in (40, count):
+        curves = [Curve(f"q{i}", f"q{i}", "q", (i,)) for i in range(width)]
+        plot, extremes = Plot("", "", curves), {curve: Extreme() for curve in curves}
+        gather(Blocks(length), [plot], extremes)
+        assert np.array_equal(plot.values.min(axis=0), values.min(axis=0))
+        assert np.array_equal(plot.values.max(axis=0), values.max(axis=0))
+        assert [x.high for x in extremes.values()] == values.max(axis=0).tolist()
+        assert [x.low_time for x in extremes.values()] == time[values.argmin(axis=0)].tolist()
+        assert np.all(np.diff(plot.time) > 0)
+        sizes.append(plot.values.size + plot.time.size)
+    assert max(sizes) <= 40_000
+    assert min(sizes) > 10_000
 
 
 @pytest.mark.slow
