@@ -60,8 +60,10 @@ def extremes_table(found: Mapping[Curve, Extreme], system: System) -> str:
 
 
 def moved(run: Run, system: System) -> str:
-    """Return what the consistent start moved."""
+    """Return what the consistent start moved; nothing where there are no constraints."""
     correction = run.record.initial_correction
+    if not run.constraints:
+        return ""
     if not correction:
         return "<p>The initial values satisfied the constraints as they were given.</p>"
     rows = []
@@ -108,7 +110,7 @@ def provenance(run: Run) -> str:
     versions = f"run by lagcli {record.lagcli_version}" if record.lagcli_version else ""
     page = f"page by lagcli {__version__}"
     rows = [
-        ("File", escape(os.path.basename(run.name))),
+        ("File", escape(os.path.basename(run.name)) if os.path.exists(run.name) else ""),
         ("Samples", str(run.count)),
         ("Version", escape(", ".join(x for x in (versions, page) if x))),
         ("Model", f"<code>sha256 {escape(record.model_sha256)}</code>"),
