@@ -134,6 +134,14 @@ def test_curves_are_those_of_the_run(crank, run):
     assert np.array_equal(series_of(crank, "residual_position.guide")[1], scaled)
 
 
+def test_applied_forces_are_there_where_there_are_some(crank, result, tmp_path):
+    text = crank.read_text(encoding="utf-8")
+    assert "<h3>Applied forces</h3>" in text
+    assert 'aria-label="Q_φ = τ − c r (r φ̇ sin φ + l ψ̇ sin ψ) sin φ"' in text
+    report(result("pendulum_cartesian"), tmp_path / "report.html")
+    assert "Applied forces" not in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
 def test_title_and_text_are_escaped(crank):
     text = crank.read_text(encoding="utf-8")
     assert "<h1>Slider &lt;crank&gt; &amp; co.</h1>" in text

@@ -97,6 +97,7 @@ def assembled(run: Run, title: str | None = None) -> str:
         parameters=system.parameters(),
         definitions=system.definitions(),
         energies=system.energies(),
+        forces=system.forces(),
         constraints=system.constraints(),
         equations=system.motion(),
         convention=system.convention(),

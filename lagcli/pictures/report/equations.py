@@ -7,7 +7,7 @@ from functools import cached_property
 from html import escape
 
 from lagcli.equations.formulas import Formulas, Line
-from lagcli.equations.general import Signs
+from lagcli.equations.general import Signs, force
 from lagcli.equations.lagrange import ConstraintEquation
 from lagcli.equations.overview import convention, degrees_of_freedom, kind_of
 from lagcli.equations.render.formula_mathml import MathmlFormula
@@ -129,6 +129,20 @@ class System:
         shown = [self._limited(found[i]) for i in places]
         rest = _elision(len(places), len(found), "definitions")
         return f"<h3>Definitions</h3>{''.join(shown)}{rest}"
+
+    def forces(self) -> str:
+        """Return the generalized forces Q that have no potential, those of D among them."""
+        applied = self.equations.applied_forces
+        names = [q for q, x in zip(self.run.coordinates, applied, strict=True) if x != 0]
+        lines = []
+        for i in chosen(names, _LISTED, _FEW):
+            expression = applied[self.run.coordinates.index(names[i])]
+            if _nodes(expression, _NODES) < _NODES:
+                lines.append(Line((force(Symbol(names[i])), self.formulas.arrange(expression))))
+        if not lines:
+            return ""
+        rest = _elision(len(lines), len(names), "forces")
+        return f"<h3>Applied forces</h3>{''.join(map(self._limited, lines))}{rest}"
 
     def constraints(self) -> str:
         """Return the constraints as written, their kinds, and their virtual displacements."""
