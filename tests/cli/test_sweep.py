@@ -391,7 +391,7 @@ def test_a_full_disk_loses_nothing(journaled: Here, monkeypatch: pytest.MonkeyPa
 # signals
 
 LONG = (
-    *("sweep", CRANK, "--vary", "m=linspace(0, 2, 700)", "--vary", "phi'=9,12", *PEAK),
+    *("sweep", CRANK, "--vary", "m=linspace(0, 2, 500)", "--vary", "phi'=9,12", *PEAK),
     *("--measure", "final(phi)", "--t-end", "10", "--samples", "101", "--quiet", "--jobs", "2"),
 )
 
@@ -452,7 +452,7 @@ def killed_and_resumed(tmp_path: Path, times: int, rng: random.Random) -> None:
 
 
 def test_killed_and_resumed_it_is_as_if_nothing_had_been(tmp_path: Path) -> None:
-    killed_and_resumed(tmp_path, 4, random.Random(1))
+    killed_and_resumed(tmp_path, 3, random.Random(1))
 
 
 @pytest.mark.slow
