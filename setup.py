@@ -26,8 +26,10 @@ core = Extension(
             "radau5.c",
             "rodas5p.c",
             "run.c",
+            "series.c",
             "sparse.c",
             "tape.c",
+            "taylor.c",
             "watch.c",
         )
     ],

@@ -33,8 +33,9 @@ Array = NDArray[np.float64]
 
 DEFAULT_SAMPLES = 1001
 #: What the compiled engine can do; the reference engine can do all.
-COMPILED_METHODS = ("auto", "DOP853", "Rodas5P", "Radau")
-IMPLICIT = ("Rodas5P", "Radau")
+COMPILED_METHODS = ("auto", "DOP853", "Taylor", "Rodas5P", "Radau")
+#: Of these, what knows no Baumgarte stabilization.
+UNDAMPED = ("Taylor", "Rodas5P", "Radau")
 #: Numbers of a block that are written at once: as CSV, the slowest, they take less than 0.1 s.
 _BLOCK_NUMBERS = 1 << 16
 #: Below so many samples at once, evaluating them together does not pay.
@@ -315,7 +316,7 @@ def _suits(settings: Settings) -> bool:
     """Return whether the compiled engine can do what the settings ask for."""
     return (
         settings.method in COMPILED_METHODS
-        and not (settings.method in IMPLICIT and settings.formulation == "baumgarte")
+        and not (settings.method in UNDAMPED and settings.formulation == "baumgarte")
         and compiled_available()
     )
 
@@ -327,11 +328,13 @@ def compiled_available() -> bool:
 
 def _check_engine(settings: Settings) -> None:
     if settings.engine != "compiled":
-        if settings.method == "Rodas5P":
+        if settings.method in ("Taylor", "Rodas5P"):
+            other = "DOP853" if settings.method == "Taylor" else "Radau"
             raise SettingError(
                 "method",
-                "only the compiled engine has Rodas5P, and not with Baumgarte's stabilization",
-                "give --method Radau, or --formulation projection with the compiled engine",
+                f"only the compiled engine has {settings.method}, and not with Baumgarte's"
+                " stabilization",
+                f"give --method {other}, or --formulation projection with the compiled engine",
             )
         return
     if settings.method not in COMPILED_METHODS:
@@ -340,7 +343,7 @@ def _check_engine(settings: Settings) -> None:
             f"the compiled engine has no method {settings.method}",
             f"its methods are {', '.join(COMPILED_METHODS)}; --engine scipy has all",
         )
-    if settings.method in IMPLICIT and settings.formulation == "baumgarte":
+    if settings.method in UNDAMPED and settings.formulation == "baumgarte":
         raise SettingError(
             "formulation",
             f"the compiled engine's {settings.method} knows no Baumgarte stabilization",

@@ -30,6 +30,7 @@ class Method(StrEnum):
 
     auto = "auto"
     DOP853 = "DOP853"
+    Taylor = "Taylor"
     Rodas5P = "Rodas5P"
     RK45 = "RK45"
     RK23 = "RK23"
@@ -84,7 +85,7 @@ def simulate(
         Method | None,
         typer.Option(
             help="Integration method: auto is DOP853, and Rodas5P or Radau where the motion proves"
-            " stiff; RK45, RK23, BDF and LSODA are SciPy's. [default: auto]"
+            " stiff; Taylor takes power series; RK45, RK23, BDF, LSODA are SciPy's. [default: auto]"
         ),
     ] = None,
     formulation: Annotated[

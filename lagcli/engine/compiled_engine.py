@@ -1,4 +1,4 @@
-"""The compiled engine: DOP853 with projection in C, steered from here.
+"""The compiled engine: steps with projection in C, steered from here.
 
 The core runs in slices and comes back when it is done, when its sample block is full, when a slice
 is over (for interrupts, progress and limits), and when something needs thought: a singular
@@ -33,6 +33,7 @@ from lagcli.engine.run import (
     outcome,
 )
 from lagcli.engine.system import System
+from lagcli.engine.unrolling import unroll
 
 if TYPE_CHECKING:
     from lagcli.engine.index1 import Index1
@@ -43,6 +44,8 @@ Array = NDArray[np.float64]
 
 #: Seconds that a slice of steps should take: what an interrupt waits for.
 _SLICE = 0.03
+#: Seconds that a step takes at most for each operation of the equations, before it is known.
+_MOST_SECONDS = 1e-6
 #: How many times longer than the last a slice may become: the first steps are no measure of others.
 _GROWTH = 16
 #: States for an order of elimination, beyond which the dense solution helps where it fails.
@@ -112,11 +115,11 @@ class Integration:
             alpha if request.beta is None else request.beta,
             request.formulation == "baumgarte",
             request.method == "auto" and system.variation is not None,
-            request.block_rows,
+            max(1, min(request.block_rows, len(request.times))),
         )
         self.use(prepared)
         self.reordered = math.nan
-        self.methods = Methods(self.core, system, request)
+        self.methods = Methods(self.core, system, request, self.no_series)
         if request.on_event is not None and system.events is not None:
             self.core.watch_events(system.events)
 
@@ -137,6 +140,25 @@ class Integration:
             self.core.use_dense(prepared.dynamics)
         else:
             self.core.use_elimination(prepared.dynamics, prepared.elimination)
+        self.no_series = self.expand(prepared) if self.request.method == "Taylor" else ""
+
+    def expand(self, prepared: Prepared) -> str:
+        """Make Taylor's method ready; return why there are no power series, if there are none."""
+        from lagcli.engine.series import NotAnalytic, depending_on_time, expand, order_for
+
+        system, request = self.system, self.request
+        if prepared.elimination is None:
+            return "their linear system is solved densely"
+        if not prepared.unrolled:
+            return "they are too long"
+        staying = request.formulation == "projection"
+        working = depending_on_time(system) if staying else range(len(system.constraints))
+        tape = unroll(system, prepared.elimination)
+        try:
+            self.core.use_series(expand(system, tape, order_for(request.rtol), working))
+        except NotAnalytic:
+            return "functions with kinks or jumps have no power series"
+        return ""
 
     def reorder(self) -> None:
         """Find an order that suits the end of the step that failed too; else take it densely."""
@@ -206,7 +228,9 @@ class Integration:
             self.watch.check_start(request.t_start, request.q, request.v, self.projection)
             self.check_redundancy()
         self.heed(core.start())
-        slice_ = 1  # a step of a large model may take as long as a slice should
+        # a step of a large model may take as long as a slice should
+        most_seconds = _MOST_SECONDS * (1 + len(self.system.dynamics.code))
+        slice_ = min(max(1, int(_SLICE / most_seconds)), _GROWTH)
         while True:
             steps = core.counts[0]
             limits.check(core.t, steps)

@@ -36,6 +36,8 @@ class Methods:
     core : binding.Integrator
     system : System
     request : Request
+    no_series : str
+        Why Taylor's method cannot run; empty if it can.
 
     Raises
     ------
@@ -49,9 +51,11 @@ class Methods:
         The steps that each method has taken.
     changes : list of (float, str)
         When the run went on with which implicit method, s; without trials in vain.
+    refused : str
+        Why another method runs than the one asked for, for the user.
     """
 
-    def __init__(self, core: Any, system: System, request: Request):
+    def __init__(self, core: Any, system: System, request: Request, no_series: str = ""):
         self.core, self.system, self.request = core, system, request
         self.running = "DOP853"
         self.steps: dict[str, int] = {}
@@ -60,7 +64,10 @@ class Methods:
         self._patience, self._deaf_until = _PATIENCE, 0
         self._next_look = _PATIENCE
         self._trial: tuple[int, float, float] | None = None  # steps, time, implicit step that helps
-        if request.method not in ("auto", self.running):
+        self.refused = ""
+        if request.method == "Taylor" and no_series:
+            self.refused = f"Taylor's method does not suit the equations ({no_series}): used DOP853"
+        elif request.method not in ("auto", self.running):
             self._go_on(request.method)
 
     def may_help(self) -> bool:
@@ -122,14 +129,14 @@ class Methods:
         self.core.order(pivot_order)
 
     def message(self) -> str:
-        """Return what `auto` has found, for the user."""
+        """Return what was found to be chosen, for the user."""
         if not self.changes:
-            return ""
+            return self.refused
         t, method = self.changes[-1]
         return f"the motion is stiff: went on with {method} at t = {t:.9g} s"
 
     def _go_on(self, method: str) -> None:
-        if method != "DOP853" and not self._prepared:
+        if method not in ("DOP853", "Taylor") and not self._prepared:
             if self.system.variation is None:
                 raise ValueError(f"the System has no derivatives, which {method} needs")
             # imported when it is needed: most runs are explicit

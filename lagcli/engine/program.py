@@ -72,22 +72,18 @@ def assemble(tape: Tape) -> Program:
         else:
             main.append((op, (to,), operands))
     main = _sines_with_cosines(_products_with_sums(main, tape.outputs))
-    ordered = [
-        node
-        for first in range(0, len(main), _WINDOW)
-        for node in _in_runs(main[first : first + _WINDOW])
-    ]
+    ordered = in_order(main)
     place = {x: x for x in range(fixed)}
     for _, destinations, _ in prelude:
         place[destinations[0]] = len(place)
     prelude = [_placed(node, place) for node in prelude]
     count = len(place)
-    ordered, count = _allocate(ordered, place, count, set(tape.outputs))
+    ordered, count = allocate(ordered, place, count, set(tape.outputs))
     registers = np.zeros(count)
     registers[tape.inputs : fixed] = tape.constants
     return Program(
-        prelude=_stream(prelude),
-        main=_stream(ordered),
+        prelude=stream(prelude),
+        main=stream(ordered),
         registers=registers,
         outputs=np.array([place[x] for x in tape.outputs], dtype=np.int32),
         size=len(ordered),
@@ -136,6 +132,15 @@ def _sines_with_cosines(nodes: list[Node]) -> list[Node]:
     return found
 
 
+def in_order(nodes: list[Node]) -> list[Node]:
+    """Return operations in runs of a kind, window by window. They come with operands first."""
+    return [
+        node
+        for first in range(0, len(nodes), _WINDOW)
+        for node in _in_runs(nodes[first : first + _WINDOW])
+    ]
+
+
 def _in_runs(nodes: list[Node]) -> list[Node]:
     """Order operations so that those of a kind follow each other as far as they can."""
     producer = {x: i for i, (_, destinations, _) in enumerate(nodes) for x in destinations}
@@ -164,10 +169,27 @@ def _in_runs(nodes: list[Node]) -> list[Node]:
     return ordered
 
 
-def _allocate(
+def allocate(
     nodes: list[Node], place: dict[int, int], count: int, kept: set[int]
 ) -> tuple[list[Node], int]:
-    """Give results registers; those of dead values are used again. ``place`` is completed."""
+    """Give results places; those of dead values are used again.
+
+    Parameters
+    ----------
+    nodes : list of Node
+        In order.
+    place : dict of int to int
+        What has a place keeps it; the others are added.
+    count : int
+        The first free place.
+    kept : set of int
+        Results needed at the end.
+
+    Returns
+    -------
+    nodes, count
+        With places in place of names; the first place after all.
+    """
     last: dict[int, int] = {}
     own = {x for _, destinations, _ in nodes for x in destinations}
     for i, (_, _, operands) in enumerate(nodes):
@@ -181,6 +203,8 @@ def _allocate(
             if last[x] == i and x in own and x not in kept:
                 free.append(place[x])
         for x in destinations:
+            if x in place:
+                continue
             if free:
                 place[x] = free.pop()
             else:
@@ -198,7 +222,8 @@ def _placed(node: Node, place: dict[int, int]) -> Node:
     return op, tuple(place[x] for x in destinations), tuple(place[x] for x in operands)
 
 
-def _stream(nodes: list[Node]) -> NDArray[np.int32]:
+def stream(nodes: list[Node], end: int = END) -> NDArray[np.int32]:
+    """Return the stream of operations whose operands have places."""
     numbers: list[int] = []
     at, kind = 0, -1
     for op, destinations, operands in nodes:
@@ -208,4 +233,4 @@ def _stream(nodes: list[Node]) -> NDArray[np.int32]:
         numbers[at] += 1
         numbers += destinations
         numbers += operands
-    return np.array([*numbers, END, 0], dtype=np.int32)
+    return np.array([*numbers, end, 0], dtype=np.int32)

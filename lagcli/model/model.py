@@ -25,7 +25,7 @@ Kind = Literal["holonomic", "nonholonomic"]
 
 TIME = se.Symbol("t")
 
-METHODS = ("auto", "DOP853", "Rodas5P", "RK45", "RK23", "Radau", "BDF", "LSODA")
+METHODS = ("auto", "DOP853", "Taylor", "Rodas5P", "RK45", "RK23", "Radau", "BDF", "LSODA")
 FORMULATIONS = ("projection", "baumgarte", "index1")
 ENGINES = ("compiled", "scipy")
 MAX_SAMPLES = 10**8

@@ -44,6 +44,7 @@ def errors(trajectory: Trajectory) -> tuple[float, float]:
     ("method", "tolerances"),
     [
         ("DOP853", (1e-5, 1e-7, 1e-9, 1e-11)),
+        ("Taylor", (1e-5, 1e-7, 1e-9, 1e-11)),
         ("RK45", (1e-4, 1e-6, 1e-8)),
         ("RK23", (1e-3, 1e-5)),
         ("Radau", (1e-4, 1e-6)),

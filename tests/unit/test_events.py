@@ -19,7 +19,7 @@ from lagcli.engine.tape import Op, Tape
 from lagcli.equations.lagrange import derive
 
 G = 9.81
-METHODS = ("DOP853", "Rodas5P", "Radau")
+METHODS = ("DOP853", "Taylor", "Rodas5P", "Radau")
 
 
 def system(text: str, events: Tape) -> System:

@@ -62,16 +62,32 @@ cdef extern from "events.h":
         double *y
 
 
+cdef extern from "series.h":
+    ctypedef struct lag_series:
+        lag_tape values
+        const int32_t *stream
+        double *known
+        int count
+        double *file
+        int order
+        int steady, rows, row, first
+        const int32_t *rates
+
+    int lag_series_expand(const lag_series *series, int nq, double t, const double *y) nogil
+
+
 cdef extern from "run.h":
     cdef enum lag_method:
         LAG_DOP853
         LAG_RODAS5P
         LAG_RADAU5
+        LAG_TAYLOR
 
     ctypedef struct lag_run:
         const lag_system *system
         int method
         lag_implicit *implicit
+        lag_series series
         int detecting
         double t, t_end, h, h_max, rtol, atol, error_old
         int projecting, watching
@@ -109,6 +125,7 @@ cdef extern from "run.h":
         double *scale_position
         double *scale_velocity
         double *rows
+        double *jacobian_before
         int *order
         double *components
         double *dependencies
@@ -195,7 +212,7 @@ cdef extern from "radau5_tableau.h":
 RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE, STIFF, ORDER, EVENT = (
     range(12)
 )
-METHODS = ("DOP853", "Rodas5P", "Radau")
+METHODS = ("DOP853", "Rodas5P", "Radau", "Taylor")
 
 
 def rodas5p_coefficients():
@@ -351,6 +368,7 @@ cdef class Integrator:
         self.run.scale_position = self.doubles(self.system.nh)
         self.run.scale_velocity = self.doubles(nc)
         self.run.rows = self.doubles(nq * nc)
+        self.run.jacobian_before = self.doubles(2 * self.system.nb)
         self.run.order = <int *>self.integers([0] * nc)
         self.run.components = self.doubles(nc * nc)
         self.run.dependencies = self.doubles((nc - rank) * nc)
@@ -426,6 +444,36 @@ cdef class Integrator:
         places = plan.targets([(nq + i, j) for i, j in self.jacobian_pattern])
         others = plan.targets([(j, nq + i) for i, j in self.jacobian_pattern])
         self.run.jacobian_targets = self.integers(np.maximum(places, others))
+
+    def use_series(self, program):
+        """Allow Taylor's method.
+
+        Parameters
+        ----------
+        program : Series
+            Of the dynamics that are used.
+        """
+        cdef lag_series *series = &self.run.series
+        cdef int i
+        self.bind(&series.values, assemble(program.values))
+        series.stream, series.rates = self.integers(program.stream), self.integers(program.rates)
+        series.count, series.known = program.convolutions, self.doubles(program.convolutions)
+        series.file = self.doubles(program.size)
+        series.order, series.steady, series.rows = program.order, program.steady, program.rows
+        series.row, series.first = program.row, program.first
+        for i in range(program.steady):
+            series.file[i] = series.values.registers[series.values.outputs[i]]
+
+    def series(self):
+        """Return the Taylor coefficients of y = (q, v, W) here, (n, order + 1); NaN without any."""
+        cdef const lag_series *series = &self.run.series
+        cdef int first = series.first + series.row, n = 2 * self.nq + 1, m, k
+        found = np.full((n, series.order + 1), np.nan)
+        if lag_series_expand(series, self.nq, self.run.t, self.run.y) == 0:
+            for m in range(n):
+                for k in range(series.order + 1):
+                    found[m, k] = series.file[first + m * series.row + k]
+        return found
 
     def allow_dense(self, long steps):
         """Take the next steps by the dense solution, whatever is used otherwise."""
@@ -545,7 +593,9 @@ cdef class Integrator:
 
     def take(self):
         """Return the samples since the last call."""
-        rows = self.block[: self.run.block_used].copy()
+        rows = self.block[: self.run.block_used]
+        if self.run.times_next < self.run.times_count:
+            rows = rows.copy()  # more are to come
         self.run.block_used = 0
         return rows
 

@@ -260,6 +260,28 @@ static void right_side(lag_run *run, const double *y)
     }
 }
 
+/* One step of iterative refinement of the unrolled solution in run->a. Returns 0, or 1 where the
+ * factors are not finite. */
+static int refine_unrolled(lag_run *run, const double *y)
+{
+    const lag_ldl *ldl = &run->ldl;
+    const int nq = run->system->nq, n = nq + run->system->nc;
+    const double *f = run->factors;
+    double *x = run->a, *r = run->work, *z = run->work + n;
+    if (lag_factor(run))
+        return 1;
+    right_side(run, y);
+    for (int i = nq; i < n; ++i)
+        x[i] = -x[i];
+    residual(run, run->right, x, r, 0);
+    lag_ldl_solve(ldl, f, f + n, f + 2 * n, z, r);
+    for (int i = 0; i < n; ++i)
+        x[i] += r[i];
+    for (int i = nq; i < n; ++i)
+        x[i] = -x[i];
+    return 0;
+}
+
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power)
 {
     const lag_system *s = run->system;
@@ -271,10 +293,12 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     if (run->baumgarte)
         lag_evaluate(&s->constraint, s, t, y);
     lag_evaluate(d, s, t, y);
-    if (lag_eliminating(run) == 1 && !refined && !run->baumgarte) {
+    if (lag_eliminating(run) == 1 && !run->baumgarte) {
         const int32_t *place = d->outputs + first_solution(s);
         for (int i = 0; i < n; ++i)
             x[i] = d->registers[place[i]];
+        if (refined)
+            bad = refine_unrolled(run, y);
     } else {
         bad = lag_factor(run);
         if (!bad) {

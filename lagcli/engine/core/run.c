@@ -9,21 +9,23 @@
 #include "project.h"
 #include "radau5.h"
 #include "rodas5p.h"
+#include "taylor.h"
 #include "watch.h"
 
 #define SHORTER 0.3         /* of a step that went over a singular configuration to be passed */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
 
-/* What a method does; order is that of its error control. */
+/* What a method does: whether it goes on from f, and the order of its error control. */
 static const struct {
     int (*step)(lag_run *run);
     void (*dense)(lag_run *run, double t, double *y);
-    int is_explicit;
+    int needs_slope;
     double order;
 } steppers[] = {
     [LAG_DOP853] = {lag_dop853_step, lag_dop853_dense, 1, 8.0},
     [LAG_RODAS5P] = {lag_rodas5p_step, lag_rodas5p_dense, 0, 5.0},
     [LAG_RADAU5] = {lag_radau5_step, lag_radau5_dense, 0, 4.0},
+    [LAG_TAYLOR] = {lag_taylor_step, lag_taylor_dense, 0, 8.0},
 };
 
 double lag_step_size(const lag_run *run)
@@ -57,7 +59,7 @@ static int damp(lag_run *run)
 }
 
 /* Hairer, Norsett & Wanner, II.4: a first step from the sizes of y, y' and y''. */
-static void first_step(lag_run *run)
+void lag_first_step(lag_run *run)
 {
     const int n = lag_size(run->system);
     const double d0 = lag_scaled_norm(run, run->y, run->y, run->y);
@@ -81,7 +83,7 @@ static void first_step(lag_run *run)
 
 int lag_switch(lag_run *run, int method)
 {
-    run->method = method;
+    run->method = run->stepped = method;
     run->error_old = 1e-4;
     run->stiff = run->not_stiff = 0;
     lag_radau5_restart(run);
@@ -100,8 +102,9 @@ int lag_start(lag_run *run)
     run->weakest = lag_weakest(run, run->t, run->y);
     run->usual = fmax(run->usual, run->weakest);
     run->finishing = 0;
+    run->kept_last = 0.0;
     lag_events_start(run);
-    first_step(run);
+    lag_first_step(run);
     return damp(run);
 }
 
@@ -156,7 +159,7 @@ static int finish(lag_run *run)
         return status;
     run->finishing = 0;
     memcpy(run->y, run->y_new, (size_t)n * sizeof(double));
-    if (steppers[run->method].is_explicit) {
+    if (steppers[run->method].needs_slope) {
         memcpy(run->f, run->f_new, (size_t)n * sizeof(double));
         const int damped = damp(run);
         if (damped != LAG_RUNNING)
@@ -167,7 +170,7 @@ static int finish(lag_run *run)
         if (off != LAG_RUNNING)
             return off;
         lag_measure(run);
-        if (!steppers[run->method].is_explicit)
+        if (!steppers[run->method].needs_slope)
             return LAG_RUNNING; /* it evaluates y' itself */
         for (int i = 0; i < n; ++i)
             run->trial[i] = run->y[i] - run->y_new[i];
@@ -182,7 +185,7 @@ static int finish(lag_run *run)
 
 void lag_dense(lag_run *run, double t, double *y)
 {
-    steppers[run->method].dense(run, t, y);
+    steppers[run->stepped].dense(run, t, y);
 }
 
 /* Undo the last step; the next one is a part of it. */
@@ -190,6 +193,7 @@ static void take_back(lag_run *run, double part)
 {
     run->t = run->t_old;
     run->h = part * run->h_old;
+    run->kept_last = 0.0;
     --run->steps;
     ++run->rejected;
     lag_radau5_restart(run);

@@ -8,6 +8,7 @@
 
 #include "events.h"
 #include "ldl.h"
+#include "series.h"
 #include "system.h"
 
 #define NEGLIGIBLE 0.01     /* of the tolerance: a projection that moves less leaves f as it is */
@@ -29,12 +30,14 @@ enum lag_status {
     LAG_EVENT         /* an event happened inside the last step */
 };
 
-enum lag_method { LAG_DOP853, LAG_RODAS5P, LAG_RADAU5 };
+enum lag_method { LAG_DOP853, LAG_RODAS5P, LAG_RADAU5, LAG_TAYLOR };
 
 typedef struct lag_run {
     const lag_system *system;
     int method;                        /* a lag_method */
+    int stepped;                       /* the method that took the last step */
     struct lag_implicit *implicit;     /* what implicit methods need; else NULL */
+    lag_series series;                 /* what Taylor's method needs */
     double t, t_end, h, h_max, rtol, atol, error_old;
     double h_accepted;                 /* an implicit method's last step; 0 before its first */
     double theta, contraction;         /* Newton's rate, and what follows for its last change */
@@ -85,6 +88,8 @@ typedef struct lag_run {
     double kept, most_kept;            /* the least part that pivots kept of their terms at a stage:
                                         * its smallest and largest during the last step */
     double usually_kept;               /* its largest so far */
+    double *jacobian_before;           /* 2 nb: B's entries where a step of Taylor's began and ends */
+    double kept_last;                  /* at the last stage; 0 where that was not on the way here */
 
     const double *times;               /* sample times */
     long times_count, times_next;
@@ -106,6 +111,9 @@ void lag_accept(lag_run *run, double h, double factor);
 
 /* Go on with another method from y at t. Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_switch(lag_run *run, int method);
+
+/* Choose the size of a first step from (t, y, f). */
+void lag_first_step(lag_run *run);
 
 /* Prepare the first step from y at t. Returns LAG_RUNNING or what is wrong there. */
 int lag_start(lag_run *run);

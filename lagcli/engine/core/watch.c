@@ -90,6 +90,7 @@ void lag_watch_stage(lag_run *run)
     /* the unrolled factors are still in the tape, the others where lag_accelerate made them */
     const int bad = eliminating == 1 && lag_factor(run);
     const double kept = eliminating && !bad ? least_kept_of_all(run) : 0.0;
+    run->kept_last = kept;
     run->kept = fmin(run->kept, kept);
     run->most_kept = fmax(run->most_kept, kept);
     run->usually_kept = fmax(run->usually_kept, kept);
@@ -120,13 +121,17 @@ static int alarmed(const lag_run *run)
     return run->kept <= NEAR * run->usually_kept || run->kept < STEADY * run->most_kept;
 }
 
-/* The weakest pivot on the cubic through the last step's ends: B depends on q and t alone. */
+/* The weakest pivot inside the last step, on the cubic through its ends: B depends on q and t alone. */
 static double weakest_inside(lag_run *run, double x)
 {
     const int nq = run->system->nq;
     const double h = run->h_old, z = 1.0 - x;
     const double *q0 = run->y_old, *v0 = q0 + nq, *q1 = run->y_new, *v1 = q1 + nq;
     double *y = run->y_sample;
+    if (run->stepped == LAG_TAYLOR) { /* its steps are too long for a cubic, and have all at hand */
+        lag_dense(run, run->t_old + x * h, y);
+        return lag_weakest(run, run->t_old + x * h, y);
+    }
     for (int m = 0; m < nq; ++m)
         y[m] = z * z * ((1.0 + 2.0 * x) * q0[m] + x * h * v0[m])
                + x * x * ((1.0 + 2.0 * z) * q1[m] - z * h * v1[m]);

@@ -67,7 +67,7 @@ def _method(name: str) -> Method:
         name,
         lambda case: Ours(case, name),
         lambda case: decades(4, 12) if case.bodies < 100 else decades(5, 11)[::2],
-        lambda case: "" if name == "DOP853" else stiff_only(case),
+        lambda case: "" if name in ("DOP853", "Taylor") else stiff_only(case),
     )
 
 

@@ -1,0 +1,34 @@
+/* Taylor coefficients of a motion, order by order. The programs are those of engine/series.py. */
+#ifndef LAGCLI_SERIES_H
+#define LAGCLI_SERIES_H
+
+#include "tape.h"
+
+#define MOST_ORDER 31
+
+/* A program bound to its file; rows of coefficients begin at `first`, those of t, q, v, W first. */
+typedef struct {
+    lag_tape values;                   /* order 0: steady numbers, what rows begin with, a, power */
+    const int32_t *stream;
+    double *known;                     /* what is known of each convolution's next coefficient */
+    int count;                         /* of convolutions */
+    double *file;
+    int order;                         /* 0: there is no program */
+    int steady, rows, row, first;
+    const int32_t *rates;              /* offsets of a and the power */
+} lag_series;
+
+/* Find the coefficients up to the program's order at a state y of n = 2 nq + 1 numbers. Returns 0,
+ * or 1 where they are not finite. */
+int lag_series_expand(const lag_series *series, int nq, double t, const double *y);
+
+/* The state h after that at which the coefficients were found. */
+void lag_series_sum(const lag_series *series, int n, double h, double *y);
+
+/* The derivatives of the state's components m, m + 1, ... there. */
+void lag_series_slope(const lag_series *series, int m, int count, double h, double *slope);
+
+/* Coefficient k of the state's component m. */
+#define COEFFICIENT(series, m, k) ((series)->file[(series)->first + (1 + (m)) * (series)->row + (k)])
+
+#endif

@@ -1,0 +1,170 @@
+#include "taylor.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "dop853.h"
+#include "motion.h"
+#include "series.h"
+#include "watch.h"
+
+#define SAFETY 0.9          /* of the step at which the last terms are at the tolerance */
+#define LARGEST 10.0        /* times the last step */
+#define DEFECT 1000.0       /* times the tolerance: what the end of a step may be off by, were y' as
+                             * wrong as there all along */
+
+/* Where what pivots keep varies by less during a step, and is so much of its usual part, its middle
+ * and its ends show enough. */
+#define STEADY 0.85
+#define FAR 0.6
+#define TURN 0.7            /* of its length: what a row of B may change by in a step, so that places
+                             * in it show what happens between them */
+
+/* The size of the terms of an order, over the tolerances. */
+static double size_of_terms(const lag_run *run, int order)
+{
+    const int n = lag_size(run->system);
+    double sum = 0.0;
+    for (int m = 0; m < n; ++m) {
+        const double e = COEFFICIENT(&run->series, m, order) / (run->atol + run->rtol * fabs(run->y[m]));
+        sum += e * e;
+    }
+    return sqrt(sum);
+}
+
+/* The step at which the last terms are within the tolerances. The last but one is looked at too:
+ * of a series in even or odd powers every second term is zero. Jorba & Zou, section 3.2. */
+static double step_of_series(const lag_run *run)
+{
+    double h = INFINITY;
+    for (int k = run->series.order - 1; k <= run->series.order; ++k) {
+        const double size = size_of_terms(run, k);
+        if (size > 0.0)
+            h = fmin(h, SAFETY * pow(size, -1.0 / k));
+    }
+    return h;
+}
+
+/* Whether the series is not what the equations say at the step's end, where y' has just been found:
+ * it goes on along another branch of a root, say, or converges too slowly for its last terms to show
+ * what is left out. */
+static int is_off(lag_run *run, double h)
+{
+    const int nq = run->system->nq;
+    double *slope = run->trial, sum = 0.0;
+    lag_series_slope(&run->series, nq, nq + 1, h, slope);
+    for (int i = 0; i <= nq; ++i) {
+        const double size = fmax(fabs(run->y[nq + i]), fabs(run->y_new[nq + i]));
+        const double e = h * (slope[i] - run->f_new[nq + i]) / (run->atol + run->rtol * size);
+        sum += e * e;
+    }
+    return !(sum <= DEFECT * DEFECT);
+}
+
+static int explicit_step(lag_run *run)
+{
+    if (lag_derivative(run, run->t, run->y, run->f))
+        return LAG_UNDEFINED;
+    if (run->stepped != LAG_DOP853)
+        lag_first_step(run);
+    run->stepped = LAG_DOP853;
+    run->kept_last = 0.0;
+    return lag_dop853_step(run);
+}
+
+/* Note B at the state that the dynamics tape holds, as that at which a step begins (0) or ends (1). */
+static void note_jacobian(lag_run *run, int at)
+{
+    const lag_system *s = run->system;
+    for (int i = 0; i < s->nb; ++i)
+        run->jacobian_before[at * s->nb + i] = OUT(&s->dynamics, s->nm + s->nq + i);
+}
+
+/* The largest change of a row of B between the places noted, over the row's length. */
+static double turned(lag_run *run)
+{
+    const lag_system *s = run->system;
+    const double *before = run->jacobian_before, *after = before + s->nb;
+    double *sum = run->work, most = 0.0;
+    memset(sum, 0, (size_t)s->nc * sizeof(double));
+    for (int i = 0; i < s->nb; ++i)
+        sum[s->jacobian_row[i]] += (after[i] - before[i]) * (after[i] - before[i]);
+    for (int i = 0; i < s->nc; ++i)
+        most = fmax(most, sum[i] / (run->lengths[i] * run->lengths[i]));
+    return sqrt(most);
+}
+
+/*
+ * Try a step of size h: evaluate at its end, and at places inside it as far as singular
+ * configurations may be there. Returns LAG_RUNNING and the factor by which the next step may be
+ * larger; LAG_UNDEFINED where y' is undefined; or LAG_INACCURATE and a smaller factor by which this
+ * one must be shorter, where the series is off or B turns too far.
+ */
+static int try_step(lag_run *run, double h, double kept_before, double *factor)
+{
+    static const double place[] = {0.5, 1.0, 0.2, 0.4, 0.6, 0.8};
+    const int n = lag_size(run->system);
+    double kept_at_end = 0.0;
+    lag_watch_step(run);
+    *factor = 0.5;
+    for (int i = run->watching ? 0 : 1; i < 6; ++i) {
+        double *y = i == 1 ? run->y_new : run->y_sample;
+        lag_series_sum(&run->series, n, place[i] * h, y);
+        if (lag_stage(run, run->t + place[i] * h, y, run->f_new))
+            return LAG_UNDEFINED;
+        if (i != 1)
+            continue;
+        if (is_off(run, h))
+            return LAG_INACCURATE;
+        if (!run->watching)
+            break;
+        note_jacobian(run, 1);
+        const double turn = turned(run);
+        *factor = turn > 0.0 ? 0.9 * TURN / turn : LARGEST;
+        if (turn > TURN)
+            return LAG_INACCURATE;
+        const double least = fmin(run->kept, kept_before), most = fmax(run->most_kept, kept_before);
+        kept_at_end = run->kept_last;
+        if (least > STEADY * most && least > FAR * run->usually_kept)
+            break;
+    }
+    *factor = run->watching ? fmin(*factor, LARGEST) : LARGEST;
+    run->kept_last = kept_at_end;
+    return LAG_RUNNING;
+}
+
+int lag_taylor_step(lag_run *run)
+{
+    const lag_system *s = run->system;
+    const double kept_before = run->kept_last;
+    ++run->evaluations;
+    if (lag_eliminating(run) != 1 || lag_series_expand(&run->series, s->nq, run->t, run->y))
+        return explicit_step(run);
+    run->stepped = LAG_TAYLOR;
+    if (run->watching && kept_before == 0.0) {
+        lag_evaluate(&s->dynamics, s, run->t, run->y);
+        note_jacobian(run, 0);
+    }
+    run->h = fmin(run->h, step_of_series(run));
+    int undefined = 0;
+    for (;;) {
+        double factor;
+        const double h = lag_step_size(run);
+        if (h == 0.0) /* whether the equations end there, a small step shows */
+            return undefined ? LAG_UNDEFINED : explicit_step(run);
+        const int status = try_step(run, h, kept_before, &factor);
+        if (status == LAG_RUNNING) {
+            memcpy(run->jacobian_before, run->jacobian_before + s->nb, (size_t)s->nb * sizeof(double));
+            lag_accept(run, h, factor);
+            return LAG_RUNNING;
+        }
+        undefined |= status == LAG_UNDEFINED;
+        run->h = factor * h;
+        ++run->rejected;
+    }
+}
+
+void lag_taylor_dense(lag_run *run, double t, double *y)
+{
+    lag_series_sum(&run->series, lag_size(run->system), t - run->t_old, y);
+}
