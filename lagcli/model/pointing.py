@@ -36,8 +36,8 @@ class Points:
     definitions : mapping of str to Definition
     found : dict of str to expressions
         The points that have a value; a definition that stands for one is entered when it is used.
-    declared : set of str
-        The names of all, those in error among them.
+    declared : dict with str keys
+        The names of all, those in error among them, in the order of the file.
     dimension : int
         2 or 3; 0 as long as it is not known.
     """
@@ -45,7 +45,7 @@ class Points:
     draft: Draft
     definitions: Mapping[str, Definition]
     found: dict[str, tuple[Basic, ...]] = field(default_factory=dict)
-    declared: set[str] = field(default_factory=set)
+    declared: dict[str, None] = field(default_factory=dict)
     dimension: int = 0
 
     def at(self, tree: Name, scope: ModelScope) -> str:
@@ -87,8 +87,8 @@ class Points:
             return there_is(base, members)
         if members:
             return f"name a member, as in `{members[0]}`"
-        close = nearest(text, sorted(self.declared))
-        shown = ", ".join(f"`{name}`" for name in sorted(self.declared)[:12])
+        close = nearest(text, list(self.declared))
+        shown = ", ".join(f"`{name}`" for name in list(self.declared)[:12])
         return did_you_mean(close) or f"its points are {shown}"
 
 

@@ -137,7 +137,7 @@ class _Reader:
         declared = self.entries("points", "point")
         members = [m for d in declared for m in members_of(self.draft, d, self.constants)]
         unique = by_name(self.draft, members)
-        self.points.declared = set(unique)
+        self.points.declared = dict.fromkeys(unique)
         self.plain = [d.name for d in declared if d.span is None]
         for d in declared:
             what = f"the point `{d.title}`"
