@@ -144,7 +144,8 @@ class Integration:
 
     def expand(self, prepared: Prepared) -> str:
         """Make Taylor's method ready; return why there are no power series, if there are none."""
-        from lagcli.engine.series import NotAnalytic, depending_on_time, expand, order_for
+        from lagcli.engine.expansion import NotAnalytic
+        from lagcli.engine.series import depending_on_time, expand, order_for
 
         system, request = self.system, self.request
         if prepared.elimination is None:

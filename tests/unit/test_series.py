@@ -12,9 +12,10 @@ import symengine as se
 import lagcli
 from lagcli.engine.compiled_engine import Integration
 from lagcli.engine.elimination import order_at
+from lagcli.engine.expansion import NotAnalytic
 from lagcli.engine.interpreter import ScalarTape
 from lagcli.engine.run import Request
-from lagcli.engine.series import NotAnalytic, depending_on_time, expand
+from lagcli.engine.series import depending_on_time, expand
 from lagcli.engine.system import System, compile_system
 from lagcli.engine.unrolling import unroll
 from lagcli.equations.lagrange import derive
