@@ -15,7 +15,7 @@
 
 /* Where what pivots keep varies by less during a step, and is so much of its usual part, its middle
  * and its ends show enough. */
-#define STEADY 0.85
+#define EVEN 0.85
 #define FAR 0.6
 #define TURN 0.7            /* of its length: what a row of B may change by in a step, so that places
                              * in it show what happens between them */
@@ -125,7 +125,7 @@ static int try_step(lag_run *run, double h, double kept_before, double *factor)
             return LAG_INACCURATE;
         const double least = fmin(run->kept, kept_before), most = fmax(run->most_kept, kept_before);
         kept_at_end = run->kept_last;
-        if (least > STEADY * most && least > FAR * run->usually_kept)
+        if (least > EVEN * most && least > FAR * run->usually_kept)
             break;
     }
     *factor = run->watching ? fmin(*factor, LARGEST) : LARGEST;
