@@ -7,7 +7,8 @@ from fractions import Fraction
 
 from lagcli.equations import typeset as t
 from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
-from lagcli.equations.render.names import Names, latex_ascii, letter
+from lagcli.equations.render.formula import FormulaWriter
+from lagcli.equations.render.names import latex_ascii, letter
 from lagcli.equations.render.numbers import decimal, rounded
 from lagcli.equations.typeset import Node
 
@@ -24,64 +25,51 @@ _SHORT_BRACKET = 70
 _TALL = (r"\frac", r"\begin")
 
 
-class LatexFormula:
-    """Writes formulas of one model in LaTeX.
-
-    Parameters
-    ----------
-    names : Names
-    decimals : frozenset of int
-        See `lagcli.equations.render.numbers.written_decimals`.
-    numeric : bool
-        Whether numbers are decimals of six digits at most.
-    """
-
-    def __init__(self, names: Names, decimals: frozenset[int] = frozenset(), numeric: bool = False):
-        self.names, self.decimals, self.numeric = names, decimals, numeric
+class LatexFormula(FormulaWriter):
+    """Writes formulas of one model in LaTeX."""
 
     def latex(self, node: Node) -> str:
         """Return a formula on one line."""
         return "".join(x.space if isinstance(x, Break) else x for x in self.tokens(node))
 
-    def tokens(self, node: Node, depth: int = 0) -> list[Token]:
-        """Return the pieces of a formula and the places where it may be broken."""
-        match node:
-            case t.Number():
-                return [self.number(node.value)]
-            case t.Symbol():
-                return [self._symbol(node)]
-            case t.Variation():
-                return [rf"\delta {self._symbol(node.of)}"]
-            case t.Partial():
-                top, bottom = self.latex(node.of), self.latex(node.by)
-                return [rf"\frac{{\partial {top}}}{{\partial {bottom}}}"]
-            case t.Rate():
-                return [rf"\frac{{d}}{{dt}} {self._group(self.latex(node.of))}"]
-            case t.Sign():
-                return [node.latex]
-            case t.Sum():
-                return self._sum(node, depth)
-            case t.Product():
-                return self._product(node, depth)
-            case t.Quotient():
-                return [rf"\frac{{{self.latex(node.numerator)}}}{{{self.latex(node.denominator)}}}"]
-            case t.Power():
-                return self._power(node, depth)
-            case t.Root():
-                degree = "" if node.degree == 2 else f"[{node.degree}]"
-                return [rf"\sqrt{degree}{{{self.latex(node.radicand)}}}"]
-            case t.Call():
-                return self._call(node, depth)
-            case t.Vector():
-                return [self._vector(node)]
-            case t.Cases():
-                return [self._cases(node)]
-            case t.Relation():
-                sign = _RELATIONS.get(node.operator, node.operator)
-                return [f"{self.latex(node.left)} {sign} {self.latex(node.right)}"]
-            case t.Logical():
-                return [self._logical(node)]
-        raise AssertionError(f"no such node: {node!r}")
+    def _write_number(self, node: t.Number, depth: int) -> list[Token]:
+        return [self.number(node.value)]
+
+    def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
+        return [self._symbol(node)]
+
+    def _write_variation(self, node: t.Variation, depth: int) -> list[Token]:
+        return [rf"\delta {self._symbol(node.of)}"]
+
+    def _write_partial(self, node: t.Partial, depth: int) -> list[Token]:
+        top, bottom = self.latex(node.of), self.latex(node.by)
+        return [rf"\frac{{\partial {top}}}{{\partial {bottom}}}"]
+
+    def _write_rate(self, node: t.Rate, depth: int) -> list[Token]:
+        return [rf"\frac{{d}}{{dt}} {self._group(self.latex(node.of))}"]
+
+    def _write_sign(self, node: t.Sign, depth: int) -> list[Token]:
+        return [node.latex]
+
+    def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
+        return [rf"\frac{{{self.latex(node.numerator)}}}{{{self.latex(node.denominator)}}}"]
+
+    def _write_root(self, node: t.Root, depth: int) -> list[Token]:
+        degree = "" if node.degree == 2 else f"[{node.degree}]"
+        return [rf"\sqrt{degree}{{{self.latex(node.radicand)}}}"]
+
+    def _write_vector(self, node: t.Vector, depth: int) -> list[Token]:
+        return [self._vector(node)]
+
+    def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:
+        return [self._cases(node)]
+
+    def _write_relation(self, node: t.Relation, depth: int) -> list[Token]:
+        sign = _RELATIONS.get(node.operator, node.operator)
+        return [f"{self.latex(node.left)} {sign} {self.latex(node.right)}"]
+
+    def _write_logical(self, node: t.Logical, depth: int) -> list[Token]:
+        return [self._logical(node)]
 
     def number(self, value: Fraction) -> str:
         """Return a number: \\tfrac{1}{2}, 0.1."""
@@ -103,17 +91,7 @@ class LatexFormula:
                 return r"\pi"
         return self.names.latex(node.name, node.dots)
 
-    def _sum(self, node: t.Sum, depth: int) -> list[Token]:
-        found: list[Token] = []
-        for i, (sign, term) in enumerate(node.terms):
-            if i:
-                found += [Break(depth), "+ " if sign > 0 else "- "]
-            elif sign < 0:
-                found.append("-")
-            found += self.tokens(term, depth + 1 if isinstance(term, t.Product) else depth)
-        return found
-
-    def _product(self, node: t.Product, depth: int) -> list[Token]:
+    def _write_product(self, node: t.Product, depth: int) -> list[Token]:
         found: list[Token] = []
         for i, factor in enumerate(node.factors):
             part = self._tight(factor, depth, product=True)
@@ -124,7 +102,7 @@ class LatexFormula:
             found += part
         return found
 
-    def _power(self, node: t.Power, depth: int) -> list[Token]:
+    def _write_power(self, node: t.Power, depth: int) -> list[Token]:
         raised = f"^{{{self.latex(node.exponent)}}}"
         base = node.base
         if (
@@ -137,7 +115,7 @@ class LatexFormula:
             return [f"{{{self._symbol(base)}}}", raised]
         return [*self._tight(base, depth), raised]
 
-    def _call(self, node: t.Call, depth: int) -> list[Token]:
+    def _write_call(self, node: t.Call, depth: int) -> list[Token]:
         name, arguments = node.function, node.arguments
         if name in _FENCES:
             opening, closing = _FENCES[name]

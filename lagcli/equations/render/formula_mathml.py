@@ -10,9 +10,9 @@ from html import escape, unescape
 
 from lagcli.equations import typeset as t
 from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
+from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.formula_latex import needs_space
 from lagcli.equations.render.mathml_sign import sign_mathml
-from lagcli.equations.render.names import Names
 from lagcli.equations.render.numbers import decimal, rounded
 from lagcli.equations.typeset import Node
 
@@ -39,70 +39,58 @@ def width(mathml: str) -> int:
     return len(re.sub("[\u2061\u2062]", "", unescape(re.sub(r"<[^>]*>", "", text))))
 
 
-class MathmlFormula:
-    """Writes formulas of one model in MathML.
+class MathmlFormula(FormulaWriter):
+    """Writes formulas of one model in MathML."""
 
-    Parameters
-    ----------
-    names : Names
-    decimals : frozenset of int
-        See `lagcli.equations.render.numbers.written_decimals`.
-    numeric : bool
-        Whether numbers are decimals of six digits at most.
-    """
-
-    def __init__(self, names: Names, decimals: frozenset[int] = frozenset(), numeric: bool = False):
-        self.names, self.decimals, self.numeric = names, decimals, numeric
+    plus, minus = operator("+"), operator("−")
+    negative = operator("−", "prefix")
 
     def mathml(self, node: Node) -> str:
         """Return a formula that is not broken, as one element."""
         return _row(_joined(self.tokens(node)))
 
-    def tokens(self, node: Node, depth: int = 0) -> list[Token]:
-        """Return the pieces of a formula, each whole elements, and where it may be broken."""
-        match node:
-            case t.Number():
-                return [self.number(node.value)]
-            case t.Symbol():
-                return [self._symbol(node)]
-            case t.Variation():
-                return [f"<mrow><mi>δ</mi>{self._symbol(node.of)}</mrow>"]
-            case t.Partial():
-                top, bottom = (
-                    f"<mrow><mo>∂</mo>{self.mathml(x)}</mrow>" for x in (node.of, node.by)
-                )
-                return [f"<mfrac>{top}{bottom}</mfrac>"]
-            case t.Rate():
-                rate = "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
-                return [rate, _THIN, *self._fenced([self.mathml(node.of)])]
-            case t.Sign():
-                return [sign_mathml(node.latex)]
-            case t.Sum():
-                return self._sum(node, depth)
-            case t.Product():
-                return self._product(node, depth)
-            case t.Quotient():
-                top, bottom = self.mathml(node.numerator), self.mathml(node.denominator)
-                return [f"<mfrac>{top}{bottom}</mfrac>"]
-            case t.Power():
-                return self._power(node, depth)
-            case t.Root():
-                inside = self.mathml(node.radicand)
-                if node.degree == 2:
-                    return [f"<msqrt>{inside}</msqrt>"]
-                return [f"<mroot>{inside}<mn>{node.degree}</mn></mroot>"]
-            case t.Call():
-                return self._call(node, depth)
-            case t.Vector():
-                return [self._vector(node)]
-            case t.Cases():
-                return [self._cases(node)]
-            case t.Relation():
-                sign = operator(_RELATIONS.get(node.operator, node.operator))
-                return [f"{self.mathml(node.left)}{sign}{self.mathml(node.right)}"]
-            case t.Logical():
-                return [self._logical(node)]
-        raise AssertionError(f"no such node: {node!r}")
+    def _write_number(self, node: t.Number, depth: int) -> list[Token]:
+        return [self.number(node.value)]
+
+    def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
+        return [self._symbol(node)]
+
+    def _write_variation(self, node: t.Variation, depth: int) -> list[Token]:
+        return [f"<mrow><mi>δ</mi>{self._symbol(node.of)}</mrow>"]
+
+    def _write_partial(self, node: t.Partial, depth: int) -> list[Token]:
+        top, bottom = (f"<mrow><mo>∂</mo>{self.mathml(x)}</mrow>" for x in (node.of, node.by))
+        return [f"<mfrac>{top}{bottom}</mfrac>"]
+
+    def _write_rate(self, node: t.Rate, depth: int) -> list[Token]:
+        rate = "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
+        return [rate, _THIN, *self._fenced([self.mathml(node.of)])]
+
+    def _write_sign(self, node: t.Sign, depth: int) -> list[Token]:
+        return [sign_mathml(node.latex)]
+
+    def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
+        top, bottom = self.mathml(node.numerator), self.mathml(node.denominator)
+        return [f"<mfrac>{top}{bottom}</mfrac>"]
+
+    def _write_root(self, node: t.Root, depth: int) -> list[Token]:
+        inside = self.mathml(node.radicand)
+        if node.degree == 2:
+            return [f"<msqrt>{inside}</msqrt>"]
+        return [f"<mroot>{inside}<mn>{node.degree}</mn></mroot>"]
+
+    def _write_vector(self, node: t.Vector, depth: int) -> list[Token]:
+        return [self._vector(node)]
+
+    def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:
+        return [self._cases(node)]
+
+    def _write_relation(self, node: t.Relation, depth: int) -> list[Token]:
+        sign = operator(_RELATIONS.get(node.operator, node.operator))
+        return [f"{self.mathml(node.left)}{sign}{self.mathml(node.right)}"]
+
+    def _write_logical(self, node: t.Logical, depth: int) -> list[Token]:
+        return [self._logical(node)]
 
     def number(self, value: Fraction) -> str:
         """Return a number: ½, 0.1."""
@@ -141,17 +129,7 @@ class MathmlFormula:
                 return "<mi>π</mi>", ""
         return self.names.mathml(node.name, node.dots)
 
-    def _sum(self, node: t.Sum, depth: int) -> list[Token]:
-        found: list[Token] = []
-        for i, (sign, term) in enumerate(node.terms):
-            if i:
-                found += [Break(depth), operator("+" if sign > 0 else "−")]
-            elif sign < 0:
-                found.append(operator("−", "prefix"))
-            found += self.tokens(term, depth + 1 if isinstance(term, t.Product) else depth)
-        return found
-
-    def _product(self, node: t.Product, depth: int) -> list[Token]:
+    def _write_product(self, node: t.Product, depth: int) -> list[Token]:
         found: list[Token] = []
         for i, factor in enumerate(node.factors):
             part = self._tight(factor, depth, product=True)
@@ -161,7 +139,7 @@ class MathmlFormula:
             found += part
         return found
 
-    def _power(self, node: t.Power, depth: int) -> list[Token]:
+    def _write_power(self, node: t.Power, depth: int) -> list[Token]:
         raised, base = self.mathml(node.exponent), node.base
         if (
             isinstance(base, t.Call)
@@ -178,7 +156,7 @@ class MathmlFormula:
         # the bracket's end carries the exponent
         return [*before, f"<msup>{last}{raised}</msup>"]
 
-    def _call(self, node: t.Call, depth: int) -> list[Token]:
+    def _write_call(self, node: t.Call, depth: int) -> list[Token]:
         name, arguments = node.function, node.arguments
         if name in _FENCES:
             opening, closing = _FENCES[name]

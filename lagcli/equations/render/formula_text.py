@@ -6,7 +6,8 @@ from fractions import Fraction
 
 from lagcli.equations import typeset as t
 from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
-from lagcli.equations.render.names import SUBSCRIPTS, SUPERSCRIPTS, Names
+from lagcli.equations.render.formula import FormulaWriter
+from lagcli.equations.render.names import SUBSCRIPTS, SUPERSCRIPTS
 from lagcli.equations.render.numbers import decimal, rounded
 from lagcli.equations.typeset import Node
 
@@ -24,69 +25,55 @@ _BRACKETS = (("(", ")"), ("[", "]"), ("{", "}"))
 _PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")  # sin φ needs no parentheses
 
 
-class TextFormula:
-    """Writes formulas of one model in Unicode.
+class TextFormula(FormulaWriter):
+    """Writes formulas of one model in Unicode."""
 
-    Parameters
-    ----------
-    names : Names
-    decimals : frozenset of int
-        See `lagcli.equations.render.numbers.written_decimals`.
-    numeric : bool
-        Whether numbers are decimals of six digits at most.
-    """
-
-    def __init__(self, names: Names, decimals: frozenset[int] = frozenset(), numeric: bool = False):
-        self.names, self.decimals, self.numeric = names, decimals, numeric
+    plus, minus, negative = "+ ", "− ", "−"
 
     def text(self, node: Node) -> str:
         """Return a formula on one line."""
         return "".join(x.space if isinstance(x, Break) else x for x in self.tokens(node))
 
-    def tokens(self, node: Node, depth: int = 0) -> list[Token]:
-        """Return the pieces of a formula and the places where it may be broken."""
-        match node:
-            case t.Number():
-                return [self.number(node.value)]
-            case t.Symbol():
-                return [self._symbol(node)]
-            case t.Variation():
-                name = self._symbol(node.of)
-                return [f"δ({name})" if name.startswith("δ") else f"δ{name}"]
-            case t.Partial():
-                return [f"∂{self.text(node.of)}/∂{self.text(node.by)}"]
-            case t.Rate():
-                return ["d/dt ", *self._tight(node.of, depth)]
-            case t.Sign():
-                return [node.text]
-            case t.Sum():
-                return self._sum(node, depth)
-            case t.Product():
-                return self._product(node, depth)
-            case t.Quotient():
-                top = self._tight(node.numerator, depth, product=True)
-                return [*top, "/", *self._tight(node.denominator, depth)]
-            case t.Power():
-                return self._power(node, depth)
-            case t.Root():
-                sign, inner = {2: "√", 3: "∛"}[node.degree], node.radicand
-                if isinstance(inner, t.Symbol) and not inner.dots:
-                    return [sign, *self.tokens(inner)]
-                return [sign, *self._bracketed(inner, depth, round_=True)]
-            case t.Call():
-                return self._call(node, depth)
-            case t.Vector():
-                return ["[", *self._listed(node.items, depth), "]"]
-            case t.Cases():
-                parts = (node.condition, node.then, node.otherwise)
-                return ["if(", *self._listed(parts, depth), ")"]
-            case t.Relation():
-                relation = _RELATIONS.get(node.operator, node.operator)
-                left, right = self.tokens(node.left, depth + 1), self.tokens(node.right, depth + 1)
-                return [*left, Break(depth + LAST_RESORT), f"{relation} ", *right]
-            case t.Logical():
-                return self._logical(node, depth)
-        raise AssertionError(f"no such node: {node!r}")
+    def _write_number(self, node: t.Number, depth: int) -> list[Token]:
+        return [self.number(node.value)]
+
+    def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
+        return [self._symbol(node)]
+
+    def _write_variation(self, node: t.Variation, depth: int) -> list[Token]:
+        name = self._symbol(node.of)
+        return [f"δ({name})" if name.startswith("δ") else f"δ{name}"]
+
+    def _write_partial(self, node: t.Partial, depth: int) -> list[Token]:
+        return [f"∂{self.text(node.of)}/∂{self.text(node.by)}"]
+
+    def _write_rate(self, node: t.Rate, depth: int) -> list[Token]:
+        return ["d/dt ", *self._tight(node.of, depth)]
+
+    def _write_sign(self, node: t.Sign, depth: int) -> list[Token]:
+        return [node.text]
+
+    def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
+        top = self._tight(node.numerator, depth, product=True)
+        return [*top, "/", *self._tight(node.denominator, depth)]
+
+    def _write_root(self, node: t.Root, depth: int) -> list[Token]:
+        sign, inner = {2: "√", 3: "∛"}[node.degree], node.radicand
+        if isinstance(inner, t.Symbol) and not inner.dots:
+            return [sign, *self.tokens(inner)]
+        return [sign, *self._bracketed(inner, depth, round_=True)]
+
+    def _write_vector(self, node: t.Vector, depth: int) -> list[Token]:
+        return ["[", *self._listed(node.items, depth), "]"]
+
+    def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:
+        parts = (node.condition, node.then, node.otherwise)
+        return ["if(", *self._listed(parts, depth), ")"]
+
+    def _write_relation(self, node: t.Relation, depth: int) -> list[Token]:
+        relation = _RELATIONS.get(node.operator, node.operator)
+        left, right = self.tokens(node.left, depth + 1), self.tokens(node.right, depth + 1)
+        return [*left, Break(depth + LAST_RESORT), f"{relation} ", *right]
 
     def number(self, value: Fraction) -> str:
         """Return a number: ½, 0.1, 3/7."""
@@ -115,17 +102,7 @@ class TextFormula:
             return f"Q_{self.names.text(node.name)}"
         return "π" if node.kind == "constant" else self.names.text(node.name, node.dots)
 
-    def _sum(self, node: t.Sum, depth: int) -> list[Token]:
-        found: list[Token] = []
-        for i, (sign, term) in enumerate(node.terms):
-            if i:
-                found += [Break(depth), "+ " if sign > 0 else "− "]
-            elif sign < 0:
-                found.append("−")
-            found += self.tokens(term, depth + 1 if isinstance(term, t.Product) else depth)
-        return found
-
-    def _product(self, node: t.Product, depth: int) -> list[Token]:
+    def _write_product(self, node: t.Product, depth: int) -> list[Token]:
         found: list[Token] = []
         for i, factor in enumerate(node.factors):
             if i:
@@ -138,7 +115,7 @@ class TextFormula:
                 found += self._tight(factor, depth, product=True)
         return found
 
-    def _power(self, node: t.Power, depth: int) -> list[Token]:
+    def _write_power(self, node: t.Power, depth: int) -> list[Token]:
         top = node.exponent
         raised = f"^({self.text(top)})"
         if isinstance(top, t.Number) and top.value.denominator == 1:
@@ -150,7 +127,7 @@ class TextFormula:
             return [base.function, raised, *self._arguments(base, depth)]
         return [*self._tight(base, depth), raised]
 
-    def _call(self, node: t.Call, depth: int) -> list[Token]:
+    def _write_call(self, node: t.Call, depth: int) -> list[Token]:
         if node.function == "abs":
             return ["|", *self.tokens(node.arguments[0], depth + 1), "|"]
         if node.function == "dot":
@@ -178,7 +155,7 @@ class TextFormula:
             found += self.tokens(item, depth + 2)
         return found
 
-    def _logical(self, node: t.Logical, depth: int) -> list[Token]:
+    def _write_logical(self, node: t.Logical, depth: int) -> list[Token]:
         if node.operator == "not":
             return ["not ", *self._bracketed(node.operands[0], depth)]
         found: list[Token] = []
