@@ -4,7 +4,6 @@ import signal
 import sys
 import time
 from contextlib import nullcontext
-from enum import StrEnum
 from typing import Annotated, Any
 
 import typer
@@ -20,38 +19,28 @@ from lagcli.cli.options import (
     assignments,
     refuse_same_file,
 )
+from lagcli.cli.settings import (
+    AbsoluteTolerance,
+    Alpha,
+    Beta,
+    EndTime,
+    EngineOption,
+    FormulationOption,
+    LargestStep,
+    MethodOption,
+    MostSteps,
+    RelativeTolerance,
+    SampleCount,
+    SampleTimes,
+    Spacing,
+    StartTime,
+    ThroughSingular,
+    Timeout,
+    settings_of,
+)
 from lagcli.errors import LagcliError, UsageError
 
 FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
-
-
-class Method(StrEnum):
-    """Integration methods."""
-
-    auto = "auto"
-    DOP853 = "DOP853"
-    Taylor = "Taylor"
-    Rodas5P = "Rodas5P"
-    RK45 = "RK45"
-    RK23 = "RK23"
-    Radau = "Radau"
-    BDF = "BDF"
-    LSODA = "LSODA"
-
-
-class Formulation(StrEnum):
-    """How the constraints are kept."""
-
-    projection = "projection"
-    baumgarte = "baumgarte"
-    index1 = "index1"
-
-
-class EngineName(StrEnum):
-    """Engines."""
-
-    compiled = "compiled"
-    scipy = "scipy"
 
 
 def simulate(
@@ -68,50 +57,22 @@ def simulate(
     ] = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
-    t_start: Annotated[float | None, typer.Option(help="Start time, s. [default: 0]")] = None,
-    t_end: Annotated[float | None, typer.Option(help="End time, s. [default: 10]")] = None,
-    samples: Annotated[
-        int | None, typer.Option(help="Number of samples, both ends included. [default: 1001]")
-    ] = None,
-    dt: Annotated[
-        float | None, typer.Option(help="Spacing of the samples, s, in place of --samples.")
-    ] = None,
-    times: Annotated[
-        str | None, typer.Option(metavar="T1,T2,…", help="The sample times themselves, s.")
-    ] = None,
-    rtol: Annotated[float | None, typer.Option(help="Relative tolerance. [default: 1e-9]")] = None,
-    atol: Annotated[float | None, typer.Option(help="Absolute tolerance. [default: 1e-10]")] = None,
-    method: Annotated[
-        Method | None,
-        typer.Option(
-            help="Integration method: auto is DOP853, and Rodas5P or Radau where the motion proves"
-            " stiff; Taylor takes power series; RK45, RK23, BDF, LSODA are SciPy's. [default: auto]"
-        ),
-    ] = None,
-    formulation: Annotated[
-        Formulation | None,
-        typer.Option(
-            help="How the constraints are kept: projected after each step, by Baumgarte's"
-            " stabilization, or not at all, which shows the drift. [default: projection]"
-        ),
-    ] = None,
-    alpha: Annotated[
-        float | None, typer.Option(help="Baumgarte's α, 1/s. [default: from the step]")
-    ] = None,
-    beta: Annotated[float | None, typer.Option(help="Baumgarte's β, 1/s. [default: α]")] = None,
-    engine: Annotated[
-        EngineName | None, typer.Option(help="Engine. [default: compiled, for its methods]")
-    ] = None,
-    max_step: Annotated[float | None, typer.Option(help="Largest step, s.")] = None,
-    max_steps: Annotated[
-        int | None, typer.Option(help="Give up after so many steps. [default: 10000000]")
-    ] = None,
-    timeout: Annotated[
-        float | None, typer.Option(help="Give up after so many seconds of wall time.")
-    ] = None,
-    through_singular: Annotated[
-        bool, typer.Option("--through-singular", help="Pass singular configurations.")
-    ] = False,
+    t_start: StartTime = None,
+    t_end: EndTime = None,
+    samples: SampleCount = None,
+    dt: Spacing = None,
+    times: SampleTimes = None,
+    rtol: RelativeTolerance = None,
+    atol: AbsoluteTolerance = None,
+    method: MethodOption = None,
+    formulation: FormulationOption = None,
+    alpha: Alpha = None,
+    beta: Beta = None,
+    engine: EngineOption = None,
+    max_step: LargestStep = None,
+    max_steps: MostSteps = None,
+    timeout: Timeout = None,
+    through_singular: ThroughSingular = False,
     meta: Annotated[
         bool, typer.Option("--meta", help="Beside a CSV file, write FILE.json with its provenance.")
     ] = False,
@@ -125,21 +86,19 @@ def simulate(
     Without -o, only a summary is printed. A run that fails or is interrupted writes the samples
     that it reached, marked so.
     """
-    from lagcli.model.model import Settings
-
-    settings = Settings(
+    settings = settings_of(
         t_start=t_start,
         t_end=t_end,
         samples=samples,
         dt=dt,
-        times=times_of(times),
+        times=times,
         rtol=rtol,
         atol=atol,
-        method=method.value if method else None,
-        formulation=formulation.value if formulation else None,
+        method=method,
+        formulation=formulation,
         alpha=alpha,
         beta=beta,
-        engine=engine.value if engine else None,
+        engine=engine,
         max_step=max_step,
         max_steps=max_steps,
         timeout=timeout,
@@ -248,21 +207,3 @@ def _run(
         kept = f"kept {extremes.samples} samples in {output}" if written else "nothing written"
         print(f"   note: {kept}", file=sys.stderr)
     return INTERRUPTED_STATUS if record.status == "interrupted" else FAILED_STATUS
-
-
-def times_of(text: str | None) -> tuple[float, ...] | None:
-    """Return the numbers of --times.
-
-    Raises
-    ------
-    UsageError
-        They are none.
-    """
-    if text is None:
-        return None
-    try:
-        return tuple(float(x) for x in text.split(","))
-    except ValueError:
-        raise UsageError(
-            f"--times {text!r} is not a list of numbers, as in --times 0.5,1,2"
-        ) from None

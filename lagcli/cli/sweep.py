@@ -19,7 +19,25 @@ from lagcli.cli.options import (
     assignments,
     refuse_same_file,
 )
-from lagcli.cli.simulate import EngineName, Formulation, Method, times_of
+from lagcli.cli.settings import (
+    AbsoluteTolerance,
+    Alpha,
+    Beta,
+    EndTime,
+    EngineOption,
+    FormulationOption,
+    LargestStep,
+    MethodOption,
+    MostSteps,
+    RelativeTolerance,
+    SampleCount,
+    SampleTimes,
+    Spacing,
+    StartTime,
+    ThroughSingular,
+    Timeout,
+    settings_of,
+)
 from lagcli.errors import LagcliError, UsageError
 
 FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
@@ -102,41 +120,22 @@ def sweep(
     ] = False,
     set: SetParameter = None,
     set_initial: SetInitial = None,
-    t_start: Annotated[float | None, typer.Option(help="Start time, s. [default: 0]")] = None,
-    t_end: Annotated[float | None, typer.Option(help="End time, s. [default: 10]")] = None,
-    samples: Annotated[
-        int | None, typer.Option(help="Number of samples of each run. [default: 1001]")
-    ] = None,
-    dt: Annotated[
-        float | None, typer.Option(help="Spacing of the samples, s, in place of --samples.")
-    ] = None,
-    times: Annotated[
-        str | None, typer.Option(metavar="T1,T2,…", help="The sample times themselves, s.")
-    ] = None,
-    rtol: Annotated[float | None, typer.Option(help="Relative tolerance. [default: 1e-9]")] = None,
-    atol: Annotated[float | None, typer.Option(help="Absolute tolerance. [default: 1e-10]")] = None,
-    method: Annotated[
-        Method | None, typer.Option(help="Integration method, as of simulate. [default: auto]")
-    ] = None,
-    formulation: Annotated[
-        Formulation | None,
-        typer.Option(help="How the constraints are kept. [default: projection]"),
-    ] = None,
-    alpha: Annotated[float | None, typer.Option(help="Baumgarte's α, 1/s.")] = None,
-    beta: Annotated[float | None, typer.Option(help="Baumgarte's β, 1/s.")] = None,
-    engine: Annotated[
-        EngineName | None, typer.Option(help="Engine. [default: compiled, for its methods]")
-    ] = None,
-    max_step: Annotated[float | None, typer.Option(help="Largest step, s.")] = None,
-    max_steps: Annotated[
-        int | None, typer.Option(help="Give a row up after so many steps. [default: 10000000]")
-    ] = None,
-    timeout: Annotated[
-        float | None, typer.Option(help="Give a row up after so many seconds of wall time.")
-    ] = None,
-    through_singular: Annotated[
-        bool, typer.Option("--through-singular", help="Pass singular configurations.")
-    ] = False,
+    t_start: StartTime = None,
+    t_end: EndTime = None,
+    samples: SampleCount = None,
+    dt: Spacing = None,
+    times: SampleTimes = None,
+    rtol: RelativeTolerance = None,
+    atol: AbsoluteTolerance = None,
+    method: MethodOption = None,
+    formulation: FormulationOption = None,
+    alpha: Alpha = None,
+    beta: Beta = None,
+    engine: EngineOption = None,
+    max_step: LargestStep = None,
+    max_steps: MostSteps = None,
+    timeout: Timeout = None,
+    through_singular: ThroughSingular = False,
     force: Force = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -147,21 +146,19 @@ def sweep(
     A row that fails never stops the others: it has its status and message in the file, and the
     exit status is 3. A sweep that is interrupted or killed goes on with --resume.
     """
-    from lagcli.model.model import Settings
-
-    settings = Settings(
+    settings = settings_of(
         t_start=t_start,
         t_end=t_end,
         samples=samples,
         dt=dt,
-        times=times_of(times),
+        times=times,
         rtol=rtol,
         atol=atol,
-        method=method.value if method else None,
-        formulation=formulation.value if formulation else None,
+        method=method,
+        formulation=formulation,
         alpha=alpha,
         beta=beta,
-        engine=engine.value if engine else None,
+        engine=engine,
         max_step=max_step,
         max_steps=max_steps,
         timeout=timeout,
