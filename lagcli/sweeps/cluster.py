@@ -215,6 +215,7 @@ def _connected(address: str, local_workers: int | None) -> Iterator[Client]:
 def _check_scheduler(address: str) -> None:
     """Raise unless a scheduler answers; a client would wait for the end of any conversation."""
     import asyncio
+    from concurrent.futures import ThreadPoolExecutor
 
     from distributed import rpc
 
@@ -223,7 +224,11 @@ def _check_scheduler(address: str) -> None:
             return str((await there.identity())["type"])
 
     try:
-        found = asyncio.run(asyncio.wait_for(identity(), PATIENCE))
+        # in a thread of its own: the caller's may have a running loop, as in a notebook
+        with ThreadPoolExecutor(1) as thread:
+            found = thread.submit(
+                lambda: asyncio.run(asyncio.wait_for(identity(), PATIENCE))
+            ).result()
     except (OSError, TimeoutError):
         raise FileError(
             f"no scheduler answers at {address} within {PATIENCE:g} s; start one with"

@@ -6,7 +6,9 @@ tests/cli/test_sweep_cluster.py.
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 
@@ -224,5 +226,14 @@ def test_without_distributed_it_is_said_what_to_install(monkeypatch: pytest.Monk
 
 def test_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "PATIENCE", 0.3)
-    with pytest.raises(FileError, match=r"no scheduler answers at tcp://127\.0\.0\.1:1 within"):
-        Cluster("tcp://127.0.0.1:1").__enter__()
+
+    def ask() -> None:
+        with pytest.raises(FileError, match=r"no scheduler answers at tcp://127\.0\.0\.1:1 within"):
+            Cluster("tcp://127.0.0.1:1").__enter__()
+
+    async def notebook() -> None:  # which has a loop of its own
+        ask()
+
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(ask).result()
+        thread.submit(lambda: asyncio.run(notebook())).result()

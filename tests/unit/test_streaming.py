@@ -274,7 +274,7 @@ def test_reading_some_columns_piece_by_piece(
     from lagcli.results import csv_reader
     from lagcli.results.formats import open_reader
 
-    monkeypatch.setattr(hdf5, "_SLAB", 160)
+    monkeypatch.setattr(hdf5, "_SLAB", 80)
     monkeypatch.setattr(csv_reader, "_NUMBERS_READ", 170)
     run = make(50)
     for suffix in (".h5", ".csv"):
