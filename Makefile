@@ -58,8 +58,8 @@ $(BENCH)/.installed: pyproject.toml
 	done
 	@touch $@
 
-bench: install $(BENCH)/.installed ## Run the long published problems; measure beside other programs
-	$(BIN)/python -m pytest -m slow --durations=0 tests/benchmark
+bench: install $(BENCH)/.installed ## Run the long tests; measure beside other programs
+	$(BIN)/python -m pytest -m slow --durations=0
 	$(BIN)/python tests/benchmark/shell_loop.py
 	$(BIN)/python tests/benchmark/sweep_rows.py
 	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check .
