@@ -5,14 +5,51 @@ from __future__ import annotations
 import sys
 import time
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 _PATIENCE = 0.5  # s before a bar appears: a short run should leave nothing on the screen
 _PERIOD = 0.1  # s between two looks at it: engines report more often than anybody can read
 _LOG_PERIOD = 30.0  # s between two lines in a log, where there is no terminal
 
 
-class Progress:
+class _Bar:
+    """A bar on standard error, which is gone in the end."""
+
+    def __init__(self, color: bool):
+        self.color = color
+        self.bar: Any = None
+        self.task: Any = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self.bar is not None:
+            self.bar.stop()
+
+    def open(self, doing: str, *texts: str, **task: Any) -> None:
+        """Show it: what is under way, the bar, texts of rich's fields, the time left."""
+        from rich import progress
+        from rich.console import Console
+
+        self.bar = progress.Progress(
+            progress.TextColumn(doing),
+            progress.BarColumn(),
+            *map(progress.TextColumn, texts),
+            progress.TimeRemainingColumn(),
+            console=Console(stderr=True, no_color=not self.color or None),
+            transient=True,
+        )
+        self.task = self.bar.add_task("", **task)
+        self.bar.start()
+
+
+class Progress(_Bar):
     """Shows how far a run has come; call it with the time reached.
 
     Parameters
@@ -32,24 +69,11 @@ class Progress:
         color: bool,
         doing: str = "simulating",
     ):
+        super().__init__(color)
         self.start, self.end = start, end if end is not None else start
         self.enabled = enabled and sys.stderr.isatty() and self.end > self.start
-        self.color, self.doing = color, doing
+        self.doing = doing
         self.due = time.monotonic() + _PATIENCE
-        self.bar: Any = None
-        self.task: Any = None
-
-    def __enter__(self) -> Progress:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self.bar is not None:
-            self.bar.stop()
 
     def __call__(self, t: float) -> None:
         """Show that the run has reached t."""
@@ -60,28 +84,16 @@ class Progress:
             return
         self.due = now + _PERIOD
         if self.bar is None:
-            self._open()
+            self.open(
+                self.doing,
+                "{task.percentage:>3.0f} %",
+                "t = {task.completed:.4g} of {task.total:.4g} s",
+                total=self.end - self.start,
+            )
         self.bar.update(self.task, completed=t - self.start)
 
-    def _open(self) -> None:
-        from rich import progress
-        from rich.console import Console
 
-        console = Console(stderr=True, no_color=not self.color or None)
-        self.bar = progress.Progress(
-            progress.TextColumn(self.doing),
-            progress.BarColumn(),
-            progress.TextColumn("{task.percentage:>3.0f} %"),
-            progress.TextColumn("t = {task.completed:.4g} of {task.total:.4g} s"),
-            progress.TimeRemainingColumn(),
-            console=console,
-            transient=True,
-        )
-        self.task = self.bar.add_task("", total=self.end - self.start)
-        self.bar.start()
-
-
-class RowProgress:
+class RowProgress(_Bar):
     """Shows how many rows of a sweep are done; call it with their number and that of all.
 
     On a terminal a bar with rate and time left; elsewhere, as in the logs of batch systems, a line
@@ -93,25 +105,12 @@ class RowProgress:
     """
 
     def __init__(self, enabled: bool, color: bool):
-        self.enabled, self.color = enabled, color
+        super().__init__(color)
+        self.enabled = enabled
         self.terminal = sys.stderr.isatty()
         self.began = time.monotonic()
         self.due = self.began + (_PATIENCE if self.terminal else _LOG_PERIOD)
         self.first: int | None = None  # rows done before the first report
-        self.bar: Any = None
-        self.task: Any = None
-
-    def __enter__(self) -> RowProgress:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self.bar is not None:
-            self.bar.stop()
 
     def __call__(self, done: int, rows: int) -> None:
         """Show that so many rows of all are done."""
@@ -128,25 +127,15 @@ class RowProgress:
             print(text, file=sys.stderr, flush=True)
             return
         if self.bar is None:
-            self._open(done, rows)
+            self.open(
+                "sweeping",
+                "{task.completed:.0f} of {task.total:.0f} rows",
+                "{task.fields[rate]} rows/s",
+                total=rows,
+                completed=done,
+                rate="",
+            )
         self.bar.update(self.task, completed=done, rate=f"{rate:.4g}")
-
-    def _open(self, done: int, rows: int) -> None:
-        from rich import progress
-        from rich.console import Console
-
-        console = Console(stderr=True, no_color=not self.color or None)
-        self.bar = progress.Progress(
-            progress.TextColumn("sweeping"),
-            progress.BarColumn(),
-            progress.TextColumn("{task.completed:.0f} of {task.total:.0f} rows"),
-            progress.TextColumn("{task.fields[rate]} rows/s"),
-            progress.TimeRemainingColumn(),
-            console=console,
-            transient=True,
-        )
-        self.task = self.bar.add_task("", total=rows, completed=done, rate="")
-        self.bar.start()
 
 
 def _duration(seconds: float) -> str:
