@@ -162,9 +162,15 @@ class Integration:
         return ""
 
     def reorder(self) -> None:
-        """Find an order that suits the end of the step that failed too; else take it densely."""
+        """Find an order that suits the end of the step that failed too.
+
+        If there is none, refine the solutions, which rounding in a long elimination needs at tight
+        tolerances; else take the step densely.
+        """
         core = self.core
         again, self.reordered = self.reordered == core.t, core.t
+        if again and core.refine():
+            return
         if again or len(self.states) > _MOST_STATES:
             core.allow_dense(1)
             return

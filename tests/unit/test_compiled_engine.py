@@ -99,6 +99,31 @@ initial: {{x: 0.6, z: -0.8, x': 0, z': 0}}
     np.testing.assert_allclose(found.multipliers, expected.multipliers, rtol=1e-6)
 
 
+def test_what_a_long_elimination_lacks_is_refined(monkeypatch):
+    """Rounding in a chain of 150 masses is more than a tight tolerance allows."""
+    from lagcli.engine import compiled_engine
+
+    taken = []
+    reorder = compiled_engine.Integration.reorder
+
+    def watched(self):
+        taken.append(self.core.t)
+        reorder(self)
+
+    monkeypatch.setattr(compiled_engine.Integration, "reorder", watched)
+    chain = next(p for p in MODELS if p.stem == "chain")
+    model = lagcli.load(chain, set={"N": 150})
+    options = {"t_end": 0.01, "samples": 3, "method": "DOP853"}
+    tight = lagcli.simulate(model, rtol=1e-12, atol=1e-13, **options)
+    usual = lagcli.simulate(model, **options)
+    assert tight.status == "completed", tight.message
+    np.testing.assert_allclose(tight.q, usual.q, rtol=0, atol=1e-10)
+    size = np.abs(tight.constraint_force).max()
+    assert tight.residual_equation.max() <= 1e-12 * size
+    # a new order, then refinement, and that is all
+    assert 1 <= len(taken) <= 2
+
+
 def test_samples_come_in_blocks():
     dense = lagcli.simulate(PENDULUM, t_end=3, samples=30001, engine="compiled")
     sparse = lagcli.simulate(PENDULUM, t_end=3, samples=31, engine="compiled")

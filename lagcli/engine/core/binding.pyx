@@ -108,7 +108,7 @@ cdef extern from "run.h":
         int finishing
         double *a
         double *multipliers
-        int eliminating
+        int eliminating, refining
         lag_ldl ldl
         const int32_t *mass_targets
         const int32_t *jacobian_targets
@@ -142,6 +142,7 @@ cdef extern from "run.h":
     int lag_start(lag_run *run) nogil
     int lag_switch(lag_run *run, int method) nogil
     int lag_advance(lag_run *run, long slice) nogil
+    int lag_refine(lag_run *run) nogil
     int lag_sample_until(lag_run *run, double end) nogil
     void lag_dense(lag_run *run, double t, double *y) nogil
 
@@ -428,6 +429,7 @@ cdef class Integrator:
         cdef int nq = self.nq, n = nq + self.nc
         self.bind(&self.system.dynamics, dynamics)
         self.run.eliminating = 1 if plan.unrolled else 2
+        self.run.refining = 0
         ldl.n = n
         ldl.order = self.integers(plan.order)
         ldl.paired = self.integers(plan.paired)
@@ -474,6 +476,15 @@ cdef class Integrator:
                 for k in range(series.order + 1):
                     found[m, k] = series.file[first + m * series.row + k]
         return found
+
+    def refine(self):
+        """Refine the elimination's solutions from now on, if that makes them accurate at y_bad.
+
+        Returns
+        -------
+        bool
+        """
+        return bool(lag_refine(&self.run))
 
     def allow_dense(self, long steps):
         """Take the next steps by the dense solution, whatever is used otherwise."""

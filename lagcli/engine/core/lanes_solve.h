@@ -165,7 +165,7 @@ static void lanes_refined(const lag_octet *o, double *x)
             AT(x + i) += READ(o->right + i);
 }
 
-/* The lanes in which the elimination is less accurate than it need be: lag_inaccurate of motion.c. */
+/* The lanes in which the elimination is less accurate than it need be: lag_inaccuracy of motion.c. */
 static int lanes_inaccurate(const lag_octet *o, double rtol)
 {
     const int n = o->ldl->n;

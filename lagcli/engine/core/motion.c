@@ -327,19 +327,19 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
 int lag_derivative(lag_run *run, double t, const double *y, double *f)
 {
     const int nq = run->system->nq;
-    if (lag_accelerate(run, t, y, 0, f + 2 * nq))
+    if (lag_accelerate(run, t, y, run->refining, f + 2 * nq))
         return 1;
     memcpy(f, y + nq, (size_t)nq * sizeof(double));
     memcpy(f + nq, run->a, (size_t)nq * sizeof(double));
     return 0;
 }
 
-int lag_inaccurate(lag_run *run, double t, const double *y)
+double lag_inaccuracy(lag_run *run, double t, const double *y)
 {
     const lag_system *s = run->system;
     const int nq = s->nq, n = nq + s->nc;
-    double *r = run->work, *size = run->work + n, *x = run->solution, power, all = 0.0;
-    if (!lag_eliminating(run) || lag_accelerate(run, t, y, 0, &power))
+    double *r = run->work, *size = run->work + n, *x = run->solution, power, all = 0.0, most = 0.0;
+    if (!lag_eliminating(run) || lag_accelerate(run, t, y, run->refining, &power))
         return 0;
     --run->evaluations;
     right_side(run, y);
@@ -348,11 +348,18 @@ int lag_inaccurate(lag_run *run, double t, const double *y)
     residual(run, run->right, x, r, size);
     for (int i = 0; i < n; ++i)
         all = fmax(all, size[i]);
-    const double allowed = fmin(fmax(ACCURATE * run->rtol, MOST_ACCURATE), LEAST_ACCURATE);
-    for (int i = 0; i < n; ++i)
-        if (!(fabs(r[i]) <= allowed * (size[i] + NEXT_TO_ALL * all)))
-            return 1;
-    return 0;
+    for (int i = 0; i < n; ++i) {
+        const double part = fabs(r[i]) / (size[i] + NEXT_TO_ALL * all);
+        if (isnan(part))
+            return all > 0.0 ? INFINITY : 0.0;
+        most = fmax(most, part);
+    }
+    return most;
+}
+
+double lag_allowed_inaccuracy(const lag_run *run)
+{
+    return fmin(fmax(ACCURATE * run->rtol, MOST_ACCURATE), LEAST_ACCURATE);
 }
 
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z)

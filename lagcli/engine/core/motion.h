@@ -43,9 +43,12 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
 /* y' at a state. Returns 0, or 1 where it is undefined. */
 int lag_derivative(lag_run *run, double t, const double *y, double *f);
 
-/* Whether the static elimination gives a and lambda at a state less accurately than they need be:
- * M a = f + B' lambda, B a = gamma are evaluated with them. */
-int lag_inaccurate(lag_run *run, double t, const double *y);
+/* How far the static elimination's a and lambda at a state are from satisfying M a = f + B' lambda,
+ * B a = gamma, next to the terms of these; 0 where there is no elimination. */
+double lag_inaccuracy(lag_run *run, double t, const double *y);
+
+/* How far they may be. */
+double lag_allowed_inaccuracy(const lag_run *run);
 
 /* The 2-norm of x over the tolerances at y and z: every component within its own where <= 1. */
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z);

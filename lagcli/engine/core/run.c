@@ -199,6 +199,19 @@ static void take_back(lag_run *run, double part)
     lag_radau5_restart(run);
 }
 
+int lag_refine(lag_run *run)
+{
+    if (run->refining || run->method != LAG_DOP853
+        || lag_inaccuracy(run, run->t_bad, run->y_bad) > LEAST_ACCURATE)
+        return 0;
+    run->refining = 1;
+    if (lag_inaccuracy(run, run->t_bad, run->y_bad) <= lag_allowed_inaccuracy(run)
+        && !lag_derivative(run, run->t, run->y, run->f))
+        return 1;
+    run->refining = 0;
+    return 0;
+}
+
 int lag_advance(lag_run *run, long slice)
 {
     for (;;) {
@@ -222,7 +235,7 @@ int lag_advance(lag_run *run, long slice)
         const int status = steppers[run->method].step(run);
         if (status != LAG_RUNNING)
             return status;
-        if (lag_inaccurate(run, run->t, run->y_new)) {
+        if (lag_inaccuracy(run, run->t, run->y_new) > lag_allowed_inaccuracy(run)) {
             run->t_bad = run->t;
             memcpy(run->y_bad, run->y_new, (size_t)lag_size(run->system) * sizeof(double));
             take_back(run, 1.0);

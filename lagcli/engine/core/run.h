@@ -65,6 +65,7 @@ typedef struct lag_run {
 
     /* [[M, B'], [B, 0]] by a static elimination ... */
     int eliminating;                   /* 0: not; 1: unrolled in the dynamics tape; 2: by ldl */
+    int refining;                      /* whether y' asks for a refined solution */
     lag_ldl ldl;
     const int32_t *mass_targets;       /* nm: where M's entries go in `factors`; -1: nowhere */
     const int32_t *jacobian_targets;   /* nb */
@@ -117,6 +118,10 @@ void lag_first_step(lag_run *run);
 
 /* Prepare the first step from y at t. Returns LAG_RUNNING or what is wrong there. */
 int lag_start(lag_run *run);
+
+/* After LAG_INACCURATE: let y' ask for refined solutions from now on, if the elimination is sound and
+ * they make up for what it lacks. Returns whether they do. */
+int lag_refine(lag_run *run);
 
 /* Take at most `slice` steps. */
 int lag_advance(lag_run *run, long slice);
