@@ -74,7 +74,7 @@ docs-check: install ## Run the commands and check the statements of the document
 # A second build, beside the installed one. The interpreter itself is not instrumented, so the
 # runtime libraries are loaded before it, and its own memory pools and leaks are left out.
 sanitize: install ## Run the core's tests with the address and undefined-behaviour sanitizers
-	CFLAGS="-fsanitize=address,undefined -fno-sanitize-recover=all -g" \
+	CFLAGS="-O1 -fsanitize=address,undefined -fno-sanitize-recover=all -g" \
 	  LDFLAGS="-fsanitize=address,undefined" $(BIN)/python -m pip install --quiet \
 	  --disable-pip-version-check --no-deps --upgrade --target build/sanitized .
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" \
