@@ -30,13 +30,16 @@ core = Extension(
             "sparse.c",
             "tape.c",
             "taylor.c",
+            "vectors.c",
+            "vectors_avx2.c",
+            "vectors_default.c",
             "watch.c",
         )
     ],
     depends=[str(path) for path in sorted([*CORE.glob("*.h"), *CORE.glob("*.pxi")])],
     # no -ffast-math: NaN and the order of operations mean something here; nor may a processor that
     # multiplies and adds at once change them. Nobody reads errno, and with it no root is a vector's
-    extra_compile_args=["-O3", "-ffp-contract=off", "-fno-math-errno"],
+    extra_compile_args=["-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-jump-tables"],
 )
 extensions = cythonize([core], language_level=3)
 for extension in extensions:

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import symengine as se
 from symengine import Basic
 
+from lagcli.engine.compilation import compile_tape
 from lagcli.engine.interpreter import ScalarTape
-from lagcli.engine.tape import compile_tape
 from lagcli.equations.lagrange import Equations
 from lagcli.model.model import TIME
 

@@ -11,10 +11,11 @@ import numpy as np
 import symengine as se
 from numpy.typing import NDArray
 
+from lagcli.engine.compilation import compile_tape
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.interpreter import run_arrays
 from lagcli.engine.system import System, compile_system
-from lagcli.engine.tape import Tape, compile_tape
+from lagcli.engine.tape import Tape
 from lagcli.equations.lagrange import Equations, derive
 from lagcli.errors import ModelError, NumericalError
 from lagcli.model.dependence import dependent_values

@@ -30,7 +30,10 @@ class SeriesOp(IntEnum):
     MULSUM = 4  # s a b + t c
     INVERSE = 5  # 1 / a
     CHAIN = 6  # c′ = s g a′, of the rate of a and of g up to k − 1
-    END = 7
+    ENTER = 7  # what lies in a layer goes to its row
+    LEAVE = 8  # and back
+    COPY = 9  # a, side by side
+    END = 10
 
 
 #: Which operands are numbers, and which are series that are convolved.

@@ -9,7 +9,7 @@ from lagcli.engine.elimination import Elimination, NoElimination, order_at
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.program import Program, assemble
 from lagcli.engine.run import State
-from lagcli.engine.system import System
+from lagcli.engine.system import System, without_numbers
 from lagcli.engine.unrolling import unroll
 
 
@@ -50,7 +50,13 @@ def prepare(system: System, elimination: Elimination | None) -> Prepared:
     """Assemble a System's programs with an order of elimination, or for the dense solution."""
     unrolled = elimination is not None and elimination.unrolled
     tape = unroll(system, elimination) if elimination and unrolled else system.dynamics
-    return Prepared(elimination, assemble(tape), assemble(system.constraint))
+    labels = system.families
+    right = [without_numbers(name) + "''" for name in (*system.coordinates, *system.constraints)]
+    return Prepared(
+        elimination,
+        dynamics=assemble(tape, [*labels, *right] if tape.other else labels),
+        constraint=assemble(system.constraint, labels),
+    )
 
 
 def find_elimination(evaluator: Evaluator, states: Iterable[State]) -> Elimination | None:

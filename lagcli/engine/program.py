@@ -1,27 +1,27 @@
 """Tape → program: what the core's evaluator runs.
 
-Operations of a kind are put in runs, so that the evaluator decides once for many of them; what
-depends on parameters alone goes into a prelude that is run once; a product that is only added
-becomes one operation with its sum, and the sine and cosine of one angle become one; registers are
-used again when their values are dead.
+Operations of a kind are put in runs, so that the evaluator decides once for many of them, those on
+registers at equal distances in vectors; what depends on parameters alone goes into a prelude that
+is run once; a product that is only added becomes one operation with its sum, and the sine and
+cosine of one angle become one; registers are used again when their values are dead.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.engine.nodes import END, MULADD, MULSUB, SINCOS, SUBMUL, Node
+from lagcli.engine.packing import Packing
 from lagcli.engine.tape import ARITY, Op, Tape
 
-#: Operations that only programs have, after those of tapes.
-MULADD, MULSUB, SUBMUL, SINCOS, END = range(len(Op), len(Op) + 5)
 #: Operations that are put in order at a time: the values that live at once stay near each other.
 _WINDOW = 4096
-
-Node = tuple[int, tuple[int, ...], tuple[int, ...]]  # operation, destinations, operands
+#: Operations from which vectors are looked for, and the part of them that is to be in vectors.
+_LONG, _WORTH = 1500, 0.5
 
 
 class Program(NamedTuple):
@@ -29,12 +29,16 @@ class Program(NamedTuple):
 
     A stream is, for each run of operations: the operation, their number, and for each of them its
     destinations and operands; it ends with END. MULADD is a b + c, MULSUB a b − c, SUBMUL c − a b
-    for operands a, b, c; SINCOS has two destinations.
+    for operands a, b, c; SINCOS has two destinations. An operation on vectors has VECTOR added; it
+    is followed by the number of elements, the first destination, and the first place and the step
+    of each operand.
 
     Parameters
     ----------
     prelude, main : int32 arrays
         Streams; the prelude is run once.
+    later : tuple of int32 arrays
+        Streams for the outputs that are asked for apart, run after ``main`` when they are needed.
     registers : (n,) array
         The register file before the prelude: inputs (zero), constants.
     outputs : int32 array
@@ -42,56 +46,109 @@ class Program(NamedTuple):
     size : int
         Number of operations in ``main``.
     inputs : int
-        Number of input registers.
+        Number of input registers, but for those that only later outputs depend on.
     """
 
     prelude: NDArray[np.int32]
     main: NDArray[np.int32]
+    later: tuple[NDArray[np.int32], ...]
     registers: NDArray[np.float64]
     outputs: NDArray[np.int32]
     size: int
     inputs: int
 
 
-def assemble(tape: Tape) -> Program:
+def assemble(tape: Tape, families: Sequence[str | None] = ()) -> Program:
     """Put a tape in order.
 
     Parameters
     ----------
     tape : Tape
+    families : sequence of str or None
+        Labels of inputs: those that are alike have the same.
     """
     fixed = tape.inputs + len(tape.constants)
-    steady = set(range(tape.inputs - tape.parameters, fixed))
-    prelude: list[Node] = []
-    main: list[Node] = []
-    for op, to, a, b, c in tape.code:
-        operands = (a, b, c)[: ARITY[op]]
-        if steady.issuperset(operands):
-            steady.add(to)
-            prelude.append((op, (to,), operands))
-        else:
-            main.append((op, (to,), operands))
-    main = _sines_with_cosines(_products_with_sums(main, tape.outputs))
-    ordered = in_order(main)
+    prelude, *parts = _parts(tape)
     place = {x: x for x in range(fixed)}
     for _, destinations, _ in prelude:
         place[destinations[0]] = len(place)
     prelude = [_placed(node, place) for node in prelude]
-    count = len(place)
-    ordered, count = allocate(ordered, place, count, set(tape.outputs))
+    needed = [set(tape.outputs).union(*map(_operands, parts[i + 1 :])) for i in range(len(parts))]
+    parts = [
+        _sines_with_cosines(_products_with_sums(nodes, keep))
+        for nodes, keep in zip(parts, needed, strict=True)
+    ]
+    streams, count = _arranged(parts, needed, place, families)
     registers = np.zeros(count)
     registers[tape.inputs : fixed] = tape.constants
     return Program(
         prelude=stream(prelude),
-        main=stream(ordered),
+        main=streams[0],
+        later=tuple(streams[1:]),
         registers=registers,
         outputs=np.array([place[x] for x in tape.outputs], dtype=np.int32),
-        size=len(ordered),
-        inputs=tape.inputs,
+        size=len(parts[0]),
+        inputs=tape.inputs - tape.other,
     )
 
 
-def _products_with_sums(nodes: list[Node], outputs: Sequence[int]) -> list[Node]:
+def _parts(tape: Tape) -> list[list[Node]]:
+    """Return what depends on parameters alone, and what else each part of the outputs needs.
+
+    An operation belongs to the first part that needs it; what none needs is left out.
+    """
+    fixed, end = tape.inputs + len(tape.constants), len(tape.outputs)
+    first = tape.inputs - tape.other
+    steady = {*range(first - tape.parameters, first), *range(tape.inputs, fixed)}
+    of: dict[int, int] = {}  # the part of each register
+    for number, count in enumerate(reversed(tape.later)):
+        of.update(dict.fromkeys(tape.outputs[end - count : end], len(tape.later) - number))
+        end -= count
+    of.update(dict.fromkeys(tape.outputs[:end], 0))
+    for _, to, a, b, c in reversed(tape.code):
+        if to in of:
+            of.update((x, min(of.get(x, of[to]), of[to])) for x in (a, b, c))
+    parts: list[list[Node]] = [[] for _ in range(2 + len(tape.later))]
+    for op, to, a, b, c in tape.code:
+        if to not in of:
+            continue
+        operands = (a, b, c)[: ARITY[op]]
+        if steady.issuperset(operands):
+            steady.add(to)
+            parts[0].append((op, (to,), operands))
+        else:
+            parts[1 + of[to]].append((op, (to,), operands))
+    return parts
+
+
+def _operands(nodes: Sequence[Node]) -> set[int]:
+    return {x for _, _, operands in nodes for x in operands}
+
+
+def _arranged(
+    parts: Sequence[list[Node]],
+    needed: Sequence[set[int]],
+    place: dict[int, int],
+    families: Sequence[str | None],
+) -> tuple[list[NDArray[np.int32]], int]:
+    """Return the streams of successive parts, whose needed results are kept, and how many places
+    there are; complete ``place``.
+    """
+    count, operations = len(place), sum(map(len, parts))
+    if operations >= _LONG:
+        packing = Packing(dict(place), count, families)
+        streams = packing.streams(parts, needed)
+        if packing.packed >= _WORTH * operations:
+            place.update(packing.place)
+            return streams, packing.count
+    streams = []
+    for nodes, keep in zip(parts, needed, strict=True):
+        ordered, count = allocate(in_order(nodes), place, count, keep)
+        streams.append(stream(ordered))
+    return streams, count
+
+
+def _products_with_sums(nodes: list[Node], outputs: Collection[int]) -> list[Node]:
     """Merge each product that is used once, by a sum, into that sum."""
     uses: dict[int, int] = dict.fromkeys(outputs, 2)
     for _, _, operands in nodes:

@@ -13,12 +13,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from string import digits as DIGITS
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.expansion import BEFORE, CONVOLVED, NOUGHT, NUMBERS, WORK, Expansion, SeriesOp
+from lagcli.engine.layers import LAYERED, Layers, Vector, layered, vector_stream
 from lagcli.engine.program import Node, allocate, in_order, stream
 from lagcli.engine.system import System
 from lagcli.engine.tape import Builder, Op, Tape
@@ -27,6 +29,8 @@ from lagcli.engine.tape import Builder, Op, Tape
 PADDING = 4
 #: The largest order; the core's loops know their lengths up to here.
 MOST = 31
+#: Operations from which vectors are looked for, and the part of them that is to be in vectors.
+_LONG, _WORTH = 1500, 0.5
 
 
 class Series(NamedTuple):
@@ -35,24 +39,28 @@ class Series(NamedTuple):
     A file of numbers holds the steady ones, then a row of coefficients for each series that is
     convolved, then one place for each of the others: they are not kept. Their places move by one
     with each order, so that an offset means the same for both. The first rows are t, q, v, W, and
-    one of zeros.
+    one of zeros. A long program has layers after that: see `lagcli.engine.layers`; there the state
+    lies in them.
 
     Parameters
     ----------
     values : Tape
-        (t, q, v, parameters) → the steady numbers, what the rows after the first ones begin with,
+        (t, q, v, parameters) → the steady numbers, what series other than the state's begin with,
         a, power.
     stream : int32 array
-        Operations on offsets in the file, as those of `Program`.
+        Operations on offsets in the file, as those of `Program`; for a vector each operand has two,
+        numbers too.
     convolutions : int
-        How many convolutions there are.
+        How many convolutions there are outside vectors.
     order : int
     steady : int
         How many numbers are steady.
-    rows : int
-        How many rows there are.
-    first, row : int
-        Where the first row begins, and from one row to the next.
+    begins : int32 array
+        Offsets of the first coefficients of series other than the state's.
+    rows, cleared : int
+        Where the first row begins, and how many numbers the rows are.
+    first, row, layer : int
+        Where the state begins; from one of its series to the next, from one order to the next.
     size : int
         Of the file.
     rates : int32 array
@@ -64,9 +72,12 @@ class Series(NamedTuple):
     convolutions: int
     order: int
     steady: int
+    begins: NDArray[np.int32]
     rows: int
+    cleared: int
     first: int
     row: int
+    layer: int
     size: int
     rates: NDArray[np.int32]
 
@@ -94,7 +105,9 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     nq = len(system.coordinates)
     first = len(system.dynamics.outputs)  # of a, then λ
     power = _power(system, builder, outputs, first, working)
-    return _program(expansion, nq, [*outputs[first : first + nq], power], order)
+    labels = [name.rstrip(DIGITS) for name in system.coordinates]
+    families = ["t", *labels, *(f"{label}'" for label in labels)]
+    return _program(expansion, families, [*outputs[first : first + nq], power], order)
 
 
 def order_for(rtol: float) -> int:
@@ -129,34 +142,123 @@ def _power(
     return total
 
 
-def _program(expansion: Expansion, nq: int, outputs: Sequence[int], order: int) -> Series:
+def _program(
+    expansion: Expansion, families: Sequence[str], outputs: Sequence[int], order: int
+) -> Series:
     """Return the program that gives the series of the outputs: a, power."""
     expansion.expand()
     results = [expansion.result(x) for x in outputs]
     nodes = _merged(expansion.wanted(results), results)
-    state = [*range(1 + 2 * nq), WORK, NOUGHT]
-    rows = [*state, *_kept(nodes, set(state))]
+    state = [*range(len(families)), WORK, NOUGHT]
+    kept = _kept(nodes, set(state))
+    found = None
+    if len(nodes) >= _LONG:
+        found = layered(nodes, state, kept, results, families, _WORTH)
+    if found is None:
+        return _in_rows(expansion, nodes, [*state, *kept], len(state), results, outputs, order)
+    return _in_layers(expansion, found, len(state), results, outputs, order)
+
+
+def _in_rows(
+    expansion: Expansion,
+    nodes: list[Node],
+    rows: Sequence[int],
+    state: int,
+    results: Sequence[int],
+    outputs: Sequence[int],
+    order: int,
+) -> Series:
+    """Return a program with rows for what is convolved; those of the state are the first."""
     numbers = list(dict.fromkeys(o[i] for op, _, o in nodes for i in NUMBERS.get(op, ())))
-    row = -(-(PADDING + order + 1) // 4) * 4
-    first = -(-len(numbers) // 4) * 4 + PADDING
-    place = {x: first + n * row for n, x in enumerate(rows)}
-    place.update({x + BEFORE: at for x, at in place.items()})
-    place.update({x: n for n, x in enumerate(numbers)})
-    end = first + len(rows) * row
+    row, first = _row(order), _first(numbers)
+    place = {x: n for n, x in enumerate(numbers)}
+    end = _place_rows(place, rows, first, row)
     ordered, count = allocate(in_order(nodes), place, end, {*rows, *results})
-    begins = [expansion.begins.get(x, x) for x in rows[len(state) :]]
+    begins = rows[state:]
     return Series(
-        values=expansion.builder.finish([*numbers, *begins, *outputs]),
+        values=_values(expansion, numbers, begins, outputs),
         stream=stream(ordered, SeriesOp.END),
         convolutions=sum(op in CONVOLVED for op, _, _ in nodes),
         order=order,
         steady=len(numbers),
-        rows=len(rows),
+        begins=np.array([place[x] for x in begins], dtype=np.int32),
+        rows=first,
+        cleared=end - first,
         first=first,
         row=row,
+        layer=1,
         size=count + order + 2 * PADDING,
         rates=np.array([place[x] for x in results], dtype=np.int32),
     )
+
+
+def _in_layers(
+    expansion: Expansion,
+    layers: Layers,
+    state: int,
+    results: Sequence[int],
+    outputs: Sequence[int],
+    order: int,
+) -> Series:
+    """Return a program with layers, and rows for what is in no vector and convolved."""
+    singles = [x for part in layers.parts if not isinstance(part, Vector) for x in part]
+    numbers = list(dict.fromkeys(o[i] for op, _, o in singles for i in NUMBERS.get(op, ())))
+    place = {x: n for n, x in enumerate(numbers)}
+    vectors = {i: x for i, x in enumerate(layers.parts) if isinstance(x, Vector)}
+    streams = {i: vector_stream(x, numbers) for i, x in vectors.items()}
+    rows = _kept(singles, set())
+    row, first = _row(order), _first(numbers)
+    end = _place_rows(place, rows, first, row)
+    place.update({x + LAYERED: at for x, at in layers.place.items()})
+    left = [to for op, (to,), _ in singles if op == SeriesOp.LEAVE]
+    ordered, count = allocate(singles, place, end, {*rows, *left})
+    at, whole = 0, []
+    for i, part in enumerate(layers.parts):
+        if i in streams:
+            whole += streams[i]
+        else:
+            whole += stream(ordered[at : at + len(part)]).tolist()[:-2]
+            at += len(part)
+    base = -(-(count + order + 2 * PADDING) // 8) * 8
+    first_rows = [place[x] for x in rows]
+    return Series(
+        values=_values(expansion, numbers, [*rows, *layers.kept.values()], outputs),
+        stream=np.array([*whole, SeriesOp.END, 0], dtype=np.int32),
+        convolutions=sum(op in CONVOLVED for op, _, _ in singles),
+        order=order,
+        steady=len(numbers),
+        begins=np.array([*first_rows, *(base + x for x in layers.kept)], dtype=np.int32),
+        rows=first,
+        cleared=end - first,
+        first=base,
+        row=1,
+        layer=layers.size,
+        size=base + order * layers.size + layers.end,
+        rates=np.array([base + layers.place[x] for x in results], dtype=np.int32),
+    )
+
+
+def _row(order: int) -> int:
+    return -(-(PADDING + order + 1) // 4) * 4
+
+
+def _first(numbers: Sequence[int]) -> int:
+    """Return where the first row begins."""
+    return -(-len(numbers) // 4) * 4 + PADDING
+
+
+def _place_rows(place: dict[int, int], rows: Sequence[int], first: int, row: int) -> int:
+    """Give series rows, the same when orders up to k − 1 are needed; return their end."""
+    for n, x in enumerate(rows):
+        place[x] = place[x + BEFORE] = first + n * row
+    return first + len(rows) * row
+
+
+def _values(
+    expansion: Expansion, numbers: Sequence[int], begins: Sequence[int], outputs: Sequence[int]
+) -> Tape:
+    begun = [expansion.begins.get(x, x) for x in begins]
+    return expansion.builder.finish([*numbers, *begun, *outputs])
 
 
 def _merged(nodes: list[Node], results: Sequence[int]) -> list[Node]:

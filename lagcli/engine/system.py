@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -9,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import symengine as se
 
-from lagcli.engine.tape import Tape, compile_tape
+from lagcli.engine.compilation import compile_tape
+from lagcli.engine.tape import Tape
 
 if TYPE_CHECKING:
     from lagcli.engine.variation import Variation
@@ -65,6 +67,20 @@ class System:
     outputs: tuple[str, ...] = ()
     events: Tape | None = None
     variation: Callable[[], Variation] | None = None
+
+    @property
+    def families(self) -> list[str | None]:
+        """Labels of the tapes' inputs t, q, v, parameters: a coordinate's name without its numbers.
+
+        Coordinates with the same label are likely to be treated alike.
+        """
+        kinds = [without_numbers(name) for name in self.coordinates]
+        return [None, *kinds, *(kind + "'" for kind in kinds), *[None for _ in self.parameters]]
+
+
+def without_numbers(name: str) -> str:
+    """Return a name without its numbers."""
+    return re.sub(r"\d+", "", name)
 
 
 def compile_system(equations: Equations) -> System:

@@ -6,33 +6,45 @@ parameters alone (the inverse of a mass) is computed once for a run.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from itertools import zip_longest
+
 from lagcli.engine.elimination import Elimination
 from lagcli.engine.system import System
 from lagcli.engine.tape import Builder, Op, Tape
 
 
-def unroll(system: System, elimination: Elimination) -> Tape:
+def unroll(system: System, elimination: Elimination, whole: bool = True) -> Tape:
     """Append the solution of [[M, Bᵀ], [B, 0]] [a; −λ] = [f; γ] to the dynamics tape.
 
     Parameters
     ----------
     system : System
     elimination : Elimination
+    whole : bool
+        Whether to append what is asked for apart, too.
 
     Returns
     -------
     Tape
-        With the outputs of ``system.dynamics``, then a, λ, then the factors: by place, the inverse
-        of D (its diagonal; right of the diagonal where a pair begins, else 0), then L by columns.
+        Outputs are those of ``system.dynamics``, then a, λ. A whole tape's power is that of the
+        constraints too, and it has nq + nc more inputs at the end: another right side, in the order
+        of the unknowns. Its outputs go on with the
+        factors: by place, the inverse of D (its diagonal; right of the diagonal where a pair
+        begins, else 0), then L by columns. Apart from these, the parts that pivots keep of the
+        terms that they are the sum of, scaled so that 1 stands for no cancellation, and the squares
+        of the lengths of B's rows; and apart again the solution for the other right side.
     """
-    return _Unrolling(system, elimination).tape()
+    return _Unrolling(system, elimination, whole).tape()
 
 
 class _Unrolling:
     """Emits the operations of a factorization and of its use."""
 
-    def __init__(self, system: System, elimination: Elimination):
-        builder, outputs = Builder.extending(system.dynamics)
+    def __init__(self, system: System, elimination: Elimination, whole: bool):
+        size = len(elimination.order)
+        builder, outputs = Builder.extending(system.dynamics, size if whole else 0)
+        self.whole = whole
         mass, jacobian, nq = system.mass_pattern, system.jacobian_pattern, len(system.coordinates)
         self.builder, self.outputs, self.nq, self.plan = builder, outputs, nq, elimination
         self.zero, self.one = builder.constant(0.0), builder.constant(1.0)
@@ -43,12 +55,21 @@ class _Unrolling:
         for (i, j), x in zip(mass, outputs, strict=False):
             if place[i] >= place[j]:
                 self.entries[place[i], place[j]] = x
+        self.rows: list[list[int]] = [[] for _ in system.constraints]
+        self.speeds: list[int] = [self.zero for _ in system.constraints]  # B v
         for (i, j), x in zip(jacobian, outputs[nm + nq :], strict=False):
             p, q = place[nq + i], place[j]
             self.entries[max(p, q), min(p, q)] = x
-        size = len(elimination.order)
+            self.rows[i].append(x)
+            if whole:
+                self.speeds[i] = self.plus(self.speeds[i], self.times(x, 1 + nq + j))
         right = [*outputs[nm : nm + nq], *outputs[nm + nq + nb : nm + nb + size]]
         self.right = [right[unknown] for unknown in elimination.order]
+        self.other_right = [system.dynamics.inputs + unknown for unknown in elimination.order]
+        self.diagonal, self.beside = [self.zero] * size, [self.zero] * size
+        self.lower: list[dict[int, int]] = [{} for _ in range(size)]
+        self.kept: list[int] = []
+        self.taken: list[list[int]] = [[] for _ in range(size)]
 
     # arithmetic that knows zeros and ones
 
@@ -69,31 +90,85 @@ class _Unrolling:
     def inverse(self, a: int) -> int:
         return a if a == self.one else self.builder.emit(Op.DIV, self.one, a)
 
+    def plus(self, a: int, b: int) -> int:
+        if a == self.zero:
+            return b
+        return a if b == self.zero else self.builder.emit(Op.ADD, a, b)
+
+    def magnitude(self, a: int) -> int:
+        return a if a == self.zero else self.builder.emit(Op.ABS, a)
+
     def tape(self) -> Tape:
         plan, size = self.plan, len(self.plan.order)
-        diagonal, beside = [self.zero] * size, [self.zero] * size
-        lower: list[list[int]] = [[] for _ in range(size)]
-        k = 0
-        while k < size:
-            width = 2 if plan.paired[k] else 1
-            inverse = self.pivot(k, width)
-            diagonal[k : k + width] = [inverse[i][i] for i in range(width)]
-            if width == 2:
-                beside[k] = inverse[0][1]
-            self.column(k, width, inverse, lower)
-            k += width
-        x = self.backward(diagonal, beside, lower)
-        solution = [x[self.place[i]] for i in range(size)]
+        for k in self.pivots():
+            self.eliminate(k, 2 if plan.paired[k] else 1)
+        solution = self.solution(self.right)
         solution[self.nq :] = [self.minus(self.zero, y) for y in solution[self.nq :]]
-        factors = [*diagonal, *beside, *(y for column in lower for y in column)]
-        return self.builder.finish([*self.outputs, *solution, *factors])
+        if not self.whole:
+            return self.builder.finish([*self.outputs, *solution])
+        lower = [self.lower[k][i] for k in range(size) for i in plan.columns[k]]
+        main = [*self.outputs, *solution, *self.diagonal, *self.beside, *lower]
+        main[len(self.outputs) - 1] = self.power(solution[self.nq :])
+        watched = [*self.kept, *map(self.square, self.rows)]
+        other = self.solution(self.other_right)
+        return self.builder.finish([*main, *watched, *other], (len(watched), len(other)))
+
+    def diagonal_entry(self, k: int) -> int:
+        """Return the matrix' entry on the diagonal, as far as it is reduced."""
+        return self.entries.get((k, k), self.zero)
+
+    def pivots(self) -> Iterable[int]:
+        """Yield the places at which pivots begin."""
+        return (k for k in range(len(self.place)) if not (k and self.plan.paired[k - 1]))
+
+    def power(self, multipliers: Sequence[int]) -> int:
+        """Return the power of all forces."""
+        terms = [self.times(x, y) for x, y in zip(multipliers, self.speeds, strict=True)]
+        while len(terms) > 1:  # in pairs, which vectors can do
+            pairs = zip_longest(terms[::2], terms[1::2], fillvalue=self.zero)
+            terms = [self.plus(a, b) for a, b in pairs]
+        return self.plus(self.outputs[-1], *(terms or [self.zero]))
+
+    def square(self, row: list[int]) -> int:
+        """Return the square of a row's length."""
+        total = self.zero
+        for x in row:
+            total = self.plus(total, self.times(x, x))
+        return total
+
+    def keep(self, k: int, width: int) -> None:
+        """Emit what a pivot keeps of its terms."""
+        builder, a = self.builder, self.diagonal_entry(k)
+        if width == 1:
+            total = size = self.magnitude(a)
+            for x in self.taken[k]:
+                total = self.plus(total, x)
+            if self.taken[k]:
+                self.kept.append(builder.emit(Op.DIV, self.plus(size, size), total))
+            return
+        b, c = self.entries[k + 1, k], self.diagonal_entry(k + 1)
+        product, square = self.times(a, c), self.times(b, b)
+        if product != self.zero:
+            rest = self.magnitude(self.minus(product, square))
+            terms = self.plus(self.magnitude(product), square)
+            self.kept.append(builder.emit(Op.DIV, rest, terms))
+
+    def take(self, k: int, width: int, i: int) -> None:
+        """Emit the magnitudes of the terms that a pivot takes off the diagonal below."""
+        x, a = self.lower[k][i], self.diagonal_entry(k)
+        terms = [self.times(self.times(x, x), self.magnitude(a))]
+        if width == 2:
+            y, b, c = self.lower[k + 1][i], self.entries[k + 1, k], self.diagonal_entry(k + 1)
+            both = self.magnitude(self.times(self.times(x, y), b))
+            terms += [self.plus(both, both), self.times(self.times(y, y), self.magnitude(c))]
+        self.taken[i] += [term for term in terms if term != self.zero]
 
     def pivot(self, k: int, width: int) -> list[list[int]]:
         """Return the inverse of a pivot."""
-        a = self.entries.get((k, k), self.zero)
+        a = self.diagonal_entry(k)
         if width == 1:
             return [[self.inverse(a)]]
-        b, c = self.entries[k + 1, k], self.entries.get((k + 1, k + 1), self.zero)
+        b, c = self.entries[k + 1, k], self.diagonal_entry(k + 1)
         if a == self.zero and c == self.zero:
             x = self.inverse(b)
             return [[self.zero, x], [x, self.zero]]
@@ -102,46 +177,53 @@ class _Unrolling:
         off = self.minus(self.zero, self.times(b, x))
         return [[self.times(c, x), off], [off, self.times(a, x)]]
 
-    def column(self, k: int, width: int, inverse: list[list[int]], lower: list[list[int]]) -> None:
-        """Emit a pivot's part of L, its updates, and its part of the forward substitution."""
-        below = self.plan.columns[k]
+    def eliminate(self, k: int, width: int) -> None:
+        """Emit a pivot's part of L and its updates."""
+        if self.whole:
+            self.keep(k, width)
+        inverse = self.pivot(k, width)
+        self.diagonal[k : k + width] = [inverse[i][i] for i in range(width)]
+        if width == 2:
+            self.beside[k] = inverse[0][1]
+        below = self.alike(self.plan.columns[k])
         rows: dict[int, list[int]] = {}
         for i in below:
-            entries = [self.entries.pop((i, k + p), self.zero) for p in range(width)]
-            factors = []
+            rows[i] = entries = [self.entries.pop((i, k + p), self.zero) for p in range(width)]
             for p in range(width):
                 total = self.times(entries[0], inverse[0][p])
                 if width == 2:
                     total = self.plus(total, self.times(entries[1], inverse[1][p]))
-                factors.append(total)
-                lower[k + p].append(total)
-            for p in range(width):
-                self.right[i] = self.minus(self.right[i], self.times(factors[p], self.right[k + p]))
-            rows[i] = entries
+                self.lower[k + p][i] = total
+            if self.whole:
+                self.take(k, width, i)
         for n, i in enumerate(below):
             for j in below[: n + 1]:
-                value = self.entries.get((i, j), self.zero)
+                entry = max(i, j), min(i, j)
+                value = self.entries.get(entry, self.zero)
                 for p in range(width):
-                    value = self.minus(value, self.times(lower[k + p][n], rows[j][p]))
+                    value = self.minus(value, self.times(self.lower[k + p][i], rows[j][p]))
                 if value != self.zero:
-                    self.entries[i, j] = value
+                    self.entries[entry] = value
 
-    def plus(self, a: int, b: int) -> int:
-        if a == self.zero:
-            return b
-        return a if b == self.zero else self.builder.emit(Op.ADD, a, b)
+    def alike(self, places: Iterable[int]) -> list[int]:
+        """Return places in the order of their unknowns: bodies in a row are treated alike then."""
+        return sorted(places, key=self.plan.order.__getitem__)
 
-    def backward(self, diagonal: list[int], beside: list[int], lower: list[list[int]]) -> list[int]:
-        """Emit the division by D and the backward substitution."""
-        plan, z = self.plan, self.right
+    def solution(self, right: Sequence[int]) -> list[int]:
+        """Emit the substitutions for a right side by place; return the solution by unknown."""
+        paired, z = self.plan.paired, list(right)
+        for k in self.pivots():
+            for p in range(2 if paired[k] else 1):
+                for i in self.alike(self.lower[k + p]):
+                    z[i] = self.minus(z[i], self.times(self.lower[k + p][i], z[k + p]))
         x = [self.zero] * len(z)
         for k in reversed(range(len(z))):
-            total = self.times(diagonal[k], z[k])
-            if plan.paired[k]:
-                total = self.plus(total, self.times(beside[k], z[k + 1]))
-            elif k and plan.paired[k - 1]:
-                total = self.plus(total, self.times(beside[k - 1], z[k - 1]))
-            for i, factor in zip(plan.columns[k], lower[k], strict=True):
-                total = self.minus(total, self.times(factor, x[i]))
+            total = self.times(self.diagonal[k], z[k])
+            if paired[k]:
+                total = self.plus(total, self.times(self.beside[k], z[k + 1]))
+            elif k and paired[k - 1]:
+                total = self.plus(total, self.times(self.beside[k - 1], z[k - 1]))
+            for i in self.alike(self.lower[k]):
+                total = self.minus(total, self.times(self.lower[k][i], x[i]))
             x[k] = total
-        return x
+        return [x[self.place[unknown]] for unknown in range(len(z))]

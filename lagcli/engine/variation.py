@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import symengine as se
 
+from lagcli.engine.compilation import compile_tape
 from lagcli.engine.system import Pattern
-from lagcli.engine.tape import Tape, compile_tape
+from lagcli.engine.tape import Tape
 
 if TYPE_CHECKING:
     from lagcli.equations.lagrange import Equations, Row

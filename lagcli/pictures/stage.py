@@ -10,8 +10,8 @@ import symengine as se
 from numpy.typing import NDArray
 from symengine import Basic
 
+from lagcli.engine.compilation import compile_tape
 from lagcli.engine.interpreter import run_arrays
-from lagcli.engine.tape import compile_tape
 from lagcli.equations.render.names import Names
 from lagcli.errors import UsageError
 from lagcli.model.model import (

@@ -8,8 +8,8 @@ import numpy as np
 import symengine as se
 from numpy.typing import NDArray
 
+from lagcli.engine.compilation import compile_tape
 from lagcli.engine.interpreter import run_arrays
-from lagcli.engine.tape import compile_tape
 from lagcli.model.measures import Measure, Reduction, reduced
 
 Array = NDArray[np.float64]

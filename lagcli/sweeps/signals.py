@@ -10,8 +10,9 @@ import symengine as se
 from numpy.typing import NDArray
 from symengine import Basic
 
+from lagcli.engine.compilation import compile_tape
 from lagcli.engine.interpreter import run_arrays
-from lagcli.engine.tape import Tape, compile_tape
+from lagcli.engine.tape import Tape
 from lagcli.equations.lagrange import Equations, with_forces
 from lagcli.errors import UsageError
 from lagcli.model.functions import FUNCTIONS

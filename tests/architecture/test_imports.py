@@ -79,8 +79,8 @@ FOREIGN = {
 
 #: Modules of the engine that work on numbers alone; a System can be written by hand for them.
 NUMERIC = {f.stem for f in (PACKAGE / "engine").glob("*.py")} - {
+    "compilation",
     "system",
-    "tape",
     "variation",
     "__init__",
 }

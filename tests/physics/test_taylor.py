@@ -99,3 +99,29 @@ initial: {x: 1, y: 0, x': 0, y': 0}
     trajectory = run(model, t_end=1)
     assert trajectory.status == "completed"
     assert "solved densely" in trajectory.message
+
+
+def test_long_chain_moves_alike() -> None:
+    # long enough for operations on vectors
+    n = 70
+    rods = [f"  rod{i}: (x{i} - x{i - 1})^2 + (y{i} - y{i - 1})^2 = 1" for i in range(2, n + 1)]
+    names = [f"{x}{i}" for i in range(1, n + 1) for x in "xy"]
+    model = lagcli.load_text(f"""
+coordinates: [{", ".join(names)}]
+T: {" + ".join(f"{x}'^2/2" for x in names)}
+V: {" + ".join(f"9.81*y{i}" for i in range(1, n + 1))}
+constraints:
+  rod1: x1^2 + y1^2 = 1
+{chr(10).join(rods)}
+initial: {{{", ".join(f"x{i}: {i}, y{i}: 0, x{i}': 0, y{i}': 0" for i in range(1, n + 1))}}}
+""")
+    options: dict[str, Any] = {"t_end": 0.6, "samples": 4, "rtol": 1e-11, "atol": 1e-11}
+    found = run(model, **options)
+    expected = lagcli.simulate(model, method="DOP853", **options)
+    assert found.options["method"] == "Taylor"
+    assert found.counts["steps"] < expected.counts["steps"] / 2
+    np.testing.assert_allclose(found.q, expected.q, atol=1e-9)
+    np.testing.assert_allclose(found.v, expected.v, atol=1e-8)
+    size = np.abs(expected.multipliers).max()
+    np.testing.assert_allclose(found.multipliers, expected.multipliers, atol=1e-8 * size)
+    assert np.abs(found.energy_balance).max() < 1e-8

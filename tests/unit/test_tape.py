@@ -15,8 +15,9 @@ import symengine as se
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lagcli.engine.compilation import compile_tape
 from lagcli.engine.interpreter import ScalarTape, run_arrays
-from lagcli.engine.tape import ARITY, Op, Tape, compile_tape
+from lagcli.engine.tape import ARITY, Op, Tape
 from lagcli.model.functions import FUNCTIONS, cases
 
 try:

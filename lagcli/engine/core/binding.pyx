@@ -11,6 +11,7 @@ from libc.stdint cimport int32_t
 cdef extern from "tape.h":
     ctypedef struct lag_tape:
         const int32_t *stream
+        const int32_t *later[2]
         double *registers
         const int32_t *outputs
 
@@ -70,7 +71,9 @@ cdef extern from "series.h":
         int count
         double *file
         int order
-        int steady, rows, row, first
+        int steady, rows, cleared, begun
+        const int32_t *begins
+        int first, row, layer
         const int32_t *rates
 
     int lag_series_expand(const lag_series *series, int nq, double t, const double *y) nogil
@@ -108,7 +111,7 @@ cdef extern from "run.h":
         int finishing
         double *a
         double *multipliers
-        int eliminating, refining
+        int eliminating, refining, kept_count, other_right
         lag_ldl ldl
         const int32_t *mass_targets
         const int32_t *jacobian_targets
@@ -145,6 +148,10 @@ cdef extern from "run.h":
     int lag_refine(lag_run *run) nogil
     int lag_sample_until(lag_run *run, double end) nogil
     void lag_dense(lag_run *run, double t, double *y) nogil
+
+
+cdef extern from "motion.h":
+    int lag_first_kept(const lag_run *run)
 
 
 cdef extern from "sparse.h":
@@ -229,25 +236,30 @@ def radau5_coefficients():
     return *map(np.array, lists), eigenvalues, np.array(list(radau_error))
 
 
-def run_tape(tape, inputs):
-    """Run a tape once, as the engine does.
+def run_tape(tape, inputs, families=()):
+    """Run a tape once, with all that is asked for apart, as the engine does.
 
     Parameters
     ----------
     tape : Tape
     inputs : sequence of float
+    families : sequence of str or None
+        Labels of the inputs.
 
     Returns
     -------
     (outputs,) array
     """
-    program = assemble(tape)
+    program = assemble(tape, families)
     registers = program.registers
     registers[: tape.inputs] = inputs
     cdef double[::1] r = registers
     cdef int32_t[::1] prelude = program.prelude, main = program.main
     lag_stream_run(&prelude[0], &r[0])
     lag_stream_run(&main[0], &r[0])
+    for stream in program.later:
+        main = stream
+        lag_stream_run(&main[0], &r[0])
     return registers[program.outputs]
 
 
@@ -291,6 +303,13 @@ def _integers(values):
     """Return an array that is never empty: C forbids pointers to nothing."""
     array = np.array(values, dtype=np.int32).reshape(-1)
     return array if array.size else np.zeros(1, dtype=np.int32)
+
+
+def _aligned(long n):
+    """Return an array of zeros that begins where a cache line does; never empty."""
+    array = np.zeros(n + 8)
+    first = (-array.ctypes.data % 64) // 8
+    return array[first : first + max(n, 1)]
 
 
 cdef class Integrator:
@@ -359,7 +378,7 @@ cdef class Integrator:
         self.run.trial = self.doubles(n)
         self.run.y_sample = self.doubles(n)
         self.run.work = self.doubles(2 * (n + size))
-        self.run.stages, self.run.dense = self.doubles(16 * n), self.doubles(7 * n)
+        self.run.stages, self.run.dense = self.doubles(16 * (n + 7)), self.doubles(7 * (n + 7))
         self.run.a = self.doubles(nq + nc)
         self.run.multipliers = self.run.a + nq
         self.run.right, self.run.solution = self.doubles(size), self.doubles(size)
@@ -392,7 +411,7 @@ cdef class Integrator:
         return &view[0]
 
     cdef double *doubles(self, int n) except NULL:
-        return self.borrow(np.zeros(n))
+        return self.borrow(_aligned(n))
 
     cdef int32_t *integers(self, values) except NULL:
         array = _integers(values)
@@ -401,11 +420,14 @@ cdef class Integrator:
         return &view[0]
 
     cdef int bind(self, lag_tape *tape, program) except -1:
-        registers = program.registers.copy()
+        registers = _aligned(len(program.registers))
+        registers[:] = program.registers
         registers[program.inputs - len(self.parameters) : program.inputs] = self.parameters
         registers[0] = np.nan  # no state yet
         tape.registers = self.borrow(registers)
         tape.stream = self.integers(program.main)
+        for i, stream in enumerate(program.later):
+            tape.later[<int>i] = self.integers(stream)
         tape.outputs = self.integers(program.outputs)
         lag_stream_run(self.integers(program.prelude), tape.registers)
         return 0
@@ -439,6 +461,8 @@ cdef class Integrator:
         ldl.left_start = self.integers(starts)
         ldl.left_column = self.integers(columns)
         ldl.left_entry = self.integers(entries)
+        self.run.kept_count = len(dynamics.outputs) - lag_first_kept(&self.run) - n
+        self.run.other_right = dynamics.inputs
         self.run.factors = self.doubles(2 * n + len(entries))
         self.run.product = self.doubles(len(entries))
         self.run.mass_targets = self.integers(plan.targets(self.mass_pattern))
@@ -460,21 +484,28 @@ cdef class Integrator:
         self.bind(&series.values, assemble(program.values))
         series.stream, series.rates = self.integers(program.stream), self.integers(program.rates)
         series.count, series.known = program.convolutions, self.doubles(program.convolutions)
-        series.file = self.doubles(program.size)
-        series.order, series.steady, series.rows = program.order, program.steady, program.rows
-        series.row, series.first = program.row, program.first
+        # layers lie as the lines of the cache do
+        series.file = self.doubles(program.size + 8)
+        series.file += (-(<size_t>series.file // sizeof(double))) % 8
+        series.order, series.steady = program.order, program.steady
+        series.rows, series.cleared = program.rows, program.cleared
+        series.begins, series.begun = self.integers(program.begins), len(program.begins)
+        series.first, series.row, series.layer = program.first, program.row, program.layer
         for i in range(program.steady):
             series.file[i] = series.values.registers[series.values.outputs[i]]
 
     def series(self):
         """Return the Taylor coefficients of y = (q, v, W) here, (n, order + 1); NaN without any."""
         cdef const lag_series *series = &self.run.series
-        cdef int first = series.first + series.row, n = 2 * self.nq + 1, m, k
+        cdef int n = 2 * self.nq + 1, m, k
         found = np.full((n, series.order + 1), np.nan)
+        cdef double[:, ::1] coefficients = found
         if lag_series_expand(series, self.nq, self.run.t, self.run.y) == 0:
             for m in range(n):
                 for k in range(series.order + 1):
-                    found[m, k] = series.file[first + m * series.row + k]
+                    coefficients[m, k] = series.file[
+                        series.first + (1 + m) * series.row + k * series.layer
+                    ]
         return found
 
     def refine(self):

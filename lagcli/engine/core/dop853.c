@@ -5,8 +5,15 @@
 
 #include "dop853_tableau.h"
 #include "motion.h"
+#include "vectors.h"
 #include "watch.h"
 
+
+/* From one stage to the next: whole lines of the cache. */
+static int apart(const lag_run *run)
+{
+    return (lag_size(run->system) + 7) / 8 * 8;
+}
 
 /* Count steps that the method's stability limits, not its error: Hairer & Wanner, IV.2. The last
  * two stages have the same time, and their slope is about the dominant eigenvalue; `before` is where
@@ -14,10 +21,10 @@
 static void look_for_stiffness(lag_run *run, double h, const double *before)
 {
     const int n = lag_size(run->system), moving = n - 1;
-    const double *k = run->stages + (DOP_STAGES - 1) * n;
+    const double *k = run->stages + (DOP_STAGES - 1) * apart(run), *last = k + apart(run);
     double rise = 0.0, length = 0.0;
     for (int m = 0; m < moving; ++m) {
-        const double df = k[n + m] - k[m], dy = run->y_new[m] - before[m];
+        const double df = last[m] - k[m], dy = run->y_new[m] - before[m];
         rise += df * df;
         length += dy * dy;
     }
@@ -30,28 +37,34 @@ static void look_for_stiffness(lag_run *run, double h, const double *before)
 }
 
 /* y = base + h times the sum of `count` stages with weights, of which many are zero. */
-static void add_stages(const double *base, const double *stage, const double *weight, int count,
-                       double h, int n, double *y)
+static void add_stages(const lag_run *run, const double *base, const double *stage,
+                       const double *weight, int count, double h, double *y)
 {
+    const int n = lag_size(run->system), s = apart(run);
     const double *used[DOP_ALL_STAGES];
     double w[DOP_ALL_STAGES];
     int terms = 0;
     for (int j = 0; j < count; ++j)
         if (weight[j] != 0.0) {
-            used[terms] = stage + j * n;
+            used[terms] = stage + j * s;
             w[terms++] = h * weight[j];
         }
-    for (int m = 0; m < n; ++m) {
-        double sum = 0.0;
-        for (int j = 0; j < terms; ++j)
-            sum += w[j] * used[j][m];
-        y[m] = base[m] + sum;
-    }
+    lag_vectors()->combine(n, base, terms, used, w, y);
+}
+
+/* The sum of the squares of an error estimate over the tolerances. */
+static double error_by(lag_run *run, const double *weight)
+{
+    const int n = lag_size(run->system);
+    double *error = run->work;
+    memset(error, 0, (size_t)n * sizeof(double));
+    add_stages(run, error, run->stages, weight, DOP_STAGES + 1, 1.0, error);
+    return lag_vectors()->scaled_square(n, error, run->y, run->y_new, run->atol, run->rtol);
 }
 
 int lag_dop853_step(lag_run *run)
 {
-    const int n = lag_size(run->system);
+    const int n = lag_size(run->system), s = apart(run);
     double *stage = run->stages;
     int rejected = 0, undefined = 0;
     for (;;) {
@@ -63,30 +76,17 @@ int lag_dop853_step(lag_run *run)
         lag_watch_step(run);
         for (int i = 1; i <= DOP_STAGES && !bad; ++i) {
             double *y = run->y_new;
-            add_stages(run->y, stage, i < DOP_STAGES ? dop_a[i] : dop_b, i, h, n, y);
+            add_stages(run, run->y, stage, i < DOP_STAGES ? dop_a[i] : dop_b, i, h, y);
             const double c = i < DOP_STAGES ? dop_c[i] : 1.0;
             if (i == DOP_STAGES - 1)
                 memcpy(run->trial, y, (size_t)n * sizeof(double));
-            bad = lag_derivative(run, run->t + c * h, y, stage + i * n);
+            bad = lag_derivative(run, run->t + c * h, y, stage + i * s);
             if (!bad && run->watching && dop_watched[i])
                 lag_watch_stage(run);
         }
         double factor = 0.2;
         if (!bad) {
-            double e5 = 0.0, e3 = 0.0;
-            for (int m = 0; m < n; ++m) {
-                double x5 = 0.0, x3 = 0.0;
-                for (int i = 0; i <= DOP_STAGES; ++i) {
-                    x5 += dop_e5[i] * stage[i * n + m];
-                    x3 += dop_e3[i] * stage[i * n + m];
-                }
-                const double tolerance =
-                    run->atol + run->rtol * fmax(fabs(run->y[m]), fabs(run->y_new[m]));
-                x5 /= tolerance;
-                x3 /= tolerance;
-                e5 += x5 * x5;
-                e3 += x3 * x3;
-            }
+            const double e5 = error_by(run, dop_e5), e3 = error_by(run, dop_e3);
             const double below = e5 + 0.01 * e3;
             /* numbers that overflow are no small error */
             const double error = !isfinite(below) ? INFINITY
@@ -99,7 +99,7 @@ int lag_dop853_step(lag_run *run)
             if (error <= 1.0) {
                 factor = fmin(fmax(factor, 0.2), rejected ? 1.0 : 10.0);
                 run->error_old = fmax(error, 1e-4);
-                memcpy(run->f_new, stage + DOP_STAGES * n, (size_t)n * sizeof(double));
+                memcpy(run->f_new, stage + DOP_STAGES * s, (size_t)n * sizeof(double));
                 if (run->detecting)
                     look_for_stiffness(run, h, run->trial);
                 lag_accept(run, h, factor);
@@ -116,40 +116,34 @@ int lag_dop853_step(lag_run *run)
 
 void lag_dop853_dense(lag_run *run, double t, double *y)
 {
-    const int n = lag_size(run->system);
+    const int n = lag_size(run->system), s = apart(run);
     const double h = run->h_old, *stage = run->stages;
     double *d = run->dense;
     if (!run->dense_ready) {
         for (int i = DOP_STAGES + 1; i < DOP_ALL_STAGES; ++i) {
             double *trial = run->trial;
-            add_stages(run->y_old, stage, dop_a[i], i, h, n, trial);
+            add_stages(run, run->y_old, stage, dop_a[i], i, h, trial);
             /* undefined values cannot arise: the step around it was accepted; if they do, the
              * sample's own check finds them */
-            if (lag_derivative(run, run->t_old + dop_c[i] * h, trial, run->stages + i * n))
+            if (lag_derivative(run, run->t_old + dop_c[i] * h, trial, run->stages + i * s))
                 for (int m = 0; m < n; ++m)
-                    run->stages[i * n + m] = NAN;
+                    run->stages[i * s + m] = NAN;
         }
         for (int m = 0; m < n; ++m) {
             const double delta = run->y_new[m] - run->y_old[m];
             d[m] = delta;
-            d[n + m] = h * stage[m] - delta;
-            d[2 * n + m] = 2.0 * delta - h * (stage[DOP_STAGES * n + m] + stage[m]);
-            for (int i = 0; i < 4; ++i) {
-                double sum = 0.0;
-                for (int j = 0; j < DOP_ALL_STAGES; ++j)
-                    sum += dop_d[i][j] * stage[j * n + m];
-                d[(3 + i) * n + m] = h * sum;
-            }
+            d[s + m] = h * stage[m] - delta;
+            d[2 * s + m] = 2.0 * delta - h * (stage[DOP_STAGES * s + m] + stage[m]);
         }
+        memset(d + 3 * s, 0, 4 * (size_t)s * sizeof(double));
+        for (int i = 3; i < 7; ++i)
+            add_stages(run, d + i * s, stage, dop_d[i - 3], DOP_ALL_STAGES, h, d + i * s);
         run->dense_ready = 1;
     }
+    /* x (d_0 + (1 - x) (d_1 + x (d_2 + (1 - x) (d_3 + ...)))) */
     const double x = (t - run->t_old) / h;
-    for (int m = 0; m < n; ++m) {
-        double sum = 0.0;
-        for (int i = 0; i < 7; ++i) {
-            sum += d[(6 - i) * n + m];
-            sum *= i % 2 == 0 ? x : 1.0 - x;
-        }
-        y[m] = run->y_old[m] + sum;
-    }
+    double weight[7] = {x};
+    for (int i = 1; i < 7; ++i)
+        weight[i] = weight[i - 1] * (i % 2 == 0 ? x : 1.0 - x);
+    add_stages(run, run->y_old, d, weight, 7, 1.0, y);
 }

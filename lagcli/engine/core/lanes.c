@@ -17,7 +17,7 @@ static int places_of(int32_t op)
     case OP_NEG: case OP_SQRT: case OP_SIN: case OP_COS: case OP_TAN: case OP_ASIN: case OP_ACOS:
     case OP_ATAN: case OP_SINH: case OP_COSH: case OP_TANH: case OP_ASINH: case OP_ACOSH:
     case OP_ATANH: case OP_EXP: case OP_LOG: case OP_ERF: case OP_ERFC: case OP_FLOOR:
-    case OP_CEIL: case OP_ABS: case OP_NOT:
+    case OP_CEIL: case OP_ABS: case OP_NOT: case OP_MOVE:
         return 2;
     case OP_SELECT: case OP_MULADD: case OP_MULSUB: case OP_SUBMUL:
         return 4;

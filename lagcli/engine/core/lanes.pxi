@@ -1,5 +1,7 @@
 # The lanes' part of the binding; see lanes.h.
 
+from lagcli.engine.packing import unpacked
+
 from libc.stdint cimport int64_t
 
 
@@ -79,13 +81,6 @@ LANES = LAG_LANES
 LEFT = LAG_LANE_LEFT
 
 
-def _aligned(long n):
-    """Return an array of zeros that begins where a cache line does; never empty."""
-    array = np.zeros(n + 8)
-    first = (-array.ctypes.data % 64) // 8
-    return array[first : first + max(n, 1)]
-
-
 cdef class _LaneMemory:
     """Memory that lives as long as what points into it."""
 
@@ -113,8 +108,9 @@ cdef class _LaneMemory:
         return &view[0]
 
     cdef const int32_t *stream(self, stream) except NULL:
-        out = np.empty_like(stream)
-        cdef int32_t[::1] given = stream
+        single = unpacked(stream)
+        out = np.empty_like(single)
+        cdef int32_t[::1] given = single
         cdef int32_t *place = self.integers(out)
         lag_lanes_stream(&given[0], place)
         return place

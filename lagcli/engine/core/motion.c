@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "linear.h"
+#include "vectors.h"
 
 
 int lag_size(const lag_system *s)
@@ -41,6 +42,12 @@ static int first_rhs(const lag_system *s)
 static int first_solution(const lag_system *s)
 {
     return s->nm + s->nq + s->nb + s->nc + 1;
+}
+
+int lag_first_kept(const lag_run *run)
+{
+    const lag_ldl *ldl = &run->ldl;
+    return first_solution(run->system) + 3 * ldl->n + ldl->start[ldl->n];
 }
 
 /* Order of the dense linear system. */
@@ -170,19 +177,15 @@ int lag_factor(lag_run *run)
     if (!lag_eliminating(run))
         return factor_dense(run);
     const int n = ldl->n, count = 2 * n + ldl->start[n];
-    if (run->eliminating == 1) {
-        const int first = first_solution(s) + n;
-        for (int i = 0; i < count; ++i)
-            f[i] = OUT(d, first + i);
-    } else {
-        memset(f, 0, (size_t)count * sizeof(double));
-        for (int i = 0; i < s->nm; ++i)
-            if (run->mass_targets[i] >= 0)
-                f[run->mass_targets[i]] = OUT(d, i);
-        for (int i = 0; i < s->nb; ++i)
-            f[run->jacobian_targets[i]] = OUT(d, first_jacobian(s) + i);
-        lag_ldl_factor(ldl, f, f + n, f + 2 * n, run->product, run->work);
-    }
+    if (run->eliminating == 1) /* the tape has factored it; where it could not, it found no solution */
+        return !isfinite(lag_vectors()->pick(n, d->registers, d->outputs + first_solution(s), run->a));
+    memset(f, 0, (size_t)count * sizeof(double));
+    for (int i = 0; i < s->nm; ++i)
+        if (run->mass_targets[i] >= 0)
+            f[run->mass_targets[i]] = OUT(d, i);
+    for (int i = 0; i < s->nb; ++i)
+        f[run->jacobian_targets[i]] = OUT(d, first_jacobian(s) + i);
+    lag_ldl_factor(ldl, f, f + n, f + 2 * n, run->product, run->work);
     for (int i = 0; i < count; ++i)
         sum += f[i];
     return !isfinite(sum);
@@ -218,24 +221,42 @@ static void residual(const lag_run *run, const double *right, const double *x, d
     }
 }
 
-void lag_solve(lag_run *run, double *right, double *x, int refined)
+/* Solve with the last factors in place of the right side; not by the dense solution. */
+static void substitute(lag_run *run, double *x)
 {
     const lag_ldl *ldl = &run->ldl;
-    const int n = run->system->nq + run->system->nc;
+    const lag_tape *d = &run->system->dynamics;
+    const int n = ldl->n;
     const double *f = run->factors;
-    double *r = run->work, *z = run->work + n;
+    if (run->eliminating == 1) {
+        memcpy(d->registers + run->other_right, x, (size_t)n * sizeof(double));
+        lag_stream_run(d->later[1], d->registers);
+        lag_vectors()->pick(n, d->registers, d->outputs + lag_first_kept(run) + run->kept_count, x);
+    } else {
+        lag_ldl_solve(ldl, f, f + n, f + 2 * n, run->work + n, x);
+    }
+}
+
+/* One step of iterative refinement of a solution x. */
+static void refine(lag_run *run, const double *right, double *x)
+{
+    double *r = run->work;
+    residual(run, right, x, r, 0);
+    substitute(run, r);
+    for (int i = 0; i < run->ldl.n; ++i)
+        x[i] += r[i];
+}
+
+void lag_solve(lag_run *run, double *right, double *x, int refined)
+{
     if (!lag_eliminating(run)) {
         solve_dense(run, right, x, refined);
         return;
     }
-    memcpy(x, right, (size_t)n * sizeof(double));
-    lag_ldl_solve(ldl, f, f + n, f + 2 * n, z, x);
-    if (refined) {
-        residual(run, right, x, r, 0);
-        lag_ldl_solve(ldl, f, f + n, f + 2 * n, z, r);
-        for (int i = 0; i < n; ++i)
-            x[i] += r[i];
-    }
+    memcpy(x, right, (size_t)run->ldl.n * sizeof(double));
+    substitute(run, x);
+    if (refined)
+        refine(run, right, x);
 }
 
 /* The right side (f, gamma) at the state that the tapes hold, to run->right. */
@@ -260,26 +281,11 @@ static void right_side(lag_run *run, const double *y)
     }
 }
 
-/* One step of iterative refinement of the unrolled solution in run->a. Returns 0, or 1 where the
- * factors are not finite. */
-static int refine_unrolled(lag_run *run, const double *y)
+/* The multipliers from the unknowns beside a, which are their negatives, or back. */
+static void turn(double *x, int n)
 {
-    const lag_ldl *ldl = &run->ldl;
-    const int nq = run->system->nq, n = nq + run->system->nc;
-    const double *f = run->factors;
-    double *x = run->a, *r = run->work, *z = run->work + n;
-    if (lag_factor(run))
-        return 1;
-    right_side(run, y);
-    for (int i = nq; i < n; ++i)
-        x[i] = -x[i];
-    residual(run, run->right, x, r, 0);
-    lag_ldl_solve(ldl, f, f + n, f + 2 * n, z, r);
     for (int i = 0; i < n; ++i)
-        x[i] += r[i];
-    for (int i = nq; i < n; ++i)
         x[i] = -x[i];
-    return 0;
 }
 
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power)
@@ -293,33 +299,33 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     if (run->baumgarte)
         lag_evaluate(&s->constraint, s, t, y);
     lag_evaluate(d, s, t, y);
-    if (lag_eliminating(run) == 1 && !run->baumgarte) {
-        const int32_t *place = d->outputs + first_solution(s);
-        for (int i = 0; i < n; ++i)
-            x[i] = d->registers[place[i]];
-        if (refined)
-            bad = refine_unrolled(run, y);
-    } else {
-        bad = lag_factor(run);
-        if (!bad) {
-            right_side(run, y);
+    /* the unrolled tape finds a and lambda itself, to the right side that it has itself */
+    const int own = lag_eliminating(run) == 1 && !run->baumgarte;
+    bad = lag_factor(run);
+    if (!bad && (refined || !own)) {
+        right_side(run, y);
+        if (own) {
+            turn(x + nq, nc);
+            refine(run, run->right, x);
+        } else {
             lag_solve(run, run->right, x, refined);
-            for (int i = nq; i < n; ++i)
-                x[i] = -x[i];
         }
+        turn(x + nq, nc);
+        double sum = 0.0;
+        for (int i = 0; i < n; ++i)
+            sum += x[i];
+        bad = !isfinite(sum);
     }
-    double sum = 0.0;
-    for (int i = 0; i < n; ++i)
-        sum += x[i];
-    if (bad || !isfinite(sum)) {
+    if (bad) {
         run->t_bad = t;
         memcpy(run->y_bad, y, (size_t)lag_size(s) * sizeof(double));
         return 1;
     }
     double p = OUT(d, first_rhs(s) + nc);
-    for (int i = 0; i < s->nb; ++i)
-        p += x[nq + s->jacobian_row[i]] * OUT(d, first_jacobian(s) + i)
-             * y[nq + s->jacobian_column[i]];
+    if (!own) /* an unrolled tape has the power of the constraints too */
+        for (int i = 0; i < s->nb; ++i)
+            p += x[nq + s->jacobian_row[i]] * OUT(d, first_jacobian(s) + i)
+                 * y[nq + s->jacobian_column[i]];
     *power = p;
     return 0;
 }
@@ -364,11 +370,5 @@ double lag_allowed_inaccuracy(const lag_run *run)
 
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z)
 {
-    const int n = lag_size(run->system);
-    double sum = 0.0;
-    for (int i = 0; i < n; ++i) {
-        const double e = x[i] / (run->atol + run->rtol * fmax(fabs(y[i]), fabs(z[i])));
-        sum += e * e;
-    }
-    return sqrt(sum);
+    return sqrt(lag_vectors()->scaled_square(lag_size(run->system), x, y, z, run->atol, run->rtol));
 }

@@ -25,6 +25,10 @@ void lag_row_squares(const lag_system *system, const lag_tape *tape, int first, 
 /* psi = B v + b_0 (nc) at the state that the constraint tape holds. */
 void lag_velocity_residual(const lag_system *system, const double *y, double *psi);
 
+/* Where the unrolled elimination's outputs begin that tell what its pivots keep; run->kept_count, of
+ * which the last nc are the squares of the lengths of B's rows. The other solution follows. */
+int lag_first_kept(const lag_run *run);
+
 /* How a and lambda are found now: as run->eliminating says, or densely (0). */
 int lag_eliminating(const lag_run *run);
 

@@ -13,6 +13,7 @@
 #include "watch.h"
 
 #define SHORTER 0.3         /* of a step that went over a singular configuration to be passed */
+#define FINE 1e-5           /* of rtol: a residual of the equations that samples may have */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
 
 /* What a method does: whether it goes on from f, and the order of its error control. */
@@ -103,6 +104,7 @@ int lag_start(lag_run *run)
     run->usual = fmax(run->usual, run->weakest);
     run->finishing = 0;
     run->kept_last = 0.0;
+    run->inaccuracy = INFINITY; /* not known yet */
     lag_events_start(run);
     lag_first_step(run);
     return damp(run);
@@ -119,7 +121,8 @@ static int sample(lag_run *run, double t, double *y)
         if (status != LAG_RUNNING)
             return status;
     }
-    if (lag_accelerate(run, t, y, 1, &power))
+    const int refined = run->refining || !lag_eliminating(run) || run->inaccuracy > FINE * run->rtol;
+    if (lag_accelerate(run, t, y, refined, &power))
         return LAG_UNDEFINED;
     row[0] = t;
     memcpy(row + 1, y, 2 * (size_t)nq * sizeof(double));
@@ -235,7 +238,8 @@ int lag_advance(lag_run *run, long slice)
         const int status = steppers[run->method].step(run);
         if (status != LAG_RUNNING)
             return status;
-        if (lag_inaccuracy(run, run->t, run->y_new) > lag_allowed_inaccuracy(run)) {
+        run->inaccuracy = lag_inaccuracy(run, run->t, run->y_new);
+        if (run->inaccuracy > lag_allowed_inaccuracy(run)) {
             run->t_bad = run->t;
             memcpy(run->y_bad, run->y_new, (size_t)lag_size(run->system) * sizeof(double));
             take_back(run, 1.0);

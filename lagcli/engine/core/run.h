@@ -65,7 +65,10 @@ typedef struct lag_run {
 
     /* [[M, B'], [B, 0]] by a static elimination ... */
     int eliminating;                   /* 0: not; 1: unrolled in the dynamics tape; 2: by ldl */
+    int kept_count;                    /* outputs that tell what the unrolled pivots keep */
+    int other_right;                   /* where another right side goes in the unrolled tape */
     int refining;                      /* whether y' asks for a refined solution */
+    double inaccuracy;                 /* residual of the equations at the last step's end */
     lag_ldl ldl;
     const int32_t *mass_targets;       /* nm: where M's entries go in `factors`; -1: nowhere */
     const int32_t *jacobian_targets;   /* nb */

@@ -1,7 +1,10 @@
 #include "series.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
+
+#include "vectors.h"
 
 /* Wider registers give the same numbers: the widest there are is chosen when the program is loaded. */
 #if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
@@ -22,7 +25,7 @@
 
 enum lag_series_op {
     SERIES_SUM, SERIES_SCALE, SERIES_RATE, SERIES_MUL, SERIES_MULSUM, SERIES_INVERSE, SERIES_CHAIN,
-    SERIES_END
+    SERIES_ENTER, SERIES_LEAVE, SERIES_COPY, SERIES_END
 };
 
 /* a[0] b[0] + a[1] b[-1] + ..., of four terms at a time. */
@@ -79,6 +82,162 @@ ALWAYS_INLINE double chained(const double *x, const double *y, int k, int fours,
     return now;
 }
 
+/* Vectors of series in layers. */
+
+#define LONGEST 256         /* elements of a vector */
+#if defined(__GNUC__)
+#define PACK 4
+typedef double pack __attribute__((vector_size(32), aligned(8), may_alias));
+#else
+#define PACK 1
+typedef double pack;
+#endif
+
+/* x_first y_{k - first} + ... + x_last y_{k - last}, of some series side by side. */
+ALWAYS_INLINE void convolve_packs(double *out, const double *x, const double *y, ptrdiff_t layer,
+                                  int first, int last, int packs)
+{
+    pack sum[4];
+    for (int l = 0; l < packs; ++l)
+        sum[l] = (pack){0.0};
+    x += first * layer;
+    y -= first * layer;
+    for (int j = first; j <= last; ++j, x += layer, y -= layer)
+        for (int l = 0; l < packs; ++l)
+            sum[l] += *(const pack *)(x + PACK * l) * *(const pack *)(y + PACK * l);
+    for (int l = 0; l < packs; ++l)
+        *(pack *)(out + PACK * l) = sum[l];
+}
+
+/* The same of n >= 2 PACK series, y at order k; the last ones overlap with those before. */
+ALWAYS_INLINE void convolutions(double *out, const double *x, const double *y, ptrdiff_t layer, int first,
+                                int last, int n)
+{
+    if (n >= 4 * PACK)
+        for (int i = 0; i < n; i += 4 * PACK) {
+            i = i + 4 * PACK <= n ? i : n - 4 * PACK;
+            convolve_packs(out + i, x + i, y + i, layer, first, last, 4);
+        }
+    else
+        for (int i = 0; i < n; i += 2 * PACK) {
+            i = i + 2 * PACK <= n ? i : n - 2 * PACK;
+            convolve_packs(out + i, x + i, y + i, layer, first, last, 2);
+        }
+}
+
+/* Coefficient k of n products; of a square half the terms are the others. */
+ALWAYS_INLINE void products(double *out, const double *x, const double *y, ptrdiff_t layer, int k, int n)
+{
+    if (x != y) {
+        convolutions(out, x - k * layer, y, layer, 0, k, n);
+        return;
+    }
+    const double *middle = x - (k - k / 2) * layer;
+    convolutions(out, x - k * layer, x, layer, 0, (k - 1) / 2, n);
+    if (k % 2)
+        for (int i = 0; i < n; ++i)
+            out[i] = 2.0 * out[i];
+    else
+        for (int i = 0; i < n; ++i)
+            out[i] = 2.0 * out[i] + middle[i] * middle[i];
+}
+
+/* n elements of an operand: where they lie, if they lie side by side, else in the buffer. */
+ALWAYS_INLINE const double *gathered(const double *x, const int32_t *p, int n, double *buffer)
+{
+    const ptrdiff_t step = p[1];
+    if (step == 1)
+        return x + p[0];
+    if (step == LAG_INDEXED)
+        for (int i = 0; i < n; ++i)
+            buffer[i] = x[p[2 + i]];
+    else if (step == 2)
+        for (int i = 0; i < n; ++i)
+            buffer[i] = x[p[0] + 2 * i];
+    else
+        for (int i = 0; i < n; ++i)
+            buffer[i] = x[p[0] + i * step];
+    return buffer;
+}
+
+static const int32_t *after(const int32_t *p, int n)
+{
+    return p + (p[1] == LAG_INDEXED ? 2 + n : 2);
+}
+
+#define ELEMENTS(value)                                                                           \
+    for (int i = 0; i < n; ++i)                                                                   \
+        out[i] = (value);                                                                         \
+    break;
+
+/* s x + t y, with numbers that are the same for all, or of each. */
+ALWAYS_INLINE void combine(double *out, const double *s, int each_s, const double *x, const double *t,
+                           int each_t, const double *y, int n)
+{
+    if (!each_s && !each_t) {
+        const double u = *s, v = *t;
+        for (int i = 0; i < n; ++i)
+            out[i] = u * x[i] + v * y[i];
+    } else
+        for (int i = 0; i < n; ++i)
+            out[i] = s[i * each_s] * x[i] + t[i * each_t] * y[i];
+}
+
+/* Coefficient k of an operation on vectors. Returns what follows it in the stream. */
+FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op, int n, const int32_t *p,
+                                           int k)
+{
+    double a[LONGEST], b[LONGEST];
+    const ptrdiff_t layer = series->layer;
+    const double *const file = series->file;
+    double *const now = series->file + series->first + k * layer;
+    const int32_t *o[5] = {p + 1}; /* the operands */
+    static const int operands[] = {4, 2, 1, 2, 5, 1, 3, 0, 0, 1};
+    for (int i = 1; i < operands[op]; ++i)
+        o[i] = after(o[i - 1], n);
+    double *const out = now + p[0];
+#define CONVOLVED(i) (now + o[i][0])
+#define NUMBERS(i) (file + o[i][0])
+    switch (op) {
+    case SERIES_SUM:
+        combine(out, NUMBERS(0), o[0][1], gathered(now, o[1], n, a), NUMBERS(2), o[2][1],
+                gathered(now, o[3], n, b), n);
+        break;
+    case SERIES_SCALE: {
+        const double *s = NUMBERS(0), *x = gathered(now, o[1], n, a);
+        const int each = o[0][1];
+        ELEMENTS(s[i * each] * x[i])
+    }
+    case SERIES_RATE: {
+        const double *x = gathered(now, o[0], n, a);
+        ELEMENTS(k * x[i])
+    }
+    case SERIES_COPY: {
+        const double *x = gathered(now, o[0], n, a);
+        ELEMENTS(x[i])
+    }
+    case SERIES_MUL:
+        products(out, CONVOLVED(0), CONVOLVED(1), layer, k, n);
+        break;
+    case SERIES_MULSUM:
+        products(a, CONVOLVED(1), CONVOLVED(2), layer, k, n);
+        combine(out, NUMBERS(0), o[0][1], a, NUMBERS(3), o[3][1], gathered(now, o[4], n, b), n);
+        break;
+    case SERIES_INVERSE: {
+        const double *y = out - k * layer;
+        convolutions(a, CONVOLVED(0) - k * layer, out, layer, 1, k, n);
+        ELEMENTS(-y[i] * a[i])
+    }
+    default: { /* SERIES_CHAIN */
+        const double *s = NUMBERS(0), over = 1.0 / k;
+        const int each = o[0][1];
+        convolutions(a, CONVOLVED(1) - k * layer, CONVOLVED(2), layer, 1, k, n);
+        ELEMENTS(s[i * each] * over * a[i])
+    }
+    }
+    return after(o[operands[op] - 1], n);
+}
+
 #define RUN(op, width, value)                                                                     \
     case op:                                                                                      \
         for (const int32_t *end = p + (width) * n; p != end; p += (width))                        \
@@ -92,6 +251,7 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
 {
     const int32_t *p = s->stream;
     double *const file = s->file, *const c = file + k;
+    double *const layer = file + s->first + (ptrdiff_t)k * s->layer;
     double *known = s->known;
     const double over = 1.0 / k;
     for (;;) {
@@ -104,8 +264,15 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
             RUN(SERIES_MULSUM, 6, NUMBER(1) * BY(product, 2, 3) + NUMBER(4) * NOW(5))
             RUN(SERIES_INVERSE, 2, BY(inverse, 1, 0))
             RUN(SERIES_CHAIN, 4, NUMBER(1) * over * BY(chained, 2, 3))
-        default: /* SERIES_END */
+            RUN(SERIES_ENTER, 2, layer[p[1]])
+        case SERIES_LEAVE:
+            for (const int32_t *end = p + 2 * n; p != end; p += 2)
+                layer[p[0]] = c[p[1]];
+            break;
+        case SERIES_END:
             return;
+        default:
+            p = run_vector(s, op - LAG_VECTOR, n, p, k);
         }
     }
 }
@@ -133,38 +300,43 @@ FOR_WIDER static void next_order(const lag_series *s, int k)
 
 int lag_series_expand(const lag_series *s, int nq, double t, const double *y)
 {
-    const int n = 2 * nq + 1, row = s->row, order = s->order;
+    const int n = 2 * nq + 1, order = s->order;
+    const ptrdiff_t row = s->row, layer = s->layer;
     double *file = s->file, *time = file + s->first, *state = time + row, *r = s->values.registers;
     r[0] = t;
     memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
     lag_stream_run(s->values.stream, r);
-    memset(time, 0, (size_t)s->rows * row * sizeof(double));
+    memset(file + s->rows, 0, (size_t)s->cleared * sizeof(double));
     memset(s->known, 0, (size_t)s->count * sizeof(double));
     time[0] = t;
-    time[1] = 1.0;
+    state[n * row] = 0.0;
     for (int m = 0; m < n; ++m)
         state[m * row] = y[m];
     const int32_t *value = s->values.outputs + s->steady;
-    for (int i = n + 2; i < s->rows; ++i)
-        time[i * row] = r[*value++];
+    for (int i = 0; i < s->begun; ++i)
+        file[s->begins[i]] = r[*value++];
+    time[layer] = 1.0;
+    state[n * row + layer] = 0.0;
     for (int m = 0; m < nq; ++m) {
-        state[m * row + 1] = y[nq + m];
-        state[(nq + m) * row + 1] = r[*value++];
+        state[m * row + layer] = y[nq + m];
+        state[(nq + m) * row + layer] = r[*value++];
     }
-    state[2 * nq * row + 1] = r[*value];
+    state[2 * nq * row + layer] = r[*value];
     for (int k = 1; k < order; ++k) {
-        const double over = 1.0 / (k + 1);
+        const double over = 1.0 / (k + 1), *const rate = file + k * layer;
+        double *q = state + k * layer, *v = q + nq * row;
         next_order(s, k);
-        for (int m = 0; m < nq; ++m) {
-            double *q = state + m * row + k, *v = q + nq * row;
-            q[1] = v[0] * over;
-            v[1] = file[s->rates[m] + k] * over;
+        q[layer - row] = 0.0; /* t */
+        q[n * row + layer] = 0.0;
+        for (int m = 0; m < nq; ++m, q += row, v += row) {
+            q[layer] = v[0] * over;
+            v[layer] = rate[s->rates[m]] * over;
         }
-        state[2 * nq * row + k + 1] = file[s->rates[nq] + k] * over;
+        v[layer] = rate[s->rates[nq]] * over;
     }
     double sum = 0.0;
     for (int m = 0; m < n; ++m)
-        sum += state[m * row + order];
+        sum += COEFFICIENT(s, m, order);
     return !isfinite(sum);
 }
 
@@ -172,10 +344,19 @@ int lag_series_expand(const lag_series *s, int nq, double t, const double *y)
 FOR_WIDER static void weigh(const lag_series *s, int m, int count, const double *weight, double *sums)
 {
     const int fours = (s->order + 3) / 4;
+    if (s->row == 1) {
+        memset(sums, 0, (size_t)count * sizeof(double));
+        for (int k = s->order; k > 0; --k) { /* small terms first */
+            const double *c = &COEFFICIENT(s, m, k), w = weight[k - 1];
+            for (int i = 0; i < count; ++i)
+                sums[i] += c[i] * w;
+        }
+        return;
+    }
     for (int i = 0; i < count; ++i) {
         const double *c = &COEFFICIENT(s, m + i, 1);
         double sum[4] = {0.0, 0.0, 0.0, 0.0};
-        for (int k = 4 * (fours - 1); k >= 0; k -= 4) /* small terms first */
+        for (int k = 4 * (fours - 1); k >= 0; k -= 4)
             for (int l = 0; l < 4; ++l)
                 sum[l] += c[k + l] * weight[k + l];
         sums[i] = (sum[3] + sum[2]) + (sum[1] + sum[0]);

@@ -6,15 +6,20 @@
 
 #define MOST_ORDER 31
 
-/* A program bound to its file; rows of coefficients begin at `first`, those of t, q, v, W first. */
+/* A program bound to its file. The state, t, q, v, W and zeros, begins at `first`; its series are
+ * `row` numbers apart, its orders `layer`. */
 typedef struct {
-    lag_tape values;                   /* order 0: steady numbers, what rows begin with, a, power */
+    lag_tape values;                   /* order 0: steady numbers, what series begin with, a, power */
     const int32_t *stream;
     double *known;                     /* what is known of each convolution's next coefficient */
     int count;                         /* of convolutions */
     double *file;
     int order;                         /* 0: there is no program */
-    int steady, rows, row, first;
+    int steady;                        /* how many numbers are */
+    int rows, cleared;                 /* where rows of coefficients begin; their size */
+    int begun;                         /* how many series other than the state's begin, and where */
+    const int32_t *begins;
+    int first, row, layer;
     const int32_t *rates;              /* offsets of a and the power */
 } lag_series;
 
@@ -29,6 +34,7 @@ void lag_series_sum(const lag_series *series, int n, double h, double *y);
 void lag_series_slope(const lag_series *series, int m, int count, double h, double *slope);
 
 /* Coefficient k of the state's component m. */
-#define COEFFICIENT(series, m, k) ((series)->file[(series)->first + (1 + (m)) * (series)->row + (k)])
+#define COEFFICIENT(series, m, k)                                                                 \
+    ((series)->file[(series)->first + (1 + (m)) * (series)->row + (k) * (series)->layer])
 
 #endif

@@ -10,12 +10,17 @@ enum lag_op {
     OP_ASIN, OP_ACOS, OP_ATAN, OP_ATAN2, OP_SINH, OP_COSH, OP_TANH, OP_ASINH, OP_ACOSH,
     OP_ATANH, OP_EXP, OP_LOG, OP_ERF, OP_ERFC, OP_FLOOR, OP_CEIL, OP_ABS, OP_LT, OP_LE,
     OP_EQ, OP_NE, OP_AND, OP_OR, OP_NOT, OP_SELECT,
-    OP_MULADD, OP_MULSUB, OP_SUBMUL, OP_SINCOS, OP_END
+    OP_MULADD, OP_MULSUB, OP_SUBMUL, OP_SINCOS, OP_END, OP_MOVE
 };
 
-/* A tape bound to its register file; inputs come first. */
+#define LAG_VECTOR 64       /* added to an operation of a stream, it is one on vectors */
+#define LAG_INDEXED INT32_MIN /* the step of an operand whose places are listed */
+#define LAG_LONGEST 256     /* elements that a vector has at most */
+
+/* A tape bound to its register file; inputs come first. The later streams are for outputs that are
+ * asked for apart. */
 typedef struct {
-    const int32_t *stream;
+    const int32_t *stream, *later[2];
     double *registers;
     const int32_t *outputs;
 } lag_tape;

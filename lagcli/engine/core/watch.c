@@ -5,6 +5,7 @@
 
 #include "linear.h"
 #include "motion.h"
+#include "vectors.h"
 
 #define LARGE 20000.0       /* operations beyond which the rows of B are not orthogonalized */
 #define OVER 0.05           /* of its largest value: the weakest pivot that is looked at again */
@@ -53,9 +54,20 @@ static double least_kept(lag_run *run)
 static double least_kept_of_all(lag_run *run)
 {
     const lag_system *s = run->system;
-    const double least = least_kept(run);
-    double *sum = run->work, shortest = 1.0;
-    lag_row_squares(s, &s->dynamics, s->nm + s->nq, sum);
+    const lag_tape *d = &s->dynamics;
+    double *sum = run->work, least = 1.0, shortest = 1.0;
+    if (run->eliminating == 1) { /* the tape finds both */
+        const int pivots = run->kept_count - s->nc;
+        const int32_t *places = d->outputs + lag_first_kept(run);
+        lag_stream_run(d->later[0], d->registers);
+        for (int i = 0; i < pivots; ++i)
+            least = fmin(least, d->registers[places[i]]);
+        least = sqrt(least);
+        lag_vectors()->pick(s->nc, d->registers, places + pivots, sum);
+    } else {
+        least = least_kept(run);
+        lag_row_squares(s, d, s->nm + s->nq, sum);
+    }
     for (int i = 0; i < s->nc; ++i)
         shortest = fmin(shortest, sum[i] / (run->lengths[i] * run->lengths[i]));
     return fmin(least, sqrt(shortest));
@@ -87,7 +99,7 @@ void lag_watch_stage(lag_run *run)
 {
     /* without a static elimination every step is looked at */
     const int eliminating = lag_eliminating(run);
-    /* the unrolled factors are still in the tape, the others where lag_accelerate made them */
+    /* the unrolled factors are in the tape, the others where lag_accelerate made them */
     const int bad = eliminating == 1 && lag_factor(run);
     const double kept = eliminating && !bad ? least_kept_of_all(run) : 0.0;
     run->kept_last = kept;

@@ -1,0 +1,28 @@
+/* What is done on many numbers, in the best way that the processor has; all ways give the same. */
+#ifndef LAGCLI_VECTORS_H
+#define LAGCLI_VECTORS_H
+
+#include <stdint.h>
+
+typedef struct {
+    /* Run a stream on a register file. */
+    void (*run)(const int32_t *stream, double *registers);
+
+    /* y = base + the sum of `terms` vectors x times weights, n elements each. */
+    void (*combine)(int n, const double *base, int terms, const double *const *x,
+                    const double *weight, double *y);
+
+    /* y[i] = x[places[i]], n of them. Returns their sum: it is finite if they are. */
+    double (*pick)(int n, const double *x, const int32_t *places, double *y);
+
+    /* The sum of the squares of x over the tolerances at y and z, n of each. */
+    double (*scaled_square)(int n, const double *x, const double *y, const double *z, double atol,
+                            double rtol);
+} lag_vector_kernel;
+
+extern const lag_vector_kernel lag_vectors_default, lag_vectors_avx2;
+
+/* The kernel for this processor. */
+const lag_vector_kernel *lag_vectors(void);
+
+#endif
