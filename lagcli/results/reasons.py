@@ -74,6 +74,8 @@ def check_readable(path: str) -> None:
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
     except OSError as error:
         raise read_failure(path, error) from error
+    except ValueError as error:  # no name that a file can have
+        raise FileError(f"cannot read {path!r}: {error}") from None
     try:
         found = os.fstat(descriptor)
     finally:
