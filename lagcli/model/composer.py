@@ -140,6 +140,7 @@ class _Composer:
         elif isinstance(event, yaml.SequenceStartEvent):
             node = self.sequence(event, depth)
         else:
+            assert isinstance(event, yaml.MappingStartEvent)
             node = self.mapping(event, depth)
         if anchor:
             self.open.discard(anchor)
@@ -148,6 +149,8 @@ class _Composer:
 
     def places(self, first: yaml.Event, last: yaml.Event) -> tuple[Place, Place]:
         start, end = first.start_mark, last.end_mark
+        assert start is not None
+        assert end is not None
         return (start.line, start.column), (end.line, end.column)
 
     def bared(self, node: Scalar) -> Scalar:
@@ -171,13 +174,14 @@ class _Composer:
             "in YAML, * at the beginning of a value repeats another one (an alias);\n"
             "put quotes around the value if a product is meant"
         )
-        if event.anchor in self.open:
-            message = f"the alias *{shorten(event.anchor)} stands inside what it names"
+        anchor = event.anchor or ""
+        if anchor in self.open:
+            message = f"the alias *{shorten(anchor)} stands inside what it names"
             raise self.refuse("recursive-alias", message, event, help_)
-        if event.anchor not in self.anchors:
-            message = f"the alias *{shorten(event.anchor)} names nothing"
+        if anchor not in self.anchors:
+            message = f"the alias *{shorten(anchor)} names nothing"
             raise self.refuse("yaml", message, event, help_)
-        node, size = self.anchors[event.anchor]
+        node, size = self.anchors[anchor]
         self.grow(size, event)
         return node
 
@@ -189,7 +193,7 @@ class _Composer:
             items.append(self.node(inner, depth + 1))
         return Sequence(self.source, *self.places(event, inner), items)
 
-    def mapping(self, event: yaml.Event, depth: int) -> Node:
+    def mapping(self, event: yaml.MappingStartEvent, depth: int) -> Node:
         found: list[_Entry] = []
         while not isinstance(inner := next(self.events), yaml.MappingEndEvent):
             key = self.node(inner, depth + 1)
