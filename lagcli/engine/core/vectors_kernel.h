@@ -2,6 +2,8 @@
 #define _GNU_SOURCE /* sincos */
 #include "vectors.h"
 
+#include <string.h>
+
 #include "tape_run.h"
 
 #define CHUNK 128           /* elements that are done at a time, so that sums stay in the cache */
@@ -11,8 +13,9 @@ static void combine(int n, const double *base, int terms, const double *const *x
 {
     for (int first = 0; first < n; first += CHUNK) {
         const int m = n - first < CHUNK ? n - first : CHUNK;
-        double sum[CHUNK] = {0.0};
+        double sum[CHUNK];
         int k = 0;
+        memset(sum, 0, (size_t)m * sizeof(double));
         for (; k + 3 < terms; k += 4) {
             const double *a = x[k] + first, *b = x[k + 1] + first, *c = x[k + 2] + first;
             const double *d = x[k + 3] + first;
