@@ -71,9 +71,8 @@ class _Composer:
         self.diagnostics: list[Diagnostic] = []
 
     def refuse(self, kind: str, message: str, event: yaml.Event, help_: str) -> ModelError:
-        start, end = event.start_mark, event.end_mark
-        length = end.column - start.column if end.line == start.line else 1
-        location = self.source.location(start.line, start.column, length)
+        (line, column), (last, end) = self.places(event, event)
+        location = self.source.location(line, column, end - column if last == line else 1)
         return ModelError([*self.diagnostics, Diagnostic(kind, message, location, help_)])
 
     def report(
@@ -123,6 +122,7 @@ class _Composer:
             )
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event)
+        assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
         if event.tag:
             tag = event.tag.replace("tag:yaml.org,2002:", "!!")
             message = f"the tag {shorten(tag)} has no meaning in a model file"

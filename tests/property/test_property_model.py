@@ -110,7 +110,7 @@ def test_printed_and_parsed_again(text: str, point: tuple[float, ...]) -> None:
     assert printed(again) == printed(parse(printed(again)))
     try:
         expected = evaluated(tree, point)
-    except (ExpressionError, ValueError):
+    except (ExpressionError, ValueError, RuntimeError):  # undefined there
         assume(False)
     assert math.isclose(evaluated(again, point), expected, rel_tol=1e-9, abs_tol=1e-9)
 
