@@ -38,9 +38,9 @@ core = Extension(
     ],
     depends=[str(path) for path in sorted([*CORE.glob("*.h"), *CORE.glob("*.pxi")])],
     # no -ffast-math: NaN and the order of operations mean something here; nor may a processor that
-    # multiplies and adds at once change them. Nobody reads errno, and with it no root is a vector's.
-    # Jumps through tables cost the evaluator dearly where they cannot be predicted. Vectors are
-    # handed on within a file alone, so how is of no concern
+    # multiplies and adds at once change them. Nobody reads errno, and with it no root is a vector's
+    # Jumps through tables cost the evaluator dearly where they cannot be predicted. How vectors are
+    # handed on is of no concern: it happens within a file alone
     extra_compile_args=[
         "-O3",
         "-ffp-contract=off",

@@ -27,13 +27,13 @@ def unroll(system: System, elimination: Elimination, whole: bool = True) -> Tape
     Returns
     -------
     Tape
-        Outputs are those of ``system.dynamics``, then a, λ. A whole tape's power is that of the
-        constraints too, and it has nq + nc more inputs at the end: another right side, in the order
-        of the unknowns. Its outputs go on with the
-        factors: by place, the inverse of D (its diagonal; right of the diagonal where a pair
-        begins, else 0), then L by columns. Apart from these, the parts that pivots keep of the
-        terms that they are the sum of, scaled so that 1 stands for no cancellation, and the squares
-        of the lengths of B's rows; and apart again the solution for the other right side.
+        Outputs are those of ``system.dynamics``, then a, λ. A whole tape has nq + nc more inputs
+        at the end: another right side, in the order of the unknowns. Its outputs go on with the
+        power of all forces, those of the constraints too, and the factors: by place, the inverse of
+        D (its diagonal; right of the diagonal where a pair begins, else 0), then L by columns.
+        Apart from these, the parts that pivots keep of the terms that they are the sum of, scaled
+        so that 1 stands for no cancellation, and the squares of the lengths of B's rows; and apart
+        again the solution for the other right side.
     """
     return _Unrolling(system, elimination, whole).tape()
 
@@ -107,8 +107,8 @@ class _Unrolling:
         if not self.whole:
             return self.builder.finish([*self.outputs, *solution])
         lower = [self.lower[k][i] for k in range(size) for i in plan.columns[k]]
-        main = [*self.outputs, *solution, *self.diagonal, *self.beside, *lower]
-        main[len(self.outputs) - 1] = self.power(solution[self.nq :])
+        power = self.power(solution[self.nq :])
+        main = [*self.outputs, *solution, power, *self.diagonal, *self.beside, *lower]
         watched = [*self.kept, *map(self.square, self.rows)]
         other = self.solution(self.other_right)
         return self.builder.finish([*main, *watched, *other], (len(watched), len(other)))
@@ -122,7 +122,7 @@ class _Unrolling:
         return (k for k in range(len(self.place)) if not (k and self.plan.paired[k - 1]))
 
     def power(self, multipliers: Sequence[int]) -> int:
-        """Return the power of all forces."""
+        """Return the power of all forces, those of the constraints too."""
         terms = [self.times(x, y) for x, y in zip(multipliers, self.speeds, strict=True)]
         while len(terms) > 1:  # in pairs, which vectors can do
             pairs = zip_longest(terms[::2], terms[1::2], fillvalue=self.zero)

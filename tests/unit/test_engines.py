@@ -457,6 +457,22 @@ def test_no_constraints() -> None:
 
 
 @pytest.mark.parametrize("formulation", ["projection", "index1", "baumgarte"])
+def test_the_work_of_a_driven_constraint_is_counted_once(formulation: str) -> None:
+    model = text_model("""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints: {rod: (x - 0.3*sin(2*t))^2 + y^2 = 1}
+initial: {x: 0.8, y: -0.6, x': {guess: 0.3}, y': {guess: 0.4}}
+""")
+    trajectory = completed(
+        model, t_end=3, samples=31, formulation=formulation, rtol=1e-10, atol=1e-10
+    )
+    assert np.ptp(trajectory.energy_kinetic + trajectory.energy_potential) > 1  # the drive works
+    assert np.abs(trajectory.energy_balance).max() < 1e-8
+
+
+@pytest.mark.parametrize("formulation", ["projection", "index1", "baumgarte"])
 def test_no_degrees_of_freedom(formulation: str) -> None:
     model = text_model("""
 coordinates: [x]

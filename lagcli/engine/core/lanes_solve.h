@@ -19,19 +19,19 @@ INLINE int at_rhs(const lag_system *s)
     return s->nm + s->nq + s->nb;
 }
 
-INLINE int at_power(const lag_system *s)
-{
-    return s->nm + s->nq + s->nb + s->nc;
-}
-
 INLINE int at_solution(const lag_system *s)
 {
-    return at_power(s) + 1;
+    return s->nm + s->nq + s->nb + s->nc + 1;
+}
+
+INLINE int at_power(const lag_system *s)
+{
+    return at_solution(s) + s->nq + s->nc;
 }
 
 INLINE int at_factors(const lag_system *s)
 {
-    return at_solution(s) + s->nq + s->nc;
+    return at_power(s) + 1;
 }
 
 /* Put t (of lanes) and q, v (of lanes) in a tape's inputs and run it. */
@@ -49,8 +49,7 @@ static void lanes_derivative(const lag_octet *o, double *f)
     const lag_system *s = o->system;
     const lag_lane_tape *d = &o->dynamics;
     const int nq = s->nq;
-    const double *v = d->registers + (1 + nq) * LAG_LANES;
-    memcpy(f, v, (size_t)nq * LAG_LANES * sizeof(double));
+    memcpy(f, d->registers + (1 + nq) * LAG_LANES, (size_t)nq * LAG_LANES * sizeof(double));
     for (int i = 0; i < nq; ++i)
         memcpy(f + (nq + i) * LAG_LANES, OUTPUT(d, at_solution(s) + i),
                LAG_LANES * sizeof(double));

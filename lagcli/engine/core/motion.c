@@ -47,7 +47,7 @@ static int first_solution(const lag_system *s)
 int lag_first_kept(const lag_run *run)
 {
     const lag_ldl *ldl = &run->ldl;
-    return first_solution(run->system) + 3 * ldl->n + ldl->start[ldl->n];
+    return first_solution(run->system) + 3 * ldl->n + 1 + ldl->start[ldl->n];
 }
 
 /* Order of the dense linear system. */
@@ -299,7 +299,7 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     if (run->baumgarte)
         lag_evaluate(&s->constraint, s, t, y);
     lag_evaluate(d, s, t, y);
-    /* the unrolled tape finds a and lambda itself, to the right side that it has itself */
+    /* the unrolled tape finds a, lambda and their power itself, to its own right side */
     const int own = lag_eliminating(run) == 1 && !run->baumgarte;
     bad = lag_factor(run);
     if (!bad && (refined || !own)) {
@@ -321,11 +321,14 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
         memcpy(run->y_bad, y, (size_t)lag_size(s) * sizeof(double));
         return 1;
     }
+    if (own) {
+        *power = OUT(d, first_solution(s) + n);
+        return 0;
+    }
     double p = OUT(d, first_rhs(s) + nc);
-    if (!own) /* an unrolled tape has the power of the constraints too */
-        for (int i = 0; i < s->nb; ++i)
-            p += x[nq + s->jacobian_row[i]] * OUT(d, first_jacobian(s) + i)
-                 * y[nq + s->jacobian_column[i]];
+    for (int i = 0; i < s->nb; ++i)
+        p += x[nq + s->jacobian_row[i]] * OUT(d, first_jacobian(s) + i)
+             * y[nq + s->jacobian_column[i]];
     *power = p;
     return 0;
 }
