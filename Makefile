@@ -12,7 +12,8 @@ WORKERS ?= 2
 
 #: What runs the core: its own tests and those of both engines.
 CORE_TESTS := tests/unit/test_compiled_engine.py tests/unit/test_engines.py tests/unit/test_tape.py \
-              tests/unit/test_lanes.py tests/unit/test_layers.py tests/unit/test_starts.py tests/unit/test_events.py tests/property/test_property_elimination.py \
+              tests/unit/test_lanes.py tests/unit/test_layers.py tests/unit/test_packing.py \
+              tests/unit/test_starts.py tests/unit/test_events.py tests/property/test_property_elimination.py \
               tests/physics/test_stiff.py
 
 .PHONY: help install demo test lint bench gallery docs-check sanitize valgrind clean

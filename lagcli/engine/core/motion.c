@@ -281,6 +281,14 @@ static void right_side(lag_run *run, const double *y)
     }
 }
 
+/* Note where the equations have no finite value. Returns 1. */
+static int undefined(lag_run *run, double t, const double *y)
+{
+    run->t_bad = t;
+    memcpy(run->y_bad, y, (size_t)lag_size(run->system) * sizeof(double));
+    return 1;
+}
+
 /* The multipliers from the unknowns beside a, which are their negatives, or back. */
 static void turn(double *x, int n)
 {
@@ -316,11 +324,8 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
             sum += x[i];
         bad = !isfinite(sum);
     }
-    if (bad) {
-        run->t_bad = t;
-        memcpy(run->y_bad, y, (size_t)lag_size(s) * sizeof(double));
-        return 1;
-    }
+    if (bad)
+        return undefined(run, t, y);
     if (own) {
         *power = OUT(d, first_solution(s) + n);
         return 0;
@@ -335,12 +340,22 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
 
 int lag_derivative(lag_run *run, double t, const double *y, double *f)
 {
-    const int nq = run->system->nq;
-    if (lag_accelerate(run, t, y, run->refining, f + 2 * nq))
-        return 1;
+    const lag_system *s = run->system;
+    const lag_tape *d = &s->dynamics;
+    const int nq = s->nq;
     memcpy(f, y + nq, (size_t)nq * sizeof(double));
-    memcpy(f + nq, run->a, (size_t)nq * sizeof(double));
-    return 0;
+    if (lag_eliminating(run) != 1 || run->baumgarte || run->refining) {
+        if (lag_accelerate(run, t, y, run->refining, f + 2 * nq))
+            return 1;
+        memcpy(f + nq, run->a, (size_t)nq * sizeof(double));
+        return 0;
+    }
+    /* straight from the unrolled tape; without lambda there is no a */
+    ++run->evaluations;
+    lag_evaluate(d, s, t, y);
+    f[2 * nq] = OUT(d, first_solution(s) + nq + s->nc);
+    const int32_t *places = d->outputs + first_solution(s);
+    return isfinite(lag_vectors()->pick(nq, d->registers, places, f + nq)) ? 0 : undefined(run, t, y);
 }
 
 double lag_inaccuracy(lag_run *run, double t, const double *y)

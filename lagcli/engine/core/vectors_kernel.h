@@ -2,41 +2,31 @@
 #define _GNU_SOURCE /* sincos */
 #include "vectors.h"
 
-#include <string.h>
-
 #include "tape_run.h"
-
-#define CHUNK 128           /* elements that are done at a time, so that sums stay in the cache */
 
 static void combine(int n, const double *base, int terms, const double *const *x,
                     const double *weight, double *y)
 {
-    for (int first = 0; first < n; first += CHUNK) {
-        const int m = n - first < CHUNK ? n - first : CHUNK;
-        double sum[CHUNK];
-        int k = 0;
-        memset(sum, 0, (size_t)m * sizeof(double));
-        for (; k + 3 < terms; k += 4) {
-            const double *a = x[k] + first, *b = x[k + 1] + first, *c = x[k + 2] + first;
-            const double *d = x[k + 3] + first;
-            const double v0 = weight[k], v1 = weight[k + 1], v2 = weight[k + 2], v3 = weight[k + 3];
-            int i = 0;
-            for (; i + 4 <= m; i += 4)
-                *(four *)(sum + i) = FOUR(sum + i) + v0 * FOUR(a + i) + v1 * FOUR(b + i)
-                                     + v2 * FOUR(c + i) + v3 * FOUR(d + i);
-            for (; i < m; ++i)
-                sum[i] = sum[i] + v0 * a[i] + v1 * b[i] + v2 * c[i] + v3 * d[i];
+    int i = 0;
+    for (; i + 16 <= n; i += 16) { /* sums stay in registers */
+        four p = {0.0}, q = p, r = p, s = p;
+        for (int k = 0; k < terms; ++k) {
+            const double *a = x[k] + i, w = weight[k];
+            p += w * FOUR(a);
+            q += w * FOUR(a + 4);
+            r += w * FOUR(a + 8);
+            s += w * FOUR(a + 12);
         }
-        for (; k < terms; ++k) {
-            const double *a = x[k] + first, v = weight[k];
-            int i = 0;
-            for (; i + 4 <= m; i += 4)
-                *(four *)(sum + i) = FOUR(sum + i) + v * FOUR(a + i);
-            for (; i < m; ++i)
-                sum[i] += v * a[i];
-        }
-        for (int i = 0; i < m; ++i)
-            y[first + i] = base[first + i] + sum[i];
+        *(four *)(y + i) = FOUR(base + i) + p;
+        *(four *)(y + i + 4) = FOUR(base + i + 4) + q;
+        *(four *)(y + i + 8) = FOUR(base + i + 8) + r;
+        *(four *)(y + i + 12) = FOUR(base + i + 12) + s;
+    }
+    for (; i < n; ++i) {
+        double sum = 0.0;
+        for (int k = 0; k < terms; ++k)
+            sum += weight[k] * x[k][i];
+        y[i] = base[i] + sum;
     }
 }
 
