@@ -224,7 +224,7 @@ def find_order(
                 break
             else:
                 refused.add(i)
-        if not pivots and touched:
+        if not pivots and most < math.inf:
             for entry in waiting:
                 heapq.heappush(queue, entry)
             touched, waiting, most = set(), [], math.inf

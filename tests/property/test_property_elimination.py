@@ -155,6 +155,17 @@ def test_a_coordinate_without_inertia_is_eliminated_with_its_constraint() -> Non
         np.testing.assert_allclose(x, [2.0, 2.0, 5.0 / 3.0])
 
 
+def test_what_touches_nothing_ends_no_long_elimination() -> None:
+    """Free masses beside three with two constraints: a round of pivots without neighbours."""
+    mass, jacobian = np.eye(250), np.zeros((2, 250))
+    jacobian[:, :3] = [[3.0, 4.0, 5.0], [1.0, -2.0, 1.0]]
+    rhs = np.arange(1.0, 253.0)
+    system = hand_written(mass, jacobian, rhs)
+    plan = order_at(system, [system.parameters])
+    for x in eliminated(system, plan, rhs):
+        np.testing.assert_allclose(x, np.linalg.solve(whole(mass, jacobian), rhs), rtol=1e-12)
+
+
 def test_a_singular_matrix_has_no_order() -> None:
     mass, jacobian = np.diag([2.0, 0.0]), np.array([[3.0, 0.0]])
     system = hand_written(mass, jacobian, np.zeros(3))
