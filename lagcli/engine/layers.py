@@ -10,18 +10,19 @@ coefficients go between layers and rows as they are found.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 from lagcli.engine.expansion import BEFORE, CONVOLVED, NUMBERS, SeriesOp
-from lagcli.engine.nodes import INDEXED, VECTOR, Node
+from lagcli.engine.nodes import VECTOR, Node
 from lagcli.engine.packing import (
     LINE,
     SHORTEST,
+    WORTH,
     Memory,
     last_uses,
     pieces,
     progressions,
+    steps,
     together,
 )
 
@@ -70,9 +71,8 @@ def layered(
     kept: Collection[int],
     results: Sequence[int],
     families: Sequence[object],
-    worth: float,
 ) -> Layers | None:
-    """Put operations on series in vectors.
+    """Put operations on series in vectors; None where too few of them fit.
 
     Parameters
     ----------
@@ -86,12 +86,10 @@ def layered(
         Series that the next order's state is made of.
     families : sequence
         Of t, q and v: what is alike has the same.
-    worth : float
-        The part of the operations that is to be in vectors; where it is not, there is no result.
     """
     layering = _Layering(nodes, state, kept, results, families)
     layering.go()
-    return layering.finished() if layering.packed >= worth * len(nodes) else None
+    return layering.finished() if layering.packed >= WORTH * len(nodes) else None
 
 
 def _needs(node: Node) -> tuple[int, ...]:
@@ -127,7 +125,7 @@ class _Layering:
         # families lie side by side: so do most of what is made of them
         self.first: list[Vector] = []
         for names in members.values():
-            if len(names) >= SHORTEST and _step([self.place[x] for x in names]) != 1:
+            if len(names) >= SHORTEST and steps([self.place[x] for x in names])[1] != 1:
                 for piece in pieces(names):
                     self.first.append(self.copy(piece, self.copies))
                     self.place.update(zip(piece, self.copies[tuple(piece)], strict=True))
@@ -229,7 +227,7 @@ class _Layering:
                 slopes = columns[n][0] >= BEFORE
                 names = tuple([_series(x) for x in columns[n]])
                 columns[n] = [self.place[x] for x in names]
-                if (slopes or n in CONVOLVED.get(op, ())) and _step(columns[n]) != 1:
+                if (slopes or n in CONVOLVED.get(op, ())) and steps(columns[n])[1] != 1:
                     # a slope may not be there before the operation; its copy is made at the end
                     known = late if slopes and names not in self.copies else self.copies
                     if names not in known:
@@ -283,18 +281,10 @@ def vector_stream(vector: Vector, numbers: list[int]) -> list[int]:
             else:
                 found += (len(numbers), 1)
                 numbers += x
-        elif (step := _step(x)) is not None:
-            found += (x[0], step)
         else:
-            found += (0, INDEXED, *x)
+            found += steps(x)
     return found
 
 
 def _series(x: int) -> int:
     return x - BEFORE if x >= BEFORE else x
-
-
-def _step(places: Sequence[int]) -> int | None:
-    """Return the distance of places, if it is one."""
-    steps = {y - x for x, y in pairwise(places)}
-    return steps.pop() if len(steps) == 1 else None

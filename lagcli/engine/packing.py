@@ -26,6 +26,8 @@ from lagcli.engine.tape import Op
 
 #: What the core does on vectors.
 _ON_VECTORS = {Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.NEG, Op.SQRT, Op.ABS, MULADD, MULSUB, SUBMUL}
+#: Operations from which vectors are looked for, and the part of them that is to be in vectors.
+LONG, WORTH = 1500, 0.5
 #: Operations that a vector is worth: a shorter one takes as long as its parts; and the most, as in
 #: core/tape.h.
 SHORTEST, LONGEST = 8, 256
@@ -113,7 +115,7 @@ class Packing:
             vectors, rest = self._vectors(nodes, op, group)
             for members in vectors:
                 places = [
-                    _steps([self.place[x] for x in operands])
+                    steps([self.place[x] for x in operands])
                     for operands in zip(*[nodes[node][2] for node in members], strict=True)
                 ]
                 first = self._side_by_side(nodes[node][1][0] for node in members)
@@ -147,7 +149,7 @@ class Packing:
             del self.families[family]
             if len(members) >= SHORTEST:
                 for piece in pieces(members):
-                    places = _steps([self.place[x] for x in piece])
+                    places = steps([self.place[x] for x in piece])
                     first = self._side_by_side(piece)
                     numbers += (VECTOR + MOVE, len(piece), first, *places)
         return numbers
@@ -210,7 +212,7 @@ def _best_progressions(points: NDArray[np.int64]) -> list[NDArray[np.intp]]:
         order, _ = _sorted(kept)
         # numbers whose differences tell the steps apart
         keys = (kept[order].astype(np.uint64) * _MIXED[: kept.shape[1]]).sum(axis=1)
-        for step in _common_steps(keys):
+        for step in _commonsteps(keys):
             runs = [run for run in _runs(keys, step) if len(run) >= SHORTEST]
             covered = sum(map(len, runs))
             saved = (_SAVED if indexed < 0 else _SAVED_INDEXED) * covered - len(runs)
@@ -221,7 +223,7 @@ def _best_progressions(points: NDArray[np.int64]) -> list[NDArray[np.intp]]:
     return best
 
 
-def _common_steps(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def _commonsteps(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Return the most common differences of points that are not far apart."""
     gaps = [keys[reach:] - keys[:-reach] for reach in range(1, _REACH + 1)]
     steps, counts = np.unique(np.concatenate(gaps), return_counts=True)
@@ -252,10 +254,10 @@ def pieces(values: Sequence[int]) -> Iterator[Sequence[int]]:
     return (values[a:b] for a, b in pairwise(ends))
 
 
-def _steps(places: Sequence[int]) -> Sequence[int]:
+def steps(places: Sequence[int]) -> Sequence[int]:
     """Return the first place and the step, or the places."""
-    steps = {b - a for a, b in pairwise(places)} or {1}
-    return (places[0], *steps) if len(steps) == 1 else (0, INDEXED, *places)
+    found = {b - a for a, b in pairwise(places)} or {1}
+    return (places[0], *found) if len(found) == 1 else (0, INDEXED, *places)
 
 
 def together(nodes: Sequence[Node]) -> list[list[int]]:

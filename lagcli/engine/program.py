@@ -15,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.nodes import END, MULADD, MULSUB, SINCOS, SUBMUL, Node
-from lagcli.engine.packing import Packing
+from lagcli.engine.packing import LONG, WORTH, Packing
 from lagcli.engine.tape import ARITY, Op, Tape
 
 #: Operations that are put in order at a time: the values that live at once stay near each other.
 _WINDOW = 4096
-#: Operations from which vectors are looked for, and the part of them that is to be in vectors.
-_LONG, _WORTH = 1500, 0.5
 
 
 class Program(NamedTuple):
@@ -135,10 +133,10 @@ def _arranged(
     there are; complete ``place``.
     """
     count, operations = len(place), sum(map(len, parts))
-    if operations >= _LONG:
+    if operations >= LONG:
         packing = Packing(dict(place), count, families)
         streams = packing.streams(parts, needed)
-        if packing.packed >= _WORTH * operations:
+        if packing.packed >= WORTH * operations:
             place.update(packing.place)
             return streams, packing.count
     streams = []

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from string import digits as DIGITS
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 
 from lagcli.engine.expansion import BEFORE, CONVOLVED, NOUGHT, NUMBERS, WORK, Expansion, SeriesOp
 from lagcli.engine.layers import LAYERED, Layers, Vector, layered, vector_stream
+from lagcli.engine.packing import LONG
 from lagcli.engine.program import Node, allocate, in_order, stream
 from lagcli.engine.system import System
 from lagcli.engine.tape import Builder, Op, Tape
@@ -29,8 +29,6 @@ from lagcli.engine.tape import Builder, Op, Tape
 PADDING = 4
 #: The largest order; the core's loops know their lengths up to here.
 MOST = 31
-#: Operations from which vectors are looked for, and the part of them that is to be in vectors.
-_LONG, _WORTH = 1500, 0.5
 
 
 class Series(NamedTuple):
@@ -105,8 +103,7 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     nq = len(system.coordinates)
     first = len(system.dynamics.outputs)  # of a, then λ
     power = _power(system, builder, outputs, first, working)
-    labels = [name.rstrip(DIGITS) for name in system.coordinates]
-    families = ["t", *labels, *(f"{label}'" for label in labels)]
+    families = system.families[: 1 + 2 * nq]
     return _program(expansion, families, [*outputs[first : first + nq], power], order)
 
 
@@ -143,7 +140,7 @@ def _power(
 
 
 def _program(
-    expansion: Expansion, families: Sequence[str], outputs: Sequence[int], order: int
+    expansion: Expansion, families: Sequence[str | None], outputs: Sequence[int], order: int
 ) -> Series:
     """Return the program that gives the series of the outputs: a, power."""
     expansion.expand()
@@ -152,8 +149,8 @@ def _program(
     state = [*range(len(families)), WORK, NOUGHT]
     kept = _kept(nodes, set(state))
     found = None
-    if len(nodes) >= _LONG:
-        found = layered(nodes, state, kept, results, families, _WORTH)
+    if len(nodes) >= LONG:
+        found = layered(nodes, state, kept, results, families)
     if found is None:
         return _in_rows(expansion, nodes, [*state, *kept], len(state), results, outputs, order)
     return _in_layers(expansion, found, len(state), results, outputs, order)

@@ -44,9 +44,9 @@ def both(
     text: str, q: list[float], v: list[float], programs: list[Series], patch: Any
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the coefficients of a program in layers and of one in rows."""
-    patch.setattr(series, "_LONG", 100)
+    patch.setattr(series, "LONG", 100)
     in_layers = coefficients(compiled(text), q, v)
-    patch.setattr(series, "_LONG", 10**9)
+    patch.setattr(series, "LONG", 10**9)
     in_rows = coefficients(compiled(text), q, v)
     assert [program.layer > 1 for program in programs] == [True, False]
     return in_layers, in_rows
@@ -100,7 +100,7 @@ def test_bodies_by_themselves(
     force = FORCES[name]
     q = [0.2 + 0.005 * i for i in range(BODIES)]
     v = [0.3 - 0.004 * i for i in range(BODIES)]
-    monkeypatch.setattr(series, "_LONG", 100)
+    monkeypatch.setattr(series, "LONG", 100)
     text = bodies(lambda i: force.format(x=f"x{i}", a=f"a{i}"))
     found = coefficients(compiled(text), q, v)
     assert programs[0].layer > 1

@@ -457,12 +457,15 @@ cdef class Integrator:
         ldl.paired = self.integers(plan.paired)
         ldl.start = self.integers(plan.starts)
         ldl.row = self.integers([i for column in plan.columns for i in column])
+        if plan.unrolled:
+            self.run.kept_count = len(dynamics.outputs) - lag_first_kept(&self.run) - n
+            self.run.other_right = dynamics.inputs
+            return
+        # what the factorization in a loop needs
         starts, columns, entries = plan.left
         ldl.left_start = self.integers(starts)
         ldl.left_column = self.integers(columns)
         ldl.left_entry = self.integers(entries)
-        self.run.kept_count = len(dynamics.outputs) - lag_first_kept(&self.run) - n
-        self.run.other_right = dynamics.inputs
         self.run.factors = self.doubles(2 * n + len(entries))
         self.run.product = self.doubles(len(entries))
         self.run.mass_targets = self.integers(plan.targets(self.mass_pattern))
@@ -484,9 +487,7 @@ cdef class Integrator:
         self.bind(&series.values, assemble(program.values))
         series.stream, series.rates = self.integers(program.stream), self.integers(program.rates)
         series.count, series.known = program.convolutions, self.doubles(program.convolutions)
-        # layers lie as the lines of the cache do
-        series.file = self.doubles(program.size + 8)
-        series.file += (-(<size_t>series.file // sizeof(double))) % 8
+        series.file = self.doubles(program.size)
         series.order, series.steady = program.order, program.steady
         series.rows, series.cleared = program.rows, program.cleared
         series.begins, series.begun = self.integers(program.begins), len(program.begins)

@@ -4,8 +4,6 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "vectors.h"
-
 /* Wider registers give the same numbers: the widest there are is chosen when the program is loaded. */
 #if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
 #define FOR_WIDER __attribute__((target_clones("avx2", "default")))
@@ -84,7 +82,6 @@ ALWAYS_INLINE double chained(const double *x, const double *y, int k, int fours,
 
 /* Vectors of series in layers. */
 
-#define LONGEST 256         /* elements of a vector */
 #if defined(__GNUC__)
 #define PACK 4
 typedef double pack __attribute__((vector_size(32), aligned(8), may_alias));
@@ -187,7 +184,7 @@ ALWAYS_INLINE void combine(double *out, const double *s, int each_s, const doubl
 FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op, int n, const int32_t *p,
                                            int k)
 {
-    double a[LONGEST], b[LONGEST];
+    double a[LAG_LONGEST], b[LAG_LONGEST];
     const ptrdiff_t layer = series->layer;
     const double *const file = series->file;
     double *const now = series->file + series->first + k * layer;
