@@ -83,21 +83,22 @@ class _Compiler(Builder):
     def __init__(self, variables: Sequence[Basic], parameters: Sequence[Basic]):
         super().__init__(len(variables) + len(parameters), len(parameters))
         self.known: dict[Basic, int] = {s: i for i, s in enumerate([*variables, *parameters])}
-        # the first variable that a register depends on: terms and factors are ordered by it, so
-        # that what is done for one body of many is done alike for the next
-        self.lead = {x: x for x in range(len(variables))}
+        # the first and the last variable that a register depends on: terms and factors are ordered
+        # by these, so that what is done for one body of many is done alike for the next
+        self.span = {x: (x, x) for x in range(len(variables))}
 
-    def note(self, register: int, operands: Iterable[int]) -> None:
+    def note(self, op: int, register: int, operands: tuple[int, ...]) -> None:
         """Note what a new register depends on."""
-        leads = [self.lead[x] for x in operands if x in self.lead]
-        if leads:
-            self.lead[register] = min(leads)
+        spans = [self.span[x] for x in operands if x in self.span]
+        if spans:
+            firsts, lasts = zip(*spans, strict=True)
+            self.span[register] = min(firsts), max(lasts)
         else:
             self.steady.add(register)
 
-    def order(self, register: int) -> tuple[int, int]:
+    def order(self, register: int) -> tuple[int, ...]:
         """Return what terms and factors are ordered by: those first that stay the same."""
-        return self.lead.get(register, -1), register
+        return *self.span.get(register, (-1, -1)), register
 
     def register(self, expression: Basic) -> int:
         """Return the register of an expression; its parts first, without recursion."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from lagcli.engine.elimination import Elimination, NoElimination, order_at
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.program import Program, assemble
+from lagcli.engine.rates import with_rates
 from lagcli.engine.run import State
 from lagcli.engine.system import System, without_numbers
 from lagcli.engine.unrolling import unroll
@@ -25,6 +26,7 @@ class Prepared(NamedTuple):
     dynamics : Program
         With the elimination, where it is unrolled.
     constraint : Program
+        With ψ.
     """
 
     elimination: Elimination | None
@@ -52,10 +54,11 @@ def prepare(system: System, elimination: Elimination | None) -> Prepared:
     tape = unroll(system, elimination) if elimination and unrolled else system.dynamics
     labels = system.families
     right = [without_numbers(name) + "''" for name in (*system.coordinates, *system.constraints)]
+    rhs = [without_numbers(name) + "'''" for name in system.constraints]
     return Prepared(
         elimination,
-        dynamics=assemble(tape, [*labels, *right] if tape.other else labels),
-        constraint=assemble(system.constraint, labels),
+        dynamics=assemble(tape, [*labels, *right, *rhs] if tape.other else labels),
+        constraint=assemble(with_rates(system), labels),
     )
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.engine.excerpt import excerpt
 from lagcli.engine.nodes import END, MULADD, MULSUB, SINCOS, SUBMUL, Node
 from lagcli.engine.packing import LONG, WORTH, Packing
 from lagcli.engine.tape import ARITY, Op, Tape
@@ -37,6 +38,8 @@ class Program(NamedTuple):
         Streams; the prelude is run once.
     later : tuple of int32 arrays
         Streams for the outputs that are asked for apart, run after ``main`` when they are needed.
+    alone : tuple of int32 arrays
+        Streams for the outputs that are asked for without the rest, run in place of ``main``.
     registers : (n,) array
         The register file before the prelude: inputs (zero), constants.
     outputs : int32 array
@@ -50,6 +53,7 @@ class Program(NamedTuple):
     prelude: NDArray[np.int32]
     main: NDArray[np.int32]
     later: tuple[NDArray[np.int32], ...]
+    alone: tuple[NDArray[np.int32], ...]
     registers: NDArray[np.float64]
     outputs: NDArray[np.int32]
     size: int
@@ -79,12 +83,14 @@ def assemble(tape: Tape, families: Sequence[str | None] = ()) -> Program:
     streams, count = _arranged(parts, needed, place, families)
     registers = np.zeros(count)
     registers[tape.inputs : fixed] = tape.constants
+    outputs = np.array([place[x] for x in tape.outputs], dtype=np.int32)
     return Program(
         prelude=stream(prelude),
         main=streams[0],
         later=tuple(streams[1:]),
+        alone=tuple(excerpt(streams[0], count, outputs[list(some)]) for some in tape.alone),
         registers=registers,
-        outputs=np.array([place[x] for x in tape.outputs], dtype=np.int32),
+        outputs=outputs,
         size=len(parts[0]),
         inputs=tape.inputs - tape.other,
     )

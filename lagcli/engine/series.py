@@ -98,7 +98,8 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     ------
     NotAnalytic
     """
-    builder, outputs = Builder.extending(tape)
+    builder = Builder(tape.inputs, tape.parameters)
+    outputs = builder.extend(tape)
     expansion = Expansion(builder)
     nq = len(system.coordinates)
     first = len(system.dynamics.outputs)  # of a, then λ

@@ -78,6 +78,8 @@ class Tape(NamedTuple):
     later : tuple of int
         Numbers of outputs, the last ones, that are asked for apart from the others and from each
         other: only when they are needed.
+    alone : tuple of tuples of int
+        Sets of the other outputs that are also asked for without the rest.
     """
 
     inputs: int
@@ -87,6 +89,7 @@ class Tape(NamedTuple):
     parameters: int = 0
     other: int = 0
     later: tuple[int, ...] = ()
+    alone: tuple[tuple[int, ...], ...] = ()
 
     @property
     def registers(self) -> int:
@@ -116,21 +119,13 @@ class Builder:
         self.operations: dict[tuple[int, ...], int] = {}
         self.steady = set(range(inputs - other - parameters, inputs - other))
 
-    @classmethod
-    def extending(cls, tape: Tape, other: int = 0) -> tuple[Builder, list[int]]:
-        """Return a builder that holds a tape's operations, and the tape's outputs in it.
-
-        It has ``other`` more inputs after the tape's.
-        """
-        builder = cls(tape.inputs + other, tape.parameters, other)
-        operations, first = builder.operations, builder.inputs
-        place = [*range(tape.inputs), *map(builder.constant, tape.constants)]
-        for register, (op, _, a, b, c) in enumerate(tape.code, first):
+    def extend(self, tape: Tape) -> list[int]:
+        """Take over a tape's operations, its inputs being the first here; return its outputs."""
+        place = [*range(tape.inputs), *map(self.constant, tape.constants)]
+        for op, _, a, b, c in tape.code:
             operands = tuple([place[x] for x in (a, b, c)[: ARITY[op]]])
-            operations[(op, *operands)] = register
-            builder.note(register, operands)
-            place.append(register)
-        return builder, [place[x] for x in tape.outputs]
+            place.append(self.new((op, *operands)))
+        return [place[x] for x in tape.outputs]
 
     def constant(self, value: float) -> int:
         """Return the register of a number."""
@@ -141,23 +136,31 @@ class Builder:
         """Return the register of an operation's result."""
         if op in _COMMUTATIVE and self.order(operands[0]) > self.order(operands[1]):
             operands = operands[::-1]
-        key = (op, *operands)
+        return self.new((op, *operands))
+
+    def new(self, key: tuple[int, ...]) -> int:
+        """Return the register of an operation on operands, which are in order."""
         register = self.operations.get(key)
         if register is None:
             register = self.operations[key] = self.inputs + len(self.operations)
-            self.note(register, operands)
+            self.note(key[0], register, key[1:])
         return register
 
-    def note(self, register: int, operands: Iterable[int]) -> None:
+    def note(self, op: int, register: int, operands: tuple[int, ...]) -> None:
         """Note what a new register depends on."""
         if all(x < 0 or x in self.steady for x in operands):
             self.steady.add(register)
 
-    def order(self, register: int) -> tuple[int, int]:
+    def order(self, register: int) -> tuple[int, ...]:
         """Return what the operands of commutative operations are ordered by."""
-        return 0, register
+        return (register,)
 
-    def finish(self, outputs: Iterable[int], later: tuple[int, ...] = ()) -> Tape:
+    def finish(
+        self,
+        outputs: Iterable[int],
+        later: tuple[int, ...] = (),
+        alone: tuple[tuple[int, ...], ...] = (),
+    ) -> Tape:
         """Return the tape."""
         first, shift = self.inputs, len(self.constants)
         place = [*range(first), *range(first + shift, first + shift + len(self.operations))]
@@ -174,4 +177,5 @@ class Builder:
             self.parameters,
             self.other,
             later,
+            alone,
         )

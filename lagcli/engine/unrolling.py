@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import zip_longest
 
+from lagcli.engine.arithmetic import Arithmetic
 from lagcli.engine.elimination import Elimination
 from lagcli.engine.system import System
-from lagcli.engine.tape import Builder, Op, Tape
+from lagcli.engine.tape import Op, Tape
 
 
 def unroll(system: System, elimination: Elimination, whole: bool = True) -> Tape:
@@ -27,30 +28,31 @@ def unroll(system: System, elimination: Elimination, whole: bool = True) -> Tape
     Returns
     -------
     Tape
-        Outputs are those of ``system.dynamics``, then a, λ. A whole tape has nq + nc more inputs
-        at the end: another right side, in the order of the unknowns. Its outputs go on with the
-        power of all forces, those of the constraints too, and the factors: by place, the inverse of
-        D (its diagonal; right of the diagonal where a pair begins, else 0), then L by columns.
-        Apart from these, the parts that pivots keep of the terms that they are the sum of, scaled
-        so that 1 stands for no cancellation, and the squares of the lengths of B's rows; and apart
-        again the solution for the other right side.
+        Outputs are those of ``system.dynamics``, then a, λ. A whole tape has nq + 2 nc more inputs
+        at the end: another right side, in the order of the unknowns, and one for the constraints
+        alone. Its outputs go on with the power of all forces, those of the constraints too, and the
+        factors, which are asked for alone as well: by place, the inverse of D (its diagonal; right
+        of the diagonal where a pair begins, else 0), then L by columns. Apart from these, the parts
+        that pivots keep of the terms that they are the sum of, scaled so that 1 stands for no
+        cancellation, and the squares of the lengths of B's rows; apart again the solution for the
+        other right side; and the first nq of that where it is zero but for the constraints.
     """
     return _Unrolling(system, elimination, whole).tape()
 
 
-class _Unrolling:
+class _Unrolling(Arithmetic):
     """Emits the operations of a factorization and of its use."""
 
     def __init__(self, system: System, elimination: Elimination, whole: bool):
-        size = len(elimination.order)
-        builder, outputs = Builder.extending(system.dynamics, size if whole else 0)
-        self.whole = whole
+        size, given = len(elimination.order), system.dynamics
         mass, jacobian, nq = system.mass_pattern, system.jacobian_pattern, len(system.coordinates)
-        self.builder, self.outputs, self.nq, self.plan = builder, outputs, nq, elimination
-        self.zero, self.one = builder.constant(0.0), builder.constant(1.0)
+        other = size + len(system.constraints) if whole else 0
+        super().__init__(given.inputs + other, given.parameters, other)
+        self.outputs = outputs = self.extend(given)
+        self.whole, self.nq, self.plan = whole, nq, elimination
         place = {unknown: k for k, unknown in enumerate(elimination.order)}
         self.place = place
-        nm, nb = len(mass), len(jacobian)
+        nm, nb, nc = len(mass), len(jacobian), len(system.constraints)
         self.entries: dict[tuple[int, int], int] = {}
         for (i, j), x in zip(mass, outputs, strict=False):
             if place[i] >= place[j]:
@@ -65,53 +67,36 @@ class _Unrolling:
                 self.speeds[i] = self.plus(self.speeds[i], self.times(x, 1 + nq + j))
         right = [*outputs[nm : nm + nq], *outputs[nm + nq + nb : nm + nb + size]]
         self.right = [right[unknown] for unknown in elimination.order]
-        self.other_right = [system.dynamics.inputs + unknown for unknown in elimination.order]
+        self.other_right = [given.inputs + unknown for unknown in elimination.order]
+        # where the right side is zero but for the constraints
+        self.other_rhs = [
+            given.inputs + nc + unknown if unknown >= nq else self.zero
+            for unknown in elimination.order
+        ]
         self.diagonal, self.beside = [self.zero] * size, [self.zero] * size
         self.lower: list[dict[int, int]] = [{} for _ in range(size)]
         self.kept: list[int] = []
         self.taken: list[list[int]] = [[] for _ in range(size)]
-
-    # arithmetic that knows zeros and ones
-
-    def times(self, a: int, b: int) -> int:
-        if self.zero in (a, b):
-            return self.zero
-        if a == self.one:
-            return b
-        return a if b == self.one else self.builder.emit(Op.MUL, a, b)
-
-    def minus(self, a: int, b: int) -> int:
-        if b == self.zero:
-            return a
-        if a == self.zero:
-            return self.builder.emit(Op.NEG, b)
-        return self.builder.emit(Op.SUB, a, b)
-
-    def inverse(self, a: int) -> int:
-        return a if a == self.one else self.builder.emit(Op.DIV, self.one, a)
-
-    def plus(self, a: int, b: int) -> int:
-        if a == self.zero:
-            return b
-        return a if b == self.zero else self.builder.emit(Op.ADD, a, b)
-
-    def magnitude(self, a: int) -> int:
-        return a if a == self.zero else self.builder.emit(Op.ABS, a)
 
     def tape(self) -> Tape:
         plan, size = self.plan, len(self.plan.order)
         for k in self.pivots():
             self.eliminate(k, 2 if plan.paired[k] else 1)
         solution = self.solution(self.right)
-        solution[self.nq :] = [self.minus(self.zero, y) for y in solution[self.nq :]]
+        solution[self.nq :] = map(self.negative, solution[self.nq :])
         if not self.whole:
-            return self.builder.finish([*self.outputs, *solution])
+            return self.finish([*self.outputs, *solution])
         lower = [self.lower[k][i] for k in range(size) for i in plan.columns[k]]
         power = self.power(solution[self.nq :])
-        main = [*self.outputs, *solution, power, *self.diagonal, *self.beside, *lower]
+        factors = [*self.diagonal, *self.beside, *lower]
+        main = [*self.outputs, *solution, power, *factors]
         watched = [*self.kept, *map(self.square, self.rows)]
-        other = self.solution(self.other_right)
-        return self.builder.finish([*main, *watched, *other], (len(watched), len(other)))
+        other, moved = self.solution(self.other_right), self.solution(self.other_rhs)[: self.nq]
+        return self.finish(
+            [*main, *watched, *other, *moved],
+            (len(watched), len(other), len(moved)),
+            (tuple(range(len(main) - len(factors), len(main))),),
+        )
 
     def diagonal_entry(self, k: int) -> int:
         """Return the matrix' entry on the diagonal, as far as it is reduced."""
@@ -138,20 +123,20 @@ class _Unrolling:
 
     def keep(self, k: int, width: int) -> None:
         """Emit what a pivot keeps of its terms."""
-        builder, a = self.builder, self.diagonal_entry(k)
+        a = self.diagonal_entry(k)
         if width == 1:
             total = size = self.magnitude(a)
             for x in self.taken[k]:
                 total = self.plus(total, x)
             if self.taken[k]:
-                self.kept.append(builder.emit(Op.DIV, self.plus(size, size), total))
+                self.kept.append(self.emit(Op.DIV, self.plus(size, size), total))
             return
         b, c = self.entries[k + 1, k], self.diagonal_entry(k + 1)
         product, square = self.times(a, c), self.times(b, b)
         if product != self.zero:
             rest = self.magnitude(self.minus(product, square))
             terms = self.plus(self.magnitude(product), square)
-            self.kept.append(builder.emit(Op.DIV, rest, terms))
+            self.kept.append(self.emit(Op.DIV, rest, terms))
 
     def take(self, k: int, width: int, i: int) -> None:
         """Emit the magnitudes of the terms that a pivot takes off the diagonal below."""
@@ -174,7 +159,7 @@ class _Unrolling:
             return [[self.zero, x], [x, self.zero]]
         determinant = self.minus(self.times(a, c), self.times(b, b))
         x = self.inverse(determinant)
-        off = self.minus(self.zero, self.times(b, x))
+        off = self.negative(self.times(b, x))
         return [[self.times(c, x), off], [off, self.times(a, x)]]
 
     def eliminate(self, k: int, width: int) -> None:

@@ -11,7 +11,9 @@ from libc.stdint cimport int32_t
 cdef extern from "tape.h":
     ctypedef struct lag_tape:
         const int32_t *stream
-        const int32_t *later[2]
+        const int32_t *later[3]
+        const int32_t *alone[2]
+        int32_t *held
         double *registers
         const int32_t *outputs
 
@@ -428,6 +430,11 @@ cdef class Integrator:
         tape.stream = self.integers(program.main)
         for i, stream in enumerate(program.later):
             tape.later[<int>i] = self.integers(stream)
+        for i, stream in enumerate(program.alone):
+            tape.alone[<int>i] = self.integers(stream)
+        if not program.alone:
+            tape.alone[0] = tape.alone[1] = NULL
+        tape.held = self.integers([0])
         tape.outputs = self.integers(program.outputs)
         lag_stream_run(self.integers(program.prelude), tape.registers)
         return 0
@@ -458,7 +465,9 @@ cdef class Integrator:
         ldl.start = self.integers(plan.starts)
         ldl.row = self.integers([i for column in plan.columns for i in column])
         if plan.unrolled:
-            self.run.kept_count = len(dynamics.outputs) - lag_first_kept(&self.run) - n
+            self.run.kept_count = (
+                len(dynamics.outputs) - lag_first_kept(&self.run) - n - nq
+            )
             self.run.other_right = dynamics.inputs
             return
         # what the factorization in a loop needs

@@ -117,33 +117,31 @@ int lag_dop853_step(lag_run *run)
 void lag_dop853_dense(lag_run *run, double t, double *y)
 {
     const int n = lag_size(run->system), s = apart(run);
-    const double h = run->h_old, *stage = run->stages;
-    double *d = run->dense;
+    const double h = run->h_old, x = (t - run->t_old) / h;
     if (!run->dense_ready) {
         for (int i = DOP_STAGES + 1; i < DOP_ALL_STAGES; ++i) {
             double *trial = run->trial;
-            add_stages(run, run->y_old, stage, dop_a[i], i, h, trial);
+            add_stages(run, run->y_old, run->stages, dop_a[i], i, h, trial);
             /* undefined values cannot arise: the step around it was accepted; if they do, the
              * sample's own check finds them */
             if (lag_derivative(run, run->t_old + dop_c[i] * h, trial, run->stages + i * s))
                 for (int m = 0; m < n; ++m)
                     run->stages[i * s + m] = NAN;
         }
-        for (int m = 0; m < n; ++m) {
-            const double delta = run->y_new[m] - run->y_old[m];
-            d[m] = delta;
-            d[s + m] = h * stage[m] - delta;
-            d[2 * s + m] = 2.0 * delta - h * (stage[DOP_STAGES * s + m] + stage[m]);
-        }
-        memset(d + 3 * s, 0, 4 * (size_t)s * sizeof(double));
-        for (int i = 3; i < 7; ++i)
-            add_stages(run, d + i * s, stage, dop_d[i - 3], DOP_ALL_STAGES, h, d + i * s);
         run->dense_ready = 1;
     }
-    /* x (d_0 + (1 - x) (d_1 + x (d_2 + (1 - x) (d_3 + ...)))) */
-    const double x = (t - run->t_old) / h;
-    double weight[7] = {x};
+    /* x (d_0 + (1 - x) (d_1 + x (d_2 + (1 - x) (d_3 + ...)))), where d_0 is the change of y in the
+     * step, d_1 and d_2 give it the slopes at the ends, and all are sums of stages */
+    double weight[7] = {x}, stage[DOP_ALL_STAGES];
     for (int i = 1; i < 7; ++i)
         weight[i] = weight[i - 1] * (i % 2 == 0 ? x : 1.0 - x);
-    add_stages(run, run->y_old, d, weight, 7, 1.0, y);
+    const double change = weight[0] - weight[1] + 2.0 * weight[2];
+    for (int j = 0; j < DOP_ALL_STAGES; ++j) {
+        stage[j] = j < DOP_STAGES ? change * dop_b[j] : 0.0;
+        for (int i = 0; i < 4; ++i)
+            stage[j] += weight[3 + i] * dop_d[i][j];
+    }
+    stage[0] += weight[1] - weight[2];
+    stage[DOP_STAGES] -= weight[2];
+    add_stages(run, run->y_old, run->stages, stage, DOP_ALL_STAGES, h, y);
 }

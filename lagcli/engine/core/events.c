@@ -18,7 +18,7 @@ static int sign_of(double x)
 /* An event's function at a state. */
 static double value(lag_run *run, int which, double t, const double *y)
 {
-    lag_evaluate(&run->events.tape, run->system, t, y);
+    lag_evaluate(&run->events.tape, run->system, t, y, LAG_ALL);
     return OUT(&run->events.tape, which);
 }
 
@@ -77,7 +77,7 @@ static int find(lag_run *run)
         if (high <= low)
             continue;
         lag_dense(run, high, run->y_sample);
-        lag_evaluate(&e->tape, run->system, high, run->y_sample);
+        lag_evaluate(&e->tape, run->system, high, run->y_sample, LAG_ALL);
         int found = 0;
         for (int k = 0; k < e->count; ++k) {
             const int now = sign_of(OUT(&e->tape, k));

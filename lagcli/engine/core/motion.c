@@ -12,15 +12,21 @@ int lag_size(const lag_system *s)
     return 2 * s->nq + 1;
 }
 
-void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const double *y)
+void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const double *y, int part)
 {
     const size_t bytes = 2 * (size_t)s->nq * sizeof(double);
     double *r = tape->registers;
-    if (r[0] == t && memcmp(r + 1, y, bytes) == 0)
-        return;
-    r[0] = t;
-    memcpy(r + 1, y, bytes);
-    lag_stream_run(tape->stream, r);
+    if (part && !tape->alone[part - 1])
+        part = LAG_ALL;
+    if (r[0] == t && memcmp(r + 1, y, bytes) == 0) {
+        if (*tape->held == LAG_ALL || *tape->held == part)
+            return;
+    } else {
+        r[0] = t;
+        memcpy(r + 1, y, bytes);
+    }
+    *tape->held = part;
+    lag_stream_run(part ? tape->alone[part - 1] : tape->stream, r);
 }
 
 /* Where the dynamics tape's outputs begin. */
@@ -50,6 +56,11 @@ int lag_first_kept(const lag_run *run)
     return first_solution(run->system) + 3 * ldl->n + 1 + ldl->start[ldl->n];
 }
 
+int lag_first_velocity(const lag_system *s)
+{
+    return 2 * (s->nh + s->nc) + s->nb;
+}
+
 /* Order of the dense linear system. */
 static int order_of(const lag_run *run)
 {
@@ -68,15 +79,6 @@ void lag_row_squares(const lag_system *s, const lag_tape *tape, int first, doubl
         const double x = OUT(tape, first + i);
         sum[s->jacobian_row[i]] += x * x;
     }
-}
-
-void lag_velocity_residual(const lag_system *s, const double *y, double *psi)
-{
-    const lag_tape *c = &s->constraint;
-    for (int i = 0; i < s->nc; ++i)
-        psi[i] = OUT(c, s->nh + s->nb + i);
-    for (int i = 0; i < s->nb; ++i)
-        psi[s->jacobian_row[i]] += OUT(c, s->nh + i) * y[s->nq + s->jacobian_column[i]];
 }
 
 int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first)
@@ -167,18 +169,19 @@ static void solve_dense(lag_run *run, const double *right, double *x, int refine
         x[nq + i] = z[nq + i] * run->weight[i];
 }
 
-int lag_factor(lag_run *run)
+int lag_factor(lag_run *run, double t, const double *y)
 {
     const lag_system *s = run->system;
     const lag_tape *d = &s->dynamics;
     const lag_ldl *ldl = &run->ldl;
     double *f = run->factors;
     double sum = 0.0;
+    lag_evaluate(d, s, t, y, LAG_FACTORS);
     if (!lag_eliminating(run))
         return factor_dense(run);
+    if (run->eliminating == 1)
+        return 0;
     const int n = ldl->n, count = 2 * n + ldl->start[n];
-    if (run->eliminating == 1) /* the tape has factored it; where it could not, it found no solution */
-        return !isfinite(lag_vectors()->pick(n, d->registers, d->outputs + first_solution(s), run->a));
     memset(f, 0, (size_t)count * sizeof(double));
     for (int i = 0; i < s->nm; ++i)
         if (run->mass_targets[i] >= 0)
@@ -221,6 +224,12 @@ static void residual(const lag_run *run, const double *right, const double *x, d
     }
 }
 
+/* Where the tape's solution for another right side begins; the one for the constraints alone follows. */
+static int first_other(const lag_run *run)
+{
+    return lag_first_kept(run) + run->kept_count;
+}
+
 /* Solve with the last factors in place of the right side; not by the dense solution. */
 static void substitute(lag_run *run, double *x)
 {
@@ -231,7 +240,7 @@ static void substitute(lag_run *run, double *x)
     if (run->eliminating == 1) {
         memcpy(d->registers + run->other_right, x, (size_t)n * sizeof(double));
         lag_stream_run(d->later[1], d->registers);
-        lag_vectors()->pick(n, d->registers, d->outputs + lag_first_kept(run) + run->kept_count, x);
+        lag_vectors()->pick(n, d->registers, d->outputs + first_other(run), x);
     } else {
         lag_ldl_solve(ldl, f, f + n, f + 2 * n, run->work + n, x);
     }
@@ -247,7 +256,9 @@ static void refine(lag_run *run, const double *right, double *x)
         x[i] += r[i];
 }
 
-void lag_solve(lag_run *run, double *right, double *x, int refined)
+/* Solve [[M, B'], [B, 0]] x = right with the last factors; both have nq + nc entries. `refined` by
+ * one step of iterative refinement. right is destroyed. */
+static void solve(lag_run *run, double *right, double *x, int refined)
 {
     if (!lag_eliminating(run)) {
         solve_dense(run, right, x, refined);
@@ -259,25 +270,45 @@ void lag_solve(lag_run *run, double *right, double *x, int refined)
         refine(run, right, x);
 }
 
+double lag_correction(lag_run *run, double *rhs, double *x)
+{
+    const lag_system *s = run->system;
+    const lag_tape *d = &s->dynamics;
+    const int nq = s->nq, nc = s->nc;
+    double sum = 0.0;
+    if (lag_eliminating(run) == 1) {
+        memcpy(d->registers + run->other_right + nq + nc, rhs, (size_t)nc * sizeof(double));
+        lag_stream_run(d->later[2], d->registers);
+        return lag_vectors()->pick(nq, d->registers, d->outputs + first_other(run) + nq + nc, x);
+    }
+    double *right = run->right, *all = run->a;
+    memset(right, 0, (size_t)nq * sizeof(double));
+    memmove(right + nq, rhs, (size_t)nc * sizeof(double));
+    solve(run, right, all, 0);
+    for (int i = 0; i < nq; ++i)
+        sum += x[i] = all[i];
+    return sum;
+}
+
 /* The right side (f, gamma) at the state that the tapes hold, to run->right. */
-static void right_side(lag_run *run, const double *y)
+static void right_side(lag_run *run)
 {
     const lag_system *s = run->system;
     const lag_tape *d = &s->dynamics, *c = &s->constraint;
     const int nq = s->nq, nc = s->nc;
-    double *right = run->right, *psi = run->work;
+    double *right = run->right;
     for (int i = 0; i < nq; ++i)
         right[i] = OUT(d, first_forcing(s) + i);
     for (int i = 0; i < nc; ++i)
         right[nq + i] = OUT(d, first_rhs(s) + i);
     if (!run->baumgarte)
         return;
-    lag_velocity_residual(s, y, psi);
+    const int psi = lag_first_velocity(s);
     for (int i = 0; i < nc; ++i)
-        right[nq + i] -= run->alpha * psi[i];
+        right[nq + i] -= run->alpha * OUT(c, psi + i);
     for (int i = 0; i < s->nh; ++i) {
         const int k = s->holonomic[i];
-        right[nq + k] -= run->alpha * psi[k] + run->beta * run->beta * OUT(c, i);
+        right[nq + k] -= run->alpha * OUT(c, psi + k) + run->beta * run->beta * OUT(c, i);
     }
 }
 
@@ -305,18 +336,19 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     int bad = 0;
     ++run->evaluations;
     if (run->baumgarte)
-        lag_evaluate(&s->constraint, s, t, y);
-    lag_evaluate(d, s, t, y);
+        lag_evaluate(&s->constraint, s, t, y, LAG_ALL);
+    lag_evaluate(d, s, t, y, LAG_ALL);
     /* the unrolled tape finds a, lambda and their power itself, to its own right side */
     const int own = lag_eliminating(run) == 1 && !run->baumgarte;
-    bad = lag_factor(run);
+    bad = own ? !isfinite(lag_vectors()->pick(n, d->registers, d->outputs + first_solution(s), x))
+              : lag_factor(run, t, y);
     if (!bad && (refined || !own)) {
-        right_side(run, y);
+        right_side(run);
         if (own) {
             turn(x + nq, nc);
             refine(run, run->right, x);
         } else {
-            lag_solve(run, run->right, x, refined);
+            solve(run, run->right, x, refined);
         }
         turn(x + nq, nc);
         double sum = 0.0;
@@ -352,7 +384,7 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
     }
     /* straight from the unrolled tape; without lambda there is no a */
     ++run->evaluations;
-    lag_evaluate(d, s, t, y);
+    lag_evaluate(d, s, t, y, LAG_ALL);
     f[2 * nq] = OUT(d, first_solution(s) + nq + s->nc);
     const int32_t *places = d->outputs + first_solution(s);
     return isfinite(lag_vectors()->pick(nq, d->registers, places, f + nq)) ? 0 : undefined(run, t, y);
@@ -366,17 +398,17 @@ double lag_inaccuracy(lag_run *run, double t, const double *y)
     if (!lag_eliminating(run) || lag_accelerate(run, t, y, run->refining, &power))
         return 0;
     --run->evaluations;
-    right_side(run, y);
+    right_side(run);
     for (int i = 0; i < n; ++i)
         x[i] = i < nq ? run->a[i] : -run->a[i];
     residual(run, run->right, x, r, size);
     for (int i = 0; i < n; ++i)
-        all = fmax(all, size[i]);
+        all = size[i] > all ? size[i] : all;
     for (int i = 0; i < n; ++i) {
         const double part = fabs(r[i]) / (size[i] + NEXT_TO_ALL * all);
         if (isnan(part))
             return all > 0.0 ? INFINITY : 0.0;
-        most = fmax(most, part);
+        most = part > most ? part : most;
     }
     return most;
 }

@@ -12,8 +12,13 @@
 /* Size of the state y = (q, v, W). */
 int lag_size(const lag_system *system);
 
-/* Evaluate a tape at a state, unless it holds that state; its outputs can be read afterwards. */
-void lag_evaluate(const lag_tape *tape, const lag_system *system, double t, const double *y);
+/* What is wanted of a tape: all, or of the dynamics the factors of the unrolled elimination, or of the
+ * constraints phi with its scale, or B, psi and its scale. */
+enum lag_part { LAG_ALL, LAG_FACTORS = 1, LAG_POSITIONS = 1, LAG_VELOCITIES = 2 };
+
+/* Evaluate a tape, or a part, at a state, unless it holds that; these outputs can be read
+ * afterwards. */
+void lag_evaluate(const lag_tape *tape, const lag_system *system, double t, const double *y, int part);
 
 /* Write B's rows over their lengths to run->rows, from a tape whose B entries begin at output
  * `first`. Returns 0, or 1 where they are not finite. */
@@ -22,23 +27,24 @@ int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first);
 /* The squares of the lengths of B's rows (nc), from a tape whose B entries begin at `first`. */
 void lag_row_squares(const lag_system *system, const lag_tape *tape, int first, double *sum);
 
-/* psi = B v + b_0 (nc) at the state that the constraint tape holds. */
-void lag_velocity_residual(const lag_system *system, const double *y, double *psi);
+/* Where the constraint tape's outputs psi = B v + b_0 (nc) begin. */
+int lag_first_velocity(const lag_system *system);
 
 /* Where the unrolled elimination's outputs begin that tell what its pivots keep; run->kept_count, of
- * which the last nc are the squares of the lengths of B's rows. The other solution follows. */
+ * which the last nc are the squares of the lengths of B's rows. Then come the other solution (nq +
+ * nc) and the one for the constraints alone (nq). */
 int lag_first_kept(const lag_run *run);
 
 /* How a and lambda are found now: as run->eliminating says, or densely (0). */
 int lag_eliminating(const lag_run *run);
 
-/* Make [[M, B'], [B, 0]], as the dynamics tape holds it, ready for lag_solve. Returns 0, or 1 if it
- * is singular. */
-int lag_factor(lag_run *run);
+/* Make [[M, B'], [B, 0]] at a state ready to solve with. Returns 0, or 1 if it is singular; of the
+ * unrolled factors it does not say so: the solutions are not finite then. */
+int lag_factor(lag_run *run, double t, const double *y);
 
-/* Solve [[M, B'], [B, 0]] x = right with the last factors; both have nq + nc entries. `refined` by
- * one step of iterative refinement. right is destroyed. */
-void lag_solve(lag_run *run, double *right, double *x, int refined);
+/* The least change x (nq), in terms of M, with B x = rhs (nc), by the last factors. Returns a number
+ * that is finite if x is. rhs is destroyed. */
+double lag_correction(lag_run *run, double *rhs, double *x);
 
 /* a, lambda (in run->a, run->multipliers) and the power at a state. Returns 0, or 1 where they are
  * undefined. */

@@ -18,9 +18,10 @@ enum lag_op {
 #define LAG_LONGEST 256     /* elements that a vector has at most */
 
 /* A tape bound to its register file; inputs come first. The later streams are for outputs that are
- * asked for apart. */
+ * asked for apart; those alone for outputs without the rest, NULL where the tape has none. */
 typedef struct {
-    const int32_t *stream, *later[2];
+    const int32_t *stream, *later[3], *alone[2];
+    int32_t *held;                     /* what was evaluated last: all (0), or which alone */
     double *registers;
     const int32_t *outputs;
 } lag_tape;

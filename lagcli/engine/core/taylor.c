@@ -142,7 +142,7 @@ int lag_taylor_step(lag_run *run)
         return explicit_step(run);
     run->stepped = LAG_TAYLOR;
     if (run->watching && kept_before == 0.0) {
-        lag_evaluate(&s->dynamics, s, run->t, run->y);
+        lag_evaluate(&s->dynamics, s, run->t, run->y, LAG_ALL);
         note_jacobian(run, 0);
     }
     run->h = fmin(run->h, step_of_series(run));

@@ -15,6 +15,13 @@ typedef struct {
     /* y[i] = x[places[i]], n of them. Returns their sum: it is finite if they are. */
     double (*pick)(int n, const double *x, const int32_t *places, double *y);
 
+    /* Raise scales to those now; the largest magnitude of x over its scale, n of each. */
+    double (*largest)(int n, const double *x, const double *now, double *scale);
+
+    /* The least of x[places[i]] over the square of length[i], or of x[places[i]] without lengths;
+     * 1 where all are larger. */
+    double (*least)(int n, const double *x, const int32_t *places, const double *length);
+
     /* The sum of the squares of x over the tolerances at y and z, n of each. */
     double (*scaled_square)(int n, const double *x, const double *y, const double *z, double atol,
                             double rtol);

@@ -45,11 +45,58 @@ static double pick(int n, const double *x, const int32_t *places, double *y)
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-INLINE four larger_magnitudes(four x, four y)
+INLINE four choose(mask_of_four m, four a, four b)
 {
-    const four a = magnitudes(x), b = magnitudes(y);
-    const mask_of_four m = a > b;
     return (four)((m & (mask_of_four)a) | (~m & (mask_of_four)b));
+}
+
+INLINE four larger(four a, four b)
+{
+    return choose(a > b, a, b);
+}
+
+INLINE four smaller(four a, four b)
+{
+    return choose(a < b, a, b);
+}
+
+static double largest(int n, const double *x, const double *now, double *scale)
+{
+    const four tiny = {1e-300, 1e-300, 1e-300, 1e-300};
+    four most = {0.0, 0.0, 0.0, 0.0};
+    int i = 0;
+    for (; i + 4 <= n; i += 4) {
+        const four raised = larger(FOUR(now + i), FOUR(scale + i));
+        *(four *)(scale + i) = raised;
+        most = larger(magnitudes(FOUR(x + i)) / larger(raised, tiny), most);
+    }
+    for (; i < n; ++i) {
+        if (now[i] > scale[i])
+            scale[i] = now[i];
+        const double part = fabs(x[i]) / (scale[i] > 1e-300 ? scale[i] : 1e-300);
+        if (part > most[0])
+            most[0] = part;
+    }
+    return fmax(fmax(most[0], most[1]), fmax(most[2], most[3]));
+}
+
+static double least(int n, const double *x, const int32_t *places, const double *length)
+{
+    four found = {1.0, 1.0, 1.0, 1.0};
+    int i = 0;
+    for (; i + 4 <= n; i += 4) {
+        const int32_t *at = places + i;
+        four part = {x[at[0]], x[at[1]], x[at[2]], x[at[3]]};
+        if (length)
+            part /= FOUR(length + i) * FOUR(length + i);
+        found = smaller(part, found);
+    }
+    for (; i < n; ++i) {
+        const double part = length ? x[places[i]] / (length[i] * length[i]) : x[places[i]];
+        if (part < found[0])
+            found[0] = part;
+    }
+    return fmin(fmin(found[0], found[1]), fmin(found[2], found[3]));
 }
 
 static double scaled_square(int n, const double *x, const double *y, const double *z, double atol,
@@ -58,7 +105,7 @@ static double scaled_square(int n, const double *x, const double *y, const doubl
     four sum = {0.0, 0.0, 0.0, 0.0};
     int i = 0;
     for (; i + 4 <= n; i += 4) {
-        const four e = FOUR(x + i) / (atol + rtol * larger_magnitudes(FOUR(y + i), FOUR(z + i)));
+        const four e = FOUR(x + i) / (atol + rtol * larger(magnitudes(FOUR(y + i)), magnitudes(FOUR(z + i))));
         sum += e * e;
     }
     for (; i < n; ++i) {
@@ -68,4 +115,4 @@ static double scaled_square(int n, const double *x, const double *y, const doubl
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-const lag_vector_kernel NAME = {run_stream, combine, pick, scaled_square};
+const lag_vector_kernel NAME = {run_stream, combine, pick, largest, least, scaled_square};

@@ -1,6 +1,7 @@
 #include "watch.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
 #include "linear.h"
@@ -55,22 +56,19 @@ static double least_kept_of_all(lag_run *run)
 {
     const lag_system *s = run->system;
     const lag_tape *d = &s->dynamics;
-    double *sum = run->work, least = 1.0, shortest = 1.0;
     if (run->eliminating == 1) { /* the tape finds both */
         const int pivots = run->kept_count - s->nc;
         const int32_t *places = d->outputs + lag_first_kept(run);
+        const lag_vector_kernel *vectors = lag_vectors();
         lag_stream_run(d->later[0], d->registers);
-        for (int i = 0; i < pivots; ++i)
-            least = fmin(least, d->registers[places[i]]);
-        least = sqrt(least);
-        lag_vectors()->pick(s->nc, d->registers, places + pivots, sum);
-    } else {
-        least = least_kept(run);
-        lag_row_squares(s, d, s->nm + s->nq, sum);
+        return sqrt(fmin(vectors->least(pivots, d->registers, places, NULL),
+                         vectors->least(s->nc, d->registers, places + pivots, run->lengths)));
     }
+    double *sum = run->work, shortest = 1.0;
+    lag_row_squares(s, d, s->nm + s->nq, sum);
     for (int i = 0; i < s->nc; ++i)
         shortest = fmin(shortest, sum[i] / (run->lengths[i] * run->lengths[i]));
-    return fmin(least, sqrt(shortest));
+    return fmin(least_kept(run), sqrt(shortest));
 }
 
 double lag_weakest(lag_run *run, double t, const double *y)
@@ -80,10 +78,10 @@ double lag_weakest(lag_run *run, double t, const double *y)
     if (run->rank == 0)
         return 1.0;
     if (lag_eliminating(run) && (double)s->nc * s->nc * s->nq > LARGE) {
-        lag_evaluate(&s->dynamics, s, t, y);
-        return lag_factor(run) ? 0.0 : least_kept_of_all(run);
+        lag_evaluate(&s->dynamics, s, t, y, LAG_ALL);
+        return lag_factor(run, t, y) ? 0.0 : least_kept_of_all(run);
     }
-    lag_evaluate(c, s, t, y);
+    lag_evaluate(c, s, t, y, LAG_VELOCITIES);
     if (lag_scaled_rows(run, c, s->nh))
         return 1.0;
     return lag_pivot(run->rows, s->nq, s->nc, run->rank, run->order, run->components);
@@ -98,10 +96,7 @@ void lag_watch_step(lag_run *run)
 void lag_watch_stage(lag_run *run)
 {
     /* without a static elimination every step is looked at */
-    const int eliminating = lag_eliminating(run);
-    /* the unrolled factors are in the tape, the others where lag_accelerate made them */
-    const int bad = eliminating == 1 && lag_factor(run);
-    const double kept = eliminating && !bad ? least_kept_of_all(run) : 0.0;
+    const double kept = lag_eliminating(run) ? least_kept_of_all(run) : 0.0;
     run->kept_last = kept;
     run->kept = fmin(run->kept, kept);
     run->most_kept = fmax(run->most_kept, kept);
