@@ -60,10 +60,18 @@ class Packing:
     families : sequence of str or None
         Labels of the inputs: those of the same family are treated alike, so they are brought side
         by side first.
+    alike : sequence of sequences of int
+        Results that are brought side by side when they are all there.
     """
 
-    def __init__(self, place: dict[int, int], count: int, families: Sequence[str | None] = ()):
-        self.place, self.memory = place, Memory(count)
+    def __init__(
+        self,
+        place: dict[int, int],
+        count: int,
+        families: Sequence[str | None] = (),
+        alike: Sequence[Sequence[int]] = (),
+    ):
+        self.place, self.memory, self.alike = place, Memory(count), alike
         self.packed = 0
         self.families: dict[str, list[int]] = {}
         for x, family in enumerate(families):
@@ -110,7 +118,8 @@ class Packing:
         numbers = self._inputs_side_by_side(nodes)
         sets = together(nodes)
         ends = last_uses(nodes, sets, kept)
-        for group, dying in zip(sets, ends, strict=True):
+        complete = self._complete(nodes, sets, ends)
+        for at, (group, dying) in enumerate(zip(sets, ends, strict=True)):
             op = nodes[group[0]][0]
             vectors, rest = self._vectors(nodes, op, group)
             for members in vectors:
@@ -130,6 +139,11 @@ class Packing:
                 numbers += [self.place[x] for x in (*destinations, *operands)]
             for x in dying:
                 self.memory.give_back(self.place[x])
+            for members in complete.get(at, ()):
+                before = [self.place[x] for x in members]
+                numbers += self._moved(members)
+                for place in before:
+                    self.memory.give_back(place)
         return np.array([*numbers, END, 0], dtype=np.int32)
 
     def _side_by_side(self, values: Iterable[int]) -> int:
@@ -148,11 +162,34 @@ class Packing:
                 continue
             del self.families[family]
             if len(members) >= SHORTEST:
-                for piece in pieces(members):
-                    places = steps([self.place[x] for x in piece])
-                    first = self._side_by_side(piece)
-                    numbers += (VECTOR + MOVE, len(piece), first, *places)
+                numbers += self._moved(members)
         return numbers
+
+    def _moved(self, values: Sequence[int]) -> list[int]:
+        """Return the operations that bring values side by side."""
+        numbers: list[int] = []
+        for piece in pieces(values):
+            places = steps([self.place[x] for x in piece])
+            first = self._side_by_side(piece)
+            numbers += (VECTOR + MOVE, len(piece), first, *places)
+        return numbers
+
+    def _complete(
+        self, nodes: Sequence[Node], sets: Sequence[list[int]], ends: Sequence[list[int]]
+    ) -> dict[int, list[list[int]]]:
+        """Return the results that are used alike, by the number of the set after which they are all
+        there; those that are not needed any more are left out.
+        """
+        made = {x: at for at, group in enumerate(sets) for i in group for x in nodes[i][1]}
+        end = {x: at for at, dying in enumerate(ends) for x in dying}
+        found: dict[int, list[list[int]]] = {}
+        for values in self.alike:
+            own = [x for x in values if x in made]
+            last = max([made[x] for x in own], default=0)
+            needed = [x for x in own if end.get(x, len(sets)) > last]
+            if len(needed) >= SHORTEST:
+                found.setdefault(last, []).append(needed)
+        return found
 
     def _vectors(
         self, nodes: Sequence[Node], op: int, group: list[int]

@@ -39,7 +39,8 @@ class Program(NamedTuple):
     later : tuple of int32 arrays
         Streams for the outputs that are asked for apart, run after ``main`` when they are needed.
     alone : tuple of int32 arrays
-        Streams for the outputs that are asked for without the rest, run in place of ``main``.
+        Streams for the outputs that are asked for without the rest, run in place of ``main``; for
+        those that are in ``later``, what these go on from.
     registers : (n,) array
         The register file before the prelude: inputs (zero), constants.
     outputs : int32 array
@@ -70,7 +71,8 @@ def assemble(tape: Tape, families: Sequence[str | None] = ()) -> Program:
         Labels of inputs: those that are alike have the same.
     """
     fixed = tape.inputs + len(tape.constants)
-    prelude, *parts = _parts(tape)
+    of = _part_of_outputs(tape)
+    prelude, *parts = _parts(tape, of)
     place = {x: x for x in range(fixed)}
     for _, destinations, _ in prelude:
         place[destinations[0]] = len(place)
@@ -80,7 +82,7 @@ def assemble(tape: Tape, families: Sequence[str | None] = ()) -> Program:
         _sines_with_cosines(_products_with_sums(nodes, keep))
         for nodes, keep in zip(parts, needed, strict=True)
     ]
-    streams, count = _arranged(parts, needed, place, families)
+    streams, count = _arranged(parts, needed, place, families, tape.alike)
     registers = np.zeros(count)
     registers[tape.inputs : fixed] = tape.constants
     outputs = np.array([place[x] for x in tape.outputs], dtype=np.int32)
@@ -88,7 +90,10 @@ def assemble(tape: Tape, families: Sequence[str | None] = ()) -> Program:
         prelude=stream(prelude),
         main=streams[0],
         later=tuple(streams[1:]),
-        alone=tuple(excerpt(streams[0], count, outputs[list(some)]) for some in tape.alone),
+        alone=tuple(
+            excerpt(streams[0], count, [place[x] for x in _asked_of_main(tape, some, of, parts)])
+            for some in tape.alone
+        ),
         registers=registers,
         outputs=outputs,
         size=len(parts[0]),
@@ -96,19 +101,33 @@ def assemble(tape: Tape, families: Sequence[str | None] = ()) -> Program:
     )
 
 
-def _parts(tape: Tape) -> list[list[Node]]:
+def _part_of_outputs(tape: Tape) -> list[int]:
+    """Return the part that each output belongs to: 0, or that which it is asked for with."""
+    counts = [len(tape.outputs) - sum(tape.later), *tape.later]
+    return [part for part, count in enumerate(counts) for _ in range(count)]
+
+
+def _asked_of_main(
+    tape: Tape, some: Sequence[int], of: Sequence[int], parts: Sequence[Sequence[Node]]
+) -> set[int]:
+    """Return what the first part must yield for some outputs."""
+    asked = {tape.outputs[i] for i in some if not of[i]}
+    for part in {of[i] for i in some} - {0}:
+        asked |= _operands(parts[part]) - {x for _, results, _ in parts[part] for x in results}
+    return asked
+
+
+def _parts(tape: Tape, part_of_outputs: Sequence[int]) -> list[list[Node]]:
     """Return what depends on parameters alone, and what else each part of the outputs needs.
 
     An operation belongs to the first part that needs it; what none needs is left out.
     """
-    fixed, end = tape.inputs + len(tape.constants), len(tape.outputs)
+    fixed = tape.inputs + len(tape.constants)
     first = tape.inputs - tape.other
     steady = {*range(first - tape.parameters, first), *range(tape.inputs, fixed)}
     of: dict[int, int] = {}  # the part of each register
-    for number, count in enumerate(reversed(tape.later)):
-        of.update(dict.fromkeys(tape.outputs[end - count : end], len(tape.later) - number))
-        end -= count
-    of.update(dict.fromkeys(tape.outputs[:end], 0))
+    for x, part in zip(tape.outputs, part_of_outputs, strict=True):
+        of[x] = min(of.get(x, part), part)
     for _, to, a, b, c in reversed(tape.code):
         if to in of:
             of.update((x, min(of.get(x, of[to]), of[to])) for x in (a, b, c))
@@ -134,13 +153,14 @@ def _arranged(
     needed: Sequence[set[int]],
     place: dict[int, int],
     families: Sequence[str | None],
+    alike: Sequence[Sequence[int]],
 ) -> tuple[list[NDArray[np.int32]], int]:
     """Return the streams of successive parts, whose needed results are kept, and how many places
     there are; complete ``place``.
     """
     count, operations = len(place), sum(map(len, parts))
     if operations >= LONG:
-        packing = Packing(dict(place), count, families)
+        packing = Packing(dict(place), count, families, alike)
         streams = packing.streams(parts, needed)
         if packing.packed >= WORTH * operations:
             place.update(packing.place)

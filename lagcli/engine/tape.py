@@ -79,7 +79,9 @@ class Tape(NamedTuple):
         Numbers of outputs, the last ones, that are asked for apart from the others and from each
         other: only when they are needed.
     alone : tuple of tuples of int
-        Sets of the other outputs that are also asked for without the rest.
+        Sets of outputs that are also asked for without the rest.
+    alike : tuple of tuples of int
+        Sets of results that are likely used alike, such as one of each body.
     """
 
     inputs: int
@@ -90,6 +92,7 @@ class Tape(NamedTuple):
     other: int = 0
     later: tuple[int, ...] = ()
     alone: tuple[tuple[int, ...], ...] = ()
+    alike: tuple[tuple[int, ...], ...] = ()
 
     @property
     def registers(self) -> int:
@@ -160,6 +163,7 @@ class Builder:
         outputs: Iterable[int],
         later: tuple[int, ...] = (),
         alone: tuple[tuple[int, ...], ...] = (),
+        alike: Iterable[Iterable[int]] = (),
     ) -> Tape:
         """Return the tape."""
         first, shift = self.inputs, len(self.constants)
@@ -178,4 +182,5 @@ class Builder:
             self.other,
             later,
             alone,
+            tuple([tuple([place[x] for x in some]) for some in alike]),
         )

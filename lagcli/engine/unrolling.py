@@ -30,12 +30,11 @@ def unroll(system: System, elimination: Elimination, whole: bool = True) -> Tape
     Tape
         Outputs are those of ``system.dynamics``, then a, λ. A whole tape has nq + 2 nc more inputs
         at the end: another right side, in the order of the unknowns, and one for the constraints
-        alone. Its outputs go on with the power of all forces, those of the constraints too, and the
-        factors, which are asked for alone as well: by place, the inverse of D (its diagonal; right
-        of the diagonal where a pair begins, else 0), then L by columns. Apart from these, the parts
-        that pivots keep of the terms that they are the sum of, scaled so that 1 stands for no
-        cancellation, and the squares of the lengths of B's rows; apart again the solution for the
-        other right side; and the first nq of that where it is zero but for the constraints.
+        alone. Its outputs go on with the power of all forces, those of the constraints too. Apart
+        from these, the parts that pivots keep of the terms that they are the sum of, scaled so that
+        1 stands for no cancellation, and the squares of the lengths of B's rows; apart again the
+        solution for the other right side; and the first nq of that where it is zero but for the
+        constraints. These solutions are asked for alone, too.
     """
     return _Unrolling(system, elimination, whole).tape()
 
@@ -77,25 +76,24 @@ class _Unrolling(Arithmetic):
         self.lower: list[dict[int, int]] = [{} for _ in range(size)]
         self.kept: list[int] = []
         self.taken: list[list[int]] = [[] for _ in range(size)]
+        self.alike: list[list[int]] = []
 
     def tape(self) -> Tape:
-        plan, size = self.plan, len(self.plan.order)
         for k in self.pivots():
-            self.eliminate(k, 2 if plan.paired[k] else 1)
+            self.eliminate(k, 2 if self.plan.paired[k] else 1)
         solution = self.solution(self.right)
         solution[self.nq :] = map(self.negative, solution[self.nq :])
         if not self.whole:
             return self.finish([*self.outputs, *solution])
-        lower = [self.lower[k][i] for k in range(size) for i in plan.columns[k]]
-        power = self.power(solution[self.nq :])
-        factors = [*self.diagonal, *self.beside, *lower]
-        main = [*self.outputs, *solution, power, *factors]
+        main = [*self.outputs, *solution, self.power(solution[self.nq :])]
         watched = [*self.kept, *map(self.square, self.rows)]
         other, moved = self.solution(self.other_right), self.solution(self.other_rhs)[: self.nq]
+        outputs = [*main, *watched, *other, *moved]
         return self.finish(
-            [*main, *watched, *other, *moved],
-            (len(watched), len(other), len(moved)),
-            (tuple(range(len(main) - len(factors), len(main))),),
+            outputs,
+            later=(len(watched), len(other), len(moved)),
+            alone=(tuple(range(len(main) + len(watched), len(outputs))),),
+            alike=self.alike,
         )
 
     def diagonal_entry(self, k: int) -> int:
@@ -170,7 +168,7 @@ class _Unrolling(Arithmetic):
         self.diagonal[k : k + width] = [inverse[i][i] for i in range(width)]
         if width == 2:
             self.beside[k] = inverse[0][1]
-        below = self.alike(self.plan.columns[k])
+        below = self.in_order(self.plan.columns[k])
         rows: dict[int, list[int]] = {}
         for i in below:
             rows[i] = entries = [self.entries.pop((i, k + p), self.zero) for p in range(width)]
@@ -190,7 +188,7 @@ class _Unrolling(Arithmetic):
                 if value != self.zero:
                     self.entries[entry] = value
 
-    def alike(self, places: Iterable[int]) -> list[int]:
+    def in_order(self, places: Iterable[int]) -> list[int]:
         """Return places in the order of their unknowns: bodies in a row are treated alike then."""
         return sorted(places, key=self.plan.order.__getitem__)
 
@@ -199,7 +197,7 @@ class _Unrolling(Arithmetic):
         paired, z = self.plan.paired, list(right)
         for k in self.pivots():
             for p in range(2 if paired[k] else 1):
-                for i in self.alike(self.lower[k + p]):
+                for i in self.in_order(self.lower[k + p]):
                     z[i] = self.minus(z[i], self.times(self.lower[k + p][i], z[k + p]))
         x = [self.zero] * len(z)
         for k in reversed(range(len(z))):
@@ -208,7 +206,9 @@ class _Unrolling(Arithmetic):
                 total = self.plus(total, self.times(self.beside[k], z[k + 1]))
             elif k and paired[k - 1]:
                 total = self.plus(total, self.times(self.beside[k - 1], z[k - 1]))
-            for i in self.alike(self.lower[k]):
+            for i in self.in_order(self.lower[k]):
                 total = self.minus(total, self.times(self.lower[k][i], x[i]))
             x[k] = total
-        return [x[self.place[unknown]] for unknown in range(len(z))]
+        found = [x[self.place[unknown]] for unknown in range(len(z))]
+        self.alike.append([y for y in found[self.nq :] if y != self.zero])
+        return found

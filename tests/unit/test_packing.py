@@ -117,12 +117,70 @@ def test_any_order_of_operations_gives_the_same(seed: int) -> None:
         for i in range(draw.choice((1, 8, 13, 20))):
             operands = (known[-1 - (a + i * step) % len(known)], known[(b + i) % len(known)])
             known.append(builder.emit(op, *operands[: 1 if op in (Op.NEG, Op.ABS) else 2]))
-    tape = builder.finish(known[40::5])
+    outputs = known[40::5]
+    some = tuple(sorted(draw.sample(range(len(outputs)), 20)))
+    tape = builder.finish(outputs, alone=(some,), alike=[draw.sample(known[40:], 200)])
     inputs = np.random.default_rng(seed).uniform(-1.0, 1.0, 40)
     with np.errstate(all="ignore"):
-        np.testing.assert_array_equal(
-            binding.run_tape(tape, inputs), np.array(ScalarTape(tape)(inputs))
-        )
+        expected = np.array(ScalarTape(tape)(inputs))
+        np.testing.assert_array_equal(binding.run_tape(tape, inputs), expected)
+        alone = binding.run_tape(tape, inputs, alone=0)
+        np.testing.assert_array_equal(alone[list(some)], expected[list(some)])
+
+
+def test_what_is_used_alike_is_brought_side_by_side() -> None:
+    """Results of many levels, as a recursive elimination finds them, and what is between them."""
+    builder = Builder(2 * BODIES)
+    found = []
+    for i in range(BODIES):
+        x = i
+        for _ in range(((i + 1) & -(i + 1)).bit_length()):  # every second one has a level more
+            x = builder.emit(Op.MUL, x, BODIES + i)
+        found.append(builder.emit(Op.ADD, x, BODIES + (7 * i) % BODIES))
+    pairs = list(itertools.pairwise(found))
+    ends = [builder.emit(Op.SUB, builder.emit(Op.MUL, a, b), a) for a, b in pairs]
+    ends = [builder.emit(op, x, found[0]) for x in ends for op in (Op.ADD, Op.SUB, Op.MUL)]
+    apart, alike = builder.finish(ends), builder.finish(ends, alike=[found])
+    sizes = [len(assemble(tape).main) for tape in (alike, apart)]
+    assert sizes[0] < 0.9 * sizes[1]
+    inputs = np.random.default_rng(5).normal(size=2 * BODIES)
+    np.testing.assert_array_equal(binding.run_tape(alike, inputs), ScalarTape(alike)(inputs))
+
+
+def test_what_is_asked_for_alone_is_all_that_is_done() -> None:
+    symbols, families = coordinates(2 * BODIES)
+    pairs = list(zip(symbols[::2], symbols[1::2], strict=True))
+    squares = [x * x + y * y for x, y in pairs]
+    some = tuple(range(2 * BODIES, 4 * BODIES))
+    tape = compile_tape(
+        [*(s * x for s, (x, _) in zip(squares, pairs, strict=True)), *squares], symbols
+    )
+    tape = tape._replace(alone=(some, ()))
+    program = assemble(tape, families)
+    moves = 4 * BODIES
+    assert sum(operations(program.alone[0])) == 4 * BODIES + moves
+    assert sum(operations(program.main)) == 6 * BODIES + moves
+    assert operations(program.alone[1]) == (0, 0)
+    values = np.random.default_rng(4).normal(size=4 * BODIES)
+    found = binding.run_tape(tape, values, families, alone=0)
+    expected = np.array(ScalarTape(tape)(values))
+    np.testing.assert_array_equal(found[list(some)], expected[list(some)])
+
+
+def test_what_is_asked_for_apart_goes_on_from_what_is_alone() -> None:
+    symbols, families = coordinates(BODIES)
+    x, y = symbols[::2], symbols[1::2]
+    sums = [a + b for a, b in zip(x, y, strict=True)]
+    roots = [se.sqrt(a * a + b * b) for a, b in zip(x, y, strict=True)]
+    tape = compile_tape([*roots, *sums, *(s * s + s for s in sums)], symbols)
+    later = range(2 * BODIES, 3 * BODIES)
+    tape = tape._replace(later=(BODIES,), alone=(tuple(later),))
+    values = np.random.default_rng(3).normal(size=2 * BODIES)
+    found = binding.run_tape(tape, values, families, alone=0)
+    expected = np.array(ScalarTape(tape)(values))
+    np.testing.assert_array_equal(found[list(later)], expected[list(later)])
+    program = assemble(tape, families)
+    assert sum(operations(program.alone[0])) <= 3 * BODIES < sum(operations(program.main))
 
 
 def test_progressions_are_found_between_others() -> None:

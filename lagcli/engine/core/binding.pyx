@@ -153,7 +153,7 @@ cdef extern from "run.h":
 
 
 cdef extern from "motion.h":
-    int lag_first_kept(const lag_run *run)
+    int lag_first_kept(const lag_system *system)
 
 
 cdef extern from "sparse.h":
@@ -238,7 +238,7 @@ def radau5_coefficients():
     return *map(np.array, lists), eigenvalues, np.array(list(radau_error))
 
 
-def run_tape(tape, inputs, families=()):
+def run_tape(tape, inputs, families=(), alone=-1):
     """Run a tape once, with all that is asked for apart, as the engine does.
 
     Parameters
@@ -247,6 +247,9 @@ def run_tape(tape, inputs, families=()):
     inputs : sequence of float
     families : sequence of str or None
         Labels of the inputs.
+    alone : int
+        Which of the sets that are asked for alone to yield, if any; other outputs have no meaning
+        then.
 
     Returns
     -------
@@ -256,7 +259,8 @@ def run_tape(tape, inputs, families=()):
     registers = program.registers
     registers[: tape.inputs] = inputs
     cdef double[::1] r = registers
-    cdef int32_t[::1] prelude = program.prelude, main = program.main
+    cdef int32_t[::1] prelude = program.prelude
+    cdef int32_t[::1] main = program.main if alone < 0 else program.alone[alone]
     lag_stream_run(&prelude[0], &r[0])
     lag_stream_run(&main[0], &r[0])
     for stream in program.later:
@@ -466,7 +470,7 @@ cdef class Integrator:
         ldl.row = self.integers([i for column in plan.columns for i in column])
         if plan.unrolled:
             self.run.kept_count = (
-                len(dynamics.outputs) - lag_first_kept(&self.run) - n - nq
+                len(dynamics.outputs) - lag_first_kept(&self.system) - n - nq
             )
             self.run.other_right = dynamics.inputs
             return

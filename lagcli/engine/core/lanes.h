@@ -20,14 +20,14 @@ enum lag_lane_status {
 
 /* A program of engine/program.py on eight register files. Places count LAG_LANES for a register. */
 typedef struct {
-    const int32_t *prelude, *stream, *outputs;
+    const int32_t *prelude, *stream, *later[3], *alone[2], *outputs; /* as in tape.h */
     double *registers;                 /* of lanes */
 } lag_lane_tape;
 
 /* Eight states at once. The dynamics tape holds the elimination, unrolled. */
 typedef struct {
     const lag_system *system;          /* its tapes are not used */
-    const lag_ldl *ldl;
+    const lag_run *single;             /* has where outputs and inputs of the elimination are */
     lag_lane_tape dynamics, constraint;
     double *scale_position, *scale_velocity; /* of lanes: nh, nc; the largest so far */
     double *right, *x, *work;          /* of lanes: nq + nc; the same; 2 (nq + nc) */

@@ -17,12 +17,14 @@ cdef extern from "lanes.h":
     ctypedef struct lag_lane_tape:
         const int32_t *prelude
         const int32_t *stream
+        const int32_t *later[3]
+        const int32_t *alone[2]
         const int32_t *outputs
         double *registers
 
     ctypedef struct lag_octet:
         const lag_system *system
-        const lag_ldl *ldl
+        const lag_run *single
         lag_lane_tape dynamics, constraint
         double *scale_position
         double *scale_velocity
@@ -119,6 +121,10 @@ cdef class _LaneMemory:
         cdef double[::1] numbers = program.registers
         cdef long i, l
         tape.prelude, tape.stream = self.stream(program.prelude), self.stream(program.main)
+        for i, stream in enumerate(program.later):
+            tape.later[<int>i] = self.stream(stream)
+        for i, stream in enumerate(program.alone):
+            tape.alone[<int>i] = self.stream(stream)
         tape.outputs = self.integers(program.outputs * LAG_LANES)
         tape.registers = self.lanes(len(numbers))
         for i in range(len(numbers)):
@@ -196,7 +202,7 @@ cdef class Lanes(_LaneMemory):
     cdef int bind_octet(self, lag_octet *o, dynamics, constraint) except -1:
         cdef const lag_system *system = self.s.system
         cdef int n = system.nq + system.nc
-        o.system, o.ldl = system, &self.single.run.ldl
+        o.system, o.single = system, &self.single.run
         self.bind_lanes(&o.dynamics, dynamics)
         self.bind_lanes(&o.constraint, constraint)
         o.scale_position, o.scale_velocity = self.lanes(system.nh), self.lanes(system.nc)

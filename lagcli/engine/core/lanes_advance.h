@@ -150,7 +150,7 @@ static void lanes_first_steps(lag_lanes *s, int lanes)
         for (int m = k; m < n8; m += LAG_LANES)
             AT(s->y_new + m) = READ(s->y + m) + READ(h + k) * READ(f + m);
     }
-    lanes_evaluate(&s->moving.dynamics, s->system, t, s->y_new);
+    lanes_evaluate(&s->moving.dynamics, s->system, t, s->y_new, LAG_ALL);
     lanes_derivative(&s->moving, f1);
     EACH_PART (k)
         for (int m = k; m < n8; m += LAG_LANES)
@@ -175,11 +175,11 @@ static void lanes_begin(lag_lanes *s, int lanes)
     const int n = lag_size(system);
     double *f = s->stages + DOP_STAGES * n * LAG_LANES;
     if (system->nc) {
-        lanes_evaluate(&s->moving.dynamics, system, s->t, s->y);
+        lanes_evaluate(&s->moving.dynamics, system, s->t, s->y, LAG_FACTORS);
         lanes = lanes_leave_all(s, lanes, lanes_project(&s->moving, s->t, s->y, lanes));
         lanes = lanes_leave_all(s, lanes, lanes_measure(s, lanes));
     }
-    lanes_evaluate(&s->moving.dynamics, system, s->t, s->y);
+    lanes_evaluate(&s->moving.dynamics, system, s->t, s->y, LAG_ALL);
     lanes_derivative(&s->moving, f);
     lanes = lanes_leave_all(s, lanes, lanes_undefined(f, n));
     lanes_copy(s->stages, f, n, lanes);
@@ -303,7 +303,7 @@ static void lanes_go_on(lag_lanes *s, int lanes, const double *end)
     double *f = s->stages + DOP_STAGES * n * LAG_LANES;
     const int moved = system->nc ? lanes & lanes_moved(s) : 0;
     if (moved) {
-        lanes_evaluate(&s->moving.dynamics, system, end, s->projected);
+        lanes_evaluate(&s->moving.dynamics, system, end, s->projected, LAG_ALL);
         lanes_derivative(&s->moving, s->before);
         lanes_copy(f, s->before, n, moved);
     }

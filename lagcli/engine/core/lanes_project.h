@@ -22,33 +22,30 @@ static void lanes_positions(const lag_octet *o, int lanes, double *worst, double
     }
 }
 
-/* Put (0, -psi) in the right side; measure the scales of some lanes, and return those of them in
- * which psi is not yet met. */
-static int lanes_velocities(const lag_octet *o, int lanes, const double *y)
+/* Put -psi in the right side; measure the scales of some lanes, and return those of them in which psi
+ * is not yet met; `far` are those in which it is so large that a correction may leave some of it. */
+static int lanes_velocities(const lag_octet *o, int lanes, int *far)
 {
     const lag_system *s = o->system;
     const lag_lane_tape *c = &o->constraint;
-    const int nq = s->nq, nc = s->nc;
-    double *psi = o->right + nq * LAG_LANES;
+    const int nc = s->nc, first = lag_first_velocity(s);
     int open = 0;
-    memset(o->right, 0, (size_t)nq * LAG_LANES * sizeof(double));
+    *far = 0;
     EACH_PART (k) {
         const mask measured = lanes_of(lanes, k);
-        mask unmet = {0};
-        for (int i = 0; i < nc; ++i)
-            AT(psi + i * LAG_LANES + k) = -READ(OUTPUT(c, s->nh + s->nb + i) + k);
-        for (int i = 0; i < s->nb; ++i)
-            AT(psi + s->jacobian_row[i] * LAG_LANES + k) -=
-                READ(OUTPUT(c, s->nh + i) + k)
-                * READ(y + (nq + s->jacobian_column[i]) * LAG_LANES + k);
+        mask unmet = {0}, much = {0};
         for (int i = 0; i < nc; ++i) {
             double *kept = o->scale_velocity + i * LAG_LANES + k;
+            const vec psi = READ(OUTPUT(c, first + i) + k);
             const vec given = READ(OUTPUT(c, s->nh + s->nb + nc + s->nh + i) + k);
             const vec scale = larger(given, READ(kept));
             AT(kept) = choose(measured, scale, READ(kept));
-            unmet |= ~(magnitude(READ(psi + i * LAG_LANES + k)) <= RESIDUAL * scale);
+            unmet |= ~(magnitude(psi) <= RESIDUAL * scale);
+            much |= ~(magnitude(psi) * LEAST_ACCURATE <= RESIDUAL * scale);
+            AT(o->right + i * LAG_LANES + k) = -psi;
         }
         open |= set_of(unmet & measured, k);
+        *far |= set_of(much & measured, k);
     }
     return open;
 }
@@ -73,12 +70,12 @@ static int lanes_project(const lag_octet *o, const double *t, double *y, int lan
     const lag_system *s = o->system;
     const lag_lane_tape *c = &o->constraint;
     const int nq = s->nq, nh = s->nh;
-    int open = lanes, failed = 0, restored = 0;
+    int open = lanes, failed = 0;
     double best[LAG_LANES], worst[LAG_LANES], sum[LAG_LANES];
     EACH_LANE (l)
         best[l] = INFINITY;
     for (int iteration = 0; iteration < PROJECTIONS && open; ++iteration) {
-        lanes_evaluate(c, s, t, y);
+        lanes_evaluate(c, s, t, y, LAG_POSITIONS);
         lanes_positions(o, lanes, worst, sum);
         EACH_LANE (l) {
             if (!HAS(open, l))
@@ -90,11 +87,9 @@ static int lanes_project(const lag_octet *o, const double *t, double *y, int lan
             } else if (best[l] <= NOT_REACHED && worst[l] >= 0.5 * best[l] && !met) {
                 /* rounding error is reached: the better of the last two */
                 met = 1;
-                if (worst[l] > best[l]) {
-                    restored |= 1 << l;
+                if (worst[l] > best[l])
                     for (int i = l; i < nq * LAG_LANES; i += LAG_LANES)
                         y[i] = o->trial[i];
-                }
             }
             best[l] = worst[l];
             open &= ~(met << l);
@@ -102,22 +97,22 @@ static int lanes_project(const lag_octet *o, const double *t, double *y, int lan
         if (!open)
             break;
         memcpy(o->trial, y, (size_t)nq * LAG_LANES * sizeof(double));
-        memset(o->right, 0, (size_t)(nq + s->nc) * LAG_LANES * sizeof(double));
+        memset(o->right, 0, (size_t)s->nc * LAG_LANES * sizeof(double));
         EACH_PART (k)
             for (int i = 0; i < nh; ++i)
-                AT(o->right + (nq + s->holonomic[i]) * LAG_LANES + k) = -READ(OUTPUT(c, i) + k);
-        lanes_solve(o, o->right);
+                AT(o->right + s->holonomic[i] * LAG_LANES + k) = -READ(OUTPUT(c, i) + k);
+        lanes_correct(o, o->right);
         lanes_move(y, o->right, nq, open);
     }
     failed |= open;
-    if (restored)
-        lanes_evaluate(c, s, t, y);
-    /* linear in the velocities: the second time removes rounding */
-    for (int iteration = 0; iteration < 2; ++iteration) {
-        open = lanes_velocities(o, lanes & ~failed, y);
+    /* linear in the velocities: the second time removes what a solution is off by */
+    int far = lanes & ~failed;
+    for (int iteration = 0; iteration < 2 && far; ++iteration) {
+        lanes_evaluate(c, s, t, y, LAG_VELOCITIES);
+        open = lanes_velocities(o, far, &far);
         if (!open)
             break;
-        lanes_solve(o, o->right);
+        lanes_correct(o, o->right);
         lanes_move(y + nq * LAG_LANES, o->right, nq, open);
     }
     return failed;

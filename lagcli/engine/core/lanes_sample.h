@@ -89,11 +89,11 @@ static int lanes_complete(lag_lanes *s, int l, int64_t first, int count)
             o->scale_position[i] = s->moving.scale_position[i / LAG_LANES * LAG_LANES + l];
         for (int i = 0; i < nc * LAG_LANES; ++i)
             o->scale_velocity[i] = s->moving.scale_velocity[i / LAG_LANES * LAG_LANES + l];
-        lanes_evaluate(&o->dynamics, system, t, y);
+        lanes_evaluate(&o->dynamics, system, t, y, LAG_FACTORS);
         if (lanes_project(o, t, y, ALL_LANES))
             return 1;
     }
-    lanes_evaluate(&o->dynamics, system, t, y);
+    lanes_evaluate(&o->dynamics, system, t, y, LAG_ALL);
     lanes_refined(o, o->x);
     for (int i = 0; i < count; ++i) {
         double *row = lanes_row(s, l, first + i) + 1;

@@ -19,28 +19,13 @@ INLINE int at_rhs(const lag_system *s)
     return s->nm + s->nq + s->nb;
 }
 
-INLINE int at_solution(const lag_system *s)
-{
-    return s->nm + s->nq + s->nb + s->nc + 1;
-}
-
-INLINE int at_power(const lag_system *s)
-{
-    return at_solution(s) + s->nq + s->nc;
-}
-
-INLINE int at_factors(const lag_system *s)
-{
-    return at_power(s) + 1;
-}
-
-/* Put t (of lanes) and q, v (of lanes) in a tape's inputs and run it. */
+/* Put t (of lanes) and q, v (of lanes) in a tape's inputs and run it, or a part (lag_part). */
 static void lanes_evaluate(const lag_lane_tape *tape, const lag_system *s, const double *t,
-                           const double *y)
+                           const double *y, int part)
 {
     memcpy(tape->registers, t, LAG_LANES * sizeof(double));
     memcpy(tape->registers + LAG_LANES, y, 2 * (size_t)s->nq * LAG_LANES * sizeof(double));
-    lanes_run(tape->stream, tape->registers);
+    lanes_run(part ? tape->alone[part - 1] : tape->stream, tape->registers);
 }
 
 /* y' (of lanes) at the state that the dynamics tape holds. */
@@ -51,48 +36,37 @@ static void lanes_derivative(const lag_octet *o, double *f)
     const int nq = s->nq;
     memcpy(f, d->registers + (1 + nq) * LAG_LANES, (size_t)nq * LAG_LANES * sizeof(double));
     for (int i = 0; i < nq; ++i)
-        memcpy(f + (nq + i) * LAG_LANES, OUTPUT(d, at_solution(s) + i),
+        memcpy(f + (nq + i) * LAG_LANES, OUTPUT(d, lag_first_solution(s) + i),
                LAG_LANES * sizeof(double));
-    memcpy(f + 2 * nq * LAG_LANES, OUTPUT(d, at_power(s)), LAG_LANES * sizeof(double));
+    memcpy(f + 2 * nq * LAG_LANES, OUTPUT(d, lag_first_kept(s) - 1), LAG_LANES * sizeof(double));
 }
 
-/* Solve [[M, B'], [B, 0]] x = x with the factors that the dynamics tape holds. */
+/* Put `count` outputs of a tape's later stream for other right sides, given from register `input` on,
+ * in x. */
+static void lanes_other(const lag_octet *o, int later, int input, int inputs, int output, int count,
+                        double *x)
+{
+    const lag_lane_tape *d = &o->dynamics;
+    memcpy(d->registers + input * LAG_LANES, x, (size_t)inputs * LAG_LANES * sizeof(double));
+    lanes_run(d->later[later], d->registers);
+    for (int i = 0; i < count; ++i)
+        memcpy(x + i * LAG_LANES, OUTPUT(d, output + i), LAG_LANES * sizeof(double));
+}
+
+/* Solve [[M, B'], [B, 0]] x = x as the dynamics tape holds it. */
 static void lanes_solve(const lag_octet *o, double *x)
 {
-    const lag_ldl *f = o->ldl;
-    const int n = f->n;
-    const int32_t *diagonal = o->dynamics.outputs + at_factors(o->system);
-    const int32_t *beside = diagonal + n, *lower = beside + n;
-    const double *r = o->dynamics.registers;
-    double *z = o->work;
-    EACH_PART (k) {
-        for (int i = 0; i < n; ++i)
-            AT(z + i * LAG_LANES + k) = READ(x + f->order[i] * LAG_LANES + k);
-        for (int i = 0; i < n; ++i) {
-            const vec y = READ(z + i * LAG_LANES + k);
-            for (int e = f->start[i]; e < f->start[i + 1]; ++e)
-                AT(z + f->row[e] * LAG_LANES + k) -= READ(r + lower[e] + k) * y;
-        }
-        for (int i = n - 1; i >= 0; --i) {
-            vec sum = READ(z + i * LAG_LANES + k);
-            if (f->paired[i]) {
-                /* its other half was divided, and substituted, just before */
-                sum = READ(x + f->order[i] * LAG_LANES + k);
-            } else if (i && f->paired[i - 1]) {
-                const vec one = READ(z + (i - 1) * LAG_LANES + k);
-                const vec off = READ(r + beside[i - 1] + k);
-                AT(x + f->order[i - 1] * LAG_LANES + k) = READ(r + diagonal[i - 1] + k) * one
-                                                          + off * sum;
-                sum = off * one + READ(r + diagonal[i] + k) * sum;
-            } else {
-                sum *= READ(r + diagonal[i] + k);
-            }
-            for (int e = f->start[i]; e < f->start[i + 1]; ++e)
-                sum -= READ(r + lower[e] + k) * READ(z + f->row[e] * LAG_LANES + k);
-            AT(z + i * LAG_LANES + k) = sum;
-            AT(x + f->order[i] * LAG_LANES + k) = sum;
-        }
-    }
+    const int n = o->system->nq + o->system->nc;
+    const int output = lag_first_kept(o->system) + o->single->kept_count;
+    lanes_other(o, 1, o->single->other_right, n, output, n, x);
+}
+
+/* The least change x (nq), in terms of M, with B x = rhs (nc), in place of rhs: lag_correction. */
+static void lanes_correct(const lag_octet *o, double *x)
+{
+    const int nq = o->system->nq, nc = o->system->nc, n = nq + nc;
+    const int output = lag_first_kept(o->system) + o->single->kept_count + n;
+    lanes_other(o, 2, o->single->other_right + n, nc, output, nq, x);
 }
 
 /* (f, gamma) less the matrix times x = (a, -lambda), to r; the sums of the magnitudes to size, where
@@ -140,7 +114,7 @@ static void lanes_solution(const lag_octet *o, double *x)
     const int nq = s->nq, n = nq + s->nc;
     EACH_PART (k)
         for (int i = 0; i < n; ++i) {
-            const vec given = READ(OUTPUT(&o->dynamics, at_solution(s) + i) + k);
+            const vec given = READ(OUTPUT(&o->dynamics, lag_first_solution(s) + i) + k);
             AT(x + i * LAG_LANES + k) = i < nq ? given : -given;
         }
 }
@@ -148,7 +122,7 @@ static void lanes_solution(const lag_octet *o, double *x)
 /* x = (a, -lambda), with one step of iterative refinement. */
 static void lanes_refined(const lag_octet *o, double *x)
 {
-    const int n = o->ldl->n * LAG_LANES;
+    const int n = (o->system->nq + o->system->nc) * LAG_LANES;
     lanes_solution(o, x);
     lanes_residual(o, x, o->right, 0);
     lanes_solve(o, o->right);
@@ -160,7 +134,7 @@ static void lanes_refined(const lag_octet *o, double *x)
 /* The lanes in which the elimination is less accurate than it need be: lag_inaccuracy of motion.c. */
 static int lanes_inaccurate(const lag_octet *o, double rtol)
 {
-    const int n = o->ldl->n;
+    const int n = o->system->nq + o->system->nc;
     double *r = o->work, *size = o->work + n * LAG_LANES;
     const double allowed = fmin(fmax(ACCURATE * rtol, MOST_ACCURATE), LEAST_ACCURATE);
     int found = 0;

@@ -6,52 +6,17 @@ static void lanes_watch_stage(lag_lanes *s)
 {
     const lag_system *system = s->system;
     const lag_lane_tape *d = &s->moving.dynamics;
-    const lag_ldl *f = s->moving.ldl;
-    const int n = f->n;
-    const int32_t *diagonal = d->outputs + at_factors(system);
-    const int32_t *beside = diagonal + n, *lower = beside + n;
-    const double *r = d->registers;
-    double *taken = s->moving.work;
+    const int first = lag_first_kept(system), rows = first + s->single->kept_count - system->nc;
+    lanes_run(d->later[0], d->registers);
     EACH_PART (k) {
         vec least = all(1.0);
-        for (int i = 0; i < n; ++i)
-            AT(taken + i * LAG_LANES + k) = all(0.0);
-        for (int i = 0; i < n; ++i) {
-            const vec d0 = READ(r + diagonal[i] + k);
-            vec part;
-            if (f->paired[i]) {
-                const vec d1 = READ(r + diagonal[i + 1] + k), off = READ(r + beside[i] + k);
-                const vec inverse = d0 * d1 - off * off;
-                const vec a = magnitude(d1 / inverse), b = magnitude(2.0 * off / inverse);
-                const vec c = magnitude(d0 / inverse);
-                const int shift = f->start[i + 1] - f->start[i];
-                for (int e = f->start[i]; e < f->start[i + 1]; ++e) {
-                    const vec x = READ(r + lower[e] + k), y = READ(r + lower[e + shift] + k);
-                    AT(taken + f->row[e] * LAG_LANES + k) += a * x * x + b * magnitude(x * y)
-                                                             + c * y * y;
-                }
-                part = magnitude(inverse) / (magnitude(d0 * d1) + off * off);
-                ++i;
-            } else {
-                const vec pivot = magnitude(1.0 / d0);
-                for (int e = f->start[i]; e < f->start[i + 1]; ++e) {
-                    const vec x = READ(r + lower[e] + k);
-                    AT(taken + f->row[e] * LAG_LANES + k) += x * x * pivot;
-                }
-                part = 2.0 * pivot / (pivot + READ(taken + i * LAG_LANES + k));
+        for (int i = first; i < rows + system->nc; ++i) {
+            vec part = READ(OUTPUT(d, i) + k);
+            if (i >= rows) {
+                const vec length = READ(s->lengths + (i - rows) * LAG_LANES + k);
+                part /= length * length;
             }
             least = choose(part >= least, least, part); /* also where it is undefined */
-        }
-        for (int i = 0; i < system->nc; ++i)
-            AT(taken + i * LAG_LANES + k) = all(0.0);
-        for (int i = 0; i < system->nb; ++i) {
-            const vec x = READ(OUTPUT(d, at_jacobian(system) + i) + k);
-            AT(taken + system->jacobian_row[i] * LAG_LANES + k) += x * x;
-        }
-        for (int i = 0; i < system->nc; ++i) {
-            const vec length = READ(s->lengths + i * LAG_LANES + k);
-            const vec part = READ(taken + i * LAG_LANES + k) / (length * length);
-            least = choose(part >= least, least, part);
         }
         AT(s->kept + k) = smaller(least, READ(s->kept + k));
         AT(s->most_kept + k) = larger(least, READ(s->most_kept + k));

@@ -45,15 +45,14 @@ static int first_rhs(const lag_system *s)
     return s->nm + s->nq + s->nb;
 }
 
-static int first_solution(const lag_system *s)
+int lag_first_solution(const lag_system *s)
 {
     return s->nm + s->nq + s->nb + s->nc + 1;
 }
 
-int lag_first_kept(const lag_run *run)
+int lag_first_kept(const lag_system *s)
 {
-    const lag_ldl *ldl = &run->ldl;
-    return first_solution(run->system) + 3 * ldl->n + 1 + ldl->start[ldl->n];
+    return lag_first_solution(s) + s->nq + s->nc + 1;
 }
 
 int lag_first_velocity(const lag_system *s)
@@ -227,7 +226,7 @@ static void residual(const lag_run *run, const double *right, const double *x, d
 /* Where the tape's solution for another right side begins; the one for the constraints alone follows. */
 static int first_other(const lag_run *run)
 {
-    return lag_first_kept(run) + run->kept_count;
+    return lag_first_kept(run->system) + run->kept_count;
 }
 
 /* Solve with the last factors in place of the right side; not by the dense solution. */
@@ -340,7 +339,7 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     lag_evaluate(d, s, t, y, LAG_ALL);
     /* the unrolled tape finds a, lambda and their power itself, to its own right side */
     const int own = lag_eliminating(run) == 1 && !run->baumgarte;
-    bad = own ? !isfinite(lag_vectors()->pick(n, d->registers, d->outputs + first_solution(s), x))
+    bad = own ? !isfinite(lag_vectors()->pick(n, d->registers, d->outputs + lag_first_solution(s), x))
               : lag_factor(run, t, y);
     if (!bad && (refined || !own)) {
         right_side(run);
@@ -359,7 +358,7 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     if (bad)
         return undefined(run, t, y);
     if (own) {
-        *power = OUT(d, first_solution(s) + n);
+        *power = OUT(d, lag_first_solution(s) + n);
         return 0;
     }
     double p = OUT(d, first_rhs(s) + nc);
@@ -385,8 +384,8 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
     /* straight from the unrolled tape; without lambda there is no a */
     ++run->evaluations;
     lag_evaluate(d, s, t, y, LAG_ALL);
-    f[2 * nq] = OUT(d, first_solution(s) + nq + s->nc);
-    const int32_t *places = d->outputs + first_solution(s);
+    f[2 * nq] = OUT(d, lag_first_solution(s) + nq + s->nc);
+    const int32_t *places = d->outputs + lag_first_solution(s);
     return isfinite(lag_vectors()->pick(nq, d->registers, places, f + nq)) ? 0 : undefined(run, t, y);
 }
 

@@ -12,8 +12,8 @@
 /* Size of the state y = (q, v, W). */
 int lag_size(const lag_system *system);
 
-/* What is wanted of a tape: all, or of the dynamics the factors of the unrolled elimination, or of the
- * constraints phi with its scale, or B, psi and its scale. */
+/* What is wanted of a tape: all; of the dynamics, what solutions for other right sides go on from; of
+ * the constraints, phi with its scale, or B, psi and its scale. */
 enum lag_part { LAG_ALL, LAG_FACTORS = 1, LAG_POSITIONS = 1, LAG_VELOCITIES = 2 };
 
 /* Evaluate a tape, or a part, at a state, unless it holds that; these outputs can be read
@@ -30,10 +30,13 @@ void lag_row_squares(const lag_system *system, const lag_tape *tape, int first, 
 /* Where the constraint tape's outputs psi = B v + b_0 (nc) begin. */
 int lag_first_velocity(const lag_system *system);
 
+/* Where the outputs begin that the unrolled elimination adds to the dynamics: a, lambda, the power. */
+int lag_first_solution(const lag_system *system);
+
 /* Where the unrolled elimination's outputs begin that tell what its pivots keep; run->kept_count, of
  * which the last nc are the squares of the lengths of B's rows. Then come the other solution (nq +
  * nc) and the one for the constraints alone (nq). */
-int lag_first_kept(const lag_run *run);
+int lag_first_kept(const lag_system *system);
 
 /* How a and lambda are found now: as run->eliminating says, or densely (0). */
 int lag_eliminating(const lag_run *run);

@@ -51,13 +51,15 @@ int lag_project(lag_run *run, double t, double *y)
     }
     if (!met)
         return LAG_OFF;
-    /* linear in the velocities: the second time removes rounding */
-    for (int iteration = 0; iteration < 2; ++iteration) {
+    /* linear in the velocities: the second time removes what a solution is off by */
+    double worst = 1.0;
+    for (int iteration = 0; iteration < 2 && worst * LEAST_ACCURATE > RESIDUAL; ++iteration) {
         lag_evaluate(c, s, t, y, LAG_VELOCITIES);
         if (!isfinite(vectors->pick(nc, c->registers, c->outputs + first_velocity, residual)))
             return LAG_UNDEFINED;
         vectors->pick(nc, c->registers, c->outputs + scale_velocity, scale);
-        if (vectors->largest(nc, residual, scale, run->scale_velocity) <= RESIDUAL)
+        worst = vectors->largest(nc, residual, scale, run->scale_velocity);
+        if (worst <= RESIDUAL)
             break;
         for (int i = 0; i < nc; ++i)
             rhs[i] = -residual[i];

@@ -58,7 +58,7 @@ static double least_kept_of_all(lag_run *run)
     const lag_tape *d = &s->dynamics;
     if (run->eliminating == 1) { /* the tape finds both */
         const int pivots = run->kept_count - s->nc;
-        const int32_t *places = d->outputs + lag_first_kept(run);
+        const int32_t *places = d->outputs + lag_first_kept(s);
         const lag_vector_kernel *vectors = lag_vectors();
         lag_stream_run(d->later[0], d->registers);
         return sqrt(fmin(vectors->least(pivots, d->registers, places, NULL),
