@@ -23,17 +23,16 @@ static void lanes_positions(const lag_octet *o, int lanes, double *worst, double
 }
 
 /* Put -psi in the right side; measure the scales of some lanes, and return those of them in which psi
- * is not yet met; `far` are those in which it is so large that a correction may leave some of it. */
-static int lanes_velocities(const lag_octet *o, int lanes, int *far)
+ * is not yet met. */
+static int lanes_velocities(const lag_octet *o, int lanes)
 {
     const lag_system *s = o->system;
     const lag_lane_tape *c = &o->constraint;
     const int nc = s->nc, first = lag_first_velocity(s);
     int open = 0;
-    *far = 0;
     EACH_PART (k) {
         const mask measured = lanes_of(lanes, k);
-        mask unmet = {0}, much = {0};
+        mask unmet = {0};
         for (int i = 0; i < nc; ++i) {
             double *kept = o->scale_velocity + i * LAG_LANES + k;
             const vec psi = READ(OUTPUT(c, first + i) + k);
@@ -41,11 +40,9 @@ static int lanes_velocities(const lag_octet *o, int lanes, int *far)
             const vec scale = larger(given, READ(kept));
             AT(kept) = choose(measured, scale, READ(kept));
             unmet |= ~(magnitude(psi) <= RESIDUAL * scale);
-            much |= ~(magnitude(psi) * LEAST_ACCURATE <= RESIDUAL * scale);
             AT(o->right + i * LAG_LANES + k) = -psi;
         }
         open |= set_of(unmet & measured, k);
-        *far |= set_of(much & measured, k);
     }
     return open;
 }
@@ -105,11 +102,10 @@ static int lanes_project(const lag_octet *o, const double *t, double *y, int lan
         lanes_move(y, o->right, nq, open);
     }
     failed |= open;
-    /* linear in the velocities: the second time removes what a solution is off by */
-    int far = lanes & ~failed;
-    for (int iteration = 0; iteration < 2 && far; ++iteration) {
+    /* linear in the velocities: see project.c */
+    for (int iteration = 0; iteration < 2; ++iteration) {
         lanes_evaluate(c, s, t, y, LAG_VELOCITIES);
-        open = lanes_velocities(o, far, &far);
+        open = lanes_velocities(o, lanes & ~failed);
         if (!open)
             break;
         lanes_correct(o, o->right);

@@ -51,15 +51,14 @@ int lag_project(lag_run *run, double t, double *y)
     }
     if (!met)
         return LAG_OFF;
-    /* linear in the velocities: the second time removes what a solution is off by */
-    double worst = 1.0;
-    for (int iteration = 0; iteration < 2 && worst * LEAST_ACCURATE > RESIDUAL; ++iteration) {
+    /* linear in the velocities: the second time removes rounding, and what B has turned by since it
+     * was factored */
+    for (int iteration = 0; iteration < 2; ++iteration) {
         lag_evaluate(c, s, t, y, LAG_VELOCITIES);
         if (!isfinite(vectors->pick(nc, c->registers, c->outputs + first_velocity, residual)))
             return LAG_UNDEFINED;
         vectors->pick(nc, c->registers, c->outputs + scale_velocity, scale);
-        worst = vectors->largest(nc, residual, scale, run->scale_velocity);
-        if (worst <= RESIDUAL)
+        if (vectors->largest(nc, residual, scale, run->scale_velocity) <= RESIDUAL)
             break;
         for (int i = 0; i < nc; ++i)
             rhs[i] = -residual[i];
