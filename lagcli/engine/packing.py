@@ -13,10 +13,12 @@ sets, PLDI 2000, doi:10.1145/349299.349320.
 
 from __future__ import annotations
 
+import copy
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,6 +48,19 @@ _MIXED = np.array(
 )
 #: Progressions that are looked for in one set, at most.
 _MOST = 60
+
+
+class Unit(NamedTuple):
+    """Operations of one kind that are done together, as a vector or one after the other."""
+
+    op: int
+    vector: bool
+    nodes: list[Node]
+
+    @property
+    def values(self) -> Iterator[int]:
+        """Results and operands."""
+        return chain.from_iterable((*results, *operands) for _, results, operands in self.nodes)
 
 
 class Packing:
@@ -115,36 +130,70 @@ class Packing:
         kept : set of int
             Results needed later.
         """
-        numbers = self._inputs_side_by_side(nodes)
+        own = {x for _, destinations, _ in nodes for x in destinations}
+        place, memory = dict(self.place), copy.deepcopy(self.memory)
+        units = depth_first(self._units(nodes, kept))
+        self.place, self.memory = place, memory
+        last = {x: at for at, unit in enumerate(units) for x in unit.values if x in own}
+        dying: list[list[int]] = [[] for _ in units]
+        for x, at in last.items():
+            if x not in kept:
+                dying[at].append(x)
+        numbers: list[int] = []
+        for unit, ends in zip(units, dying, strict=True):
+            numbers += self._emitted(unit)
+            for x in ends:
+                self.memory.give_back(self.place[x])
+        return np.array([*numbers, END, 0], dtype=np.int32)
+
+    def _units(self, nodes: Sequence[Node], kept: set[int]) -> list[Unit]:
+        """Return operations in vectors and runs, in an order in which every operand is ready."""
+        units = self._inputs_side_by_side(nodes)
         sets = together(nodes)
         ends = last_uses(nodes, sets, kept)
         complete = self._complete(nodes, sets, ends)
+        for unit in units:
+            self._emitted(unit)
         for at, (group, dying) in enumerate(zip(sets, ends, strict=True)):
             op = nodes[group[0]][0]
             vectors, rest = self._vectors(nodes, op, group)
-            for members in vectors:
-                places = [
-                    steps([self.place[x] for x in operands])
-                    for operands in zip(*[nodes[node][2] for node in members], strict=True)
-                ]
-                first = self._side_by_side(nodes[node][1][0] for node in members)
-                self.packed += len(members)
-                numbers += (VECTOR + op, len(members), first, *chain.from_iterable(places))
+            new = [Unit(op, True, [nodes[i] for i in members]) for members in vectors]
+            self.packed += sum(map(len, vectors))
             if rest:
-                numbers += (op, len(rest))
-            for node in rest:
-                _, destinations, operands = nodes[node]
-                for x in destinations:
-                    self._side_by_side([x])
-                numbers += [self.place[x] for x in (*destinations, *operands)]
+                new.append(Unit(op, False, [nodes[i] for i in rest]))
+            for unit in new:
+                self._emitted(unit)
             for x in dying:
                 self.memory.give_back(self.place[x])
             for members in complete.get(at, ()):
-                before = [self.place[x] for x in members]
-                numbers += self._moved(members)
-                for place in before:
-                    self.memory.give_back(place)
-        return np.array([*numbers, END, 0], dtype=np.int32)
+                moves = list(_moves(members))
+                for unit in moves:
+                    self._emitted(unit)
+                new += moves
+            units += new
+        return units
+
+    def _emitted(self, unit: Unit) -> list[int]:
+        """Return the numbers of operations in a stream; their results get places."""
+        op, vector, nodes = unit
+        if not vector:
+            numbers = [op, len(nodes)]
+            for _, destinations, operands in nodes:
+                for x in destinations:
+                    self._side_by_side([x])
+                numbers += [self.place[x] for x in (*destinations, *operands)]
+            return numbers
+        places = [
+            steps([self.place[x] for x in operands])
+            for operands in zip(*[operands for _, _, operands in nodes], strict=True)
+        ]
+        results = [destinations[0] for _, destinations, _ in nodes]
+        before = [self.place[x] for x in results] if op == MOVE else []
+        first = self._side_by_side(results)
+        for place in before:
+            if place in self.memory.vector:
+                self.memory.give_back(place)
+        return [VECTOR + op, len(nodes), first, *chain.from_iterable(places)]
 
     def _side_by_side(self, values: Iterable[int]) -> int:
         """Give values places side by side; return the first."""
@@ -153,26 +202,17 @@ class Packing:
         self.place.update(zip(values, range(first, first + len(values)), strict=True))
         return first
 
-    def _inputs_side_by_side(self, nodes: Sequence[Node]) -> list[int]:
+    def _inputs_side_by_side(self, nodes: Sequence[Node]) -> list[Unit]:
         """Return the operations that bring the inputs of families side by side."""
         used = {x for _, _, operands in nodes for x in operands}
-        numbers: list[int] = []
+        found: list[Unit] = []
         for family, members in list(self.families.items()):
             if used.isdisjoint(members):
                 continue
             del self.families[family]
             if len(members) >= SHORTEST:
-                numbers += self._moved(members)
-        return numbers
-
-    def _moved(self, values: Sequence[int]) -> list[int]:
-        """Return the operations that bring values side by side."""
-        numbers: list[int] = []
-        for piece in pieces(values):
-            places = steps([self.place[x] for x in piece])
-            first = self._side_by_side(piece)
-            numbers += (VECTOR + MOVE, len(piece), first, *places)
-        return numbers
+                found += _moves(members)
+        return found
 
     def _complete(
         self, nodes: Sequence[Node], sets: Sequence[list[int]], ends: Sequence[list[int]]
@@ -200,6 +240,46 @@ class Packing:
         found, rest = progressions([[self.place[x] for x in nodes[i][2]] for i in group])
         vectors = [piece for run in found for piece in pieces([group[i] for i in run])]
         return vectors, [group[i] for i in rest]
+
+
+def _moves(values: Sequence[int]) -> Iterator[Unit]:
+    """Yield the operations that bring values side by side."""
+    for piece in pieces(values):
+        yield Unit(MOVE, True, [(MOVE, (x,), (x,)) for x in piece])
+
+
+def depth_first(units: Sequence[Unit]) -> list[Unit]:
+    """Return units in an order in which results are used soon, while they are in the cache.
+
+    They come in an order in which every operand is ready.
+    """
+    maker: dict[int, int] = {}
+    readers: dict[int, list[int]] = {}
+    users: list[list[int]] = [[] for _ in units]
+    waiting = [0] * len(units)
+    for i, unit in enumerate(units):
+        before: set[int] = set()
+        for _, results, operands in unit.nodes:
+            before.update(maker[x] for x in operands if x in maker)
+            for x in operands:
+                readers.setdefault(x, []).append(i)
+            for x in results:  # a move is waited for by those that come after it alone
+                before.update(readers.pop(x, ()))
+        before.discard(i)
+        for _, results, _ in unit.nodes:
+            maker.update(dict.fromkeys(results, i))
+        waiting[i] = len(before)
+        for j in before:
+            users[j].append(i)
+    ready = [i for i in reversed(range(len(units))) if not waiting[i]]
+    found: list[Unit] = []
+    while ready:
+        i = ready.pop()
+        found.append(units[i])
+        for j in users[i]:
+            waiting[j] -= 1
+        ready += [j for j in reversed(users[i]) if not waiting[j]]
+    return found
 
 
 def progressions(points: ArrayLike) -> tuple[list[list[int]], list[int]]:

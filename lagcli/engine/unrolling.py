@@ -33,7 +33,7 @@ def unroll(system: System, elimination: Elimination, whole: bool = True) -> Tape
         alone. Its outputs go on with the power of all forces, those of the constraints too. Apart
         from these, the parts that pivots keep of the terms that they are the sum of, scaled so that
         1 stands for no cancellation, and the squares of the lengths of B's rows; apart again the
-        solution for the other right side; and the first nq of that where it is zero but for the
+        solution (a, λ) for the other right side; and the first nq of that where it is zero but for the
         constraints. These solutions are asked for alone, too.
     """
     return _Unrolling(system, elimination, whole).tape()
@@ -82,7 +82,6 @@ class _Unrolling(Arithmetic):
         for k in self.pivots():
             self.eliminate(k, 2 if self.plan.paired[k] else 1)
         solution = self.solution(self.right)
-        solution[self.nq :] = map(self.negative, solution[self.nq :])
         if not self.whole:
             return self.finish([*self.outputs, *solution])
         main = [*self.outputs, *solution, self.power(solution[self.nq :])]
@@ -193,13 +192,14 @@ class _Unrolling(Arithmetic):
         return sorted(places, key=self.plan.order.__getitem__)
 
     def solution(self, right: Sequence[int]) -> list[int]:
-        """Emit the substitutions for a right side by place; return the solution by unknown."""
-        paired, z = self.plan.paired, list(right)
+        """Emit the substitutions for a right side by place; return a, λ."""
+        paired, order, z = self.plan.paired, self.plan.order, list(right)
         for k in self.pivots():
             for p in range(2 if paired[k] else 1):
                 for i in self.in_order(self.lower[k + p]):
                     z[i] = self.minus(z[i], self.times(self.lower[k + p][i], z[k + p]))
         x = [self.zero] * len(z)
+        multipliers: dict[int, int] = {}  # by place
         for k in reversed(range(len(z))):
             total = self.times(self.diagonal[k], z[k])
             if paired[k]:
@@ -207,8 +207,16 @@ class _Unrolling(Arithmetic):
             elif k and paired[k - 1]:
                 total = self.plus(total, self.times(self.beside[k - 1], z[k - 1]))
             for i in self.in_order(self.lower[k]):
-                total = self.minus(total, self.times(self.lower[k][i], x[i]))
+                if order[k] < self.nq and i in multipliers:
+                    total = self.plus(total, self.times(self.lower[k][i], multipliers[i]))
+                else:
+                    total = self.minus(total, self.times(self.lower[k][i], x[i]))
             x[k] = total
-        found = [x[self.place[unknown]] for unknown in range(len(z))]
-        self.alike.append([y for y in found[self.nq :] if y != self.zero])
-        return found
+            if order[k] >= self.nq:
+                multipliers[k] = self.negative(total)
+                # its sign is handed on no further: all are then used alike
+                self.opposite.pop(multipliers[k], None)
+        a = [x[self.place[unknown]] for unknown in range(self.nq)]
+        found = [multipliers[self.place[unknown]] for unknown in range(self.nq, len(z))]
+        self.alike.append([y for y in found if y != self.zero])
+        return [*a, *found]

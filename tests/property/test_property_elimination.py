@@ -73,7 +73,9 @@ def eliminated(
     out = binding.run_tape(tape, inputs)
     first = len(system.dynamics.outputs)
     x = out[first : first + len(rhs)].copy()
+    other = out[-len(rhs) - nq : -nq]
     x[nq:] *= -1
+    other[nq:] *= -1
     places = [
         *system.mass_pattern,
         *((nq + i, j) for i, j in system.jacobian_pattern),
@@ -82,7 +84,7 @@ def eliminated(
     nm, nb = len(system.mass_pattern), len(system.jacobian_pattern)
     m, b = system.parameters[:nm], system.parameters[nm + nq : nm + nq + nb]
     looped = binding.solve_ldl(plan, places, [*m, *b, *b], rhs)
-    return [x, out[-len(rhs) - nq : -nq], looped], out[-nq:]
+    return [x, other, looped], out[-nq:]
 
 
 @settings(max_examples=300, deadline=None)

@@ -59,6 +59,8 @@ static void lanes_solve(const lag_octet *o, double *x)
     const int n = o->system->nq + o->system->nc;
     const int output = lag_first_kept(o->system) + o->single->kept_count;
     lanes_other(o, 1, o->single->other_right, n, output, n, x);
+    for (int i = o->system->nq * LAG_LANES; i < n * LAG_LANES; ++i)
+        x[i] = -x[i];
 }
 
 /* The least change x (nq), in terms of M, with B x = rhs (nc), in place of rhs: lag_correction. */

@@ -223,6 +223,13 @@ static void residual(const lag_run *run, const double *right, const double *x, d
     }
 }
 
+/* The multipliers from the unknowns beside a, which are their negatives, or back. */
+static void turn(double *x, int n)
+{
+    for (int i = 0; i < n; ++i)
+        x[i] = -x[i];
+}
+
 /* Where the tape's solution for another right side begins; the one for the constraints alone follows. */
 static int first_other(const lag_run *run)
 {
@@ -240,6 +247,7 @@ static void substitute(lag_run *run, double *x)
         memcpy(d->registers + run->other_right, x, (size_t)n * sizeof(double));
         lag_stream_run(d->later[1], d->registers);
         lag_vectors()->pick(n, d->registers, d->outputs + first_other(run), x);
+        turn(x + run->system->nq, run->system->nc);
     } else {
         lag_ldl_solve(ldl, f, f + n, f + 2 * n, run->work + n, x);
     }
@@ -317,13 +325,6 @@ static int undefined(lag_run *run, double t, const double *y)
     run->t_bad = t;
     memcpy(run->y_bad, y, (size_t)lag_size(run->system) * sizeof(double));
     return 1;
-}
-
-/* The multipliers from the unknowns beside a, which are their negatives, or back. */
-static void turn(double *x, int n)
-{
-    for (int i = 0; i < n; ++i)
-        x[i] = -x[i];
 }
 
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power)
