@@ -32,9 +32,9 @@ def unroll(system: System, elimination: Elimination, whole: bool = True) -> Tape
         at the end: another right side, in the order of the unknowns, and one for the constraints
         alone. Its outputs go on with the power of all forces, those of the constraints too. Apart
         from these, the parts that pivots keep of the terms that they are the sum of, scaled so that
-        1 stands for no cancellation, and the squares of the lengths of B's rows; apart again the
-        solution (a, λ) for the other right side; and the first nq of that where it is zero but for the
-        constraints. These solutions are asked for alone, too.
+        1 stands for no cancellation, and the squares of the lengths of B's rows; apart again a, λ
+        for the other right side; and a where that is zero but for the constraints. These solutions
+        are asked for alone, too.
     """
     return _Unrolling(system, elimination, whole).tape()
 
