@@ -13,10 +13,9 @@ sets, PLDI 2000, doi:10.1145/349299.349320.
 
 from __future__ import annotations
 
-import copy
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, pairwise
 from typing import NamedTuple
 
@@ -56,6 +55,11 @@ class Unit(NamedTuple):
     op: int
     vector: bool
     nodes: list[Node]
+
+    @property
+    def results(self) -> list[int]:
+        """What they give."""
+        return [x for _, results, _ in self.nodes for x in results]
 
     @property
     def values(self) -> Iterator[int]:
@@ -130,10 +134,8 @@ class Packing:
         kept : set of int
             Results needed later.
         """
-        own = {x for _, destinations, _ in nodes for x in destinations}
-        place, memory = dict(self.place), copy.deepcopy(self.memory)
-        units = depth_first(self._units(nodes, kept))
-        self.place, self.memory = place, memory
+        own = {x for _, results, _ in nodes for x in results}
+        units = depth_first(self._units(nodes))
         last = {x: at for at, unit in enumerate(units) for x in unit.values if x in own}
         dying: list[list[int]] = [[] for _ in units]
         for x, at in last.items():
@@ -146,30 +148,31 @@ class Packing:
                 self.memory.give_back(self.place[x])
         return np.array([*numbers, END, 0], dtype=np.int32)
 
-    def _units(self, nodes: Sequence[Node], kept: set[int]) -> list[Unit]:
+    def _units(self, nodes: Sequence[Node]) -> list[Unit]:
         """Return operations in vectors and runs, in an order in which every operand is ready."""
+        place, free = dict(self.place), self.memory.end  # as if no place were used again
+
+        def side_by_side(values: Sequence[int]) -> None:
+            nonlocal free
+            place.update(zip(values, range(free, free + len(values)), strict=True))
+            free += (-(-len(values) // LINE) + 1) * LINE
+
         units = self._inputs_side_by_side(nodes)
-        sets = together(nodes)
-        ends = last_uses(nodes, sets, kept)
-        complete = self._complete(nodes, sets, ends)
         for unit in units:
-            self._emitted(unit)
-        for at, (group, dying) in enumerate(zip(sets, ends, strict=True)):
+            side_by_side(unit.results)
+        sets = together(nodes)
+        complete = self._complete(nodes, sets)
+        for at, group in enumerate(sets):
             op = nodes[group[0]][0]
-            vectors, rest = self._vectors(nodes, op, group)
-            new = [Unit(op, True, [nodes[i] for i in members]) for members in vectors]
+            vectors, rest = _vectors(nodes, op, group, place)
             self.packed += sum(map(len, vectors))
+            new = [Unit(op, True, [nodes[i] for i in members]) for members in vectors]
             if rest:
                 new.append(Unit(op, False, [nodes[i] for i in rest]))
+            for values in complete.get(at, ()):
+                new += _moves(values)
             for unit in new:
-                self._emitted(unit)
-            for x in dying:
-                self.memory.give_back(self.place[x])
-            for members in complete.get(at, ()):
-                moves = list(_moves(members))
-                for unit in moves:
-                    self._emitted(unit)
-                new += moves
+                side_by_side(unit.results)
             units += new
         return units
 
@@ -178,21 +181,19 @@ class Packing:
         op, vector, nodes = unit
         if not vector:
             numbers = [op, len(nodes)]
-            for _, destinations, operands in nodes:
-                for x in destinations:
+            for _, results, operands in nodes:
+                for x in results:
                     self._side_by_side([x])
-                numbers += [self.place[x] for x in (*destinations, *operands)]
+                numbers += [self.place[x] for x in (*results, *operands)]
             return numbers
         places = [
             steps([self.place[x] for x in operands])
             for operands in zip(*[operands for _, _, operands in nodes], strict=True)
         ]
-        results = [destinations[0] for _, destinations, _ in nodes]
-        before = [self.place[x] for x in results] if op == MOVE else []
-        first = self._side_by_side(results)
+        before = [self.place[x] for x in unit.results] if op == MOVE else []
+        first = self._side_by_side(unit.results)
         for place in before:
-            if place in self.memory.vector:
-                self.memory.give_back(place)
+            self.memory.give_back(place)
         return [VECTOR + op, len(nodes), first, *chain.from_iterable(places)]
 
     def _side_by_side(self, values: Iterable[int]) -> int:
@@ -215,31 +216,29 @@ class Packing:
         return found
 
     def _complete(
-        self, nodes: Sequence[Node], sets: Sequence[list[int]], ends: Sequence[list[int]]
+        self, nodes: Sequence[Node], sets: Sequence[list[int]]
     ) -> dict[int, list[list[int]]]:
         """Return the results that are used alike, by the number of the set after which they are all
-        there; those that are not needed any more are left out.
+        there.
         """
         made = {x: at for at, group in enumerate(sets) for i in group for x in nodes[i][1]}
-        end = {x: at for at, dying in enumerate(ends) for x in dying}
         found: dict[int, list[list[int]]] = {}
         for values in self.alike:
             own = [x for x in values if x in made]
-            last = max([made[x] for x in own], default=0)
-            needed = [x for x in own if end.get(x, len(sets)) > last]
-            if len(needed) >= SHORTEST:
-                found.setdefault(last, []).append(needed)
+            if len(own) >= SHORTEST:
+                found.setdefault(max(made[x] for x in own), []).append(own)
         return found
 
-    def _vectors(
-        self, nodes: Sequence[Node], op: int, group: list[int]
-    ) -> tuple[list[Sequence[int]], list[int]]:
-        """Return the operations of each vector, and what is in none."""
-        if op not in _ON_VECTORS or len(group) < SHORTEST:
-            return [], group
-        found, rest = progressions([[self.place[x] for x in nodes[i][2]] for i in group])
-        vectors = [piece for run in found for piece in pieces([group[i] for i in run])]
-        return vectors, [group[i] for i in rest]
+
+def _vectors(
+    nodes: Sequence[Node], op: int, group: list[int], place: Mapping[int, int]
+) -> tuple[list[Sequence[int]], list[int]]:
+    """Return the operations of each vector, and what is in none."""
+    if op not in _ON_VECTORS or len(group) < SHORTEST:
+        return [], group
+    found, rest = progressions([[place[x] for x in nodes[i][2]] for i in group])
+    vectors = [piece for run in found for piece in pieces([group[i] for i in run])]
+    return vectors, [group[i] for i in rest]
 
 
 def _moves(values: Sequence[int]) -> Iterator[Unit]:
@@ -448,6 +447,8 @@ class Memory:
 
     def give_back(self, at: int) -> None:
         """Free a place, with its vector when that has no other in use."""
+        if at not in self.vector:  # nobody took it from here
+            return
         first, size = self.vector[at]
         self.alive[first] -= 1
         if self.alive[first]:
