@@ -9,8 +9,8 @@ coefficients go between layers and rows as they are found.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from typing import NamedTuple
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from lagcli.engine.expansion import BEFORE, CONVOLVED, NUMBERS, SeriesOp
 from lagcli.engine.nodes import VECTOR, Node
@@ -39,6 +39,12 @@ class Vector(NamedTuple):
     size: int
     first: int
     operands: list[list[int]]
+
+    @property
+    def numbers(self) -> list[tuple[int, ...]]:
+        """The registers of the operands that are numbers; one if all elements have the same."""
+        found = [tuple(self.operands[n]) for n in NUMBERS.get(self.op, ())]
+        return [x[:1] if len(set(x)) == 1 else x for x in found]
 
 
 class Layers(NamedTuple):
@@ -263,24 +269,21 @@ class _Layering:
         return Layers(found, place, size, to(self.memory.end), kept)
 
 
-def vector_stream(vector: Vector, numbers: list[int]) -> list[int]:
+def vector_stream(vector: Vector, place: Mapping[Any, int]) -> list[int]:
     """Return the stream of an operation on vectors.
 
     Parameters
     ----------
     vector : Vector
-    numbers : list of int
-        The registers of numbers, in their places; those of vectors are added.
+    place : mapping
+        Places of its numbers; see `Vector.numbers`.
     """
+    numbers = iter(vector.numbers)
     found = [VECTOR + vector.op, vector.size, vector.first]
     for n, x in enumerate(vector.operands):
         if n in NUMBERS.get(vector.op, ()):
-            if len(set(x)) == 1:
-                found += (len(numbers), 0)
-                numbers.append(x[0])
-            else:
-                found += (len(numbers), 1)
-                numbers += x
+            part = next(numbers)
+            found += (place[part], int(len(part) > 1))
         else:
             found += steps(x)
     return found

@@ -12,14 +12,25 @@ Taylor methods, Experimental Mathematics 14 (2005), doi:10.1080/10586458.2005.10
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.expansion import BEFORE, CONVOLVED, NOUGHT, NUMBERS, WORK, Expansion, SeriesOp
+from lagcli.engine.expansion import (
+    BEFORE,
+    CONVOLVED,
+    NOUGHT,
+    NUMBER,
+    NUMBERS,
+    WORK,
+    Expansion,
+    SeriesOp,
+)
 from lagcli.engine.layers import LAYERED, Layers, Vector, layered, vector_stream
+from lagcli.engine.linear_series import LinearSystem
 from lagcli.engine.packing import LONG
 from lagcli.engine.program import Node, allocate, in_order, stream
 from lagcli.engine.system import System
@@ -34,16 +45,16 @@ MOST = 31
 class Series(NamedTuple):
     """A program for the Taylor coefficients of a motion.
 
-    A file of numbers holds the steady ones, then a row of coefficients for each series that is
-    convolved, then one place for each of the others: they are not kept. Their places move by one
-    with each order, so that an offset means the same for both. The first rows are t, q, v, W, and
-    one of zeros. A long program has layers after that: see `lagcli.engine.layers`; there the state
-    lies in them.
+    A file of numbers holds those that series are multiplied by, steady ones first, then a row of
+    coefficients for each series that is convolved, then one place for each of the others: they are
+    not kept. Their places move by one with each order, so that an offset means the same for both.
+    The first rows are t, q, v, W, and one of zeros. A long program has layers after that: see
+    `lagcli.engine.layers`; there the state lies in them.
 
     Parameters
     ----------
     values : Tape
-        (t, q, v, parameters) → the steady numbers, what series other than the state's begin with,
+        (t, q, v, parameters) → the numbers, what series other than the state's begin with,
         a, power.
     stream : int32 array
         Operations on offsets in the file, as those of `Program`; for a vector each operand has two,
@@ -51,8 +62,8 @@ class Series(NamedTuple):
     convolutions : int
         How many convolutions there are outside vectors.
     order : int
-    steady : int
-        How many numbers are steady.
+    steady, numbers : int
+        How many numbers are steady; with those that are found at each state.
     begins : int32 array
         Offsets of the first coefficients of series other than the state's.
     rows, cleared : int
@@ -70,6 +81,7 @@ class Series(NamedTuple):
     convolutions: int
     order: int
     steady: int
+    numbers: int
     begins: NDArray[np.int32]
     rows: int
     cleared: int
@@ -87,7 +99,7 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     ----------
     system : System
     tape : Tape
-        Its dynamics with the elimination unrolled.
+        Its dynamics with the elimination unrolled, and the solution for another right side.
     order : int
         At most ``MOST``.
     working : iterable of int
@@ -99,12 +111,14 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     NotAnalytic
     """
     builder, outputs = Builder.extending(tape)
-    expansion = Expansion(builder)
-    nq = len(system.coordinates)
-    first = len(system.dynamics.outputs)  # of a, then λ
+    nq, first = len(system.coordinates), len(system.dynamics.outputs)
+    expansion = Expansion(builder, range(1 + 2 * nq))
+    unknowns = LinearSystem(expansion, system, outputs).solve()
     power = _power(system, builder, outputs, first, working)
+    expansion.expand([power])
+    results = [*unknowns[:nq], expansion.result(power)]
     families = system.families[: 1 + 2 * nq]
-    return _program(expansion, families, [*outputs[first : first + nq], power], order)
+    return _program(expansion, families, results, [*outputs[first : first + nq], power], order)
 
 
 def order_for(rtol: float) -> int:
@@ -140,11 +154,13 @@ def _power(
 
 
 def _program(
-    expansion: Expansion, families: Sequence[str | None], outputs: Sequence[int], order: int
+    expansion: Expansion,
+    families: Sequence[str | None],
+    results: Sequence[int],
+    outputs: Sequence[int],
+    order: int,
 ) -> Series:
-    """Return the program that gives the series of the outputs: a, power."""
-    expansion.expand()
-    results = [expansion.result(x) for x in outputs]
+    """Return the program that gives the series of a and power, whose values are the outputs."""
     nodes = _merged(expansion.wanted(results), results)
     state = [*range(len(families)), WORK, NOUGHT]
     kept = _kept(nodes, set(state))
@@ -166,9 +182,8 @@ def _in_rows(
     order: int,
 ) -> Series:
     """Return a program with rows for what is convolved; those of the state are the first."""
-    numbers = list(dict.fromkeys(o[i] for op, _, o in nodes for i in NUMBERS.get(op, ())))
+    place, numbers, steady = _place_numbers(expansion, _numbers(nodes), [])
     row, first = _row(order), _first(numbers)
-    place = {x: n for n, x in enumerate(numbers)}
     end = _place_rows(place, rows, first, row)
     ordered, count = allocate(in_order(nodes), place, end, {*rows, *results})
     begins = rows[state:]
@@ -177,7 +192,8 @@ def _in_rows(
         stream=stream(ordered, SeriesOp.END),
         convolutions=sum(op in CONVOLVED for op, _, _ in nodes),
         order=order,
-        steady=len(numbers),
+        steady=steady,
+        numbers=len(numbers),
         begins=np.array([place[x] for x in begins], dtype=np.int32),
         rows=first,
         cleared=end - first,
@@ -199,10 +215,8 @@ def _in_layers(
 ) -> Series:
     """Return a program with layers, and rows for what is in no vector and convolved."""
     singles = [x for part in layers.parts if not isinstance(part, Vector) for x in part]
-    numbers = list(dict.fromkeys(o[i] for op, _, o in singles for i in NUMBERS.get(op, ())))
-    place = {x: n for n, x in enumerate(numbers)}
-    vectors = {i: x for i, x in enumerate(layers.parts) if isinstance(x, Vector)}
-    streams = {i: vector_stream(x, numbers) for i, x in vectors.items()}
+    vectors = [x.numbers for x in layers.parts if isinstance(x, Vector)]
+    place, numbers, steady = _place_numbers(expansion, _numbers(singles), chain(*vectors))
     rows = _kept(singles, set())
     row, first = _row(order), _first(numbers)
     end = _place_rows(place, rows, first, row)
@@ -210,9 +224,9 @@ def _in_layers(
     left = [to for op, (to,), _ in singles if op == SeriesOp.LEAVE]
     ordered, count = allocate(singles, place, end, {*rows, *left})
     at, whole = 0, []
-    for i, part in enumerate(layers.parts):
-        if i in streams:
-            whole += streams[i]
+    for part in layers.parts:
+        if isinstance(part, Vector):
+            whole += vector_stream(part, place)
         else:
             whole += stream(ordered[at : at + len(part)]).tolist()[:-2]
             at += len(part)
@@ -223,7 +237,8 @@ def _in_layers(
         stream=np.array([*whole, SeriesOp.END, 0], dtype=np.int32),
         convolutions=sum(op in CONVOLVED for op, _, _ in singles),
         order=order,
-        steady=len(numbers),
+        steady=steady,
+        numbers=len(numbers),
         begins=np.array([*first_rows, *(base + x for x in layers.kept)], dtype=np.int32),
         rows=first,
         cleared=end - first,
@@ -233,6 +248,39 @@ def _in_layers(
         size=base + order * layers.size + layers.end,
         rates=np.array([base + layers.place[x] for x in results], dtype=np.int32),
     )
+
+
+def _numbers(nodes: Iterable[Node]) -> Iterator[tuple[int]]:
+    return ((o[i],) for op, _, o in nodes for i in NUMBERS.get(op, ()))
+
+
+def _place_numbers(
+    expansion: Expansion, numbers: Iterable[tuple[int]], of_vectors: Iterable[tuple[int, ...]]
+) -> tuple[dict[Any, int], list[int], int]:
+    """Give numbers places, those of vectors side by side and steady ones first.
+
+    Returns
+    -------
+    place : dict
+        A number's; of a vector's numbers, the first one's.
+    found : list of int
+        The registers.
+    steady : int
+        How many of them are steady.
+    """
+    known = expansion.builder.steady
+    parts: tuple[list[tuple[int, ...]], list[tuple[int, ...]]] = [], []
+    for part in dict.fromkeys(chain(numbers, of_vectors)):
+        changing = any(x - NUMBER >= 0 and x - NUMBER not in known for x in part)
+        parts[changing].append(part)
+    place: dict[Any, int] = {}
+    found: list[int] = []
+    for part in chain(*parts):
+        place[part] = len(found)
+        if len(part) == 1:
+            place[part[0]] = len(found)
+        found += part
+    return place, found, sum(map(len, parts[0]))
 
 
 def _row(order: int) -> int:
@@ -255,7 +303,7 @@ def _values(
     expansion: Expansion, numbers: Sequence[int], begins: Sequence[int], outputs: Sequence[int]
 ) -> Tape:
     begun = [expansion.begins.get(x, x) for x in begins]
-    return expansion.builder.finish([*numbers, *begun, *outputs])
+    return expansion.builder.finish([*(x - NUMBER for x in numbers), *begun, *outputs])
 
 
 def _merged(nodes: list[Node], results: Sequence[int]) -> list[Node]:
@@ -287,9 +335,9 @@ def _kept(nodes: Iterable[Node], state: set[int]) -> list[int]:
     """Return the series beside the state's whose coefficients of all orders are needed."""
     kept: dict[int, None] = {}
     for op, (to,), operands in nodes:
-        kept.update((operands[i], None) for i in CONVOLVED.get(op, ()))
+        if op in CONVOLVED:
+            kept.update((operands[i], None) for i in CONVOLVED[op])
+            kept.update((x - BEFORE, None) for x in operands if x >= BEFORE)
         if op == SeriesOp.INVERSE:
             kept[to] = None
-        elif op == SeriesOp.CHAIN:
-            kept[operands[2] - BEFORE] = None
     return [x for x in kept if x not in state]

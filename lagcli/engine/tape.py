@@ -122,7 +122,7 @@ class Builder:
 
         It has ``other`` more inputs after the tape's.
         """
-        builder = cls(tape.inputs + other, tape.parameters, other)
+        builder = cls(tape.inputs + other, tape.parameters, tape.other + other)
         operations, first = builder.operations, builder.inputs
         place = [*range(tape.inputs), *map(builder.constant, tape.constants)]
         for register, (op, _, a, b, c) in enumerate(tape.code, first):

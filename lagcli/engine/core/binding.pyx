@@ -71,7 +71,7 @@ cdef extern from "series.h":
         int count
         double *file
         int order
-        int steady, rows, cleared, begun
+        int steady, numbers, rows, cleared, begun
         const int32_t *begins
         int first, row, layer
         const int32_t *rates
@@ -488,7 +488,8 @@ cdef class Integrator:
         series.stream, series.rates = self.integers(program.stream), self.integers(program.rates)
         series.count, series.known = program.convolutions, self.doubles(program.convolutions)
         series.file = self.doubles(program.size)
-        series.order, series.steady = program.order, program.steady
+        series.order = program.order
+        series.steady, series.numbers = program.steady, program.numbers
         series.rows, series.cleared = program.rows, program.cleared
         series.begins, series.begun = self.integers(program.begins), len(program.begins)
         series.first, series.row, series.layer = program.first, program.row, program.layer

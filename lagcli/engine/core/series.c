@@ -23,7 +23,7 @@
 
 enum lag_series_op {
     SERIES_SUM, SERIES_SCALE, SERIES_RATE, SERIES_MUL, SERIES_MULSUM, SERIES_INVERSE, SERIES_CHAIN,
-    SERIES_ENTER, SERIES_LEAVE, SERIES_COPY, SERIES_END
+    SERIES_PAST, SERIES_ENTER, SERIES_LEAVE, SERIES_COPY, SERIES_END
 };
 
 /* a[0] b[0] + a[1] b[-1] + ..., of four terms at a time. */
@@ -189,7 +189,7 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
     const double *const file = series->file;
     double *const now = series->file + series->first + k * layer;
     const int32_t *o[5] = {p + 1}; /* the operands */
-    static const int operands[] = {4, 2, 1, 2, 5, 1, 3, 0, 0, 1};
+    static const int operands[] = {4, 2, 1, 2, 5, 1, 3, 2, 0, 0, 1};
     for (int i = 1; i < operands[op]; ++i)
         o[i] = after(o[i - 1], n);
     double *const out = now + p[0];
@@ -219,6 +219,9 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
     case SERIES_MULSUM:
         products(a, CONVOLVED(1), CONVOLVED(2), layer, k, n);
         combine(out, NUMBERS(0), o[0][1], a, NUMBERS(3), o[3][1], gathered(now, o[4], n, b), n);
+        break;
+    case SERIES_PAST:
+        convolutions(out, CONVOLVED(0) - k * layer, CONVOLVED(1), layer, 1, k, n);
         break;
     case SERIES_INVERSE: {
         const double *y = out - k * layer;
@@ -261,6 +264,7 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
             RUN(SERIES_MULSUM, 6, NUMBER(1) * BY(product, 2, 3) + NUMBER(4) * NOW(5))
             RUN(SERIES_INVERSE, 2, BY(inverse, 1, 0))
             RUN(SERIES_CHAIN, 4, NUMBER(1) * over * BY(chained, 2, 3))
+            RUN(SERIES_PAST, 3, BY(chained, 1, 2))
             RUN(SERIES_ENTER, 2, layer[p[1]])
         case SERIES_LEAVE:
             for (const int32_t *end = p + 2 * n; p != end; p += 2)
@@ -310,6 +314,8 @@ int lag_series_expand(const lag_series *s, int nq, double t, const double *y)
     for (int m = 0; m < n; ++m)
         state[m * row] = y[m];
     const int32_t *value = s->values.outputs + s->steady;
+    for (int i = s->steady; i < s->numbers; ++i)
+        file[i] = r[*value++];
     for (int i = 0; i < s->begun; ++i)
         file[s->begins[i]] = r[*value++];
     time[layer] = 1.0;

@@ -15,7 +15,7 @@ typedef struct {
     int count;                         /* of convolutions */
     double *file;
     int order;                         /* 0: there is no program */
-    int steady;                        /* how many numbers are */
+    int steady, numbers;               /* how many numbers are; with those of each state */
     int rows, cleared;                 /* where rows of coefficients begin; their size */
     int begun;                         /* how many series other than the state's begin, and where */
     const int32_t *begins;
