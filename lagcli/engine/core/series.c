@@ -139,22 +139,49 @@ ALWAYS_INLINE void products(double *out, const double *x, const double *y, ptrdi
             out[i] = 2.0 * out[i] + middle[i] * middle[i];
 }
 
-/* n elements of an operand: where they lie, if they lie side by side, else in the buffer. */
-ALWAYS_INLINE const double *gathered(const double *x, const int32_t *p, int n, double *buffer)
+/* Where an operand's elements are, side by side; `each` is 0 where one stands for all. */
+typedef struct {
+    const double *at;
+    ptrdiff_t each;
+} elements;
+
+#define PACK_OF(x, i) (*(const pack *)((x).at + ((i) & (x).each)))
+
+/* n elements: in the buffer, if they do not lie side by side. */
+ALWAYS_INLINE elements operand(const double *x, const int32_t *p, int n, double *buffer)
 {
     const ptrdiff_t step = p[1];
+    int i = 0;
     if (step == 1)
-        return x + p[0];
-    if (step == LAG_INDEXED)
-        for (int i = 0; i < n; ++i)
-            buffer[i] = x[p[2 + i]];
-    else if (step == 2)
-        for (int i = 0; i < n; ++i)
-            buffer[i] = x[p[0] + 2 * i];
-    else
-        for (int i = 0; i < n; ++i)
-            buffer[i] = x[p[0] + i * step];
-    return buffer;
+        return (elements){x + p[0], -1};
+    if (step == LAG_INDEXED) {
+        p += 2;
+#if PACK == 4
+        for (; i + PACK <= n; i += PACK)
+            *(pack *)(buffer + i) = (pack){x[p[i]], x[p[i + 1]], x[p[i + 2]], x[p[i + 3]]};
+#endif
+        for (; i < n; ++i)
+            buffer[i] = x[p[i]];
+        return (elements){buffer, -1};
+    }
+    x += p[0];
+#if PACK == 4
+    for (; i + PACK <= n; i += PACK, x += PACK * step)
+        *(pack *)(buffer + i) = (pack){x[0], x[step], x[2 * step], x[3 * step]};
+#endif
+    for (; i < n; ++i, x += step)
+        buffer[i] = *x;
+    return (elements){buffer, -1};
+}
+
+/* Numbers: one for all elements, or each its own. */
+ALWAYS_INLINE elements numbers(const double *file, const int32_t *p, double *buffer)
+{
+    if (p[1])
+        return (elements){file + p[0], -1};
+    for (int i = 0; i < PACK; ++i)
+        buffer[i] = file[p[0]];
+    return (elements){buffer, 0};
 }
 
 static const int32_t *after(const int32_t *p, int n)
@@ -162,29 +189,21 @@ static const int32_t *after(const int32_t *p, int n)
     return p + (p[1] == LAG_INDEXED ? 2 + n : 2);
 }
 
+/* Elements PACK at a time, the last ones with some of those before. */
 #define ELEMENTS(value)                                                                           \
-    for (int i = 0; i < n; ++i)                                                                   \
-        out[i] = (value);                                                                         \
+    for (int i = 0; i < n - PACK; i += PACK)                                                      \
+        *(pack *)(out + i) = (value);                                                             \
+    {                                                                                             \
+        const int i = n - PACK;                                                                   \
+        *(pack *)(out + i) = (value);                                                             \
+    }                                                                                             \
     break;
-
-/* s x + t y, with numbers that are the same for all, or of each. */
-ALWAYS_INLINE void combine(double *out, const double *s, int each_s, const double *x, const double *t,
-                           int each_t, const double *y, int n)
-{
-    if (!each_s && !each_t) {
-        const double u = *s, v = *t;
-        for (int i = 0; i < n; ++i)
-            out[i] = u * x[i] + v * y[i];
-    } else
-        for (int i = 0; i < n; ++i)
-            out[i] = s[i * each_s] * x[i] + t[i * each_t] * y[i];
-}
 
 /* Coefficient k of an operation on vectors. Returns what follows it in the stream. */
 FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op, int n, const int32_t *p,
                                            int k)
 {
-    double a[LAG_LONGEST], b[LAG_LONGEST];
+    double made[LAG_LONGEST], buffer[2][LAG_LONGEST], same[2][PACK];
     const ptrdiff_t layer = series->layer;
     const double *const file = series->file;
     double *const now = series->file + series->first + k * layer;
@@ -193,46 +212,55 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
     for (int i = 1; i < operands[op]; ++i)
         o[i] = after(o[i - 1], n);
     double *const out = now + p[0];
+    const elements m = {made, -1};
 #define CONVOLVED(i) (now + o[i][0])
-#define NUMBERS(i) (file + o[i][0])
+#define VALUES(j, place) operand(now, o[j], n, buffer[place])
+#define NUMBERS(j, place) numbers(file, o[j], same[place])
+#define A PACK_OF(a, i)
+#define B PACK_OF(b, i)
+#define S PACK_OF(s, i)
+#define T PACK_OF(t, i)
+#define MADE PACK_OF(m, i)
     switch (op) {
-    case SERIES_SUM:
-        combine(out, NUMBERS(0), o[0][1], gathered(now, o[1], n, a), NUMBERS(2), o[2][1],
-                gathered(now, o[3], n, b), n);
-        break;
+    case SERIES_SUM: {
+        const elements s = NUMBERS(0, 0), a = VALUES(1, 0), t = NUMBERS(2, 1), b = VALUES(3, 1);
+        ELEMENTS(S * A + T * B)
+    }
     case SERIES_SCALE: {
-        const double *s = NUMBERS(0), *x = gathered(now, o[1], n, a);
-        const int each = o[0][1];
-        ELEMENTS(s[i * each] * x[i])
+        const elements s = NUMBERS(0, 0), a = VALUES(1, 0);
+        ELEMENTS(S * A)
     }
     case SERIES_RATE: {
-        const double *x = gathered(now, o[0], n, a);
-        ELEMENTS(k * x[i])
+        const elements a = VALUES(0, 0);
+        ELEMENTS((double)k * A)
     }
     case SERIES_COPY: {
-        const double *x = gathered(now, o[0], n, a);
-        ELEMENTS(x[i])
+        const elements a = operand(now, o[0], n, out);
+        if (a.at == out)
+            break;
+        ELEMENTS(A)
     }
     case SERIES_MUL:
         products(out, CONVOLVED(0), CONVOLVED(1), layer, k, n);
         break;
-    case SERIES_MULSUM:
-        products(a, CONVOLVED(1), CONVOLVED(2), layer, k, n);
-        combine(out, NUMBERS(0), o[0][1], a, NUMBERS(3), o[3][1], gathered(now, o[4], n, b), n);
-        break;
+    case SERIES_MULSUM: {
+        const elements s = NUMBERS(0, 0), t = NUMBERS(3, 1), b = VALUES(4, 1);
+        products(made, CONVOLVED(1), CONVOLVED(2), layer, k, n);
+        ELEMENTS(S * MADE + T * B)
+    }
     case SERIES_PAST:
         convolutions(out, CONVOLVED(0) - k * layer, CONVOLVED(1), layer, 1, k, n);
         break;
     case SERIES_INVERSE: {
-        const double *y = out - k * layer;
-        convolutions(a, CONVOLVED(0) - k * layer, out, layer, 1, k, n);
-        ELEMENTS(-y[i] * a[i])
+        const elements b = {out - k * layer, -1};
+        convolutions(made, CONVOLVED(0) - k * layer, out, layer, 1, k, n);
+        ELEMENTS(-B * MADE)
     }
     default: { /* SERIES_CHAIN */
-        const double *s = NUMBERS(0), over = 1.0 / k;
-        const int each = o[0][1];
-        convolutions(a, CONVOLVED(1) - k * layer, CONVOLVED(2), layer, 1, k, n);
-        ELEMENTS(s[i * each] * over * a[i])
+        const elements s = NUMBERS(0, 0);
+        const double over = 1.0 / k;
+        convolutions(made, CONVOLVED(1) - k * layer, CONVOLVED(2), layer, 1, k, n);
+        ELEMENTS(S * over * MADE)
     }
     }
     return after(o[operands[op] - 1], n);
