@@ -28,11 +28,11 @@ class SeriesOp(IntEnum):
     RATE = 2  # k a_k: the coefficients of t a′
     MUL = 3
     MULSUM = 4  # s a b + t c
-    INVERSE = 5  # 1 / a
+    INVERSE = 5  # 1 / a, from itself up to k − 1
     CHAIN = 6  # c′ = s g a′, of the rate of a and of g up to k − 1
     PAST = 7  # (a − a_0) b, of b up to k − 1
-    ENTER = 8  # what lies in a layer goes to its row
-    LEAVE = 9  # and back
+    NEXT = 8  # a_k / (k + 1): coefficient k + 1 of what a is the rate of
+    ENTER = 9  # a, from the layer to its row
     COPY = 10  # a, side by side
     END = 11
 
@@ -56,6 +56,8 @@ CONVOLVED: dict[int, tuple[int, ...]] = {
 WORK, NOUGHT, _NAMELESS = 1 << 40, (1 << 40) + 1, (1 << 40) + 2
 #: Added to the name of a series of which orders up to k − 1 are needed: no need to wait for it.
 BEFORE = 1 << 50
+#: Added to the name of a series of the state, it is its next coefficient.
+AHEAD = 1 << 52
 #: Added to a register, it is a number that operations use, and not the series that begins with it.
 NUMBER = -(1 << 50)
 
@@ -322,8 +324,10 @@ class Expansion:
             op, _, operands = node
             numbers = NUMBERS.get(op, ())
             if ready:
-                tagged = tuple([y + NUMBER if i in numbers else y for i, y in enumerate(operands)])
-                found[x] = op, (x,), tagged
+                tagged = [y + NUMBER if i in numbers else y for i, y in enumerate(operands)]
+                if op == SeriesOp.INVERSE:
+                    tagged.append(x + BEFORE)
+                found[x] = op, (x,), tuple(tagged)
                 continue
             waiting.append((x, True))
             for i, y in enumerate(operands):

@@ -4,6 +4,8 @@
 #include <stddef.h>
 #include <string.h>
 
+#include "vectors.h"
+
 /* Wider registers give the same numbers: the widest there are is chosen when the program is loaded. */
 #if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
 #define FOR_WIDER __attribute__((target_clones("avx2", "default")))
@@ -23,7 +25,7 @@
 
 enum lag_series_op {
     SERIES_SUM, SERIES_SCALE, SERIES_RATE, SERIES_MUL, SERIES_MULSUM, SERIES_INVERSE, SERIES_CHAIN,
-    SERIES_PAST, SERIES_ENTER, SERIES_LEAVE, SERIES_COPY, SERIES_END
+    SERIES_PAST, SERIES_NEXT, SERIES_ENTER, SERIES_COPY, SERIES_END
 };
 
 /* a[0] b[0] + a[1] b[-1] + ..., of four terms at a time. */
@@ -203,15 +205,16 @@ static const int32_t *after(const int32_t *p, int n)
 FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op, int n, const int32_t *p,
                                            int k)
 {
-    double made[LAG_LONGEST], buffer[2][LAG_LONGEST], same[2][PACK];
+    double made[LAG_LONGEST], buffer[2][LAG_LONGEST], apart[LAG_LONGEST], same[2][PACK];
     const ptrdiff_t layer = series->layer;
     const double *const file = series->file;
-    double *const now = series->file + series->first + k * layer;
-    const int32_t *o[5] = {p + 1}; /* the operands */
-    static const int operands[] = {4, 2, 1, 2, 5, 1, 3, 2, 0, 0, 1};
+    double *const now = series->file + series->origin + k * layer;
+    double *const to = op == SERIES_NEXT ? now + layer : now;
+    double *const out = p[1] == 1 ? to + p[0] : apart;
+    const int32_t *o[5] = {after(p, n)}; /* the operands */
+    static const int operands[] = {4, 2, 1, 2, 5, 2, 3, 2, 1, 0, 1};
     for (int i = 1; i < operands[op]; ++i)
         o[i] = after(o[i - 1], n);
-    double *const out = now + p[0];
     const elements m = {made, -1};
 #define CONVOLVED(i) (now + o[i][0])
 #define VALUES(j, place) operand(now, o[j], n, buffer[place])
@@ -234,6 +237,11 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
         const elements a = VALUES(0, 0);
         ELEMENTS((double)k * A)
     }
+    case SERIES_NEXT: {
+        const elements a = VALUES(0, 0);
+        const double over = 1.0 / (k + 1);
+        ELEMENTS(over * A)
+    }
     case SERIES_COPY: {
         const elements a = operand(now, o[0], n, out);
         if (a.at == out)
@@ -252,8 +260,8 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
         convolutions(out, CONVOLVED(0) - k * layer, CONVOLVED(1), layer, 1, k, n);
         break;
     case SERIES_INVERSE: {
-        const elements b = {out - k * layer, -1};
-        convolutions(made, CONVOLVED(0) - k * layer, out, layer, 1, k, n);
+        const elements b = {CONVOLVED(1) - k * layer, -1};
+        convolutions(made, CONVOLVED(0) - k * layer, CONVOLVED(1), layer, 1, k, n);
         ELEMENTS(-B * MADE)
     }
     default: { /* SERIES_CHAIN */
@@ -263,6 +271,9 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
         ELEMENTS(S * over * MADE)
     }
     }
+    if (out == apart)
+        for (int i = 0; i < n; ++i)
+            to[p[1] == LAG_INDEXED ? p[2 + i] : p[0] + i * (ptrdiff_t)p[1]] = apart[i];
     return after(o[operands[op] - 1], n);
 }
 
@@ -278,10 +289,10 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
 ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
 {
     const int32_t *p = s->stream;
-    double *const file = s->file, *const c = file + k;
-    double *const layer = file + s->first + (ptrdiff_t)k * s->layer;
+    double *const file = s->file, *const c = file + s->origin + (ptrdiff_t)k * s->layer;
+    double *const next = c + s->layer;
     double *known = s->known;
-    const double over = 1.0 / k;
+    const double over = 1.0 / k, over_next = 1.0 / (k + 1);
     for (;;) {
         const int32_t op = *p++, n = *p++;
         switch (op) {
@@ -290,13 +301,16 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
             RUN(SERIES_RATE, 2, k * NOW(1))
             RUN(SERIES_MUL, 3, BY(product, 1, 2))
             RUN(SERIES_MULSUM, 6, NUMBER(1) * BY(product, 2, 3) + NUMBER(4) * NOW(5))
-            RUN(SERIES_INVERSE, 2, BY(inverse, 1, 0))
+            RUN(SERIES_INVERSE, 3, BY(inverse, 1, 2))
             RUN(SERIES_CHAIN, 4, NUMBER(1) * over * BY(chained, 2, 3))
             RUN(SERIES_PAST, 3, BY(chained, 1, 2))
-            RUN(SERIES_ENTER, 2, layer[p[1]])
-        case SERIES_LEAVE:
+        case SERIES_NEXT:
             for (const int32_t *end = p + 2 * n; p != end; p += 2)
-                layer[p[0]] = c[p[1]];
+                next[p[0]] = NOW(1) * over_next;
+            break;
+        case SERIES_ENTER:
+            for (const int32_t *end = p + 2 * n; p != end; p += 2)
+                file[p[0] + k] = NOW(1);
             break;
         case SERIES_END:
             return;
@@ -330,78 +344,66 @@ FOR_WIDER static void next_order(const lag_series *s, int k)
 int lag_series_expand(const lag_series *s, int nq, double t, const double *y)
 {
     const int n = 2 * nq + 1, order = s->order;
-    const ptrdiff_t row = s->row, layer = s->layer;
-    double *file = s->file, *time = file + s->first, *state = time + row, *r = s->values.registers;
+    const int32_t *state = s->state, *value = s->values.outputs + s->steady;
+    double *file = s->file, *now = file + s->origin, *next = now + s->layer, *r = s->values.registers;
     r[0] = t;
     memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
     lag_stream_run(s->values.stream, r);
     memset(file + s->rows, 0, (size_t)s->cleared * sizeof(double));
     memset(s->known, 0, (size_t)s->count * sizeof(double));
-    time[0] = t;
-    state[n * row] = 0.0;
-    for (int m = 0; m < n; ++m)
-        state[m * row] = y[m];
-    const int32_t *value = s->values.outputs + s->steady;
     for (int i = s->steady; i < s->numbers; ++i)
         file[i] = r[*value++];
     for (int i = 0; i < s->begun; ++i)
         file[s->begins[i]] = r[*value++];
-    time[layer] = 1.0;
-    state[n * row + layer] = 0.0;
-    for (int m = 0; m < nq; ++m) {
-        state[m * row + layer] = y[nq + m];
-        state[(nq + m) * row + layer] = r[*value++];
+    now[*state] = t;
+    next[*state++] = 1.0;
+    for (int m = 0; m < n; ++m) {
+        now[state[m]] = y[m];
+        next[state[m]] = m < nq ? y[nq + m] : r[*value++];
     }
-    state[2 * nq * row + layer] = r[*value];
-    for (int k = 1; k < order; ++k) {
-        const double over = 1.0 / (k + 1), *const rate = file + k * layer;
-        double *q = state + k * layer, *v = q + nq * row;
+    for (int k = 1; k < order; ++k)
         next_order(s, k);
-        q[layer - row] = 0.0; /* t */
-        q[n * row + layer] = 0.0;
-        for (int m = 0; m < nq; ++m, q += row, v += row) {
-            q[layer] = v[0] * over;
-            v[layer] = rate[s->rates[m]] * over;
-        }
-        v[layer] = rate[s->rates[nq]] * over;
-    }
     double sum = 0.0;
     for (int m = 0; m < n; ++m)
         sum += COEFFICIENT(s, m, order);
     return !isfinite(sum);
 }
 
-/* The sums of components m, m + 1, ..., each of coefficients from order 1 on times weights. */
-FOR_WIDER static void weigh(const lag_series *s, int m, int count, const double *weight, double *sums)
+/* The sums of components m, m + 1, ... to the last one: coefficients of an order on, times weights,
+ * the first of which is 1. */
+FOR_WIDER static void weigh(const lag_series *s, int m, int count, int from, const double *weight,
+                            double *sums)
 {
-    const int fours = (s->order + 3) / 4;
-    if (s->row == 1) {
-        memset(sums, 0, (size_t)count * sizeof(double));
-        for (int k = s->order; k > 0; --k) { /* small terms first */
-            const double *c = &COEFFICIENT(s, m, k), w = weight[k - 1];
-            for (int i = 0; i < count; ++i)
-                sums[i] += c[i] * w;
+    const int terms = s->order - from;
+    if (s->layer > 1) { /* the state's families lie side by side, and W comes last */
+        const int first = s->state[1 + m], size = s->state[m + count] + 1 - first;
+        const double *c = &COEFFICIENT(s, m, from), *x[MOST_ORDER];
+        double reversed[MOST_ORDER], *side_by_side = &COEFFICIENT(s, m + count - 1, s->order) + 1;
+        for (int k = 0; k < terms; ++k) { /* small terms first */
+            x[k] = c + (terms - k) * (ptrdiff_t)s->layer;
+            reversed[k] = weight[terms - k];
         }
+        lag_vectors()->combine(size, c, terms, x, reversed, side_by_side);
+        lag_vectors()->pick(count, side_by_side - first, s->state + 1 + m, sums);
         return;
     }
+    const int fours = (terms + 3) / 4;
     for (int i = 0; i < count; ++i) {
-        const double *c = &COEFFICIENT(s, m + i, 1);
+        const double *c = &COEFFICIENT(s, m + i, from);
         double sum[4] = {0.0, 0.0, 0.0, 0.0};
         for (int k = 4 * (fours - 1); k >= 0; k -= 4)
             for (int l = 0; l < 4; ++l)
-                sum[l] += c[k + l] * weight[k + l];
-        sums[i] = (sum[3] + sum[2]) + (sum[1] + sum[0]);
+                sum[l] += c[1 + k + l] * weight[1 + k + l];
+        sums[i] = c[0] + ((sum[3] + sum[2]) + (sum[1] + sum[0]));
     }
 }
 
 void lag_series_sum(const lag_series *s, int n, double h, double *y)
 {
-    double power[MOST_ORDER + 4] = {h};
-    for (int k = 1; k < s->order; ++k)
-        power[k] = power[k / 2] * power[(k - 1) / 2];
-    weigh(s, 0, n, power, y);
-    for (int m = 0; m < n; ++m)
-        y[m] += COEFFICIENT(s, m, 0);
+    double power[MOST_ORDER + 4] = {1.0, h};
+    for (int k = 2; k <= s->order; ++k)
+        power[k] = power[k / 2] * power[k - k / 2];
+    weigh(s, 0, n, 0, power, y);
 }
 
 void lag_series_slope(const lag_series *s, int m, int count, double h, double *slope)
@@ -411,5 +413,5 @@ void lag_series_slope(const lag_series *s, int m, int count, double h, double *s
         power *= h;
         weight[k] = (k + 1) * power;
     }
-    weigh(s, m, count, weight, slope);
+    weigh(s, m, count, 1, weight, slope);
 }
