@@ -26,6 +26,8 @@ from lagcli.engine.packing import (
     together,
 )
 
+#: Elements that a vector has at most, as in core/series.c.
+LONGEST = 1024
 #: Where temporary places begin until it is known how many others there are.
 _TEMPORARY = 1 << 24
 
@@ -156,7 +158,7 @@ class _Layering:
         ]
         found, rest = progressions(points) if len(group) >= SHORTEST else ([], range(len(group)))
         for run in found:
-            for members in pieces([group[i] for i in run]):
+            for members in pieces([group[i] for i in run], LONGEST):
                 if not placed:
                     self.take([self.nodes[i][1][0] for i in members])
                 self.vectors.append(members)

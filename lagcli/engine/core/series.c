@@ -84,6 +84,8 @@ ALWAYS_INLINE double chained(const double *x, const double *y, int k, int fours,
 
 /* Vectors of series in layers. */
 
+#define LONGEST 1024             /* elements that one has at most */
+
 #if defined(__GNUC__)
 #define PACK 4
 typedef double pack __attribute__((vector_size(32), aligned(8), may_alias));
@@ -205,7 +207,7 @@ static const int32_t *after(const int32_t *p, int n)
 FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op, int n, const int32_t *p,
                                            int k)
 {
-    double made[LAG_LONGEST], buffer[2][LAG_LONGEST], apart[LAG_LONGEST], same[2][PACK];
+    double made[LONGEST], buffer[2][LONGEST], apart[LONGEST], same[2][PACK];
     const ptrdiff_t layer = series->layer;
     const double *const file = series->file;
     double *const now = series->file + series->origin + k * layer;
