@@ -85,6 +85,7 @@ ALWAYS_INLINE double chained(const double *x, const double *y, int k, int fours,
 /* Vectors of series in layers. */
 
 #define LONGEST 1024             /* elements that one has at most */
+#define TOGETHER 8              /* convolutions, at most */
 
 #if defined(__GNUC__)
 #define PACK 4
@@ -110,31 +111,45 @@ ALWAYS_INLINE void convolve_packs(double *out, const double *x, const double *y,
         *(pack *)(out + PACK * l) = sum[l];
 }
 
-/* The same of n >= 2 PACK series, y at order k; the last ones overlap with those before. */
-ALWAYS_INLINE void convolutions(double *out, const double *x, const double *y, ptrdiff_t layer, int first,
-                                int last, int n)
+/* Convolutions out = x y of n series side by side, x at order 0 and y at order k. */
+typedef struct {
+    double *out;
+    const double *x, *y;
+} convolution;
+
+/* Several of them, some elements at a time, since they share series; n >= 2 PACK, the last elements
+ * overlap with those before. */
+ALWAYS_INLINE void convolutions(const convolution *of, int count, ptrdiff_t layer, int first, int last,
+                                int n)
 {
-    if (n >= 4 * PACK)
-        for (int i = 0; i < n; i += 4 * PACK) {
-            i = i + 4 * PACK <= n ? i : n - 4 * PACK;
-            convolve_packs(out + i, x + i, y + i, layer, first, last, 4);
-        }
-    else
-        for (int i = 0; i < n; i += 2 * PACK) {
-            i = i + 2 * PACK <= n ? i : n - 2 * PACK;
-            convolve_packs(out + i, x + i, y + i, layer, first, last, 2);
-        }
+    const int packs = n >= 4 * PACK ? 4 : 2;
+    for (int i = 0; i < n; i += packs * PACK) {
+        i = i + packs * PACK <= n ? i : n - packs * PACK;
+        for (const convolution *c = of; c < of + count; ++c)
+            if (packs == 4)
+                convolve_packs(c->out + i, c->x + i, c->y + i, layer, first, last, 4);
+            else
+                convolve_packs(c->out + i, c->x + i, c->y + i, layer, first, last, 2);
+    }
+}
+
+/* One of them. */
+ALWAYS_INLINE void convolve_series(double *out, const double *x, const double *y, ptrdiff_t layer, int first,
+                                   int last, int n)
+{
+    const convolution of = {out, x, y};
+    convolutions(&of, 1, layer, first, last, n);
 }
 
 /* Coefficient k of n products; of a square half the terms are the others. */
 ALWAYS_INLINE void products(double *out, const double *x, const double *y, ptrdiff_t layer, int k, int n)
 {
     if (x != y) {
-        convolutions(out, x - k * layer, y, layer, 0, k, n);
+        convolve_series(out, x - k * layer, y, layer, 0, k, n);
         return;
     }
     const double *middle = x - (k - k / 2) * layer;
-    convolutions(out, x - k * layer, x, layer, 0, (k - 1) / 2, n);
+    convolve_series(out, x - k * layer, x, layer, 0, (k - 1) / 2, n);
     if (k % 2)
         for (int i = 0; i < n; ++i)
             out[i] = 2.0 * out[i];
@@ -258,18 +273,27 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
         products(made, CONVOLVED(1), CONVOLVED(2), layer, k, n);
         ELEMENTS(S * MADE + T * B)
     }
-    case SERIES_PAST:
-        convolutions(out, CONVOLVED(0) - k * layer, CONVOLVED(1), layer, 1, k, n);
+    case SERIES_PAST: {
+        convolution of[TOGETHER] = {{out, CONVOLVED(0) - k * layer, CONVOLVED(1)}};
+        const int32_t *next = o[1] + 2;
+        int count = 1;
+        if (out != apart)
+            for (; count < TOGETHER && next[0] == LAG_VECTOR + op && next[1] == n && next[3] == 1; next += 8)
+                of[count++] = (convolution){now + next[2], now + next[4] - k * layer, now + next[6]};
+        convolutions(of, count, layer, 1, k, n);
+        if (out != apart)
+            return next;
         break;
+    }
     case SERIES_INVERSE: {
         const elements b = {CONVOLVED(1) - k * layer, -1};
-        convolutions(made, CONVOLVED(0) - k * layer, CONVOLVED(1), layer, 1, k, n);
+        convolve_series(made, CONVOLVED(0) - k * layer, CONVOLVED(1), layer, 1, k, n);
         ELEMENTS(-B * MADE)
     }
     default: { /* SERIES_CHAIN */
         const elements s = NUMBERS(0, 0);
         const double over = 1.0 / k;
-        convolutions(made, CONVOLVED(1) - k * layer, CONVOLVED(2), layer, 1, k, n);
+        convolve_series(made, CONVOLVED(1) - k * layer, CONVOLVED(2), layer, 1, k, n);
         ELEMENTS(S * over * MADE)
     }
     }
@@ -353,8 +377,8 @@ int lag_series_expand(const lag_series *s, int nq, double t, const double *y)
     lag_stream_run(s->values.stream, r);
     memset(file + s->rows, 0, (size_t)s->cleared * sizeof(double));
     memset(s->known, 0, (size_t)s->count * sizeof(double));
-    for (int i = s->steady; i < s->numbers; ++i)
-        file[i] = r[*value++];
+    lag_vectors()->pick(s->numbers - s->steady, r, value, file + s->steady);
+    value += s->numbers - s->steady;
     for (int i = 0; i < s->begun; ++i)
         file[s->begins[i]] = r[*value++];
     now[*state] = t;
