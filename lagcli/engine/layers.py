@@ -26,6 +26,8 @@ from lagcli.engine.packing import (
     together,
 )
 
+#: Operations from which on vectors are looked for: those of a chain of 20 bodies.
+LONG = 500
 #: Elements that a vector has at most, as in core/series.c.
 LONGEST = 1024
 #: Where temporary places begin until it is known how many others there are.

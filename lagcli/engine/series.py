@@ -30,9 +30,9 @@ from lagcli.engine.expansion import (
     Expansion,
     SeriesOp,
 )
-from lagcli.engine.layers import Layers, Vector, layered, vector_stream
+from lagcli.engine.layers import LONG, Layers, Vector, layered, vector_stream
 from lagcli.engine.linear_series import LinearSystem
-from lagcli.engine.packing import LINE, LONG
+from lagcli.engine.packing import LINE
 from lagcli.engine.program import Node, allocate, in_order, stream
 from lagcli.engine.system import System, without_numbers
 from lagcli.engine.tape import Builder, Op, Tape
