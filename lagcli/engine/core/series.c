@@ -85,7 +85,7 @@ ALWAYS_INLINE double chained(const double *x, const double *y, int k, int fours,
 /* Vectors of series in layers. */
 
 #define LONGEST 1024             /* elements that one has at most */
-#define TOGETHER 8              /* convolutions, at most */
+#define TOGETHER 8               /* convolutions that are made together, at most */
 
 #if defined(__GNUC__)
 #define PACK 4
@@ -158,7 +158,7 @@ ALWAYS_INLINE void products(double *out, const double *x, const double *y, ptrdi
             out[i] = 2.0 * out[i] + middle[i] * middle[i];
 }
 
-/* Where an operand's elements are, side by side; `each` is 0 where one stands for all. */
+/* Where an operand's elements are, side by side; `each` is −1, or 0 where one stands for all. */
 typedef struct {
     const double *at;
     ptrdiff_t each;
@@ -273,17 +273,18 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
         products(made, CONVOLVED(1), CONVOLVED(2), layer, k, n);
         ELEMENTS(S * MADE + T * B)
     }
-    case SERIES_PAST: {
+    case SERIES_PAST: { /* with those that follow: none of them needs another one */
         convolution of[TOGETHER] = {{out, CONVOLVED(0) - k * layer, CONVOLVED(1)}};
         const int32_t *next = o[1] + 2;
         int count = 1;
-        if (out != apart)
-            for (; count < TOGETHER && next[0] == LAG_VECTOR + op && next[1] == n && next[3] == 1; next += 8)
-                of[count++] = (convolution){now + next[2], now + next[4] - k * layer, now + next[6]};
+        if (out == apart) {
+            convolutions(of, count, layer, 1, k, n);
+            break;
+        }
+        for (; count < TOGETHER && next[0] == LAG_VECTOR + op && next[1] == n && next[3] == 1; next += 8)
+            of[count++] = (convolution){now + next[2], now + next[4] - k * layer, now + next[6]};
         convolutions(of, count, layer, 1, k, n);
-        if (out != apart)
-            return next;
-        break;
+        return next;
     }
     case SERIES_INVERSE: {
         const elements b = {CONVOLVED(1) - k * layer, -1};
