@@ -221,6 +221,24 @@ initial: {x: 0, y: 0, z: 0, x': 1, y': 2, z': 3}
     np.testing.assert_allclose(found, expected, rtol=1e-15)
 
 
+def test_coordinate_without_inertia() -> None:
+    # it is eliminated together with its constraint; x'' = −2 x
+    text = """
+coordinates: [x, y]
+T: x'^2/2
+V: y
+constraints: {c: y = x^2}
+initial: {x: 0.4, y: 0.16, x': 0, y': 0}
+"""
+    what = compile_system(derive(lagcli.load_text(text)))
+    found = coefficients(what, [0.4, 0.16], [0.0, 0.0])
+    orders = np.arange(0, found.shape[1], 2)
+    expected = [0.4 * (-2.0) ** (k // 2) / math.factorial(k) for k in orders]
+    np.testing.assert_allclose(found[0, ::2], expected, rtol=1e-13)
+    square = np.convolve(found[0], found[0])[: found.shape[1]]
+    np.testing.assert_allclose(found[1], square, rtol=1e-12, atol=1e-17)
+
+
 def program(text: str) -> Series:
     """Return the program for a model, eliminated as at its start."""
     what = compile_system(derive(lagcli.load_text(text)))
