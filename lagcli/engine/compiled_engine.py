@@ -154,7 +154,7 @@ class Integration:
             return "they are too long"
         staying = request.formulation == "projection"
         working = depending_on_time(system) if staying else range(len(system.constraints))
-        tape = unroll(system, prepared.elimination, whole=False)
+        tape = unroll(system, prepared.elimination)
         try:
             self.core.use_series(expand(system, tape, order_for(request.rtol), working))
         except NotAnalytic:

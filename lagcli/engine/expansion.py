@@ -13,7 +13,7 @@ its first coefficient alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import IntEnum
 
 from lagcli.engine.program import Node
@@ -28,12 +28,13 @@ class SeriesOp(IntEnum):
     RATE = 2  # k a_k: the coefficients of t a′
     MUL = 3
     MULSUM = 4  # s a b + t c
-    INVERSE = 5  # 1 / a
+    INVERSE = 5  # 1 / a, from itself up to k − 1
     CHAIN = 6  # c′ = s g a′, of the rate of a and of g up to k − 1
-    ENTER = 7  # what lies in a layer goes to its row
-    LEAVE = 8  # and back
-    COPY = 9  # a, side by side
-    END = 10
+    PAST = 7  # (a − a_0) b, of b up to k − 1
+    NEXT = 8  # a_k / (k + 1): coefficient k + 1 of what a is the rate of
+    ENTER = 9  # a, from the layer to its row
+    COPY = 10  # a, side by side
+    END = 11
 
 
 #: Which operands are numbers, and which are series that are convolved.
@@ -48,12 +49,17 @@ CONVOLVED: dict[int, tuple[int, ...]] = {
     SeriesOp.MULSUM: (1, 2),
     SeriesOp.INVERSE: (0,),
     SeriesOp.CHAIN: (1,),
+    SeriesOp.PAST: (0,),
 }
 #: Names of series that no register has: the work; what is zero beyond its first coefficient; and
 #: from the next on, rates and parts.
 WORK, NOUGHT, _NAMELESS = 1 << 40, (1 << 40) + 1, (1 << 40) + 2
 #: Added to the name of a series of which orders up to k − 1 are needed: no need to wait for it.
 BEFORE = 1 << 50
+#: Added to the name of a series of the state, it is its next coefficient.
+AHEAD = 1 << 52
+#: Added to a register, it is a number that operations use, and not the series that begins with it.
+NUMBER = -(1 << 50)
 
 Form = tuple[int, int]  # the registers of a number and of a series' first coefficient
 
@@ -66,10 +72,17 @@ class Expansion:
     """Turns operations on numbers into operations on series.
 
     A series is named by the register of its first coefficient; rates and parts have none.
+
+    Parameters
+    ----------
+    builder : Builder
+    moving : iterable of int
+        Registers that are series to begin with; what does not depend on them is a number.
     """
 
-    def __init__(self, builder: Builder):
-        self.builder = builder
+    def __init__(self, builder: Builder, moving: Iterable[int]):
+        self.builder, self.moving = builder, set(moving)
+        self.taken = set(self.moving)  # no operation makes them, or it is there
         self.zero, self.one = builder.constant(0.0), builder.constant(1.0)
         self.minus_one = builder.constant(-1.0)
         self.nodes: dict[int, Node] = {}
@@ -82,8 +95,8 @@ class Expansion:
     # numbers
 
     def steady(self, x: int) -> bool:
-        """Return whether a register stays the same along a run."""
-        return x < 0 or x in self.builder.steady
+        """Return whether a register is a number, not a series."""
+        return x not in self.moving
 
     def times(self, a: int, b: int) -> int:
         """Return the register of a product of numbers."""
@@ -241,18 +254,41 @@ class Expansion:
         op = Op.ADD if sign > 0 else Op.SUB
         return self.builder.emit(op, self.builder.constant(first), self.mul(a, a))
 
-    # the program
-
     # what is wanted
 
-    def expand(self) -> None:
-        """Take all operations of the tape."""
-        builder, done = self.builder, 0
-        while done < len(builder.operations):  # grows: slopes need operations of their own
-            for key, register in list(builder.operations.items())[done:]:
-                done += 1
-                if not self.steady(register):
-                    self.operation(Op(key[0]), register, *key[1:])
+    def expand(self, results: Iterable[int], names: Mapping[int, int] | None = None) -> None:
+        """Take the operations that results need; ``names`` are other names of what they make."""
+        while needed := self.needed([*results, *self.slopes.values()]):
+            for x, (op, *operands) in needed:
+                self.taken.add(x)
+                if not all(map(self.steady, operands)):
+                    self.moving.add(x)
+                    self.operation(Op(op), x, *operands)
+                if names and x in names:
+                    self.rename(x, names[x])
+
+    def needed(self, results: Iterable[int]) -> list[tuple[int, tuple[int, ...]]]:
+        """Return what is to be taken for results, operands first: registers and operations."""
+        first, operations = self.builder.inputs, list(self.builder.operations)
+        found: set[int] = set()
+        waiting = list(results)
+        while waiting:
+            x = waiting.pop()
+            if x >= first and x not in found and x not in self.taken:
+                found.add(x)
+                waiting += operations[x - first][1:]
+        return [(x, operations[x - first]) for x in sorted(found)]
+
+    def rename(self, x: int, name: int) -> None:
+        """Give a series another name, that of a register with its first coefficient."""
+        form = (self.one, NOUGHT) if self.steady(x) else self.tail(x)
+        self.beyond.pop(x, None)
+        self.whole[x] = self.one, name
+        if form == (self.one, x) and x in self.nodes:
+            op, _, operands = self.nodes.pop(x)
+            self.nodes[name] = op, (name,), operands
+        else:
+            self.nodes[name] = SeriesOp.SCALE, (name,), form
 
     def result(self, x: int) -> int:
         """Return the series that is an output, made from its base where it must be."""
@@ -286,14 +322,18 @@ class Expansion:
             if node is None:
                 continue
             op, _, operands = node
+            numbers = NUMBERS.get(op, ())
             if ready:
-                found[x] = node
+                tagged = [y + NUMBER if i in numbers else y for i, y in enumerate(operands)]
+                if op == SeriesOp.INVERSE:
+                    tagged.append(x + BEFORE)
+                found[x] = op, (x,), tuple(tagged)
                 continue
             waiting.append((x, True))
             for i, y in enumerate(operands):
                 if y >= BEFORE:
                     later.append(y - BEFORE)
-                elif i not in NUMBERS.get(op, ()):
+                elif i not in numbers:
                     waiting.append((y, False))
         return list(found.values())
 

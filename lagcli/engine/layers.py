@@ -1,18 +1,18 @@
 """A long program for power series → operations on vectors of series, and what is left of it.
 
 As in `lagcli.engine.packing`, operations of a level and of one kind whose operands are at equal
-distances become one on vectors. Their series lie in layers: a layer holds the coefficients of one
-order of all that is kept, so that a vector's coefficients lie side by side, and a convolution is
-made for many series at once. What is in no vector has rows of its own, as in short programs;
-coefficients go between layers and rows as they are found.
+distances become one on vectors. Series lie in layers: a layer holds the coefficients of one order
+of all that is kept, so that a vector's coefficients lie side by side, and a convolution is made for
+many series at once. What is in no vector is done one by one; for convolutions of these, copies of
+what they read have rows, as in short programs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from typing import NamedTuple
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NamedTuple
 
-from lagcli.engine.expansion import BEFORE, CONVOLVED, NUMBERS, SeriesOp
+from lagcli.engine.expansion import AHEAD, BEFORE, CONVOLVED, NUMBERS, SeriesOp
 from lagcli.engine.nodes import VECTOR, Node
 from lagcli.engine.packing import (
     LINE,
@@ -26,19 +26,26 @@ from lagcli.engine.packing import (
     together,
 )
 
+#: Operations from which on vectors are looked for: those of a chain of 20 bodies.
+LONG = 500
+#: Elements that a vector has at most, as in core/series.c.
+LONGEST = 1024
 #: Where temporary places begin until it is known how many others there are.
 _TEMPORARY = 1 << 24
-#: Added to the name of a series, it is what lies in the layers, beside the row of that name.
-LAYERED = 1 << 52
 
 
 class Vector(NamedTuple):
-    """One operation on vectors: where its results begin and, for each operand, its elements."""
+    """One operation on vectors: the places of its results and, for each operand, its elements."""
 
     op: int
-    size: int
-    first: int
+    results: list[int]
     operands: list[list[int]]
+
+    @property
+    def numbers(self) -> list[tuple[int, ...]]:
+        """The registers of the operands that are numbers; one if all elements have the same."""
+        found = [tuple(self.operands[n]) for n in NUMBERS.get(self.op, ())]
+        return [x[:1] if len(set(x)) == 1 else x for x in found]
 
 
 class Layers(NamedTuple):
@@ -47,7 +54,7 @@ class Layers(NamedTuple):
     Parameters
     ----------
     parts : list
-        In order: vectors, and lists of the nodes that have rows.
+        In order: vectors, and lists of nodes.
     place : dict of int to int
         Places of series in a layer. Temporary ones lie beyond it, where later layers will be.
     size : int
@@ -67,10 +74,9 @@ class Layers(NamedTuple):
 
 def layered(
     nodes: Sequence[Node],
-    state: Sequence[int],
     kept: Collection[int],
-    results: Sequence[int],
-    families: Sequence[object],
+    state: Sequence[Sequence[int]],
+    results: Sequence[Sequence[int]],
 ) -> Layers | None:
     """Put operations on series in vectors; None where too few of them fit.
 
@@ -78,16 +84,12 @@ def layered(
     ----------
     nodes : sequence of Node
         In an order in which every operand is ready.
-    state : sequence of int
-        What is known before each order; these have the first places.
     kept : collection of int
         Series whose coefficients of all orders are needed.
-    results : sequence of int
-        Series that the next order's state is made of.
-    families : sequence
-        Of t, q and v: what is alike has the same.
+    state, results : sequences of sequences of int
+        Families: series that are to lie side by side.
     """
-    layering = _Layering(nodes, state, kept, results, families)
+    layering = _Layering(nodes, kept, state, results)
     layering.go()
     return layering.finished() if layering.packed >= WORTH * len(nodes) else None
 
@@ -105,74 +107,78 @@ class _Layering:
     def __init__(
         self,
         nodes: Sequence[Node],
-        state: Sequence[int],
         kept: Collection[int],
-        results: Sequence[int],
-        families: Sequence[object],
+        state: Sequence[Sequence[int]],
+        results: Sequence[Sequence[int]],
     ):
-        self.nodes, self.results, self.kept = nodes, results, set(kept)
-        self.place = {x: i for i, x in enumerate(state)}
-        self.state = self.size = len(state)
+        self.nodes, self.kept = nodes, set(kept)
+        self.place: dict[int, int] = {}
+        self.size = 0
         self.memory = Memory(_TEMPORARY)
         self.vectors: list[Sequence[int] | None] = []  # the nodes of each, or None: see below
         self.singles: list[list[int]] = []  # the nodes of each None
         self.packed = 0
         self.copies: dict[tuple[int, ...], list[int]] = {}  # side by side, of series that are not
         self.copied: dict[int, int] = {}  # places in the layer → the series there
-        members: dict[object, list[int]] = {}
-        for x, family in zip(state, families, strict=False):
-            members.setdefault(family, []).append(x)
-        # families lie side by side: so do most of what is made of them
-        self.first: list[Vector] = []
-        for names in members.values():
-            if len(names) >= SHORTEST and steps([self.place[x] for x in names])[1] != 1:
-                for piece in pieces(names):
-                    self.first.append(self.copy(piece, self.copies))
-                    self.place.update(zip(piece, self.copies[tuple(piece)], strict=True))
+        for family in state:
+            first = self.keep(len(family))
+            self.put(family, first)
+            self.put([x + AHEAD for x in family], first)
+        self.state = self.size
+        for family in results:
+            self.take(family)
+
+    def put(self, names: Sequence[int], first: int) -> None:
+        """Note places side by side."""
+        self.place.update(zip(names, range(first, first + len(names)), strict=True))
 
     def copy(self, names: Sequence[int], copies: dict[tuple[int, ...], list[int]]) -> Vector:
         """Return the operation that puts series side by side, and note where."""
         first, places = self.keep(len(names)), [self.place[x] for x in names]
-        side_by_side = range(first, first + len(names))
-        copies[tuple(names)] = list(side_by_side)
+        side_by_side = list(range(first, first + len(names)))
+        copies[tuple(names)] = side_by_side
         self.copied.update(zip(side_by_side, names, strict=True))
-        return Vector(SeriesOp.COPY, len(names), first, [places])
+        return Vector(SeriesOp.COPY, side_by_side, [places])
 
     def go(self) -> None:
         """Go through the levels."""
         needs = [(node[0], node[1], _needs(node)) for node in self.nodes]
         sets = together(needs)
-        keep = self.kept.union(self.results)
-        for group, dying in zip(sets, last_uses(needs, sets, keep), strict=True):
-            found, rest = self.search(group, needs)
-            for members in found:
-                self.take([self.nodes[i][1][0] for i in members])
-                self.vectors.append(members)
-                self.packed += len(members)
-            if rest:
-                for i in rest:
-                    self.take(list(self.nodes[i][1]))
-                self.vectors.append(None)
-                self.singles.append(rest)
+        for group, dying in zip(sets, last_uses(needs, sets, self.kept), strict=True):
+            there = [self.nodes[i][1][0] in self.place for i in group]
+            for placed in (True, False):
+                part = [i for i, known in zip(group, there, strict=True) if known == placed]
+                self.put_in_vectors(part, needs, placed)
             for x in dying:
                 if self.place[x] >= _TEMPORARY:
                     self.memory.give_back(self.place[x])
 
-    def search(
-        self, group: list[int], needs: Sequence[Node]
-    ) -> tuple[list[Sequence[int]], list[int]]:
-        """Return the operations of each vector, and what is in none."""
-        found, rest = progressions([[self.place[x] for x in needs[i][2]] for i in group])
-        vectors = [piece for run in found for piece in pieces([group[i] for i in run])]
-        return vectors, [group[i] for i in rest]
+    def put_in_vectors(self, group: list[int], needs: Sequence[Node], placed: bool) -> None:
+        """Find the vectors of a level, whose results have places or get them side by side."""
+        points = [
+            [self.place[x] for x in (*needs[i][2], *(needs[i][1] if placed else ()))] for i in group
+        ]
+        found, rest = progressions(points) if len(group) >= SHORTEST else ([], range(len(group)))
+        for run in found:
+            for members in pieces([group[i] for i in run], LONGEST):
+                if not placed:
+                    self.take([self.nodes[i][1][0] for i in members])
+                self.vectors.append(members)
+                self.packed += len(members)
+        if rest:
+            singles = [group[i] for i in rest]
+            if not placed:
+                for i in singles:
+                    self.take(list(self.nodes[i][1]))
+            self.vectors.append(None)
+            self.singles.append(singles)
 
-    def take(self, names: list[int]) -> None:
+    def take(self, names: Sequence[int]) -> None:
         """Give results places side by side."""
         if self.kept.isdisjoint(names):
-            first = self.memory.take(len(names))
+            self.put(names, self.memory.take(len(names)))
         else:
-            first = self.keep(len(names))
-        self.place.update(zip(names, range(first, first + len(names)), strict=True))
+            self.put(names, self.keep(len(names)))
 
     def keep(self, size: int) -> int:
         """Return the first of as many places in the layer, where the cache has no line's end."""
@@ -184,39 +190,25 @@ class _Layering:
     # once all have places
 
     def finished(self) -> Layers:
-        """Return the parts, with what goes between layers and rows."""
-        own = {self.nodes[i][1][0] for group in self.singles for i in group}
-        wanted = set(self.results)
-        for members in self.vectors:
-            for i in members or ():
-                op, _, operands = self.nodes[i]
-                numbers = NUMBERS.get(op, ())
-                wanted.update(_series(x) for n, x in enumerate(operands) if n not in numbers)
+        """Return the parts, with what goes from layers to rows."""
         kept = {at: x for x, at in self.place.items() if self.state <= at < _TEMPORARY}
-        parts: list[Vector | list[Node]] = [*self.first]
+        parts: list[Vector | list[Node]] = []
         later: list[Vector | list[Node]] = []
         late: dict[tuple[int, ...], list[int]] = {}
-        entered, singles = set(own), iter(self.singles)
+        entered: set[int] = set()
         entering: dict[int, None] = {}
+        enter: list[Node] = []
+        singles = iter(self.singles)
         for members in self.vectors:
             if members is None:
-                batch = next(singles)
-                before: list[Node] = []
-                for i in batch:
-                    needed = _needs(self.nodes[i])
-                    entering.update((x - BEFORE, None) for x in self.nodes[i][2] if x >= BEFORE)
-                    for x in needed:
-                        if x not in entered:
-                            entered.add(x)
-                            before.append((SeriesOp.ENTER, (x,), (x + LAYERED,)))
-                after = [self.nodes[i][1][0] for i in batch]
-                parts.append(
-                    [
-                        *before,
-                        *(self.nodes[i] for i in batch),
-                        *((SeriesOp.LEAVE, (x + LAYERED,), (x,)) for x in after if x in wanted),
-                    ]
-                )
+                batch = [self.nodes[i] for i in next(singles)]
+                for op, _, operands in batch:
+                    entering.update((x - BEFORE, None) for x in operands if x >= BEFORE)
+                    needed = dict.fromkeys(operands[n] for n in CONVOLVED.get(op, ()))
+                    enter += [enters(x) for x in needed if x not in entered]
+                    entered.update(needed)
+                parts += [enter, batch] if enter else [batch]
+                enter = []
                 continue
             nodes = [self.nodes[i] for i in members]
             op = nodes[0][0]
@@ -224,19 +216,17 @@ class _Layering:
             for n in range(len(columns)):
                 if n in NUMBERS.get(op, ()):
                     continue
-                slopes = columns[n][0] >= BEFORE
-                names = tuple([_series(x) for x in columns[n]])
+                before = columns[n][0] >= BEFORE
+                names = tuple([x - BEFORE if before else x for x in columns[n]])
                 columns[n] = [self.place[x] for x in names]
-                if (slopes or n in CONVOLVED.get(op, ())) and steps(columns[n])[1] != 1:
-                    # a slope may not be there before the operation; its copy is made at the end
-                    known = late if slopes and names not in self.copies else self.copies
+                if (before or n in CONVOLVED.get(op, ())) and steps(columns[n])[1] != 1:
+                    # what is not there before the operation is copied at the end
+                    known = late if before and names not in self.copies else self.copies
                     if names not in known:
-                        (later if slopes else parts).append(self.copy(names, known))
+                        (later if before else parts).append(self.copy(names, known))
                     columns[n] = known[names]
-            parts.append(Vector(op, len(nodes), self.place[nodes[0][1][0]], columns))
-        enter: list[Node] = [
-            (SeriesOp.ENTER, (x,), (x + LAYERED,)) for x in entering if x not in entered
-        ]
+            parts.append(Vector(op, [self.place[to] for _, (to,), _ in nodes], columns))
+        enter = [enters(x) for x in entering if x not in entered]
         parts += [*later, *([enter] if enter else [])]
         return self.moved(parts, {**kept, **self.copied})
 
@@ -247,44 +237,40 @@ class _Layering:
         size += 0 if size // LINE % 2 else LINE
         offset = size + -(-self.state // LINE) * LINE - _TEMPORARY
 
-        def to(at: int) -> int:
-            return at + offset if at >= _TEMPORARY else at
+        def to(places: list[int]) -> list[int]:
+            return [at + offset if at >= _TEMPORARY else at for at in places]
 
         found: list[Vector | list[Node]] = []
         for part in parts:
             if isinstance(part, Vector):
                 numbers = NUMBERS.get(part.op, ())
-                operands = [
-                    x if n in numbers else [to(at) for at in x] for n, x in enumerate(part.operands)
-                ]
-                part = part._replace(first=to(part.first), operands=operands)
+                operands = [x if n in numbers else to(x) for n, x in enumerate(part.operands)]
+                part = Vector(part.op, to(part.results), operands)
             found.append(part)
-        place = {x: to(at) for x, at in self.place.items()}
-        return Layers(found, place, size, to(self.memory.end), kept)
+        place = dict(zip(self.place, to(list(self.place.values())), strict=True))
+        return Layers(found, place, size, to([self.memory.end])[0], kept)
 
 
-def vector_stream(vector: Vector, numbers: list[int]) -> list[int]:
+def enters(x: int) -> Node:
+    """Return the operation that copies a series' coefficient to its row."""
+    return SeriesOp.ENTER, (x,), (x,)
+
+
+def vector_stream(vector: Vector, place: Mapping[Any, int]) -> list[int]:
     """Return the stream of an operation on vectors.
 
     Parameters
     ----------
     vector : Vector
-    numbers : list of int
-        The registers of numbers, in their places; those of vectors are added.
+    place : mapping
+        Places of its numbers; see `Vector.numbers`.
     """
-    found = [VECTOR + vector.op, vector.size, vector.first]
+    numbers = iter(vector.numbers)
+    found = [VECTOR + vector.op, len(vector.results), *steps(vector.results)]
     for n, x in enumerate(vector.operands):
         if n in NUMBERS.get(vector.op, ()):
-            if len(set(x)) == 1:
-                found += (len(numbers), 0)
-                numbers.append(x[0])
-            else:
-                found += (len(numbers), 1)
-                numbers += x
+            part = next(numbers)
+            found += (place[part], int(len(part) > 1))
         else:
             found += steps(x)
     return found
-
-
-def _series(x: int) -> int:
-    return x - BEFORE if x >= BEFORE else x

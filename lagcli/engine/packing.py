@@ -363,9 +363,9 @@ def _runs(keys: NDArray[np.uint64], step: np.uint64) -> Iterator[list[int]]:
         yield run
 
 
-def pieces(values: Sequence[int]) -> Iterator[Sequence[int]]:
+def pieces(values: Sequence[int], longest: int = LONGEST) -> Iterator[Sequence[int]]:
     """Yield parts that are no longer than a vector may be, of equal lengths."""
-    count = -(-len(values) // LONGEST)
+    count = -(-len(values) // longest)
     ends = [len(values) * i // count for i in range(count + 1)]
     return (values[a:b] for a, b in pairwise(ends))
 

@@ -12,17 +12,29 @@ Taylor methods, Experimental Mathematics 14 (2005), doi:10.1080/10586458.2005.10
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.expansion import BEFORE, CONVOLVED, NOUGHT, NUMBERS, WORK, Expansion, SeriesOp
-from lagcli.engine.layers import LAYERED, Layers, Vector, layered, vector_stream
-from lagcli.engine.packing import LONG
+from lagcli.engine.expansion import (
+    AHEAD,
+    BEFORE,
+    CONVOLVED,
+    NOUGHT,
+    NUMBER,
+    NUMBERS,
+    WORK,
+    Expansion,
+    SeriesOp,
+)
+from lagcli.engine.layers import LONG, Layers, Vector, layered, vector_stream
+from lagcli.engine.linear_series import LinearSystem
+from lagcli.engine.packing import LINE
 from lagcli.engine.program import Node, allocate, in_order, stream
-from lagcli.engine.system import System
+from lagcli.engine.system import System, without_numbers
 from lagcli.engine.tape import Builder, Op, Tape
 
 #: Zeros before each row: a convolution reads four coefficients at a time.
@@ -34,16 +46,16 @@ MOST = 31
 class Series(NamedTuple):
     """A program for the Taylor coefficients of a motion.
 
-    A file of numbers holds the steady ones, then a row of coefficients for each series that is
-    convolved, then one place for each of the others: they are not kept. Their places move by one
-    with each order, so that an offset means the same for both. The first rows are t, q, v, W, and
-    one of zeros. A long program has layers after that: see `lagcli.engine.layers`; there the state
-    lies in them.
+    A file of numbers holds those that series are multiplied by, steady ones first, then a row of
+    coefficients for each series that is convolved, then one place for each of the others: they are
+    not kept. Their places move by one with each order, so that an offset means the same for both.
+    The first rows are t, q, v, W, and one of zeros. A long program has layers after that: see
+    `lagcli.engine.layers`; there the state lies in them.
 
     Parameters
     ----------
     values : Tape
-        (t, q, v, parameters) → the steady numbers, what series other than the state's begin with,
+        (t, q, v, parameters) → the numbers, what series other than the state's begin with,
         a, power.
     stream : int32 array
         Operations on offsets in the file, as those of `Program`; for a vector each operand has two,
@@ -51,18 +63,18 @@ class Series(NamedTuple):
     convolutions : int
         How many convolutions there are outside vectors.
     order : int
-    steady : int
-        How many numbers are steady.
+    steady, numbers : int
+        How many numbers are steady; with those that are found at each state.
     begins : int32 array
         Offsets of the first coefficients of series other than the state's.
     rows, cleared : int
         Where the first row begins, and how many numbers the rows are.
-    first, row, layer : int
-        Where the state begins; from one of its series to the next, from one order to the next.
+    origin, layer : int
+        Where layers begin, and how far one order is from the next.
+    state : int32 array
+        Offsets of t, q, v, W from there.
     size : int
         Of the file.
-    rates : int32 array
-        Offsets of a and the power.
     """
 
     values: Tape
@@ -70,14 +82,14 @@ class Series(NamedTuple):
     convolutions: int
     order: int
     steady: int
+    numbers: int
     begins: NDArray[np.int32]
     rows: int
     cleared: int
-    first: int
-    row: int
+    origin: int
     layer: int
+    state: NDArray[np.int32]
     size: int
-    rates: NDArray[np.int32]
 
 
 def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Series:
@@ -87,7 +99,7 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     ----------
     system : System
     tape : Tape
-        Its dynamics with the elimination unrolled.
+        Its dynamics with the elimination unrolled, and the solution for another right side.
     order : int
         At most ``MOST``.
     working : iterable of int
@@ -98,14 +110,31 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     ------
     NotAnalytic
     """
-    builder = Builder(tape.inputs, tape.parameters)
+    builder = Builder(tape.inputs, tape.parameters, tape.other)
     outputs = builder.extend(tape)
-    expansion = Expansion(builder)
-    nq = len(system.coordinates)
-    first = len(system.dynamics.outputs)  # of a, then λ
+    nq, first = len(system.coordinates), len(system.dynamics.outputs)
+    expansion = Expansion(builder, range(1 + 2 * nq))
+    unknowns = LinearSystem(expansion, system, outputs).solve()
     power = _power(system, builder, outputs, first, working)
-    families = system.families[: 1 + 2 * nq]
-    return _program(expansion, families, [*outputs[first : first + nq], power], order)
+    expansion.expand([power])
+    rates = [*range(1 + nq, 1 + 2 * nq), *unknowns[:nq], expansion.result(power)]
+    kinds = system.families[1 : 1 + 2 * nq]
+    families = (
+        [[0], [NOUGHT], *_alike(range(1, 1 + 2 * nq), kinds), [WORK]],
+        [
+            *_alike(unknowns[:nq], kinds[:nq]),
+            *_alike(unknowns[nq:], map(without_numbers, system.constraints)),
+        ],
+    )
+    return _program(expansion, families, rates, [*outputs[first : first + nq], power], order)
+
+
+def _alike(values: Iterable[int], kinds: Iterable[str | None]) -> list[list[int]]:
+    """Return the values of each kind."""
+    members: dict[str | None, list[int]] = {}
+    for x, kind in zip(values, kinds, strict=True):
+        members.setdefault(kind, []).append(x)
+    return list(members.values())
 
 
 def order_for(rtol: float) -> int:
@@ -141,99 +170,150 @@ def _power(
 
 
 def _program(
-    expansion: Expansion, families: Sequence[str | None], outputs: Sequence[int], order: int
+    expansion: Expansion,
+    families: tuple[list[list[int]], list[list[int]]],
+    rates: Sequence[int],
+    outputs: Sequence[int],
+    order: int,
 ) -> Series:
-    """Return the program that gives the series of the outputs: a, power."""
-    expansion.expand()
-    results = [expansion.result(x) for x in outputs]
-    nodes = _merged(expansion.wanted(results), results)
-    state = [*range(len(families)), WORK, NOUGHT]
-    kept = _kept(nodes, set(state))
-    found = None
-    if len(nodes) >= LONG:
-        found = layered(nodes, state, kept, results, families)
+    """Return the program; rates are the series v, a, power, and outputs the values of a, power."""
+    nodes = _merged(expansion.wanted(rates), rates)
+    state = [*range(len(rates)), WORK]
+    kept = _kept(nodes, {*state, NOUGHT})
+    ends: list[Node] = [
+        (SeriesOp.NEXT, (x + AHEAD,), (y,)) for x, y in zip(state[1:], rates, strict=True)
+    ]
+    found = layered([*nodes, *ends], kept, *families) if len(nodes) >= LONG else None
     if found is None:
-        return _in_rows(expansion, nodes, [*state, *kept], len(state), results, outputs, order)
-    return _in_layers(expansion, found, len(state), results, outputs, order)
+        # what convolutions read beyond what is there is to be zero
+        return _in_rows(expansion, [*in_order(nodes), *ends], state, kept, outputs, order)
+    return _in_layers(expansion, found, state, outputs, order)
 
 
 def _in_rows(
     expansion: Expansion,
     nodes: list[Node],
-    rows: Sequence[int],
-    state: int,
-    results: Sequence[int],
+    state: Sequence[int],
+    kept: Sequence[int],
     outputs: Sequence[int],
     order: int,
 ) -> Series:
     """Return a program with rows for what is convolved; those of the state are the first."""
-    numbers = list(dict.fromkeys(o[i] for op, _, o in nodes for i in NUMBERS.get(op, ())))
+    place, numbers, steady = _place_numbers(expansion, _numbers(nodes), [])
     row, first = _row(order), _first(numbers)
-    place = {x: n for n, x in enumerate(numbers)}
+    rows = [*state, NOUGHT, *kept]
     end = _place_rows(place, rows, first, row)
-    ordered, count = allocate(in_order(nodes), place, end, {*rows, *results})
-    begins = rows[state:]
+    place.update((x + AHEAD, place[x]) for x in state)
+    ordered, count = allocate(nodes, place, end, {*rows, *(x + AHEAD for x in state)})
     return Series(
-        values=_values(expansion, numbers, begins, outputs),
+        values=_values(expansion, numbers, kept, outputs),
         stream=stream(ordered, SeriesOp.END),
         convolutions=sum(op in CONVOLVED for op, _, _ in nodes),
         order=order,
-        steady=len(numbers),
-        begins=np.array([place[x] for x in begins], dtype=np.int32),
+        steady=steady,
+        numbers=len(numbers),
+        begins=_array(place[x] for x in kept),
         rows=first,
         cleared=end - first,
-        first=first,
-        row=row,
+        origin=0,
         layer=1,
+        state=_array(place[x] for x in state),
         size=count + order + 2 * PADDING,
-        rates=np.array([place[x] for x in results], dtype=np.int32),
     )
 
 
 def _in_layers(
     expansion: Expansion,
     layers: Layers,
-    state: int,
-    results: Sequence[int],
+    state: Sequence[int],
     outputs: Sequence[int],
     order: int,
 ) -> Series:
     """Return a program with layers, and rows for what is in no vector and convolved."""
     singles = [x for part in layers.parts if not isinstance(part, Vector) for x in part]
-    numbers = list(dict.fromkeys(o[i] for op, _, o in singles for i in NUMBERS.get(op, ())))
-    place = {x: n for n, x in enumerate(numbers)}
-    vectors = {i: x for i, x in enumerate(layers.parts) if isinstance(x, Vector)}
-    streams = {i: vector_stream(x, numbers) for i, x in vectors.items()}
+    vectors = [x.numbers for x in layers.parts if isinstance(x, Vector)]
+    place, numbers, steady = _place_numbers(expansion, _numbers(singles), chain(*vectors))
     rows = _kept(singles, set())
     row, first = _row(order), _first(numbers)
-    end = _place_rows(place, rows, first, row)
-    place.update({x + LAYERED: at for x, at in layers.place.items()})
-    left = [to for op, (to,), _ in singles if op == SeriesOp.LEAVE]
-    ordered, count = allocate(singles, place, end, {*rows, *left})
-    at, whole = 0, []
-    for i, part in enumerate(layers.parts):
-        if i in streams:
-            whole += streams[i]
+    in_rows: dict[Any, int] = {}
+    end = _place_rows(in_rows, rows, first, row)
+    whole: list[int] = []
+    for part in layers.parts:
+        if isinstance(part, Vector):
+            whole += vector_stream(part, place)
         else:
-            whole += stream(ordered[at : at + len(part)]).tolist()[:-2]
-            at += len(part)
-    base = -(-(count + order + 2 * PADDING) // 8) * 8
-    first_rows = [place[x] for x in rows]
+            placed = [_placed(node, place, in_rows, layers.place) for node in part]
+            whole += stream(placed).tolist()[:-2]
+    origin = -(-end // LINE) * LINE
+    last = layers.place[WORK]
     return Series(
         values=_values(expansion, numbers, [*rows, *layers.kept.values()], outputs),
-        stream=np.array([*whole, SeriesOp.END, 0], dtype=np.int32),
+        stream=_array([*whole, SeriesOp.END, 0]),
         convolutions=sum(op in CONVOLVED for op, _, _ in singles),
         order=order,
-        steady=len(numbers),
-        begins=np.array([*first_rows, *(base + x for x in layers.kept)], dtype=np.int32),
+        steady=steady,
+        numbers=len(numbers),
+        begins=_array([*(in_rows[x] for x in rows), *(origin + x for x in layers.kept)]),
         rows=first,
         cleared=end - first,
-        first=base,
-        row=1,
+        origin=origin,
         layer=layers.size,
-        size=base + order * layers.size + layers.end,
-        rates=np.array([base + layers.place[x] for x in results], dtype=np.int32),
+        state=_array(layers.place[x] for x in state),
+        size=origin + order * layers.size + max(layers.end, 2 * last + 2 * LINE),
     )
+
+
+def _array(values: Iterable[int]) -> NDArray[np.int32]:
+    return np.array([*values], dtype=np.int32)
+
+
+def _placed(
+    node: Node, numbers: Mapping[Any, int], rows: Mapping[Any, int], layer: Mapping[int, int]
+) -> Node:
+    """Return an operation with the places of numbers, of rows, and in the layer."""
+    op, (to,), operands = node
+    if op == SeriesOp.ENTER:
+        return op, (rows[to],), (layer[to],)
+    places = []
+    for i, x in enumerate(operands):
+        if i in NUMBERS.get(op, ()):
+            places.append(numbers[x])
+        else:
+            places.append(rows[x] if x >= BEFORE or i in CONVOLVED.get(op, ()) else layer[x])
+    return op, (layer[to],), tuple(places)
+
+
+def _numbers(nodes: Iterable[Node]) -> Iterator[tuple[int]]:
+    return ((o[i],) for op, _, o in nodes for i in NUMBERS.get(op, ()))
+
+
+def _place_numbers(
+    expansion: Expansion, numbers: Iterable[tuple[int]], of_vectors: Iterable[tuple[int, ...]]
+) -> tuple[dict[Any, int], list[int], int]:
+    """Give numbers places, those of vectors side by side and steady ones first.
+
+    Returns
+    -------
+    place : dict
+        A number's; of a vector's numbers, the first one's.
+    found : list of int
+        The registers.
+    steady : int
+        How many of them are steady.
+    """
+    known = expansion.builder.steady
+    parts: tuple[list[tuple[int, ...]], list[tuple[int, ...]]] = [], []
+    for part in dict.fromkeys(chain(numbers, of_vectors)):
+        changing = any(x - NUMBER >= 0 and x - NUMBER not in known for x in part)
+        parts[changing].append(part)
+    place: dict[Any, int] = {}
+    found: list[int] = []
+    for part in chain(*parts):
+        place[part] = len(found)
+        if len(part) == 1:
+            place[part[0]] = len(found)
+        found += part
+    return place, found, sum(map(len, parts[0]))
 
 
 def _row(order: int) -> int:
@@ -256,7 +336,7 @@ def _values(
     expansion: Expansion, numbers: Sequence[int], begins: Sequence[int], outputs: Sequence[int]
 ) -> Tape:
     begun = [expansion.begins.get(x, x) for x in begins]
-    return expansion.builder.finish([*numbers, *begun, *outputs])
+    return expansion.builder.finish([*(x - NUMBER for x in numbers), *begun, *outputs])
 
 
 def _merged(nodes: list[Node], results: Sequence[int]) -> list[Node]:
@@ -287,10 +367,8 @@ def _merged(nodes: list[Node], results: Sequence[int]) -> list[Node]:
 def _kept(nodes: Iterable[Node], state: set[int]) -> list[int]:
     """Return the series beside the state's whose coefficients of all orders are needed."""
     kept: dict[int, None] = {}
-    for op, (to,), operands in nodes:
-        kept.update((operands[i], None) for i in CONVOLVED.get(op, ()))
-        if op == SeriesOp.INVERSE:
-            kept[to] = None
-        elif op == SeriesOp.CHAIN:
-            kept[operands[2] - BEFORE] = None
+    for op, _, operands in nodes:
+        if op in CONVOLVED:
+            kept.update((operands[i], None) for i in CONVOLVED[op])
+            kept.update((x - BEFORE, None) for x in operands if x >= BEFORE)
     return [x for x in kept if x not in state]

@@ -15,20 +15,18 @@ from lagcli.engine.system import System
 from lagcli.engine.tape import Op, Tape
 
 
-def unroll(system: System, elimination: Elimination, whole: bool = True) -> Tape:
+def unroll(system: System, elimination: Elimination) -> Tape:
     """Append the solution of [[M, Bᵀ], [B, 0]] [a; −λ] = [f; γ] to the dynamics tape.
 
     Parameters
     ----------
     system : System
     elimination : Elimination
-    whole : bool
-        Whether to append what is asked for apart, too.
 
     Returns
     -------
     Tape
-        Outputs are those of ``system.dynamics``, then a, λ. A whole tape has nq + 2 nc more inputs
+        Outputs are those of ``system.dynamics``, then a, λ. It has nq + 2 nc more inputs
         at the end: another right side, in the order of the unknowns, and one for the constraints
         alone. Its outputs go on with the power of all forces, those of the constraints too. Apart
         from these, the parts that pivots keep of the terms that they are the sum of, scaled so that
@@ -36,19 +34,19 @@ def unroll(system: System, elimination: Elimination, whole: bool = True) -> Tape
         for the other right side; and a where that is zero but for the constraints. These solutions
         are asked for alone, too.
     """
-    return _Unrolling(system, elimination, whole).tape()
+    return _Unrolling(system, elimination).tape()
 
 
 class _Unrolling(Arithmetic):
     """Emits the operations of a factorization and of its use."""
 
-    def __init__(self, system: System, elimination: Elimination, whole: bool):
+    def __init__(self, system: System, elimination: Elimination):
         size, given = len(elimination.order), system.dynamics
         mass, jacobian, nq = system.mass_pattern, system.jacobian_pattern, len(system.coordinates)
-        other = size + len(system.constraints) if whole else 0
+        other = size + len(system.constraints)
         super().__init__(given.inputs + other, given.parameters, other)
         self.outputs = outputs = self.extend(given)
-        self.whole, self.nq, self.plan = whole, nq, elimination
+        self.nq, self.plan = nq, elimination
         place = {unknown: k for k, unknown in enumerate(elimination.order)}
         self.place = place
         nm, nb, nc = len(mass), len(jacobian), len(system.constraints)
@@ -62,8 +60,7 @@ class _Unrolling(Arithmetic):
             p, q = place[nq + i], place[j]
             self.entries[max(p, q), min(p, q)] = x
             self.rows[i].append(x)
-            if whole:
-                self.speeds[i] = self.plus(self.speeds[i], self.times(x, 1 + nq + j))
+            self.speeds[i] = self.plus(self.speeds[i], self.times(x, 1 + nq + j))
         right = [*outputs[nm : nm + nq], *outputs[nm + nq + nb : nm + nb + size]]
         self.right = [right[unknown] for unknown in elimination.order]
         self.other_right = [given.inputs + unknown for unknown in elimination.order]
@@ -82,8 +79,6 @@ class _Unrolling(Arithmetic):
         for k in self.pivots():
             self.eliminate(k, 2 if self.plan.paired[k] else 1)
         solution = self.solution(self.right)
-        if not self.whole:
-            return self.finish([*self.outputs, *solution])
         main = [*self.outputs, *solution, self.power(solution[self.nq :])]
         watched = [*self.kept, *map(self.square, self.rows)]
         other, moved = self.solution(self.other_right), self.solution(self.other_rhs)[: self.nq]
@@ -161,8 +156,7 @@ class _Unrolling(Arithmetic):
 
     def eliminate(self, k: int, width: int) -> None:
         """Emit a pivot's part of L and its updates."""
-        if self.whole:
-            self.keep(k, width)
+        self.keep(k, width)
         inverse = self.pivot(k, width)
         self.diagonal[k : k + width] = [inverse[i][i] for i in range(width)]
         if width == 2:
@@ -176,8 +170,7 @@ class _Unrolling(Arithmetic):
                 if width == 2:
                     total = self.plus(total, self.times(entries[1], inverse[1][p]))
                 self.lower[k + p][i] = total
-            if self.whole:
-                self.take(k, width, i)
+            self.take(k, width, i)
         for n, i in enumerate(below):
             for j in below[: n + 1]:
                 entry = max(i, j), min(i, j)

@@ -13,8 +13,8 @@ import symengine as se
 from test_series import coefficients
 
 import lagcli
-from lagcli.engine import series
-from lagcli.engine.packing import LONGEST, pieces
+from lagcli.engine import layers, packing, series
+from lagcli.engine.packing import pieces
 from lagcli.engine.series import Series
 from lagcli.engine.system import System, compile_system
 from lagcli.equations.lagrange import derive
@@ -80,6 +80,8 @@ FORCES = {
     "exp and tanh": "exp(-{x})*tanh({x})",
     "parameter": "{a}*{x}^2 - {a}*{a}*{x}",
 }
+#: Where neighbours' accelerations depend on each other.
+COUPLED = "(2 + sin(x{i}))*x{i}'^2/2 + x{i}'*x{j}'*cos(x{i} - x{j})/4"
 
 
 def alone(force: str, a: float, q: float, v: float, count: int) -> list[float]:
@@ -135,6 +137,16 @@ def test_bodies_of_different_structure(
     assert_alike(found, expected)
 
 
+def test_mass_matrix_that_varies(programs: list[Series], monkeypatch: pytest.MonkeyPatch) -> None:
+    text = bodies(lambda i: f"-x{i}").replace(
+        "T: ", "T: " + " + ".join(COUPLED.format(i=i, j=i + 1) for i in range(BODIES - 1)) + " + "
+    )
+    q = [0.2 + 0.005 * i for i in range(BODIES)]
+    v = [0.3 - 0.004 * i for i in range(BODIES)]
+    found, expected = both(text, q, v, programs, monkeypatch)
+    assert_alike(found, expected)
+
+
 def chain(n: int) -> str:
     """Return a chain of n bodies on rods of length 1."""
     names = [f"{x}{i}" for i in range(1, n + 1) for x in "xy"]
@@ -160,6 +172,9 @@ def test_chain(programs: list[Series], monkeypatch: pytest.MonkeyPatch) -> None:
     q, v = (np.cumsum(x, axis=1).T.reshape(-1).tolist() for x in (rods, rates))
     found, expected = both(chain(n), q, v, programs, monkeypatch)
     assert_alike(found, expected)
+    # families lie side by side without copies; what is in no vector is the first rod's
+    assert programs[0].layer < 16 * n
+    assert programs[0].convolutions <= 6
     # and the rods keep their lengths
     rods = np.diff(found[: 2 * n].reshape(n, 2, -1), axis=0, prepend=0.0)
     order = rods.shape[2]
@@ -169,8 +184,9 @@ def test_chain(programs: list[Series], monkeypatch: pytest.MonkeyPatch) -> None:
         assert (np.abs(phi[1:]) <= 1e-11 * size.max()).all()
 
 
-@pytest.mark.parametrize("size", [8, 256, 257, 259, 512, 1000])
-def test_pieces_are_not_too_short(size: int) -> None:
-    found = list(pieces(list(range(size))))
+@pytest.mark.parametrize("longest", [packing.LONGEST, layers.LONGEST])
+@pytest.mark.parametrize("size", [8, 256, 257, 259, 512, 1000, 1025])
+def test_pieces_are_not_too_short(size: int, longest: int) -> None:
+    found = list(pieces(list(range(size)), longest))
     assert [x for piece in found for x in piece] == list(range(size))
-    assert all(min(size, LONGEST // 2) <= len(x) <= LONGEST for x in found)
+    assert all(min(size, longest // 2) <= len(x) <= longest for x in found)

@@ -15,7 +15,7 @@ from lagcli.engine.elimination import order_at
 from lagcli.engine.expansion import NotAnalytic
 from lagcli.engine.interpreter import ScalarTape
 from lagcli.engine.run import Request
-from lagcli.engine.series import depending_on_time, expand
+from lagcli.engine.series import Series, depending_on_time, expand
 from lagcli.engine.system import System, compile_system
 from lagcli.engine.unrolling import unroll
 from lagcli.equations.lagrange import derive
@@ -147,6 +147,117 @@ def test_motion_stays_on_the_constraint() -> None:
     np.testing.assert_allclose(found[:2, 1:] * orders, found[2:4, :-1], rtol=1e-14)
     energy = sum(np.convolve(v, v)[:order] for v in found[2:4]) / 2 + 9.81 * found[1]
     assert np.abs(energy[1:] / (size[1:] * 9.81)).max() < 1e-11
+
+
+SPRUNG = """
+coordinates: [x, y, z]
+parameters: {c: 2.0}
+T: (1 + x^2)*x'^2/2 + x'*y'*cos(z) + y'^2 + (2 + sin(x*y))*z'^2/2 + y'*z'/4
+V: c*x^2/2 + y*z
+constraints: {line: "x + y*z = 1 + sin(t)/5"}
+initial: {x: 0.5, y: 0.5, z: {guess: 1}, x': 0.1, y': 0.3, z': {guess: 0}}
+"""
+
+
+def test_energy_where_the_mass_matrix_varies_and_a_constraint_works() -> None:
+    what = compile_system(derive(lagcli.load_text(SPRUNG)))
+    # on the constraint at START, as is its rate
+    x, y, u, v = 0.5, 0.5, 0.1, 0.3
+    z = (1 + math.sin(START) / 5 - x) / y
+    w = (math.cos(START) / 5 - u - v * z) / y
+    found = coefficients(what, [x, y, z], [u, v, w])
+    order = found.shape[1]
+
+    def times(*factors: np.ndarray) -> np.ndarray:
+        product = factors[0]
+        for factor in factors[1:]:
+            product = np.convolve(product, factor)[:order]
+        return product
+
+    def sine_and_cosine(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        s, c = np.zeros(order), np.zeros(order)
+        s[0], c[0] = math.sin(a[0]), math.cos(a[0])
+        rate = a * np.arange(order)
+        for k in range(1, order):
+            s[k] = (rate[1 : k + 1] * c[:k][::-1]).sum() / k
+            c[k] = -(rate[1 : k + 1] * s[:k][::-1]).sum() / k
+        return s, c
+
+    x, y, z, u, v, w, work = found
+    time = np.zeros(order)
+    time[:2] = START, 1.0
+    residual = x + times(y, z) - sine_and_cosine(time)[0] / 5
+    assert np.abs(residual[1:]).max() < 1e-12
+    energy = (
+        (times(u, u) + times(x, x, u, u)) / 2
+        + times(u, v, sine_and_cosine(z)[1])
+        + times(v, v)
+        + times(w, w)
+        + times(sine_and_cosine(times(x, y))[0], w, w) / 2
+        + times(v, w) / 4
+        + times(x, x)
+        + times(y, z)
+    )
+    size = np.maximum.accumulate(np.abs(found).max(axis=0)[::-1])[::-1]
+    # the constraint does all the work; projection counts it, as it depends on time
+    assert np.abs(work[1:]).max() > 1e-3
+    assert (np.abs(energy - work)[1:] <= 1e-11 * np.maximum(1.0, size[1:])).all()
+
+
+def test_accelerations_that_are_alike_or_do_not_change() -> None:
+    text = """
+coordinates: [x, y, z]
+parameters: {g: 9.81}
+T: (x'^2 + y'^2 + z'^2)/2
+V: g*(x + y)
+initial: {x: 0, y: 0, z: 0, x': 1, y': 2, z': 3}
+"""
+    found = coefficients(
+        compile_system(derive(lagcli.load_text(text))), [0.1, 0.2, 0.3], [1.0, 2.0, 3.0]
+    )
+    expected = np.zeros_like(found)
+    expected[:3, 0], expected[3:6, 0] = [0.1, 0.2, 0.3], [1.0, 2.0, 3.0]
+    expected[:3, 1], expected[:2, 2], expected[3:5, 1] = [1.0, 2.0, 3.0], -9.81 / 2, -9.81
+    np.testing.assert_allclose(found, expected, rtol=1e-15)
+
+
+def test_coordinate_without_inertia() -> None:
+    # it is eliminated together with its constraint; x'' = −2 x
+    text = """
+coordinates: [x, y]
+T: x'^2/2
+V: y
+constraints: {c: y = x^2}
+initial: {x: 0.4, y: 0.16, x': 0, y': 0}
+"""
+    what = compile_system(derive(lagcli.load_text(text)))
+    found = coefficients(what, [0.4, 0.16], [0.0, 0.0])
+    orders = np.arange(0, found.shape[1], 2)
+    expected = [0.4 * (-2.0) ** (k // 2) / math.factorial(k) for k in orders]
+    np.testing.assert_allclose(found[0, ::2], expected, rtol=1e-13)
+    square = np.convolve(found[0], found[0])[: found.shape[1]]
+    np.testing.assert_allclose(found[1], square, rtol=1e-12, atol=1e-17)
+
+
+def program(text: str) -> Series:
+    """Return the program for a model, eliminated as at its start."""
+    what = compile_system(derive(lagcli.load_text(text)))
+    state = [START, *[0.6] * len(what.coordinates), *[0.2] * len(what.coordinates)]
+    plan = order_at(what, [ScalarTape(what.dynamics)((*state, *what.parameters))])
+    return expand(what, unroll(what, plan), 10, ())
+
+
+def test_numbers_that_stay_the_same_are_found_once() -> None:
+    found = program(TEXT.format(force="a*x*(b + x)"))
+    assert found.steady == found.numbers > 1
+    # of a pendulum, the factors of its matrix at each state are numbers, too
+    found = program(PENDULUM)
+    assert 0 < found.steady < found.numbers
+
+
+def test_elimination_needs_no_convolutions() -> None:
+    # x² and y² of the velocities; a x, a y, λ x and λ y
+    assert program(PENDULUM).convolutions == 6
 
 
 @pytest.mark.parametrize("force", ["abs(x)", "max(x, 0)", "x*sign(x)", "floor(t)"])

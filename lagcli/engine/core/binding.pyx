@@ -73,10 +73,10 @@ cdef extern from "series.h":
         int count
         double *file
         int order
-        int steady, rows, cleared, begun
+        int steady, numbers, rows, cleared, begun
         const int32_t *begins
-        int first, row, layer
-        const int32_t *rates
+        int origin, layer
+        const int32_t *state
 
     int lag_series_expand(const lag_series *series, int nq, double t, const double *y) nogil
 
@@ -498,13 +498,14 @@ cdef class Integrator:
         cdef lag_series *series = &self.run.series
         cdef int i
         self.bind(&series.values, assemble(program.values))
-        series.stream, series.rates = self.integers(program.stream), self.integers(program.rates)
+        series.stream, series.state = self.integers(program.stream), self.integers(program.state)
         series.count, series.known = program.convolutions, self.doubles(program.convolutions)
         series.file = self.doubles(program.size)
-        series.order, series.steady = program.order, program.steady
+        series.order = program.order
+        series.steady, series.numbers = program.steady, program.numbers
         series.rows, series.cleared = program.rows, program.cleared
         series.begins, series.begun = self.integers(program.begins), len(program.begins)
-        series.first, series.row, series.layer = program.first, program.row, program.layer
+        series.origin, series.layer = program.origin, program.layer
         for i in range(program.steady):
             series.file[i] = series.values.registers[series.values.outputs[i]]
 
@@ -518,7 +519,7 @@ cdef class Integrator:
             for m in range(n):
                 for k in range(series.order + 1):
                     coefficients[m, k] = series.file[
-                        series.first + (1 + m) * series.row + k * series.layer
+                        series.origin + series.state[1 + m] + k * series.layer
                     ]
         return found
 

@@ -4,6 +4,8 @@
 #include <stddef.h>
 #include <string.h>
 
+#include "vectors.h"
+
 /* Wider registers give the same numbers: the widest there are is chosen when the program is loaded. */
 #if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
 #define FOR_WIDER __attribute__((target_clones("avx2", "default")))
@@ -23,7 +25,7 @@
 
 enum lag_series_op {
     SERIES_SUM, SERIES_SCALE, SERIES_RATE, SERIES_MUL, SERIES_MULSUM, SERIES_INVERSE, SERIES_CHAIN,
-    SERIES_ENTER, SERIES_LEAVE, SERIES_COPY, SERIES_END
+    SERIES_PAST, SERIES_NEXT, SERIES_ENTER, SERIES_COPY, SERIES_END
 };
 
 /* a[0] b[0] + a[1] b[-1] + ..., of four terms at a time. */
@@ -82,6 +84,9 @@ ALWAYS_INLINE double chained(const double *x, const double *y, int k, int fours,
 
 /* Vectors of series in layers. */
 
+#define LONGEST 1024             /* elements that one has at most */
+#define TOGETHER 8               /* convolutions that are made together, at most */
+
 #if defined(__GNUC__)
 #define PACK 4
 typedef double pack __attribute__((vector_size(32), aligned(8), may_alias));
@@ -106,31 +111,45 @@ ALWAYS_INLINE void convolve_packs(double *out, const double *x, const double *y,
         *(pack *)(out + PACK * l) = sum[l];
 }
 
-/* The same of n >= 2 PACK series, y at order k; the last ones overlap with those before. */
-ALWAYS_INLINE void convolutions(double *out, const double *x, const double *y, ptrdiff_t layer, int first,
-                                int last, int n)
+/* Convolutions out = x y of n series side by side, x at order 0 and y at order k. */
+typedef struct {
+    double *out;
+    const double *x, *y;
+} convolution;
+
+/* Several of them, some elements at a time, since they share series; n >= 2 PACK, the last elements
+ * overlap with those before. */
+ALWAYS_INLINE void convolutions(const convolution *of, int count, ptrdiff_t layer, int first, int last,
+                                int n)
 {
-    if (n >= 4 * PACK)
-        for (int i = 0; i < n; i += 4 * PACK) {
-            i = i + 4 * PACK <= n ? i : n - 4 * PACK;
-            convolve_packs(out + i, x + i, y + i, layer, first, last, 4);
-        }
-    else
-        for (int i = 0; i < n; i += 2 * PACK) {
-            i = i + 2 * PACK <= n ? i : n - 2 * PACK;
-            convolve_packs(out + i, x + i, y + i, layer, first, last, 2);
-        }
+    const int packs = n >= 4 * PACK ? 4 : 2;
+    for (int i = 0; i < n; i += packs * PACK) {
+        i = i + packs * PACK <= n ? i : n - packs * PACK;
+        for (const convolution *c = of; c < of + count; ++c)
+            if (packs == 4)
+                convolve_packs(c->out + i, c->x + i, c->y + i, layer, first, last, 4);
+            else
+                convolve_packs(c->out + i, c->x + i, c->y + i, layer, first, last, 2);
+    }
+}
+
+/* One of them. */
+ALWAYS_INLINE void convolve_series(double *out, const double *x, const double *y, ptrdiff_t layer, int first,
+                                   int last, int n)
+{
+    const convolution of = {out, x, y};
+    convolutions(&of, 1, layer, first, last, n);
 }
 
 /* Coefficient k of n products; of a square half the terms are the others. */
 ALWAYS_INLINE void products(double *out, const double *x, const double *y, ptrdiff_t layer, int k, int n)
 {
     if (x != y) {
-        convolutions(out, x - k * layer, y, layer, 0, k, n);
+        convolve_series(out, x - k * layer, y, layer, 0, k, n);
         return;
     }
     const double *middle = x - (k - k / 2) * layer;
-    convolutions(out, x - k * layer, x, layer, 0, (k - 1) / 2, n);
+    convolve_series(out, x - k * layer, x, layer, 0, (k - 1) / 2, n);
     if (k % 2)
         for (int i = 0; i < n; ++i)
             out[i] = 2.0 * out[i];
@@ -139,22 +158,49 @@ ALWAYS_INLINE void products(double *out, const double *x, const double *y, ptrdi
             out[i] = 2.0 * out[i] + middle[i] * middle[i];
 }
 
-/* n elements of an operand: where they lie, if they lie side by side, else in the buffer. */
-ALWAYS_INLINE const double *gathered(const double *x, const int32_t *p, int n, double *buffer)
+/* Where an operand's elements are, side by side; `each` is −1, or 0 where one stands for all. */
+typedef struct {
+    const double *at;
+    ptrdiff_t each;
+} elements;
+
+#define PACK_OF(x, i) (*(const pack *)((x).at + ((i) & (x).each)))
+
+/* n elements: in the buffer, if they do not lie side by side. */
+ALWAYS_INLINE elements operand(const double *x, const int32_t *p, int n, double *buffer)
 {
     const ptrdiff_t step = p[1];
+    int i = 0;
     if (step == 1)
-        return x + p[0];
-    if (step == LAG_INDEXED)
-        for (int i = 0; i < n; ++i)
-            buffer[i] = x[p[2 + i]];
-    else if (step == 2)
-        for (int i = 0; i < n; ++i)
-            buffer[i] = x[p[0] + 2 * i];
-    else
-        for (int i = 0; i < n; ++i)
-            buffer[i] = x[p[0] + i * step];
-    return buffer;
+        return (elements){x + p[0], -1};
+    if (step == LAG_INDEXED) {
+        p += 2;
+#if PACK == 4
+        for (; i + PACK <= n; i += PACK)
+            *(pack *)(buffer + i) = (pack){x[p[i]], x[p[i + 1]], x[p[i + 2]], x[p[i + 3]]};
+#endif
+        for (; i < n; ++i)
+            buffer[i] = x[p[i]];
+        return (elements){buffer, -1};
+    }
+    x += p[0];
+#if PACK == 4
+    for (; i + PACK <= n; i += PACK, x += PACK * step)
+        *(pack *)(buffer + i) = (pack){x[0], x[step], x[2 * step], x[3 * step]};
+#endif
+    for (; i < n; ++i, x += step)
+        buffer[i] = *x;
+    return (elements){buffer, -1};
+}
+
+/* Numbers: one for all elements, or each its own. */
+ALWAYS_INLINE elements numbers(const double *file, const int32_t *p, double *buffer)
+{
+    if (p[1])
+        return (elements){file + p[0], -1};
+    for (int i = 0; i < PACK; ++i)
+        buffer[i] = file[p[0]];
+    return (elements){buffer, 0};
 }
 
 static const int32_t *after(const int32_t *p, int n)
@@ -162,76 +208,99 @@ static const int32_t *after(const int32_t *p, int n)
     return p + (p[1] == LAG_INDEXED ? 2 + n : 2);
 }
 
+/* Elements PACK at a time, the last ones with some of those before. */
 #define ELEMENTS(value)                                                                           \
-    for (int i = 0; i < n; ++i)                                                                   \
-        out[i] = (value);                                                                         \
+    for (int i = 0; i < n - PACK; i += PACK)                                                      \
+        *(pack *)(out + i) = (value);                                                             \
+    {                                                                                             \
+        const int i = n - PACK;                                                                   \
+        *(pack *)(out + i) = (value);                                                             \
+    }                                                                                             \
     break;
-
-/* s x + t y, with numbers that are the same for all, or of each. */
-ALWAYS_INLINE void combine(double *out, const double *s, int each_s, const double *x, const double *t,
-                           int each_t, const double *y, int n)
-{
-    if (!each_s && !each_t) {
-        const double u = *s, v = *t;
-        for (int i = 0; i < n; ++i)
-            out[i] = u * x[i] + v * y[i];
-    } else
-        for (int i = 0; i < n; ++i)
-            out[i] = s[i * each_s] * x[i] + t[i * each_t] * y[i];
-}
 
 /* Coefficient k of an operation on vectors. Returns what follows it in the stream. */
 FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op, int n, const int32_t *p,
                                            int k)
 {
-    double a[LAG_LONGEST], b[LAG_LONGEST];
+    double made[LONGEST], buffer[2][LONGEST], apart[LONGEST], same[2][PACK];
     const ptrdiff_t layer = series->layer;
     const double *const file = series->file;
-    double *const now = series->file + series->first + k * layer;
-    const int32_t *o[5] = {p + 1}; /* the operands */
-    static const int operands[] = {4, 2, 1, 2, 5, 1, 3, 0, 0, 1};
+    double *const now = series->file + series->origin + k * layer;
+    double *const to = op == SERIES_NEXT ? now + layer : now;
+    double *const out = p[1] == 1 ? to + p[0] : apart;
+    const int32_t *o[5] = {after(p, n)}; /* the operands */
+    static const int operands[] = {4, 2, 1, 2, 5, 2, 3, 2, 1, 0, 1};
     for (int i = 1; i < operands[op]; ++i)
         o[i] = after(o[i - 1], n);
-    double *const out = now + p[0];
+    const elements m = {made, -1};
 #define CONVOLVED(i) (now + o[i][0])
-#define NUMBERS(i) (file + o[i][0])
+#define VALUES(j, place) operand(now, o[j], n, buffer[place])
+#define NUMBERS(j, place) numbers(file, o[j], same[place])
+#define A PACK_OF(a, i)
+#define B PACK_OF(b, i)
+#define S PACK_OF(s, i)
+#define T PACK_OF(t, i)
+#define MADE PACK_OF(m, i)
     switch (op) {
-    case SERIES_SUM:
-        combine(out, NUMBERS(0), o[0][1], gathered(now, o[1], n, a), NUMBERS(2), o[2][1],
-                gathered(now, o[3], n, b), n);
-        break;
+    case SERIES_SUM: {
+        const elements s = NUMBERS(0, 0), a = VALUES(1, 0), t = NUMBERS(2, 1), b = VALUES(3, 1);
+        ELEMENTS(S * A + T * B)
+    }
     case SERIES_SCALE: {
-        const double *s = NUMBERS(0), *x = gathered(now, o[1], n, a);
-        const int each = o[0][1];
-        ELEMENTS(s[i * each] * x[i])
+        const elements s = NUMBERS(0, 0), a = VALUES(1, 0);
+        ELEMENTS(S * A)
     }
     case SERIES_RATE: {
-        const double *x = gathered(now, o[0], n, a);
-        ELEMENTS(k * x[i])
+        const elements a = VALUES(0, 0);
+        ELEMENTS((double)k * A)
+    }
+    case SERIES_NEXT: {
+        const elements a = VALUES(0, 0);
+        const double over = 1.0 / (k + 1);
+        ELEMENTS(over * A)
     }
     case SERIES_COPY: {
-        const double *x = gathered(now, o[0], n, a);
-        ELEMENTS(x[i])
+        const elements a = operand(now, o[0], n, out);
+        if (a.at == out)
+            break;
+        ELEMENTS(A)
     }
     case SERIES_MUL:
         products(out, CONVOLVED(0), CONVOLVED(1), layer, k, n);
         break;
-    case SERIES_MULSUM:
-        products(a, CONVOLVED(1), CONVOLVED(2), layer, k, n);
-        combine(out, NUMBERS(0), o[0][1], a, NUMBERS(3), o[3][1], gathered(now, o[4], n, b), n);
-        break;
+    case SERIES_MULSUM: {
+        const elements s = NUMBERS(0, 0), t = NUMBERS(3, 1), b = VALUES(4, 1);
+        products(made, CONVOLVED(1), CONVOLVED(2), layer, k, n);
+        ELEMENTS(S * MADE + T * B)
+    }
+    case SERIES_PAST: { /* with those that follow: none of them needs another one */
+        convolution of[TOGETHER] = {{out, CONVOLVED(0) - k * layer, CONVOLVED(1)}};
+        const int32_t *next = o[1] + 2;
+        int count = 1;
+        if (out == apart) {
+            convolutions(of, count, layer, 1, k, n);
+            break;
+        }
+        for (; count < TOGETHER && next[0] == LAG_VECTOR + op && next[1] == n && next[3] == 1; next += 8)
+            of[count++] = (convolution){now + next[2], now + next[4] - k * layer, now + next[6]};
+        convolutions(of, count, layer, 1, k, n);
+        return next;
+    }
     case SERIES_INVERSE: {
-        const double *y = out - k * layer;
-        convolutions(a, CONVOLVED(0) - k * layer, out, layer, 1, k, n);
-        ELEMENTS(-y[i] * a[i])
+        const elements b = {CONVOLVED(1) - k * layer, -1};
+        convolve_series(made, CONVOLVED(0) - k * layer, CONVOLVED(1), layer, 1, k, n);
+        ELEMENTS(-B * MADE)
     }
     default: { /* SERIES_CHAIN */
-        const double *s = NUMBERS(0), over = 1.0 / k;
-        const int each = o[0][1];
-        convolutions(a, CONVOLVED(1) - k * layer, CONVOLVED(2), layer, 1, k, n);
-        ELEMENTS(s[i * each] * over * a[i])
+        const elements s = NUMBERS(0, 0);
+        const double over = 1.0 / k;
+        convolve_series(made, CONVOLVED(1) - k * layer, CONVOLVED(2), layer, 1, k, n);
+        ELEMENTS(S * over * MADE)
     }
     }
+    if (out == apart)
+        for (int i = 0; i < n; ++i)
+            to[p[1] == LAG_INDEXED ? p[2 + i] : p[0] + i * (ptrdiff_t)p[1]] = apart[i];
     return after(o[operands[op] - 1], n);
 }
 
@@ -247,10 +316,10 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
 ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
 {
     const int32_t *p = s->stream;
-    double *const file = s->file, *const c = file + k;
-    double *const layer = file + s->first + (ptrdiff_t)k * s->layer;
+    double *const file = s->file, *const c = file + s->origin + (ptrdiff_t)k * s->layer;
+    double *const next = c + s->layer;
     double *known = s->known;
-    const double over = 1.0 / k;
+    const double over = 1.0 / k, over_next = 1.0 / (k + 1);
     for (;;) {
         const int32_t op = *p++, n = *p++;
         switch (op) {
@@ -259,12 +328,16 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
             RUN(SERIES_RATE, 2, k * NOW(1))
             RUN(SERIES_MUL, 3, BY(product, 1, 2))
             RUN(SERIES_MULSUM, 6, NUMBER(1) * BY(product, 2, 3) + NUMBER(4) * NOW(5))
-            RUN(SERIES_INVERSE, 2, BY(inverse, 1, 0))
+            RUN(SERIES_INVERSE, 3, BY(inverse, 1, 2))
             RUN(SERIES_CHAIN, 4, NUMBER(1) * over * BY(chained, 2, 3))
-            RUN(SERIES_ENTER, 2, layer[p[1]])
-        case SERIES_LEAVE:
+            RUN(SERIES_PAST, 3, BY(chained, 1, 2))
+        case SERIES_NEXT:
             for (const int32_t *end = p + 2 * n; p != end; p += 2)
-                layer[p[0]] = c[p[1]];
+                next[p[0]] = NOW(1) * over_next;
+            break;
+        case SERIES_ENTER:
+            for (const int32_t *end = p + 2 * n; p != end; p += 2)
+                file[p[0] + k] = NOW(1);
             break;
         case SERIES_END:
             return;
@@ -298,76 +371,66 @@ FOR_WIDER static void next_order(const lag_series *s, int k)
 int lag_series_expand(const lag_series *s, int nq, double t, const double *y)
 {
     const int n = 2 * nq + 1, order = s->order;
-    const ptrdiff_t row = s->row, layer = s->layer;
-    double *file = s->file, *time = file + s->first, *state = time + row, *r = s->values.registers;
+    const int32_t *state = s->state, *value = s->values.outputs + s->steady;
+    double *file = s->file, *now = file + s->origin, *next = now + s->layer, *r = s->values.registers;
     r[0] = t;
     memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
     lag_stream_run(s->values.stream, r);
     memset(file + s->rows, 0, (size_t)s->cleared * sizeof(double));
     memset(s->known, 0, (size_t)s->count * sizeof(double));
-    time[0] = t;
-    state[n * row] = 0.0;
-    for (int m = 0; m < n; ++m)
-        state[m * row] = y[m];
-    const int32_t *value = s->values.outputs + s->steady;
+    lag_vectors()->pick(s->numbers - s->steady, r, value, file + s->steady);
+    value += s->numbers - s->steady;
     for (int i = 0; i < s->begun; ++i)
         file[s->begins[i]] = r[*value++];
-    time[layer] = 1.0;
-    state[n * row + layer] = 0.0;
-    for (int m = 0; m < nq; ++m) {
-        state[m * row + layer] = y[nq + m];
-        state[(nq + m) * row + layer] = r[*value++];
+    now[*state] = t;
+    next[*state++] = 1.0;
+    for (int m = 0; m < n; ++m) {
+        now[state[m]] = y[m];
+        next[state[m]] = m < nq ? y[nq + m] : r[*value++];
     }
-    state[2 * nq * row + layer] = r[*value];
-    for (int k = 1; k < order; ++k) {
-        const double over = 1.0 / (k + 1), *const rate = file + k * layer;
-        double *q = state + k * layer, *v = q + nq * row;
+    for (int k = 1; k < order; ++k)
         next_order(s, k);
-        q[layer - row] = 0.0; /* t */
-        q[n * row + layer] = 0.0;
-        for (int m = 0; m < nq; ++m, q += row, v += row) {
-            q[layer] = v[0] * over;
-            v[layer] = rate[s->rates[m]] * over;
-        }
-        v[layer] = rate[s->rates[nq]] * over;
-    }
     double sum = 0.0;
     for (int m = 0; m < n; ++m)
         sum += COEFFICIENT(s, m, order);
     return !isfinite(sum);
 }
 
-/* The sums of components m, m + 1, ..., each of coefficients from order 1 on times weights. */
-FOR_WIDER static void weigh(const lag_series *s, int m, int count, const double *weight, double *sums)
+/* The sums of components m, m + 1, ... to the last one: coefficients of an order on, times weights,
+ * the first of which is 1. */
+FOR_WIDER static void weigh(const lag_series *s, int m, int count, int from, const double *weight,
+                            double *sums)
 {
-    const int fours = (s->order + 3) / 4;
-    if (s->row == 1) {
-        memset(sums, 0, (size_t)count * sizeof(double));
-        for (int k = s->order; k > 0; --k) { /* small terms first */
-            const double *c = &COEFFICIENT(s, m, k), w = weight[k - 1];
-            for (int i = 0; i < count; ++i)
-                sums[i] += c[i] * w;
+    const int terms = s->order - from;
+    if (s->layer > 1) { /* the state's families lie side by side, and W comes last */
+        const int first = s->state[1 + m], size = s->state[m + count] + 1 - first;
+        const double *c = &COEFFICIENT(s, m, from), *x[MOST_ORDER];
+        double reversed[MOST_ORDER], *side_by_side = &COEFFICIENT(s, m + count - 1, s->order) + 1;
+        for (int k = 0; k < terms; ++k) { /* small terms first */
+            x[k] = c + (terms - k) * (ptrdiff_t)s->layer;
+            reversed[k] = weight[terms - k];
         }
+        lag_vectors()->combine(size, c, terms, x, reversed, side_by_side);
+        lag_vectors()->pick(count, side_by_side - first, s->state + 1 + m, sums);
         return;
     }
+    const int fours = (terms + 3) / 4;
     for (int i = 0; i < count; ++i) {
-        const double *c = &COEFFICIENT(s, m + i, 1);
+        const double *c = &COEFFICIENT(s, m + i, from);
         double sum[4] = {0.0, 0.0, 0.0, 0.0};
         for (int k = 4 * (fours - 1); k >= 0; k -= 4)
             for (int l = 0; l < 4; ++l)
-                sum[l] += c[k + l] * weight[k + l];
-        sums[i] = (sum[3] + sum[2]) + (sum[1] + sum[0]);
+                sum[l] += c[1 + k + l] * weight[1 + k + l];
+        sums[i] = c[0] + ((sum[3] + sum[2]) + (sum[1] + sum[0]));
     }
 }
 
 void lag_series_sum(const lag_series *s, int n, double h, double *y)
 {
-    double power[MOST_ORDER + 4] = {h};
-    for (int k = 1; k < s->order; ++k)
-        power[k] = power[k / 2] * power[(k - 1) / 2];
-    weigh(s, 0, n, power, y);
-    for (int m = 0; m < n; ++m)
-        y[m] += COEFFICIENT(s, m, 0);
+    double power[MOST_ORDER + 4] = {1.0, h};
+    for (int k = 2; k <= s->order; ++k)
+        power[k] = power[k / 2] * power[k - k / 2];
+    weigh(s, 0, n, 0, power, y);
 }
 
 void lag_series_slope(const lag_series *s, int m, int count, double h, double *slope)
@@ -377,5 +440,5 @@ void lag_series_slope(const lag_series *s, int m, int count, double h, double *s
         power *= h;
         weight[k] = (k + 1) * power;
     }
-    weigh(s, m, count, weight, slope);
+    weigh(s, m, count, 1, weight, slope);
 }

@@ -6,8 +6,8 @@
 
 #define MOST_ORDER 31
 
-/* A program bound to its file. The state, t, q, v, W and zeros, begins at `first`; its series are
- * `row` numbers apart, its orders `layer`. */
+/* A program bound to its file. Orders begin at `origin` and are `layer` numbers apart; the state's
+ * series, t, q, v, W, have their offsets there. */
 typedef struct {
     lag_tape values;                   /* order 0: steady numbers, what series begin with, a, power */
     const int32_t *stream;
@@ -15,12 +15,12 @@ typedef struct {
     int count;                         /* of convolutions */
     double *file;
     int order;                         /* 0: there is no program */
-    int steady;                        /* how many numbers are */
+    int steady, numbers;               /* how many numbers are; with those of each state */
     int rows, cleared;                 /* where rows of coefficients begin; their size */
     int begun;                         /* how many series other than the state's begin, and where */
     const int32_t *begins;
-    int first, row, layer;
-    const int32_t *rates;              /* offsets of a and the power */
+    int origin, layer;
+    const int32_t *state;
 } lag_series;
 
 /* Find the coefficients up to the program's order at a state y of n = 2 nq + 1 numbers. Returns 0,
@@ -35,6 +35,6 @@ void lag_series_slope(const lag_series *series, int m, int count, double h, doub
 
 /* Coefficient k of the state's component m. */
 #define COEFFICIENT(series, m, k)                                                                 \
-    ((series)->file[(series)->first + (1 + (m)) * (series)->row + (k) * (series)->layer])
+    ((series)->file[(series)->origin + (series)->state[1 + (m)] + (k) * (series)->layer])
 
 #endif

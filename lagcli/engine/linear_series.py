@@ -1,0 +1,118 @@
+"""Power series of the solution of [[M, −Bᵀ], [B, 0]] [a; λ] = [f; γ], from one factorization.
+
+Where K x = r, coefficient k of x is the solution of K_0 x_k = r_k − K_1 x_{k−1} − … − K_k x_0: all
+orders have the matrix of order 0, whose factors the tape yields anyway. So what stands between the
+matrix and its solution needs no series, and substitutions are sums of numbers times coefficients.
+
+References
+----------
+N. S. Nedialkov and J. D. Pryce, Solving differential-algebraic equations by Taylor series (I):
+computing Taylor coefficients, BIT 45 (2005), doi:10.1007/s10543-005-0019-y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lagcli.engine.expansion import BEFORE, Expansion, Form, SeriesOp
+from lagcli.engine.system import System
+from lagcli.engine.tape import Op
+
+
+class LinearSystem:
+    """Makes the series of a and λ.
+
+    Parameters
+    ----------
+    expansion : Expansion
+    system : System
+    outputs : sequence of int
+        Registers of the outputs of the dynamics tape with its elimination.
+    """
+
+    def __init__(self, expansion: Expansion, system: System, outputs: Sequence[int]):
+        mass, jacobian = system.mass_pattern, system.jacobian_pattern
+        nm, nq, nb, nc = len(mass), len(system.coordinates), len(jacobian), len(system.constraints)
+        first, size = len(system.dynamics.outputs), nq + nc
+        rows = outputs[nm + nq : nm + nq + nb]
+        self.expansion = expansion
+        # those of the right side less the matrix times the unknowns: with their signs there
+        self.entries = [
+            *((i, j, x, -1) for (i, j), x in zip(mass, outputs, strict=False)),
+            *((nq + i, j, x, -1) for (i, j), x in zip(jacobian, rows, strict=True)),
+            *((j, nq + i, x, 1) for (i, j), x in zip(jacobian, rows, strict=True)),
+        ]
+        self.right = [*outputs[nm : nm + nq], *outputs[nm + nq + nb : nm + nb + size]]
+        self.values = outputs[first : first + size]
+        self.solution = outputs[len(outputs) - nq - size : len(outputs) - nq]
+        self.other_right = range(system.dynamics.inputs, system.dynamics.inputs + size)
+        self.past: dict[Form, int] = {}
+
+    def solve(self) -> list[int]:
+        """Take the matrix and the right side, then the substitutions; return the unknowns."""
+        expansion = self.expansion
+        expansion.expand([*(x for _, _, x, _ in self.entries), *self.right])
+        unknowns = self.unknowns()
+        rows: list[dict[int, list[Form]]] = [{} for _ in unknowns]
+        for i, j, x, sign in self.entries:
+            if not expansion.steady(x):
+                number, base = expansion.tail(x)
+                number = number if sign > 0 else expansion.negative(number)
+                rows[i].setdefault(base, []).append((number, unknowns[j]))
+        moving = set()
+        for to, right, row in zip(self.other_right, self.right, rows, strict=True):
+            terms = [] if expansion.steady(right) else [expansion.tail(right)]
+            terms += [self.product(base, factors) for base, factors in row.items()]
+            if terms:
+                moving.add(to)
+                expansion.whole[to] = self.sum(terms)
+        before, expansion.moving = expansion.moving, moving
+        names = dict(zip(self.solution, unknowns, strict=True))
+        for x in names.keys() & set(self.other_right):  # without any operation
+            expansion.rename(x, names[x])
+        expansion.expand(names, names)
+        expansion.moving = before
+        return unknowns
+
+    def unknowns(self) -> list[int]:
+        """Return names of the series of a and λ: registers where these are not made otherwise."""
+        expansion = self.expansion
+        found: list[int] = []
+        for x in self.values:
+            known = x in expansion.taken or x < expansion.builder.inputs
+            if not known:
+                expansion.taken.add(x)
+                expansion.moving.add(x)
+            found.append(expansion.new(x) if known else x)
+        return found
+
+    def product(self, base: int, factors: list[Form]) -> Form:
+        """Return a series, but its first coefficient, times a sum."""
+        expansion = self.expansion
+        if len(factors) == 1:
+            ((number, x),) = factors
+        else:
+            number, x = self.sum(factors)
+            expansion.begins[x] = self.value(factors)
+        if (base, x) not in self.past:
+            self.past[base, x] = name = expansion.new(expansion.zero)
+            expansion.nodes[name] = SeriesOp.PAST, (name,), (base, x + BEFORE)
+        return number, self.past[base, x]
+
+    def sum(self, terms: list[Form]) -> Form:
+        """Return a sum of numbers times series."""
+        expansion, total = self.expansion, terms[0]
+        for term in terms[1:]:
+            name = expansion.new(expansion.zero)
+            expansion.nodes[name] = SeriesOp.SUM, (name,), (*total, *term)
+            total = expansion.one, name
+        return total
+
+    def value(self, factors: list[Form]) -> int:
+        """Return the register of what a sum begins with."""
+        expansion = self.expansion
+        parts = [expansion.times(s, expansion.begins.get(x, x)) for s, x in factors]
+        total = parts[0]
+        for part in parts[1:]:
+            total = expansion.builder.emit(Op.ADD, total, part)
+        return total
