@@ -34,7 +34,9 @@ class SeriesOp(IntEnum):
     NEXT = 8  # a_k / (k + 1): coefficient k + 1 of what a is the rate of
     ENTER = 9  # a, from the layer to its row
     COPY = 10  # a, side by side
-    END = 11
+    SUM3 = 11  # s a + t b + u c
+    SUM4 = 12
+    END = 13
 
 
 #: Which operands are numbers, and which are series that are convolved.
@@ -43,6 +45,8 @@ NUMBERS: dict[int, tuple[int, ...]] = {
     SeriesOp.SCALE: (0,),
     SeriesOp.MULSUM: (0, 3),
     SeriesOp.CHAIN: (0,),
+    SeriesOp.SUM3: (0, 2, 4),
+    SeriesOp.SUM4: (0, 2, 4, 6),
 }
 CONVOLVED: dict[int, tuple[int, ...]] = {
     SeriesOp.MUL: (0, 1),
