@@ -30,6 +30,7 @@ from lagcli.engine.expansion import (
     Expansion,
     SeriesOp,
 )
+from lagcli.engine.factoring import factored
 from lagcli.engine.layers import LONG, Layers, Vector, layered, vector_stream
 from lagcli.engine.linear_series import LinearSystem
 from lagcli.engine.packing import LINE
@@ -174,7 +175,7 @@ def _program(
     order: int,
 ) -> Series:
     """Return the program; rates are the series v, a, power, and outputs the values of a, power."""
-    nodes = _merged(expansion.wanted(rates), rates)
+    nodes = _merged(factored(expansion, rates), rates)
     state = [*range(len(rates)), WORK]
     kept = _kept(nodes, {*state, NOUGHT})
     ends: list[Node] = [
