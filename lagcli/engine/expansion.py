@@ -38,7 +38,8 @@ class SeriesOp(IntEnum):
     COPY = 10  # a, side by side
     SUM3 = 11  # s a + t b + u c
     SUM4 = 12
-    END = 13
+    PASTSUM = 13  # s times a PAST, + t c
+    END = 14
 
 
 #: Which operands are numbers, and which are series that are convolved.
@@ -47,6 +48,7 @@ NUMBERS: dict[int, tuple[int, ...]] = {
     SeriesOp.SCALE: (0,),
     SeriesOp.MULSUM: (0, 3),
     SeriesOp.CHAIN: (0,),
+    SeriesOp.PASTSUM: (0, 3),
     SeriesOp.SUM3: (0, 2, 4),
     SeriesOp.SUM4: (0, 2, 4, 6),
 }
@@ -56,6 +58,7 @@ CONVOLVED: dict[int, tuple[int, ...]] = {
     SeriesOp.INVERSE: (0,),
     SeriesOp.CHAIN: (1,),
     SeriesOp.PAST: (0,),
+    SeriesOp.PASTSUM: (1,),
 }
 #: Names of series that no register has: the work; what is zero beyond its first coefficient; and
 #: from the next on, rates and parts.

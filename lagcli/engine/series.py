@@ -175,7 +175,7 @@ def _program(
     order: int,
 ) -> Series:
     """Return the program; rates are the series v, a, power, and outputs the values of a, power."""
-    nodes = _merged(factored(expansion, rates), rates)
+    nodes = _merged(factored(expansion, rates), rates, SeriesOp.MUL, SeriesOp.MULSUM)
     state = [*range(len(rates)), WORK]
     kept = _kept(nodes, {*state, NOUGHT})
     ends: list[Node] = [
@@ -183,6 +183,7 @@ def _program(
     ]
     found = layered([*nodes, *ends], kept, *families) if len(nodes) >= LONG else None
     if found is None:
+        nodes = _merged(nodes, rates, SeriesOp.PAST, SeriesOp.PASTSUM)
         nodes = _widened(nodes, {*kept, *rates}, expansion.one + NUMBER)
         return _in_rows(expansion, in_order([*nodes, *ends]), state, kept, outputs, order)
     return _in_layers(expansion, found, state, outputs, order)
@@ -333,8 +334,10 @@ def _values(
     return expansion.builder.finish([*(x - NUMBER for x in numbers), *begun, *outputs])
 
 
-def _merged(nodes: list[Node], results: Sequence[int]) -> list[Node]:
-    """Merge each product that is used once, by a sum, into that sum."""
+def _merged(
+    nodes: list[Node], results: Sequence[int], product: SeriesOp, merged: SeriesOp
+) -> list[Node]:
+    """Merge each product of a kind that is used once, by a sum, into that sum."""
     uses: dict[int, int] = dict.fromkeys(results, 2)
     for op, _, operands in nodes:
         for i, x in enumerate(operands):
@@ -343,7 +346,7 @@ def _merged(nodes: list[Node], results: Sequence[int]) -> list[Node]:
                 # a series that is convolved keeps a row of its own
                 uses[x] = uses.get(x, 0) + (1 if op == SeriesOp.SUM else 2)
     products = {
-        to: operands for op, (to,), operands in nodes if op == SeriesOp.MUL and uses.get(to) == 1
+        to: operands for op, (to,), operands in nodes if op == product and uses.get(to) == 1
     }
     found: dict[int, Node] = {}
     for op, to, operands in nodes:
@@ -354,7 +357,7 @@ def _merged(nodes: list[Node], results: Sequence[int]) -> list[Node]:
                 s, a, t, b = t, b, s, a
             if a in products:
                 del found[a]
-                found[to[0]] = SeriesOp.MULSUM, to, (s, *products[a], t, b)
+                found[to[0]] = merged, to, (s, *products[a], t, b)
     return list(found.values())
 
 

@@ -31,7 +31,7 @@
 enum lag_series_op {
     SERIES_SUM, SERIES_SCALE, SERIES_RATE, SERIES_MUL, SERIES_MULSUM, SERIES_INVERSE, SERIES_CHAIN,
     SERIES_PAST, SERIES_NEXT, SERIES_ENTER, SERIES_COPY, SERIES_SUM3,
-    SERIES_SUM4, SERIES_END
+    SERIES_SUM4, SERIES_PASTSUM, SERIES_END
 };
 
 /* Four numbers side by side. */
@@ -370,6 +370,7 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
             RUN(SERIES_INVERSE, 3, BY(inverse, 1, 2))
             RUN(SERIES_CHAIN, 4, NUMBER(1) * over * BY(rest, 2, 3))
             RUN(SERIES_PAST, 3, BY(rest, 1, 2))
+            RUN(SERIES_PASTSUM, 6, NUMBER(1) * BY(rest, 2, 3) + NUMBER(4) * NOW(5))
         case SERIES_NEXT:
             for (const int32_t *end = p + 2 * n; p != end; p += 2)
                 next[p[0]] = NOW(1) * over_next;
