@@ -6,9 +6,9 @@ once (Bunch and Kaufman's pivots of order two: a coordinate without inertia and 
 static order is only as good as the states that it was found at, so the engine watches the residual
 of what it computes.
 
-Long systems are eliminated in rounds of pivots that do not touch each other (Liu's multiple
+Systems are eliminated in rounds of pivots that do not touch each other (Liu's multiple
 elimination): a chain in log N rounds, with somewhat more operations than from one end to the other,
-but operations that are done many at a time (`packing.py`).
+but none waits for its neighbour's, and in long systems many are done at a time (`packing.py`).
 
 References
 ----------
@@ -43,8 +43,6 @@ _LEAST = 1e-6
 MOST_UPDATES = 60_000
 #: Updates of entries up to which the factorization is unrolled into the tape.
 MOST_UNROLLED = 30_000
-#: Unknowns from which pivots are chosen in rounds.
-LONG = 200
 
 
 class NoElimination(ArithmeticError):
@@ -224,7 +222,7 @@ def find_order(
                 break
             else:
                 refused.add(i)
-        if not pivots and most < math.inf:
+        if not pivots and (waiting or most < math.inf):
             for entry in waiting:
                 heapq.heappush(queue, entry)
             touched, waiting, most = set(), [], math.inf
@@ -245,10 +243,7 @@ def find_order(
         for j in neighbours:
             refused.discard(j)
             heapq.heappush(queue, (len(rows[j]), j))
-        if size < LONG:
-            most = math.inf
-        else:
-            touched.update(neighbours)
+        touched.update(neighbours)
         refused.difference_update(pivots)
     place = {unknown: k for k, unknown in enumerate(order)}
     columns = tuple(tuple(sorted(place[j] for j in column)) for column in below)

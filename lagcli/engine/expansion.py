@@ -15,6 +15,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import IntEnum
+from itertools import islice
+from operator import itemgetter
 
 from lagcli.engine.program import Node
 from lagcli.engine.tape import Builder, Op
@@ -34,7 +36,10 @@ class SeriesOp(IntEnum):
     NEXT = 8  # a_k / (k + 1): coefficient k + 1 of what a is the rate of
     ENTER = 9  # a, from the layer to its row
     COPY = 10  # a, side by side
-    END = 11
+    SUM3 = 11  # s a + t b + u c
+    SUM4 = 12
+    PASTSUM = 13  # s times a PAST, + t c
+    END = 14
 
 
 #: Which operands are numbers, and which are series that are convolved.
@@ -43,6 +48,9 @@ NUMBERS: dict[int, tuple[int, ...]] = {
     SeriesOp.SCALE: (0,),
     SeriesOp.MULSUM: (0, 3),
     SeriesOp.CHAIN: (0,),
+    SeriesOp.PASTSUM: (0, 3),
+    SeriesOp.SUM3: (0, 2, 4),
+    SeriesOp.SUM4: (0, 2, 4, 6),
 }
 CONVOLVED: dict[int, tuple[int, ...]] = {
     SeriesOp.MUL: (0, 1),
@@ -50,6 +58,7 @@ CONVOLVED: dict[int, tuple[int, ...]] = {
     SeriesOp.INVERSE: (0,),
     SeriesOp.CHAIN: (1,),
     SeriesOp.PAST: (0,),
+    SeriesOp.PASTSUM: (1,),
 }
 #: Names of series that no register has: the work; what is zero beyond its first coefficient; and
 #: from the next on, rates and parts.
@@ -91,6 +100,10 @@ class Expansion:
         self.beyond: dict[int, Form] = {}  # what counts beyond the first coefficient
         self.rates: dict[int, int] = {}
         self.begins: dict[int, int] = {}  # what a nameless series begins with
+        self.keys: list[tuple[int, ...]] = []  # of the builder's operations
+        self.sums: dict[tuple[int, ...], int] = {}
+        self.brackets: dict[tuple[Form, ...], int] = {}
+        self.products: dict[tuple[int, int], int] = {}  # that no register has
 
     # numbers
 
@@ -112,7 +125,17 @@ class Expansion:
         """Return the register of a number's negative."""
         if a in (self.one, self.minus_one):
             return self.minus_one if a == self.one else self.one
-        return self.builder.emit(Op.NEG, a)
+        key = self.key(a)
+        return key[1] if key[0] == Op.NEG else self.builder.emit(Op.NEG, a)
+
+    def key(self, x: int) -> tuple[int, ...]:
+        """Return the operation that makes a register, and its operands; (−1,) for none."""
+        n = x - self.builder.inputs
+        operations = self.builder.operations
+        if n >= len(self.keys):  # they grow: slopes, say, need operations of their own
+            new = islice(reversed(operations), len(operations) - len(self.keys))
+            self.keys += [*new][::-1]
+        return self.keys[n] if n >= 0 else (-1,)
 
     # series as numbers times others
 
@@ -165,8 +188,14 @@ class Expansion:
         elif self.steady(b):
             self.beyond[to] = self.tail(a)
         else:
-            number, base = self.tail(b)
-            self.nodes[to] = SeriesOp.SUM, (to,), (*self.tail(a), sign(number), base)
+            (s, x), (t, y) = self.tail(a), self.tail(b)
+            t = sign(t)
+            opposite = self.sums.get((self.negative(s), x, self.negative(t), y))
+            if opposite is not None:
+                self.beyond[to] = self.minus_one, opposite
+                return
+            self.sums[s, x, t, y] = to
+            self.nodes[to] = SeriesOp.SUM, (to,), (s, x, t, y)
 
     def product(self, to: int, a: int, b: int) -> None:
         """a b: numbers are multiplied, bases convolved."""
@@ -253,6 +282,56 @@ class Expansion:
         """Emit first ± a²."""
         op = Op.ADD if sign > 0 else Op.SUB
         return self.builder.emit(op, self.builder.constant(first), self.mul(a, a))
+
+    # sums and products of series
+
+    def add(self, terms: Iterable[Form], to: int | None = None) -> Form:
+        """Make the sum of multiples of series, their first coefficients apart; ``to``: its name."""
+        numbers: dict[int, int] = {}
+        for s, x in terms:
+            if x != NOUGHT and s != self.zero:
+                numbers[x] = self.builder.emit(Op.ADD, numbers[x], s) if x in numbers else s
+        left = [(s, x) for x, s in numbers.items()] or [(self.one, NOUGHT)]
+        whole, left = self.normal(left) if to is None else (self.one, left)
+        total, *others = left
+        for n, (s, x) in enumerate(others, 1):
+            name = to if to is not None and n == len(others) else self.new(self.zero)
+            self.nodes[name] = SeriesOp.SUM, (name,), (*total, s, x)
+            total = self.one, name
+        if to is not None and not others:
+            self.nodes[to] = SeriesOp.SCALE, (to,), total
+            total = self.one, to
+        return self.times(whole, total[0]), total[1]
+
+    def normal(self, terms: list[Form]) -> tuple[int, list[Form]]:
+        """Return a number that all terms have, but for the sign, and the terms without it."""
+        number, _ = terms[0]
+        if not {s for s, _ in terms} <= {number, self.negative(number)}:
+            return self.one, terms
+        return number, [(self.one if s == number else self.minus_one, x) for s, x in terms]
+
+    def bracket(self, terms: Sequence[Form], rewrite: Callable[[list[Form]], list[Form]]) -> Form:
+        """Make a sum that is multiplied as a whole, of what ``rewrite`` makes of its terms."""
+        number, left = self.normal(sorted(terms, key=itemgetter(1)))
+        key = tuple(left)
+        if key not in self.brackets:
+            begin = self.zero
+            for s, x in left:
+                begin = self.builder.emit(Op.ADD, begin, self.times(s, self.begins.get(x, x)))
+            self.brackets[key] = name = self.new(begin)
+            self.add(rewrite(left), name)
+        return number, self.brackets[key]
+
+    def multiply(self, x: int, y: int, rest: bool = False) -> int:
+        """Return the name of a product; ``rest``: of what is known before y's coefficient is."""
+        op, y = (SeriesOp.PAST, y + BEFORE) if rest else (SeriesOp.MUL, y)
+        if (x, y) not in self.products:
+            begin = self.zero
+            if not rest:
+                begin = self.mul(self.begins.get(x, x), self.begins.get(y, y))
+            self.products[x, y] = name = self.new(begin)
+            self.nodes[name] = op, (name,), (x, y)
+        return self.products[x, y]
 
     # what is wanted
 

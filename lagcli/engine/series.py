@@ -30,6 +30,7 @@ from lagcli.engine.expansion import (
     Expansion,
     SeriesOp,
 )
+from lagcli.engine.factoring import factored
 from lagcli.engine.layers import LONG, Layers, Vector, layered, vector_stream
 from lagcli.engine.linear_series import LinearSystem
 from lagcli.engine.packing import LINE
@@ -37,10 +38,12 @@ from lagcli.engine.program import Node, allocate, in_order, stream
 from lagcli.engine.system import System, without_numbers
 from lagcli.engine.tape import Builder, Op, Tape
 
-#: Zeros before each row: a convolution reads four coefficients at a time.
+#: Places between rows: where four coefficients are read at a time, some beside a row are.
 PADDING = 4
 #: The largest order; the core's loops know their lengths up to here.
 MOST = 31
+#: A sum with one more term.
+_WIDER: dict[int, int] = {SeriesOp.SUM: SeriesOp.SUM3, SeriesOp.SUM3: SeriesOp.SUM4}
 
 
 class Series(NamedTuple):
@@ -67,8 +70,6 @@ class Series(NamedTuple):
         How many numbers are steady; with those that are found at each state.
     begins : int32 array
         Offsets of the first coefficients of series other than the state's.
-    rows, cleared : int
-        Where the first row begins, and how many numbers the rows are.
     origin, layer : int
         Where layers begin, and how far one order is from the next.
     state : int32 array
@@ -84,8 +85,6 @@ class Series(NamedTuple):
     steady: int
     numbers: int
     begins: NDArray[np.int32]
-    rows: int
-    cleared: int
     origin: int
     layer: int
     state: NDArray[np.int32]
@@ -177,7 +176,7 @@ def _program(
     order: int,
 ) -> Series:
     """Return the program; rates are the series v, a, power, and outputs the values of a, power."""
-    nodes = _merged(expansion.wanted(rates), rates)
+    nodes = _merged(factored(expansion, rates), rates, SeriesOp.MUL, SeriesOp.MULSUM)
     state = [*range(len(rates)), WORK]
     kept = _kept(nodes, {*state, NOUGHT})
     ends: list[Node] = [
@@ -185,8 +184,9 @@ def _program(
     ]
     found = layered([*nodes, *ends], kept, *families) if len(nodes) >= LONG else None
     if found is None:
-        # what convolutions read beyond what is there is to be zero
-        return _in_rows(expansion, [*in_order(nodes), *ends], state, kept, outputs, order)
+        nodes = _merged(nodes, rates, SeriesOp.PAST, SeriesOp.PASTSUM)
+        nodes = _widened(nodes, {*kept, *rates}, expansion.one + NUMBER)
+        return _in_rows(expansion, in_order([*nodes, *ends]), state, kept, outputs, order)
     return _in_layers(expansion, found, state, outputs, order)
 
 
@@ -213,8 +213,6 @@ def _in_rows(
         steady=steady,
         numbers=len(numbers),
         begins=_array(place[x] for x in kept),
-        rows=first,
-        cleared=end - first,
         origin=0,
         layer=1,
         state=_array(place[x] for x in state),
@@ -254,8 +252,6 @@ def _in_layers(
         steady=steady,
         numbers=len(numbers),
         begins=_array([*(in_rows[x] for x in rows), *(origin + x for x in layers.kept)]),
-        rows=first,
-        cleared=end - first,
         origin=origin,
         layer=layers.size,
         state=_array(layers.place[x] for x in state),
@@ -339,8 +335,10 @@ def _values(
     return expansion.builder.finish([*(x - NUMBER for x in numbers), *begun, *outputs])
 
 
-def _merged(nodes: list[Node], results: Sequence[int]) -> list[Node]:
-    """Merge each product that is used once, by a sum, into that sum."""
+def _merged(
+    nodes: list[Node], results: Sequence[int], product: SeriesOp, merged: SeriesOp
+) -> list[Node]:
+    """Merge each product of a kind that is used once, by a sum, into that sum."""
     uses: dict[int, int] = dict.fromkeys(results, 2)
     for op, _, operands in nodes:
         for i, x in enumerate(operands):
@@ -349,7 +347,7 @@ def _merged(nodes: list[Node], results: Sequence[int]) -> list[Node]:
                 # a series that is convolved keeps a row of its own
                 uses[x] = uses.get(x, 0) + (1 if op == SeriesOp.SUM else 2)
     products = {
-        to: operands for op, (to,), operands in nodes if op == SeriesOp.MUL and uses.get(to) == 1
+        to: operands for op, (to,), operands in nodes if op == product and uses.get(to) == 1
     }
     found: dict[int, Node] = {}
     for op, to, operands in nodes:
@@ -360,7 +358,27 @@ def _merged(nodes: list[Node], results: Sequence[int]) -> list[Node]:
                 s, a, t, b = t, b, s, a
             if a in products:
                 del found[a]
-                found[to[0]] = SeriesOp.MULSUM, to, (s, *products[a], t, b)
+                found[to[0]] = merged, to, (s, *products[a], t, b)
+    return list(found.values())
+
+
+def _widened(nodes: Iterable[Node], kept: set[int], one: int) -> list[Node]:
+    """Merge sums that are used once, by a sum, into sums of up to four terms."""
+    uses: dict[int, int] = dict.fromkeys(kept, 2)
+    for op, _, operands in nodes:
+        for i, x in enumerate(operands):
+            if i not in NUMBERS.get(op, ()):
+                uses[x] = uses.get(x, 0) + 1
+    found: dict[int, Node] = {}
+    for op, to, operands in nodes:
+        found[to[0]] = op, to, operands
+        if op == SeriesOp.SUM:
+            s, a, t, b = operands
+            if t == one and b in found and found[b][0] in _WIDER and uses[b] == 1:
+                s, a, t, b = t, b, s, a
+            if s == one and a in found and found[a][0] in _WIDER and uses[a] == 1:
+                kind, _, terms = found.pop(a)
+                found[to[0]] = _WIDER[kind], to, (*terms, t, b)
     return list(found.values())
 
 

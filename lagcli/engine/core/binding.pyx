@@ -73,7 +73,7 @@ cdef extern from "series.h":
         int count
         double *file
         int order
-        int steady, numbers, rows, cleared, begun
+        int steady, numbers, begun
         const int32_t *begins
         int origin, layer
         const int32_t *state
@@ -503,7 +503,6 @@ cdef class Integrator:
         series.file = self.doubles(program.size)
         series.order = program.order
         series.steady, series.numbers = program.steady, program.numbers
-        series.rows, series.cleared = program.rows, program.cleared
         series.begins, series.begun = self.integers(program.begins), len(program.begins)
         series.origin, series.layer = program.origin, program.layer
         for i in range(program.steady):

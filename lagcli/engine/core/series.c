@@ -12,6 +12,11 @@
 #else
 #define FOR_WIDER
 #endif
+#if defined(__GNUC__) && !defined(__clang__)
+#define TWO_AT_A_TIME _Pragma("GCC unroll 2")
+#else
+#define TWO_AT_A_TIME
+#endif
 #if defined(__GNUC__)
 #define ALWAYS_INLINE static inline __attribute__((always_inline))
 #else
@@ -25,60 +30,91 @@
 
 enum lag_series_op {
     SERIES_SUM, SERIES_SCALE, SERIES_RATE, SERIES_MUL, SERIES_MULSUM, SERIES_INVERSE, SERIES_CHAIN,
-    SERIES_PAST, SERIES_NEXT, SERIES_ENTER, SERIES_COPY, SERIES_END
+    SERIES_PAST, SERIES_NEXT, SERIES_ENTER, SERIES_COPY, SERIES_SUM3,
+    SERIES_SUM4, SERIES_PASTSUM, SERIES_END
 };
 
-/* a[0] b[0] + a[1] b[-1] + ..., of four terms at a time. */
+/* Four numbers side by side. */
 #if defined(VECTORS)
 typedef double four __attribute__((vector_size(32), aligned(8), may_alias));
+typedef int64_t mask_of_four __attribute__((vector_size(32), aligned(8), may_alias));
 
-ALWAYS_INLINE double convolve(const double *a, const double *b, int fours)
+ALWAYS_INLINE four forwards(const double *x) { return *(const four *)x; }
+ALWAYS_INLINE four backwards(const double *x)
 {
-    four sum = {0.0, 0.0, 0.0, 0.0};
-    for (int j = 0; j < 4 * fours; j += 4) {
-        const four x = *(const four *)(a + j), y = *(const four *)(b - j - 3);
-        sum += x * __builtin_shufflevector(y, y, 3, 2, 1, 0);
-    }
-    return (sum[0] + sum[2]) + (sum[1] + sum[3]);
+    const four y = *(const four *)x;
+    return __builtin_shufflevector(y, y, 3, 2, 1, 0);
 }
+ALWAYS_INLINE four times(four x, four y) { return x * y; }
+ALWAYS_INLINE four plus(four x, four y) { return x + y; }
+ALWAYS_INLINE four chosen(four x, const int64_t *mask)
+{
+    return (four)((mask_of_four)x & *(const mask_of_four *)mask);
+}
+ALWAYS_INLINE double total(four x) { return (x[0] + x[2]) + (x[1] + x[3]); }
 #else
-ALWAYS_INLINE double convolve(const double *a, const double *b, int fours)
+typedef struct {
+    double at[4];
+} four;
+
+#define OF_FOUR(a, b, c, d) ((four){{(a), (b), (c), (d)}})
+#define EACH(op) OF_FOUR(x.at[0] op y.at[0], x.at[1] op y.at[1], x.at[2] op y.at[2], x.at[3] op y.at[3])
+ALWAYS_INLINE four forwards(const double *x) { return OF_FOUR(x[0], x[1], x[2], x[3]); }
+ALWAYS_INLINE four backwards(const double *x) { return OF_FOUR(x[3], x[2], x[1], x[0]); }
+ALWAYS_INLINE four times(four x, four y) { return EACH(*); }
+ALWAYS_INLINE four plus(four x, four y) { return EACH(+); }
+ALWAYS_INLINE four chosen(four x, const int64_t *mask)
 {
-    double sum[4] = {0.0, 0.0, 0.0, 0.0};
-    for (int j = 0; j < 4 * fours; j += 4)
-        for (int l = 0; l < 4; ++l)
-            sum[l] += a[j + l] * b[-j - l];
-    return (sum[0] + sum[2]) + (sum[1] + sum[3]);
+    for (int l = 0; l < 4; ++l)
+        x.at[l] = mask[l] ? x.at[l] : 0.0;
+    return x;
 }
+ALWAYS_INLINE double total(four x) { return (x.at[0] + x.at[2]) + (x.at[1] + x.at[3]); }
 #endif
+
+/* Which of the last four terms count: from place (k + 1) % 4 on. */
+static const int64_t counting[] = {0, 0, 0, -1, -1, -1, -1};
+
+/*
+ * x[2] y[k - 1] + ... + x[k - 1] y[2], of four terms at a time; the last four go back to what is there
+ * already, not on to what is not, and those of them that are in the sum do not count again.
+ */
+ALWAYS_INLINE double convolve(const double *x, const double *y, int k, int fours)
+{
+    four sum = {0};
+    if (fours == 0)
+        return 0.0;
+    for (int j = 2; j < 4 * fours - 2; j += 4)
+        sum = plus(sum, times(forwards(x + j), backwards(y + k - 2 - j)));
+    const four last = times(forwards(x + k - 4), backwards(y + 2));
+    return total(plus(sum, chosen(last, counting + (k + 1) % 4)));
+}
 
 /*
  * Coefficient k of a convolution, x[0] y[k] + ... + x[k] y[0]. All but its two ends was added up an
- * order before, so that nothing waits for long sums: then, too, the next order's terms are added up,
- * x[2] y[k - 1] to x[k - 1] y[2] by fours. What the last four have too many is x[k] y[1], to be added
- * otherwise, and zeros: terms that are not there yet, and what stands before a row.
+ * order before, so that nothing waits for long sums: then, too, the next order's terms are added up.
  */
 ALWAYS_INLINE double product(const double *x, const double *y, int k, int fours, double *known)
 {
-    const double now = *known + x[0] * y[k] + x[k] * y[0], last = k % 4 == 2 ? x[k] * y[1] : 0.0;
-    *known = k == 1 ? x[1] * y[1] : convolve(x + 2, y + k - 1, fours) + (x[1] * y[k] + last);
+    const double now = *known + x[0] * y[k] + x[k] * y[0];
+    *known = k == 1 ? x[1] * y[1] : convolve(x, y, k, fours) + (x[1] * y[k] + x[k] * y[1]);
     return now;
 }
 
 /* Coefficient k of y = 1 / x: none of x y is left. */
 ALWAYS_INLINE double inverse(const double *x, const double *y, int k, int fours, double *known)
 {
-    const double now = -y[0] * (*known + x[k] * y[0]), last = k % 4 == 2 ? x[k] * y[1] : 0.0;
-    *known = k == 1 ? x[1] * now : convolve(x + 2, y + k - 1, fours) + (x[1] * now + last);
+    const double now = -y[0] * (*known + x[k] * y[0]);
+    *known = k == 1 ? x[1] * now : convolve(x, y, k, fours) + (x[1] * now + x[k] * y[1]);
     return now;
 }
 
-/* Coefficient k of a convolution where that of y is not there yet, and x[0] is zero. */
-ALWAYS_INLINE double chained(const double *x, const double *y, int k, int fours, double *known)
+/* Coefficient k of a convolution without x[0] y[k]: y[k] is not there yet, or x[0] is zero. */
+ALWAYS_INLINE double rest(const double *x, const double *y, int k, int fours, double *known)
 {
-    const double before = k == 1 ? 0.0 : x[1] * y[k - 1], last = k % 4 == 2 ? x[k] * y[1] : 0.0;
+    const double before = k == 1 ? 0.0 : x[1] * y[k - 1];
     const double now = *known + x[k] * y[0] + before;
-    *known = k == 1 ? 0.0 : convolve(x + 2, y + k - 1, fours) + last;
+    *known = k == 1 ? 0.0 : convolve(x, y, k, fours) + x[k] * y[1];
     return now;
 }
 
@@ -306,7 +342,7 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
 
 #define RUN(op, width, value)                                                                     \
     case op:                                                                                      \
-        for (const int32_t *end = p + (width) * n; p != end; p += (width))                        \
+        TWO_AT_A_TIME for (int left = n; left > 0; --left, p += (width))                          \
             c[p[0]] = (value);                                                                    \
         break;
 #define NUMBER(i) file[p[i]]
@@ -324,13 +360,17 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
         const int32_t op = *p++, n = *p++;
         switch (op) {
             RUN(SERIES_SUM, 5, NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4))
+            RUN(SERIES_SUM3, 7, NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4) + NUMBER(5) * NOW(6))
+            RUN(SERIES_SUM4, 9, (NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4))
+                                + (NUMBER(5) * NOW(6) + NUMBER(7) * NOW(8)))
             RUN(SERIES_SCALE, 3, NUMBER(1) * NOW(2))
             RUN(SERIES_RATE, 2, k * NOW(1))
             RUN(SERIES_MUL, 3, BY(product, 1, 2))
             RUN(SERIES_MULSUM, 6, NUMBER(1) * BY(product, 2, 3) + NUMBER(4) * NOW(5))
             RUN(SERIES_INVERSE, 3, BY(inverse, 1, 2))
-            RUN(SERIES_CHAIN, 4, NUMBER(1) * over * BY(chained, 2, 3))
-            RUN(SERIES_PAST, 3, BY(chained, 1, 2))
+            RUN(SERIES_CHAIN, 4, NUMBER(1) * over * BY(rest, 2, 3))
+            RUN(SERIES_PAST, 3, BY(rest, 1, 2))
+            RUN(SERIES_PASTSUM, 6, NUMBER(1) * BY(rest, 2, 3) + NUMBER(4) * NOW(5))
         case SERIES_NEXT:
             for (const int32_t *end = p + 2 * n; p != end; p += 2)
                 next[p[0]] = NOW(1) * over_next;
@@ -351,7 +391,7 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
  * convolutions are unrolled: they take most of the time. */
 FOR_WIDER static void next_order(const lag_series *s, int k)
 {
-    const int fours = (k + 1) / 4;
+    const int fours = k == s->order - 1 ? 0 : (k + 1) / 4; /* no order comes after the last */
     if (k == 1) {
         run_order(s, 1, 0);
         return;
@@ -376,7 +416,6 @@ int lag_series_expand(const lag_series *s, int nq, double t, const double *y)
     r[0] = t;
     memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
     lag_stream_run(s->values.stream, r);
-    memset(file + s->rows, 0, (size_t)s->cleared * sizeof(double));
     memset(s->known, 0, (size_t)s->count * sizeof(double));
     lag_vectors()->pick(s->numbers - s->steady, r, value, file + s->steady);
     value += s->numbers - s->steady;
@@ -417,11 +456,10 @@ FOR_WIDER static void weigh(const lag_series *s, int m, int count, int from, con
     const int fours = (terms + 3) / 4;
     for (int i = 0; i < count; ++i) {
         const double *c = &COEFFICIENT(s, m + i, from);
-        double sum[4] = {0.0, 0.0, 0.0, 0.0};
+        four sum = {0};
         for (int k = 4 * (fours - 1); k >= 0; k -= 4)
-            for (int l = 0; l < 4; ++l)
-                sum[l] += c[1 + k + l] * weight[1 + k + l];
-        sums[i] = c[0] + ((sum[3] + sum[2]) + (sum[1] + sum[0]));
+            sum = plus(sum, times(forwards(c + 1 + k), forwards(weight + 1 + k)));
+        sums[i] = c[0] + total(sum);
     }
 }
 

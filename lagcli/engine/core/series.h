@@ -16,7 +16,6 @@ typedef struct {
     double *file;
     int order;                         /* 0: there is no program */
     int steady, numbers;               /* how many numbers are; with those of each state */
-    int rows, cleared;                 /* where rows of coefficients begin; their size */
     int begun;                         /* how many series other than the state's begin, and where */
     const int32_t *begins;
     int origin, layer;
