@@ -13,18 +13,10 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from lagcli.engine.expansion import AHEAD, BEFORE, CONVOLVED, NUMBERS, SeriesOp
+from lagcli.engine.memory import LINE, Memory
 from lagcli.engine.nodes import VECTOR, Node
-from lagcli.engine.packing import (
-    LINE,
-    SHORTEST,
-    WORTH,
-    Memory,
-    last_uses,
-    pieces,
-    progressions,
-    steps,
-    together,
-)
+from lagcli.engine.packing import WORTH, last_uses, together
+from lagcli.engine.progressions import SHORTEST, pieces, progressions, steps
 
 #: Operations from which on vectors are looked for: those of a chain of 20 bodies.
 LONG = 500

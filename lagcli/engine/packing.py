@@ -13,40 +13,22 @@ sets, PLDI 2000, doi:10.1145/349299.349320.
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import chain, pairwise
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from lagcli.engine.nodes import END, INDEXED, MOVE, MULADD, MULSUB, PLACES, SUBMUL, VECTOR, Node
+from lagcli.engine.memory import LINE, Memory
+from lagcli.engine.nodes import END, MOVE, MULADD, MULSUB, SUBMUL, VECTOR, Node
+from lagcli.engine.progressions import SHORTEST, pieces, progressions, steps
 from lagcli.engine.tape import Op
 
 #: What the core does on vectors.
 _ON_VECTORS = {Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.NEG, Op.SQRT, Op.ABS, MULADD, MULSUB, SUBMUL}
 #: Operations from which vectors are looked for, and the part of them that is to be in vectors.
 LONG, WORTH = 1500, 0.5
-#: Operations that a vector is worth: a shorter one takes as long as its parts; and the most, as in
-#: core/tape.h.
-SHORTEST, LONGEST = 8, 256
-#: What an element of a vector saves, with all operands in progression or one indexed; vectors.
-_SAVED, _SAVED_INDEXED = 0.1, 0.06
-#: How far apart, in order of operands, the first two of a progression are looked for.
-_REACH = 4
-#: Places in a line of the cache.
-LINE = 8
-#: The most common differences, of which the best is taken.
-_CANDIDATES = 4
-#: Odd numbers without a pattern.
-_MIXED = np.array(
-    [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93],
-    dtype=np.uint64,
-)
-#: Progressions that are looked for in one set, at most.
-_MOST = 60
 
 
 class Unit(NamedTuple):
@@ -281,101 +263,6 @@ def depth_first(units: Sequence[Unit]) -> list[Unit]:
     return found
 
 
-def progressions(points: ArrayLike) -> tuple[list[list[int]], list[int]]:
-    """Find points in arithmetic progression.
-
-    Parameters
-    ----------
-    points : (n, k) array of integers
-        The places of k operands.
-
-    Returns
-    -------
-    found : list of lists of int
-        Numbers of points; in some, one of the coordinates is in no progression.
-    rest : list of int
-        Numbers of the points that are in none.
-    """
-    places = np.array(points, dtype=np.int64)
-    left, again = _sorted(places)
-    found: list[list[int]] = []
-    while len(left) >= SHORTEST and len(found) < _MOST:
-        best = _best_progressions(places[left])
-        if not best:
-            break
-        found += [left[run].tolist() for run in best]
-        left = np.delete(left, np.concatenate(best))
-    if len(again) >= SHORTEST and found:
-        more, rest = progressions(places[again])
-        found += [again[run].tolist() for run in more]
-        again = again[rest]
-    return found, [*left.tolist(), *again.tolist()]
-
-
-def _sorted(points: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the order of points, and of those that are there already."""
-    order = np.lexsort(points.T[::-1])
-    new = np.append(True, (points[order][1:] != points[order][:-1]).any(axis=1))
-    return order[new], order[~new]
-
-
-def _best_progressions(points: NDArray[np.int64]) -> list[NDArray[np.intp]]:
-    """Return the progressions with the step by which they save most, as numbers of points."""
-    best: list[NDArray[np.intp]] = []
-    most, operands = 0.0, points.shape[1]
-    for indexed in range(-1, operands if operands > 1 else 0):
-        kept = points if indexed < 0 else np.delete(points, indexed, axis=1)
-        order, _ = _sorted(kept)
-        # numbers whose differences tell the steps apart
-        keys = (kept[order].astype(np.uint64) * _MIXED[: kept.shape[1]]).sum(axis=1)
-        for step in _commonsteps(keys):
-            runs = [run for run in _runs(keys, step) if len(run) >= SHORTEST]
-            covered = sum(map(len, runs))
-            saved = (_SAVED if indexed < 0 else _SAVED_INDEXED) * covered - len(runs)
-            if saved > most:
-                best, most = [order[run] for run in runs], saved
-                if indexed < 0 and 8 * covered > 7 * len(points):
-                    return best
-    return best
-
-
-def _commonsteps(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Return the most common differences of points that are not far apart."""
-    gaps = [keys[reach:] - keys[:-reach] for reach in range(1, _REACH + 1)]
-    steps, counts = np.unique(np.concatenate(gaps), return_counts=True)
-    first = np.argsort(-counts, kind="stable")[:_CANDIDATES]
-    return np.asarray(steps[first[counts[first] >= SHORTEST - 1]])
-
-
-def _runs(keys: NDArray[np.uint64], step: np.uint64) -> Iterator[list[int]]:
-    """Yield the longest progressions with a step, of two points at least."""
-    order = np.argsort(keys)
-    at = np.searchsorted(keys, keys + step, sorter=order) % len(keys)
-    following = order[at]
-    there = keys[following] == keys + step
-    begins = there.copy()
-    begins[following[there]] = False
-    after = np.where(there, following, -1).tolist()
-    for point in np.flatnonzero(begins).tolist():
-        run = [point]
-        while (point := after[point]) >= 0:
-            run.append(point)
-        yield run
-
-
-def pieces(values: Sequence[int], longest: int = LONGEST) -> Iterator[Sequence[int]]:
-    """Yield parts that are no longer than a vector may be, of equal lengths."""
-    count = -(-len(values) // longest)
-    ends = [len(values) * i // count for i in range(count + 1)]
-    return (values[a:b] for a, b in pairwise(ends))
-
-
-def steps(places: Sequence[int]) -> Sequence[int]:
-    """Return the first place and the step, or the places."""
-    found = {b - a for a, b in pairwise(places)} or {1}
-    return (places[0], *found) if len(found) == 1 else (0, INDEXED, *places)
-
-
 def together(nodes: Sequence[Node]) -> list[list[int]]:
     """Return sets of operations of one kind that can be done together, in order.
 
@@ -415,77 +302,3 @@ def last_uses(nodes: Sequence[Node], sets: Sequence[list[int]], kept: set[int]) 
         if x not in kept:
             ends[at].append(x)
     return ends
-
-
-class Memory:
-    """Free places, by intervals; a vector's places become free together."""
-
-    def __init__(self, end: int):
-        self.end = end
-        self.starts: list[int] = []
-        self.stops: list[int] = []
-        self.vector: dict[int, tuple[int, int]] = {}  # of each place in use
-        self.alive: Counter[int] = Counter()
-
-    def take(self, size: int) -> int:
-        """Return the first of as many places side by side."""
-        values = size
-        if size > 1:  # whole lines of the cache
-            size = -(-size // LINE) * LINE
-        for i, (start, stop) in enumerate(zip(self.starts, self.stops, strict=True)):
-            if stop - start >= size and (size == 1 or not start % LINE):
-                self.starts[i] += size
-                if self.starts[i] == stop:
-                    del self.starts[i], self.stops[i]
-                break
-        else:
-            start = self.end if size == 1 else -(-self.end // LINE) * LINE
-            self.end = start + size
-        self.vector.update(dict.fromkeys(range(start, start + size), (start, size)))
-        self.alive[start] = values
-        return start
-
-    def give_back(self, at: int) -> None:
-        """Free a place, with its vector when that has no other in use."""
-        if at not in self.vector:  # nobody took it from here
-            return
-        first, size = self.vector[at]
-        self.alive[first] -= 1
-        if self.alive[first]:
-            return
-        i = bisect_left(self.starts, first)
-        self.starts.insert(i, first)
-        self.stops.insert(i, first + size)
-        for k in (i, i - 1):  # with its neighbours
-            if 0 <= k < len(self.starts) - 1 and self.stops[k] == self.starts[k + 1]:
-                self.stops[k] = self.stops.pop(k + 1)
-                del self.starts[k + 1]
-
-
-def unpacked(stream: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return a stream with the same operations one by one."""
-    numbers = stream.tolist()
-    found: list[int] = []
-    at = 0
-    while numbers[at] != END:
-        op, n = numbers[at : at + 2]
-        at += 2
-        if op < VECTOR:
-            size = n * PLACES[op]
-            found += (op, n, *numbers[at : at + size])
-            at += size
-            continue
-        op -= VECTOR
-        found += (op, n)
-        columns = [list(range(numbers[at], numbers[at] + n))]
-        at += 1
-        for _ in range(PLACES[op] - 1):
-            first, step = numbers[at : at + 2]
-            at += 2
-            if step == INDEXED:
-                columns.append(numbers[at : at + n])
-                at += n
-            else:
-                columns.append([first + i * step for i in range(n)])
-        found += [x for operation in zip(*columns, strict=True) for x in operation]
-    return np.array([*found, END, 0], dtype=np.int32)

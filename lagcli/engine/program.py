@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.excerpt import excerpt
 from lagcli.engine.nodes import END, MULADD, MULSUB, SINCOS, SUBMUL, Node
 from lagcli.engine.packing import LONG, WORTH, Packing
+from lagcli.engine.streams import excerpt
 from lagcli.engine.tape import ARITY, Op, Tape
 
 #: Operations that are put in order at a time: the values that live at once stay near each other.

@@ -33,7 +33,7 @@ from lagcli.engine.expansion import (
 from lagcli.engine.factoring import factored
 from lagcli.engine.layers import LONG, Layers, Vector, layered, vector_stream
 from lagcli.engine.linear_series import LinearSystem
-from lagcli.engine.packing import LINE
+from lagcli.engine.memory import LINE
 from lagcli.engine.program import Node, allocate, in_order, stream
 from lagcli.engine.system import System, without_numbers
 from lagcli.engine.tape import Builder, Op, Tape

@@ -13,8 +13,8 @@ import symengine as se
 from test_series import coefficients
 
 import lagcli
-from lagcli.engine import layers, packing, series
-from lagcli.engine.packing import pieces
+from lagcli.engine import layers, progressions, series
+from lagcli.engine.progressions import pieces
 from lagcli.engine.series import Series
 from lagcli.engine.system import System, compile_system
 from lagcli.equations.lagrange import derive
@@ -184,7 +184,7 @@ def test_chain(programs: list[Series], monkeypatch: pytest.MonkeyPatch) -> None:
         assert (np.abs(phi[1:]) <= 1e-11 * size.max()).all()
 
 
-@pytest.mark.parametrize("longest", [packing.LONGEST, layers.LONGEST])
+@pytest.mark.parametrize("longest", [progressions.LONGEST, layers.LONGEST])
 @pytest.mark.parametrize("size", [8, 256, 257, 259, 512, 1000, 1025])
 def test_pieces_are_not_too_short(size: int, longest: int) -> None:
     found = list(pieces(list(range(size)), longest))

@@ -12,8 +12,9 @@ import symengine as se
 from lagcli.engine.compilation import compile_tape
 from lagcli.engine.interpreter import ScalarTape
 from lagcli.engine.nodes import END, PLACES, VECTOR
-from lagcli.engine.packing import LONGEST, pieces, progressions, unpacked
 from lagcli.engine.program import assemble
+from lagcli.engine.progressions import LONGEST, pieces, progressions
+from lagcli.engine.streams import unpacked
 from lagcli.engine.tape import Builder, Op, Tape
 
 binding = pytest.importorskip("lagcli.engine.core.binding")

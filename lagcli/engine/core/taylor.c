@@ -6,6 +6,7 @@
 #include "dop853.h"
 #include "motion.h"
 #include "series.h"
+#include "vectors.h"
 #include "watch.h"
 
 #define SAFETY 0.9          /* of the step at which the last terms are at the tolerance */
@@ -21,20 +22,17 @@
                              * in it show what happens between them */
 
 /* The size of the terms of an order, over the tolerances. */
-static double size_of_terms(const lag_run *run, int order)
+static double size_of_terms(lag_run *run, int order)
 {
-    const int n = lag_size(run->system);
-    double sum = 0.0;
-    for (int m = 0; m < n; ++m) {
-        const double e = COEFFICIENT(&run->series, m, order) / (run->atol + run->rtol * fabs(run->y[m]));
-        sum += e * e;
-    }
-    return sqrt(sum);
+    const lag_series *s = &run->series;
+    double *term = run->trial;
+    lag_vectors()->pick(lag_size(run->system), s->file + s->origin + order * s->layer, s->state + 1, term);
+    return lag_scaled_norm(run, term, run->y, run->y);
 }
 
 /* The step at which the last terms are within the tolerances. The last but one is looked at too:
  * of a series in even or odd powers every second term is zero. Jorba & Zou, section 3.2. */
-static double step_of_series(const lag_run *run)
+static double step_of_series(lag_run *run)
 {
     double h = INFINITY;
     for (int k = run->series.order - 1; k <= run->series.order; ++k) {
@@ -51,14 +49,13 @@ static double step_of_series(const lag_run *run)
 static int is_off(lag_run *run, double h)
 {
     const int nq = run->system->nq;
-    double *slope = run->trial, sum = 0.0;
+    double *slope = run->trial;
     lag_series_slope(&run->series, nq, nq + 1, h, slope);
-    for (int i = 0; i <= nq; ++i) {
-        const double size = fmax(fabs(run->y[nq + i]), fabs(run->y_new[nq + i]));
-        const double e = h * (slope[i] - run->f_new[nq + i]) / (run->atol + run->rtol * size);
-        sum += e * e;
-    }
-    return !(sum <= DEFECT * DEFECT);
+    for (int i = 0; i <= nq; ++i)
+        slope[i] = h * (slope[i] - run->f_new[nq + i]);
+    const double square = lag_vectors()->scaled_square(nq + 1, slope, run->y + nq, run->y_new + nq,
+                                                       run->atol, run->rtol);
+    return !(square <= DEFECT * DEFECT);
 }
 
 static int explicit_step(lag_run *run)
@@ -89,8 +86,10 @@ static double turned(lag_run *run)
     memset(sum, 0, (size_t)s->nc * sizeof(double));
     for (int i = 0; i < s->nb; ++i)
         sum[s->jacobian_row[i]] += (after[i] - before[i]) * (after[i] - before[i]);
-    for (int i = 0; i < s->nc; ++i)
-        most = fmax(most, sum[i] / (run->lengths[i] * run->lengths[i]));
+    for (int i = 0; i < s->nc; ++i) {
+        const double part = sum[i] / (run->lengths[i] * run->lengths[i]);
+        most = part > most ? part : most;
+    }
     return sqrt(most);
 }
 

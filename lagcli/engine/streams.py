@@ -1,4 +1,4 @@
-"""The part of a stream that some of its results need."""
+"""Streams read again: the part of one that some results need, and vectors taken apart."""
 
 from __future__ import annotations
 
@@ -43,9 +43,28 @@ def excerpt(stream: NDArray[np.int32], registers: int, results: Iterable[int]) -
             for operand in step.operands:
                 live[operand] = True
             kept.append(step)
+    return _joined((step.op, step.size, step.numbers) for step in reversed(kept))
+
+
+def unpacked(stream: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return a stream with the same operations one by one."""
+    return _joined(_one_by_one(step) for step in _steps(stream.tolist()))
+
+
+def _one_by_one(step: _Step) -> tuple[int, int, list[int]]:
+    """Return an operation, how often it is done, and the numbers of all."""
+    if step.op < VECTOR:
+        return step.op, step.size, step.numbers
+    first = step.numbers[0]
+    columns = [range(first, first + step.size), *step.operands]
+    return step.op - VECTOR, step.size, [x for one in zip(*columns, strict=True) for x in one]
+
+
+def _joined(parts: Iterable[tuple[int, int, list[int]]]) -> NDArray[np.int32]:
+    """Return a stream of operations; those of a kind that follow each other are one run."""
     numbers: list[int] = []
     at = kind = -1
-    for op, size, own, _, _ in reversed(kept):
+    for op, size, own in parts:
         if op != kind or op >= VECTOR:
             at, kind = len(numbers) + 1, op
             numbers += (op, 0)

@@ -1,0 +1,54 @@
+"""Places of a file of numbers: which are free."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import Counter
+
+#: Places in a line of the cache.
+LINE = 8
+
+
+class Memory:
+    """Free places, by intervals; a vector's places become free together."""
+
+    def __init__(self, end: int):
+        self.end = end
+        self.starts: list[int] = []
+        self.stops: list[int] = []
+        self.vector: dict[int, tuple[int, int]] = {}  # of each place in use
+        self.alive: Counter[int] = Counter()
+
+    def take(self, size: int) -> int:
+        """Return the first of as many places side by side."""
+        values = size
+        if size > 1:  # whole lines of the cache
+            size = -(-size // LINE) * LINE
+        for i, (start, stop) in enumerate(zip(self.starts, self.stops, strict=True)):
+            if stop - start >= size and (size == 1 or not start % LINE):
+                self.starts[i] += size
+                if self.starts[i] == stop:
+                    del self.starts[i], self.stops[i]
+                break
+        else:
+            start = self.end if size == 1 else -(-self.end // LINE) * LINE
+            self.end = start + size
+        self.vector.update(dict.fromkeys(range(start, start + size), (start, size)))
+        self.alive[start] = values
+        return start
+
+    def give_back(self, at: int) -> None:
+        """Free a place, with its vector when that has no other in use."""
+        if at not in self.vector:  # nobody took it from here
+            return
+        first, size = self.vector[at]
+        self.alive[first] -= 1
+        if self.alive[first]:
+            return
+        i = bisect_left(self.starts, first)
+        self.starts.insert(i, first)
+        self.stops.insert(i, first + size)
+        for k in (i, i - 1):  # with its neighbours
+            if 0 <= k < len(self.starts) - 1 and self.stops[k] == self.starts[k + 1]:
+                self.stops[k] = self.stops.pop(k + 1)
+                del self.starts[k + 1]
