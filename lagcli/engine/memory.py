@@ -39,8 +39,6 @@ class Memory:
 
     def give_back(self, at: int) -> None:
         """Free a place, with its vector when that has no other in use."""
-        if at not in self.vector:  # nobody took it from here
-            return
         first, size = self.vector[at]
         self.alive[first] -= 1
         if self.alive[first]:

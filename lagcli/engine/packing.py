@@ -175,7 +175,8 @@ class Packing:
         before = [self.place[x] for x in unit.results] if op == MOVE else []
         first = self._side_by_side(unit.results)
         for place in before:
-            self.memory.give_back(place)
+            if place in self.memory.vector:  # else it is an input's own
+                self.memory.give_back(place)
         return [VECTOR + op, len(nodes), first, *chain.from_iterable(places)]
 
     def _side_by_side(self, values: Iterable[int]) -> int:
