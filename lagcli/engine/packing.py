@@ -13,7 +13,7 @@ sets, PLDI 2000, doi:10.1145/349299.349320.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from typing import NamedTuple
 
@@ -162,12 +162,8 @@ class Packing:
         """Return the numbers of operations in a stream; their results get places."""
         op, vector, nodes = unit
         if not vector:
-            numbers = [op, len(nodes)]
-            for _, results, operands in nodes:
-                for x in results:
-                    self._side_by_side([x])
-                numbers += [self.place[x] for x in (*results, *operands)]
-            return numbers
+            self._side_by_side(unit.results)
+            return [op, len(nodes), *(self.place[x] for _, r, o in nodes for x in (*r, *o))]
         places = [
             steps([self.place[x] for x in operands])
             for operands in zip(*[operands for _, _, operands in nodes], strict=True)
@@ -179,9 +175,8 @@ class Packing:
                 self.memory.give_back(place)
         return [VECTOR + op, len(nodes), first, *chain.from_iterable(places)]
 
-    def _side_by_side(self, values: Iterable[int]) -> int:
+    def _side_by_side(self, values: Sequence[int]) -> int:
         """Give values places side by side; return the first."""
-        values = list(values)
         first = self.memory.take(len(values))
         self.place.update(zip(values, range(first, first + len(values)), strict=True))
         return first
