@@ -304,10 +304,8 @@ static void right_side(lag_run *run)
     const lag_tape *d = &s->dynamics, *c = &s->constraint;
     const int nq = s->nq, nc = s->nc;
     double *right = run->right;
-    for (int i = 0; i < nq; ++i)
-        right[i] = OUT(d, first_forcing(s) + i);
-    for (int i = 0; i < nc; ++i)
-        right[nq + i] = OUT(d, first_rhs(s) + i);
+    lag_vectors()->pick(nq, d->registers, d->outputs + first_forcing(s), right);
+    lag_vectors()->pick(nc, d->registers, d->outputs + first_rhs(s), right + nq);
     if (!run->baumgarte)
         return;
     const int psi = lag_first_velocity(s);
@@ -394,7 +392,7 @@ double lag_inaccuracy(lag_run *run, double t, const double *y)
 {
     const lag_system *s = run->system;
     const int nq = s->nq, n = nq + s->nc;
-    double *r = run->work, *size = run->work + n, *x = run->solution, power, all = 0.0, most = 0.0;
+    double *r = run->work, *size = run->work + n, *x = run->solution, power, all = 0.0;
     if (!lag_eliminating(run) || lag_accelerate(run, t, y, run->refining, &power))
         return 0;
     --run->evaluations;
@@ -404,13 +402,10 @@ double lag_inaccuracy(lag_run *run, double t, const double *y)
     residual(run, run->right, x, r, size);
     for (int i = 0; i < n; ++i)
         all = size[i] > all ? size[i] : all;
-    for (int i = 0; i < n; ++i) {
-        const double part = fabs(r[i]) / (size[i] + NEXT_TO_ALL * all);
-        if (isnan(part))
-            return all > 0.0 ? INFINITY : 0.0;
-        most = part > most ? part : most;
-    }
-    return most;
+    for (int i = 0; i < n; ++i)
+        size[i] += NEXT_TO_ALL * all;
+    const double most = lag_vectors()->largest(n, r, size, size);
+    return isnan(most) ? INFINITY : most;
 }
 
 double lag_allowed_inaccuracy(const lag_run *run)

@@ -15,7 +15,8 @@ typedef struct {
     /* y[i] = x[places[i]], n of them. Returns their sum: it is finite if they are. */
     double (*pick)(int n, const double *x, const int32_t *places, double *y);
 
-    /* Raise scales to those now; the largest magnitude of x over its scale, n of each. */
+    /* Raise scales to those now; the largest magnitude of x over its scale, n of each. NaN where there
+     * is one. */
     double (*largest)(int n, const double *x, const double *now, double *scale);
 
     /* The least of x[places[i]] over the square of length[i], or of x[places[i]] without lengths;

@@ -68,16 +68,20 @@ static double largest(int n, const double *x, const double *now, double *scale)
     for (; i + 4 <= n; i += 4) {
         const four raised = larger(FOUR(now + i), FOUR(scale + i));
         *(four *)(scale + i) = raised;
-        most = larger(magnitudes(FOUR(x + i)) / larger(raised, tiny), most);
+        const four part = magnitudes(FOUR(x + i)) / larger(raised, tiny);
+        most = choose((part > most) | (part != part), part, most);
     }
     for (; i < n; ++i) {
         if (now[i] > scale[i])
             scale[i] = now[i];
         const double part = fabs(x[i]) / (scale[i] > 1e-300 ? scale[i] : 1e-300);
-        if (part > most[0])
+        if (part > most[0] || isnan(part))
             most[0] = part;
     }
-    return fmax(fmax(most[0], most[1]), fmax(most[2], most[3]));
+    for (int k = 1; k < 4; ++k)
+        if (most[k] > most[0] || isnan(most[k]))
+            most[0] = most[k];
+    return most[0];
 }
 
 static double least(int n, const double *x, const int32_t *places, const double *length)
