@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from lagcli.engine.expansion import AHEAD, BEFORE, CONVOLVED, NUMBERS, SeriesOp
 from lagcli.engine.nodes import VECTOR, Node
 from lagcli.engine.packing import (
     LINE,
@@ -25,6 +24,7 @@ from lagcli.engine.packing import (
     steps,
     together,
 )
+from lagcli.engine.series_nodes import AHEAD, BEFORE, CONVOLVED, NUMBERS, SeriesOp
 
 #: Operations from which on vectors are looked for: those of a chain of 20 bodies.
 LONG = 500

@@ -19,7 +19,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.expansion import (
+from lagcli.engine.arithmetic import Arithmetic
+from lagcli.engine.expansion import Expansion
+from lagcli.engine.factoring import factored
+from lagcli.engine.layers import LONG, Layers, Vector, layered, vector_stream
+from lagcli.engine.linear_series import LinearSystem
+from lagcli.engine.packing import LINE
+from lagcli.engine.program import Node, allocate, in_order, stream
+from lagcli.engine.series_nodes import (
     AHEAD,
     BEFORE,
     CONVOLVED,
@@ -27,14 +34,8 @@ from lagcli.engine.expansion import (
     NUMBER,
     NUMBERS,
     WORK,
-    Expansion,
     SeriesOp,
 )
-from lagcli.engine.factoring import factored
-from lagcli.engine.layers import LONG, Layers, Vector, layered, vector_stream
-from lagcli.engine.linear_series import LinearSystem
-from lagcli.engine.packing import LINE
-from lagcli.engine.program import Node, allocate, in_order, stream
 from lagcli.engine.system import System, without_numbers
 from lagcli.engine.tape import Builder, Op, Tape
 
@@ -109,7 +110,7 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     ------
     NotAnalytic
     """
-    builder = Builder(tape.inputs, tape.parameters, tape.other)
+    builder = Arithmetic(tape.inputs, tape.parameters, tape.other)
     outputs = builder.extend(tape)
     nq, first = len(system.coordinates), len(system.dynamics.outputs)
     expansion = Expansion(builder, range(1 + 2 * nq))
