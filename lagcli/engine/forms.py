@@ -71,7 +71,6 @@ class Forms:
             if x != NOUGHT and s != self.zero:
                 numbers[x] = self.builder.plus(numbers[x], s) if x in numbers else s
         left = [(s, x) for x, s in numbers.items()] or [(self.one, NOUGHT)]
-        whole, left = self.normal(left) if to is None else (self.one, left)
         total, *others = left
         for n, (s, x) in enumerate(others, 1):
             name = to if to is not None and n == len(others) else self.new(self.zero)
@@ -80,14 +79,18 @@ class Forms:
         if to is not None and not others:
             self.nodes[to] = SeriesOp.SCALE, (to,), total
             total = self.one, to
-        return self.builder.times(whole, total[0]), total[1]
+        return total
 
     def normal(self, terms: Sequence[Form]) -> tuple[int, list[Form]]:
-        """Return a number that all terms have, but for the sign, and the terms without it."""
-        number, _ = terms[0]
-        if not {s for s, _ in terms} <= {number, self.builder.negative(number)}:
-            return self.one, [*terms]
-        return number, [(self.one if s == number else self.minus_one, x) for s, x in terms]
+        """Return a number, but for the sign that of all terms, or else the first one's sign alone;
+        and the terms without it.
+        """
+        number, negative = terms[0][0], self.builder.negative
+        if {s for s, _ in terms} <= {number, negative(number)}:
+            return number, [(self.one if s == number else self.minus_one, x) for s, x in terms]
+        if number in self.builder.opposite:
+            return self.minus_one, [(negative(s), x) for s, x in terms]
+        return self.one, [*terms]
 
     def bracket(self, terms: Sequence[Form], rewrite: Callable[[list[Form]], list[Form]]) -> Form:
         """Make a sum that is multiplied as a whole, of what ``rewrite`` makes of its terms."""
