@@ -82,8 +82,6 @@ class LinearSystem:
             if not known:
                 expansion.taken.add(x)
                 expansion.moving.add(x)
-            # its sign is handed on no further: all are then used alike
-            expansion.builder.opposite.pop(x, None)
             found.append(expansion.new(x) if known else x)
         return found
 
