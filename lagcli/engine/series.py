@@ -318,8 +318,8 @@ def _row(order: int) -> int:
 
 
 def _first(numbers: Sequence[int]) -> int:
-    """Return where the first row begins."""
-    return -(-len(numbers) // 4) * 4 + PADDING
+    """Return where the first row begins: where a line of the cache does, which is 3 % of a run."""
+    return -(-(len(numbers) + PADDING) // LINE) * LINE
 
 
 def _place_rows(place: dict[int, int], rows: Sequence[int], first: int, row: int) -> int:

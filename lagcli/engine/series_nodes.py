@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class SeriesOp(IntEnum):
-    """Operations on coefficients of order k > 0: a, b, … are series, s and t numbers."""
+    """Operations on coefficients of order k > 0: a, b, … are series, s, t, … numbers."""
 
     SUM = 0  # s a + t b
     SCALE = 1  # s a
@@ -20,8 +20,8 @@ class SeriesOp(IntEnum):
     ENTER = 9  # a, from the layer to its row
     COPY = 10  # a, side by side
     SUM3 = 11  # s a + t b + u c
-    SUM4 = 12
-    PASTSUM = 13  # s times a PAST, + t c
+    SUM4 = 12  # s a + t b + u c + v d
+    PASTSUM = 13  # s (a − a_0) b + t c
     END = 14
 
 
