@@ -36,7 +36,7 @@ class LinearSystem:
         first, size = len(system.dynamics.outputs), nq + nc
         rows = outputs[nm + nq : nm + nq + nb]
         self.expansion = expansion
-        # those of the right side less the matrix times the unknowns: with their signs there
+        # rows, columns and registers of the matrix, and the signs that they have in r − K x
         self.entries = [
             *((i, j, x, -1) for (i, j), x in zip(mass, outputs, strict=False)),
             *((nq + i, j, x, -1) for (i, j), x in zip(jacobian, rows, strict=True)),
@@ -65,6 +65,7 @@ class LinearSystem:
             if terms:
                 moving.add(to)
                 expansion.whole[to] = expansion.add(terms)
+        # from the right side to the solution all else is of order 0: numbers
         before, expansion.moving = expansion.moving, moving
         names = dict(zip(self.solution, unknowns, strict=True))
         for x in names.keys() & set(self.other_right):  # without any operation
