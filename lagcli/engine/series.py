@@ -332,7 +332,7 @@ def _place_rows(place: dict[int, int], rows: Sequence[int], first: int, row: int
 def _values(
     expansion: Expansion, numbers: Sequence[int], begins: Sequence[int], outputs: Sequence[int]
 ) -> Tape:
-    begun = [expansion.begins.get(x, x) for x in begins]
+    begun = map(expansion.begin, begins)
     return expansion.builder.finish([*(x - NUMBER for x in numbers), *begun, *outputs])
 
 

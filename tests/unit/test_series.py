@@ -15,6 +15,7 @@ from lagcli.engine.compiled_engine import Integration
 from lagcli.engine.elimination import order_at
 from lagcli.engine.expansion import NotAnalytic
 from lagcli.engine.interpreter import ScalarTape
+from lagcli.engine.packing import LINE
 from lagcli.engine.run import Request
 from lagcli.engine.series import Series, depending_on_time, expand
 from lagcli.engine.system import System, compile_system
@@ -312,6 +313,11 @@ def test_numbers_that_stay_the_same_are_found_once() -> None:
     # of a pendulum, the factors of its matrix at each state are numbers, too
     found = program(system_of(PENDULUM), *ON_ROD)
     assert 0 < found.steady < found.numbers
+
+
+def test_rows_begin_where_lines_of_the_cache_do() -> None:
+    for force in ("a", "a*x*(b + x)", "a*sin(x) + b*x + x/3 + x^2/7 + x^3/11 + a*b*x^4"):
+        assert program(system(force), [0.4], [0.2]).state[0] % LINE == 0
 
 
 def test_elimination_needs_no_convolutions() -> None:
