@@ -7,9 +7,12 @@ shorter to write or where elements meet: f a + f b becomes f (a + b).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import itemgetter
 
-from lagcli.engine.expansion import BEFORE, NUMBER, NUMBERS, Expansion, Form, SeriesOp
+from lagcli.engine.expansion import Expansion
+from lagcli.engine.forms import Form
 from lagcli.engine.nodes import Node
+from lagcli.engine.series_nodes import BEFORE, NUMBER, NUMBERS, SeriesOp
 
 #: Sums of one term or two.
 _SUMS = SeriesOp.SUM, SeriesOp.SCALE
@@ -63,7 +66,7 @@ class _Factoring:
         """Return terms with those of sums in place of the sums."""
         found: list[Form] = []
         waiting = [*reversed(terms)]
-        times = self.expansion.times
+        times = self.expansion.builder.times
         while waiting:
             number, x = waiting.pop()
             node = self.alone(x, *_SUMS)
@@ -94,6 +97,7 @@ class _Factoring:
                 number, x = terms[i]
                 a, b = self.given[x][2]
                 others.append((number, b if a == factor else a))
+            others.sort(key=itemgetter(1))  # those of other sums too, however they are written
             number, rest = expansion.bracket(others, lambda x: self.taken_out(self.flat(x)))
             product = number, expansion.multiply(factor, rest)
             terms = [x for i, x in enumerate(terms) if i not in which[1:]]

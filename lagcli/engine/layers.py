@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from lagcli.engine.expansion import AHEAD, BEFORE, CONVOLVED, NUMBERS, SeriesOp
 from lagcli.engine.memory import LINE, Memory
 from lagcli.engine.nodes import VECTOR, Node
 from lagcli.engine.packing import WORTH, last_uses, together
 from lagcli.engine.progressions import SHORTEST, pieces, progressions, steps
+from lagcli.engine.series_nodes import AHEAD, BEFORE, CONVOLVED, NUMBERS, SeriesOp
 
 #: Operations from which on vectors are looked for: those of a chain of 20 bodies.
 LONG = 500
@@ -189,18 +189,17 @@ class _Layering:
         late: dict[tuple[int, ...], list[int]] = {}
         entered: set[int] = set()
         entering: dict[int, None] = {}
-        enter: list[Node] = []
         singles = iter(self.singles)
         for members in self.vectors:
             if members is None:
                 batch = [self.nodes[i] for i in next(singles)]
+                enter: list[Node] = []
                 for op, _, operands in batch:
                     entering.update((x - BEFORE, None) for x in operands if x >= BEFORE)
                     needed = dict.fromkeys(operands[n] for n in CONVOLVED.get(op, ()))
-                    enter += [enters(x) for x in needed if x not in entered]
+                    enter += [_enters(x) for x in needed if x not in entered]
                     entered.update(needed)
                 parts += [enter, batch] if enter else [batch]
-                enter = []
                 continue
             nodes = [self.nodes[i] for i in members]
             op = nodes[0][0]
@@ -218,7 +217,7 @@ class _Layering:
                         (later if before else parts).append(self.copy(names, known))
                     columns[n] = known[names]
             parts.append(Vector(op, [self.place[to] for _, (to,), _ in nodes], columns))
-        enter = [enters(x) for x in entering if x not in entered]
+        enter = [_enters(x) for x in entering if x not in entered]
         parts += [*later, *([enter] if enter else [])]
         return self.moved(parts, {**kept, **self.copied})
 
@@ -243,11 +242,6 @@ class _Layering:
         return Layers(found, place, size, to([self.memory.end])[0], kept)
 
 
-def enters(x: int) -> Node:
-    """Return the operation that copies a series' coefficient to its row."""
-    return SeriesOp.ENTER, (x,), (x,)
-
-
 def vector_stream(vector: Vector, place: Mapping[Any, int]) -> list[int]:
     """Return the stream of an operation on vectors.
 
@@ -266,3 +260,8 @@ def vector_stream(vector: Vector, place: Mapping[Any, int]) -> list[int]:
         else:
             found += steps(x)
     return found
+
+
+def _enters(x: int) -> Node:
+    """Return the operation that copies a series' coefficient to its row."""
+    return SeriesOp.ENTER, (x,), (x,)

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lagcli.engine.expansion import BEFORE, Expansion, Form, SeriesOp
+from lagcli.engine.expansion import Expansion
+from lagcli.engine.forms import Form
 from lagcli.engine.system import System
-from lagcli.engine.tape import Op
 
 
 class LinearSystem:
@@ -36,7 +36,7 @@ class LinearSystem:
         first, size = len(system.dynamics.outputs), nq + nc
         rows = outputs[nm + nq : nm + nq + nb]
         self.expansion = expansion
-        # those of the right side less the matrix times the unknowns: with their signs there
+        # rows, columns and registers of the matrix, and the signs that they have in r − K x
         self.entries = [
             *((i, j, x, -1) for (i, j), x in zip(mass, outputs, strict=False)),
             *((nq + i, j, x, -1) for (i, j), x in zip(jacobian, rows, strict=True)),
@@ -46,7 +46,6 @@ class LinearSystem:
         self.values = outputs[first : first + size]
         self.solution = outputs[len(outputs) - nq - size : len(outputs) - nq]
         self.other_right = range(system.dynamics.inputs, system.dynamics.inputs + size)
-        self.past: dict[Form, int] = {}
 
     def solve(self) -> list[int]:
         """Take the matrix and the right side, then the substitutions; return the unknowns."""
@@ -57,7 +56,7 @@ class LinearSystem:
         for i, j, x, sign in self.entries:
             if not expansion.steady(x):
                 number, base = expansion.tail(x)
-                number = number if sign > 0 else expansion.negative(number)
+                number = number if sign > 0 else expansion.builder.negative(number)
                 rows[i].setdefault(base, []).append((number, unknowns[j]))
         moving = set()
         for to, right, row in zip(self.other_right, self.right, rows, strict=True):
@@ -65,7 +64,8 @@ class LinearSystem:
             terms += [self.product(base, factors) for base, factors in row.items()]
             if terms:
                 moving.add(to)
-                expansion.whole[to] = self.sum(terms)
+                expansion.whole[to] = expansion.add(terms)
+        # from the right side to the solution all else is of order 0: numbers
         before, expansion.moving = expansion.moving, moving
         names = dict(zip(self.solution, unknowns, strict=True))
         for x in names.keys() & set(self.other_right):  # without any operation
@@ -89,30 +89,5 @@ class LinearSystem:
     def product(self, base: int, factors: list[Form]) -> Form:
         """Return a series, but its first coefficient, times a sum."""
         expansion = self.expansion
-        if len(factors) == 1:
-            ((number, x),) = factors
-        else:
-            number, x = self.sum(factors)
-            expansion.begins[x] = self.value(factors)
-        if (base, x) not in self.past:
-            self.past[base, x] = name = expansion.new(expansion.zero)
-            expansion.nodes[name] = SeriesOp.PAST, (name,), (base, x + BEFORE)
-        return number, self.past[base, x]
-
-    def sum(self, terms: list[Form]) -> Form:
-        """Return a sum of numbers times series."""
-        expansion, total = self.expansion, terms[0]
-        for term in terms[1:]:
-            name = expansion.new(expansion.zero)
-            expansion.nodes[name] = SeriesOp.SUM, (name,), (*total, *term)
-            total = expansion.one, name
-        return total
-
-    def value(self, factors: list[Form]) -> int:
-        """Return the register of what a sum begins with."""
-        expansion = self.expansion
-        parts = [expansion.times(s, expansion.begins.get(x, x)) for s, x in factors]
-        total = parts[0]
-        for part in parts[1:]:
-            total = expansion.builder.emit(Op.ADD, total, part)
-        return total
+        number, x = factors[0] if len(factors) == 1 else expansion.bracket(factors, list)
+        return number, expansion.multiply(base, x, past=True)

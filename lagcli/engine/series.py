@@ -19,7 +19,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.expansion import (
+from lagcli.engine.arithmetic import Arithmetic
+from lagcli.engine.expansion import Expansion
+from lagcli.engine.factoring import factored
+from lagcli.engine.layers import LONG, Layers, Vector, layered, vector_stream
+from lagcli.engine.linear_series import LinearSystem
+from lagcli.engine.memory import LINE
+from lagcli.engine.program import Node, allocate, in_order, stream
+from lagcli.engine.series_nodes import (
     AHEAD,
     BEFORE,
     CONVOLVED,
@@ -27,14 +34,8 @@ from lagcli.engine.expansion import (
     NUMBER,
     NUMBERS,
     WORK,
-    Expansion,
     SeriesOp,
 )
-from lagcli.engine.factoring import factored
-from lagcli.engine.layers import LONG, Layers, Vector, layered, vector_stream
-from lagcli.engine.linear_series import LinearSystem
-from lagcli.engine.memory import LINE
-from lagcli.engine.program import Node, allocate, in_order, stream
 from lagcli.engine.system import System, without_numbers
 from lagcli.engine.tape import Builder, Op, Tape
 
@@ -109,7 +110,7 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     ------
     NotAnalytic
     """
-    builder = Builder(tape.inputs, tape.parameters, tape.other)
+    builder = Arithmetic(tape.inputs, tape.parameters, tape.other)
     outputs = builder.extend(tape)
     nq, first = len(system.coordinates), len(system.dynamics.outputs)
     expansion = Expansion(builder, range(1 + 2 * nq))
@@ -243,6 +244,7 @@ def _in_layers(
             placed = [_placed(node, place, in_rows, layers.place) for node in part]
             whole += stream(placed).tolist()[:-2]
     origin = -(-end // LINE) * LINE
+    # beyond the last order core/series.c puts sums of the state, as far as W
     last = layers.place[WORK]
     return Series(
         values=_values(expansion, numbers, [*rows, *layers.kept.values()], outputs),
@@ -317,8 +319,8 @@ def _row(order: int) -> int:
 
 
 def _first(numbers: Sequence[int]) -> int:
-    """Return where the first row begins."""
-    return -(-len(numbers) // 4) * 4 + PADDING
+    """Return where the first row begins: where a line of the cache does, which is 3 % of a run."""
+    return -(-(len(numbers) + PADDING) // LINE) * LINE
 
 
 def _place_rows(place: dict[int, int], rows: Sequence[int], first: int, row: int) -> int:
@@ -331,7 +333,7 @@ def _place_rows(place: dict[int, int], rows: Sequence[int], first: int, row: int
 def _values(
     expansion: Expansion, numbers: Sequence[int], begins: Sequence[int], outputs: Sequence[int]
 ) -> Tape:
-    begun = [expansion.begins.get(x, x) for x in begins]
+    begun = map(expansion.begin, begins)
     return expansion.builder.finish([*(x - NUMBER for x in numbers), *begun, *outputs])
 
 

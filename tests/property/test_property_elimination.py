@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -178,6 +179,35 @@ def test_what_touches_nothing_ends_no_long_elimination() -> None:
     plan = order_at(system, [system.parameters])
     for x in eliminated(system, plan, rhs)[0]:
         np.testing.assert_allclose(x, np.linalg.solve(whole(mass, jacobian), rhs), rtol=1e-12)
+
+
+def test_a_pair_that_touches_all_others_ends_no_round() -> None:
+    """A pivot of order two whose neighbours are all that is left."""
+    mass, jacobian = np.diag([0.01, 0.01]), np.array([[1.0, 2.0]])
+    rhs = np.array([4.0, 5.0, 6.0])
+    system = hand_written(mass, jacobian, rhs)
+    plan = order_at(system, [system.parameters])
+    for x in eliminated(system, plan, rhs)[0]:
+        np.testing.assert_allclose(x, np.linalg.solve(whole(mass, jacobian), rhs), rtol=1e-12)
+
+
+@pytest.mark.parametrize("n", [20, 200])
+def test_a_chain_is_eliminated_from_many_places(n: int) -> None:
+    """None of the pivots waits for more than a few others."""
+    mass = tuple((i, i) for i in range(2 * n))  # x, y of each body
+    jacobian = tuple(
+        (i, 2 * j + along)
+        for i in range(n)
+        for j in range(max(i - 1, 0), i + 1)
+        for along in (0, 1)
+    )
+    values = np.array([[1.0 if j // 2 == i else -1.0] for i, j in jacobian])
+    plan = find_order(2 * n, n, mass, jacobian, np.ones((2 * n, 1)), values)
+    depth = [1] * (3 * n)
+    for k, column in enumerate(plan.columns):
+        for i in column:
+            depth[i] = max(depth[i], depth[k] + 1)
+    assert max(depth) <= 3 + 1.5 * math.log2(n)
 
 
 def test_a_singular_matrix_has_no_order() -> None:

@@ -12,6 +12,7 @@
 #else
 #define FOR_WIDER
 #endif
+/* In loops over operations of a few instructions, going on to the next one is much of the work. */
 #if defined(__GNUC__) && !defined(__clang__)
 #define TWO_AT_A_TIME _Pragma("GCC unroll 2")
 #else
@@ -110,7 +111,7 @@ ALWAYS_INLINE double inverse(const double *x, const double *y, int k, int fours,
 }
 
 /* Coefficient k of a convolution without x[0] y[k]: y[k] is not there yet, or x[0] is zero. */
-ALWAYS_INLINE double rest(const double *x, const double *y, int k, int fours, double *known)
+ALWAYS_INLINE double past(const double *x, const double *y, int k, int fours, double *known)
 {
     const double before = k == 1 ? 0.0 : x[1] * y[k - 1];
     const double now = *known + x[k] * y[0] + before;
@@ -309,7 +310,7 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
         products(made, CONVOLVED(1), CONVOLVED(2), layer, k, n);
         ELEMENTS(S * MADE + T * B)
     }
-    case SERIES_PAST: { /* with those that follow: none of them needs another one */
+    case SERIES_PAST: { /* with those that follow: the matrix depends on none of them */
         convolution of[TOGETHER] = {{out, CONVOLVED(0) - k * layer, CONVOLVED(1)}};
         const int32_t *next = o[1] + 2;
         int count = 1;
@@ -368,9 +369,9 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
             RUN(SERIES_MUL, 3, BY(product, 1, 2))
             RUN(SERIES_MULSUM, 6, NUMBER(1) * BY(product, 2, 3) + NUMBER(4) * NOW(5))
             RUN(SERIES_INVERSE, 3, BY(inverse, 1, 2))
-            RUN(SERIES_CHAIN, 4, NUMBER(1) * over * BY(rest, 2, 3))
-            RUN(SERIES_PAST, 3, BY(rest, 1, 2))
-            RUN(SERIES_PASTSUM, 6, NUMBER(1) * BY(rest, 2, 3) + NUMBER(4) * NOW(5))
+            RUN(SERIES_CHAIN, 4, NUMBER(1) * over * BY(past, 2, 3))
+            RUN(SERIES_PAST, 3, BY(past, 1, 2))
+            RUN(SERIES_PASTSUM, 6, NUMBER(1) * BY(past, 2, 3) + NUMBER(4) * NOW(5))
         case SERIES_NEXT:
             for (const int32_t *end = p + 2 * n; p != end; p += 2)
                 next[p[0]] = NOW(1) * over_next;
