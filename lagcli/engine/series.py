@@ -187,7 +187,7 @@ def _program(
     if found is None:
         nodes = _merged(nodes, rates, SeriesOp.PAST, SeriesOp.PASTSUM)
         nodes = _widened(nodes, {*kept, *rates}, expansion.one + NUMBER)
-        return _in_rows(expansion, in_order([*nodes, *ends]), state, kept, outputs, order)
+        return _in_rows(expansion, [*in_order(nodes), *ends], state, kept, outputs, order)
     return _in_layers(expansion, found, state, outputs, order)
 
 
