@@ -13,15 +13,13 @@ def with_rates(system: System) -> Tape:
     Asked for alone are φ with its scale, and B, ψ and its scale.
     """
     given, nq, nc = system.constraint, len(system.coordinates), len(system.constraints)
+    nh, nb = len(system.holonomic), len(system.jacobian_pattern)
     builder = Arithmetic(given.inputs, given.parameters)
     outputs = builder.extend(given)
-    drift = len(system.holonomic) + len(system.jacobian_pattern)
-    scale = drift + nc
-    velocity_scale = scale + len(system.holonomic)
-    rates = outputs[drift:scale]
-    for (i, j), x in zip(system.jacobian_pattern, outputs[len(system.holonomic) :], strict=False):
+    drift, scales = nh + nb, nh + nb + nc
+    rates = outputs[drift:scales]
+    for (i, j), x in zip(system.jacobian_pattern, outputs[nh:], strict=False):
         rates[i] = builder.plus(rates[i], builder.times(x, 1 + nq + j))
-    end = velocity_scale + nc
-    positions = [*range(len(system.holonomic)), *range(scale, velocity_scale)]
-    velocities = [*range(len(system.holonomic), drift), *range(velocity_scale, end + nc)]
-    return builder.finish([*outputs, *rates], alone=(tuple(positions), tuple(velocities)))
+    positions = *range(nh), *range(scales, scales + nh)
+    velocities = *range(nh, drift), *range(scales + nh, scales + nh + 2 * nc)
+    return builder.finish([*outputs, *rates], alone=(positions, velocities))
