@@ -40,13 +40,15 @@ core = Extension(
     # no -ffast-math: NaN and the order of operations mean something here; nor may a processor that
     # multiplies and adds at once change them. Nobody reads errno, and with it no root is a vector's
     # Jumps through tables cost the evaluator dearly where they cannot be predicted. How vectors are
-    # handed on is of no concern: it happens within a file alone
+    # handed on is of no concern: it happens within a file alone. What is hidden from outside is
+    # called without a detour
     extra_compile_args=[
         "-O3",
         "-ffp-contract=off",
         "-fno-math-errno",
         "-fno-jump-tables",
         "-Wno-psabi",
+        "-fvisibility=hidden",
     ],
 )
 extensions = cythonize([core], language_level=3)
