@@ -152,7 +152,7 @@ cdef extern from "run.h":
     void lag_dense(lag_run *run, double t, double *y) nogil
 
 
-cdef extern from "motion.h":
+cdef extern from "system.h":
     int lag_first_kept(const lag_system *system)
 
 

@@ -31,7 +31,7 @@ int lag_linearize(lag_run *run, double t, const double *y, double *f)
     for (int i = 0; i < s->nm; ++i)
         m->mass[i] = OUT(d, i);
     for (int i = 0; i < s->nb; ++i)
-        m->jacobian[i] = OUT(d, s->nm + nq + i);
+        m->jacobian[i] = OUT(d, lag_first_jacobian(s) + i);
     for (int j = 0; j < nd; ++j)
         for (int i = 0; i < nc; ++i)
             m->border[j * nc + i] = run->dependencies[j * nc + i] / run->lengths[i];

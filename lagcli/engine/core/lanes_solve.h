@@ -3,22 +3,6 @@
 /* An output of a tape, eight numbers. */
 #define OUTPUT(tape, i) ((tape)->registers + (tape)->outputs[i])
 
-/* Where the outputs of the dynamics tape begin. */
-INLINE int at_forcing(const lag_system *s)
-{
-    return s->nm;
-}
-
-INLINE int at_jacobian(const lag_system *s)
-{
-    return s->nm + s->nq;
-}
-
-INLINE int at_rhs(const lag_system *s)
-{
-    return s->nm + s->nq + s->nb;
-}
-
 /* Put t (of lanes) and q, v (of lanes) in a tape's inputs and run it, or a part (lag_part). */
 static void lanes_evaluate(const lag_lane_tape *tape, const lag_system *s, const double *t,
                            const double *y, int part)
@@ -80,7 +64,7 @@ static void lanes_residual(const lag_octet *o, const double *x, double *r, doubl
     const int nq = s->nq, n = nq + s->nc;
     EACH_PART (k) {
         for (int i = 0; i < n; ++i) {
-            const int output = i < nq ? at_forcing(s) + i : at_rhs(s) + i - nq;
+            const int output = i < nq ? lag_first_forcing(s) + i : lag_first_rhs(s) + i - nq;
             const vec right = READ(OUTPUT(d, output) + k);
             AT(r + i * LAG_LANES + k) = right;
             if (size)
@@ -97,7 +81,7 @@ static void lanes_residual(const lag_octet *o, const double *x, double *r, doubl
         for (int i = 0; i < s->nb; ++i) {
             const int row = (nq + s->jacobian_row[i]) * LAG_LANES + k;
             const int column = s->jacobian_column[i] * LAG_LANES + k;
-            const vec b = READ(OUTPUT(d, at_jacobian(s) + i) + k);
+            const vec b = READ(OUTPUT(d, lag_first_jacobian(s) + i) + k);
             const vec one = b * READ(x + column), other = b * READ(x + row);
             AT(r + row) -= one;
             AT(r + column) -= other;

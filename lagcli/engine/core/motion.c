@@ -29,37 +29,6 @@ void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const dou
     lag_stream_run(part ? tape->alone[part - 1] : tape->stream, r);
 }
 
-/* Where the dynamics tape's outputs begin. */
-static int first_forcing(const lag_system *s)
-{
-    return s->nm;
-}
-
-static int first_jacobian(const lag_system *s)
-{
-    return s->nm + s->nq;
-}
-
-static int first_rhs(const lag_system *s)
-{
-    return s->nm + s->nq + s->nb;
-}
-
-int lag_first_solution(const lag_system *s)
-{
-    return s->nm + s->nq + s->nb + s->nc + 1;
-}
-
-int lag_first_kept(const lag_system *s)
-{
-    return lag_first_solution(s) + s->nq + s->nc + 1;
-}
-
-int lag_first_velocity(const lag_system *s)
-{
-    return 2 * (s->nh + s->nc) + s->nb;
-}
-
 /* Order of the dense linear system. */
 static int order_of(const lag_run *run)
 {
@@ -103,7 +72,7 @@ static int factor_dense(lag_run *run)
 {
     const lag_system *s = run->system;
     const lag_tape *d = &s->dynamics;
-    const int nq = s->nq, nc = s->nc, n = order_of(run), first = first_jacobian(s);
+    const int nq = s->nq, nc = s->nc, n = order_of(run), first = lag_first_jacobian(s);
     double largest = 0.0, *k = run->kkt, *w = run->weight;
     memset(k, 0, (size_t)n * n * sizeof(double));
     for (int i = 0; i < s->nm; ++i) {
@@ -186,7 +155,7 @@ int lag_factor(lag_run *run, double t, const double *y)
         if (run->mass_targets[i] >= 0)
             f[run->mass_targets[i]] = OUT(d, i);
     for (int i = 0; i < s->nb; ++i)
-        f[run->jacobian_targets[i]] = OUT(d, first_jacobian(s) + i);
+        f[run->jacobian_targets[i]] = OUT(d, lag_first_jacobian(s) + i);
     lag_ldl_factor(ldl, f, f + n, f + 2 * n, run->product, run->work);
     for (int i = 0; i < count; ++i)
         sum += f[i];
@@ -213,7 +182,7 @@ static void residual(const lag_run *run, const double *right, const double *x, d
     }
     for (int i = 0; i < s->nb; ++i) {
         const int row = nq + s->jacobian_row[i], column = s->jacobian_column[i];
-        const double b = OUT(d, first_jacobian(s) + i);
+        const double b = OUT(d, lag_first_jacobian(s) + i);
         r[row] -= b * x[column];
         r[column] -= b * x[row];
         if (size) {
@@ -277,7 +246,7 @@ static void solve(lag_run *run, double *right, double *x, int refined)
         refine(run, right, x);
 }
 
-double lag_correction(lag_run *run, double *rhs, double *x)
+double lag_correction(lag_run *run, const double *rhs, double *x)
 {
     const lag_system *s = run->system;
     const lag_tape *d = &s->dynamics;
@@ -290,7 +259,7 @@ double lag_correction(lag_run *run, double *rhs, double *x)
     }
     double *right = run->right, *all = run->a;
     memset(right, 0, (size_t)nq * sizeof(double));
-    memmove(right + nq, rhs, (size_t)nc * sizeof(double));
+    memcpy(right + nq, rhs, (size_t)nc * sizeof(double));
     solve(run, right, all, 0);
     for (int i = 0; i < nq; ++i)
         sum += x[i] = all[i];
@@ -304,8 +273,8 @@ static void right_side(lag_run *run)
     const lag_tape *d = &s->dynamics, *c = &s->constraint;
     const int nq = s->nq, nc = s->nc;
     double *right = run->right;
-    lag_vectors()->pick(nq, d->registers, d->outputs + first_forcing(s), right);
-    lag_vectors()->pick(nc, d->registers, d->outputs + first_rhs(s), right + nq);
+    lag_vectors()->pick(nq, d->registers, d->outputs + lag_first_forcing(s), right);
+    lag_vectors()->pick(nc, d->registers, d->outputs + lag_first_rhs(s), right + nq);
     if (!run->baumgarte)
         return;
     const int psi = lag_first_velocity(s);
@@ -360,9 +329,9 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
         *power = OUT(d, lag_first_solution(s) + n);
         return 0;
     }
-    double p = OUT(d, first_rhs(s) + nc);
+    double p = OUT(d, lag_first_rhs(s) + nc);
     for (int i = 0; i < s->nb; ++i)
-        p += x[nq + s->jacobian_row[i]] * OUT(d, first_jacobian(s) + i)
+        p += x[nq + s->jacobian_row[i]] * OUT(d, lag_first_jacobian(s) + i)
              * y[nq + s->jacobian_column[i]];
     *power = p;
     return 0;

@@ -27,17 +27,6 @@ int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first);
 /* The squares of the lengths of B's rows (nc), from a tape whose B entries begin at `first`. */
 void lag_row_squares(const lag_system *system, const lag_tape *tape, int first, double *sum);
 
-/* Where the constraint tape's outputs psi = B v + b_0 (nc) begin. */
-int lag_first_velocity(const lag_system *system);
-
-/* Where the outputs begin that the unrolled elimination adds to the dynamics: a, lambda, the power. */
-int lag_first_solution(const lag_system *system);
-
-/* Where the unrolled elimination's outputs begin that tell what its pivots keep; run->kept_count, of
- * which the last nc are the squares of the lengths of B's rows. Then come the other solution (nq +
- * nc) and the one for the constraints alone (nq). */
-int lag_first_kept(const lag_system *system);
-
 /* How a and lambda are found now: as run->eliminating says, or densely (0). */
 int lag_eliminating(const lag_run *run);
 
@@ -46,8 +35,8 @@ int lag_eliminating(const lag_run *run);
 int lag_factor(lag_run *run, double t, const double *y);
 
 /* The least change x (nq), in terms of M, with B x = rhs (nc), by the last factors. Returns a number
- * that is finite if x is. rhs is destroyed. */
-double lag_correction(lag_run *run, double *rhs, double *x);
+ * that is finite if x is. */
+double lag_correction(lag_run *run, const double *rhs, double *x);
 
 /* a, lambda (in run->a, run->multipliers) and the power at a state. Returns 0, or 1 where they are
  * undefined. */

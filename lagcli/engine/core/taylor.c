@@ -74,7 +74,7 @@ static void note_jacobian(lag_run *run, int at)
 {
     const lag_system *s = run->system;
     for (int i = 0; i < s->nb; ++i)
-        run->jacobian_before[at * s->nb + i] = OUT(&s->dynamics, s->nm + s->nq + i);
+        run->jacobian_before[at * s->nb + i] = OUT(&s->dynamics, lag_first_jacobian(s) + i);
 }
 
 /* The largest change of a row of B between the places noted, over the row's length. */

@@ -65,7 +65,7 @@ static double least_kept_of_all(lag_run *run)
                          vectors->least(s->nc, d->registers, places + pivots, run->lengths)));
     }
     double *sum = run->work, shortest = 1.0;
-    lag_row_squares(s, d, s->nm + s->nq, sum);
+    lag_row_squares(s, d, lag_first_jacobian(s), sum);
     for (int i = 0; i < s->nc; ++i)
         shortest = fmin(shortest, sum[i] / (run->lengths[i] * run->lengths[i]));
     return fmin(least_kept(run), sqrt(shortest));
