@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from lagcli.version import __version__
+
 if TYPE_CHECKING:
     from lagcli.equations.lagrange import derive
     from lagcli.equations.render import render
@@ -21,9 +23,8 @@ if TYPE_CHECKING:
     from lagcli.simulation import simulate
     from lagcli.sweeps.run import sweep
 
-__version__ = "0.1.0"
-
 __all__ = [
+    "__version__",
     "animate",
     "derive",
     "load",

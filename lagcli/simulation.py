@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-import lagcli
 from lagcli.derived import DerivedColumns
 from lagcli.engine.initial import ConsistentState
 from lagcli.engine.run import Block, Engine, Interrupted, Request
@@ -24,6 +23,7 @@ from lagcli.model.model import DEFAULTS, Model, SettingError, Settings
 from lagcli.model.units import si_notation
 from lagcli.samples import Record, Samples
 from lagcli.start import describe_undefined, find_start
+from lagcli.version import __version__
 
 if TYPE_CHECKING:
     from lagcli.engine.prepared import Prepared
@@ -273,7 +273,7 @@ class Simulation:
             },
             seconds={**self.seconds, "integrate": self.seconds["integrate"] + integrating},
             initial_correction=dict(self.start.moved),
-            lagcli_version=lagcli.__version__,
+            lagcli_version=__version__,
         )
 
 

@@ -13,8 +13,8 @@ from typing import Annotated, Any
 
 import typer
 
-from lagcli import __version__
 from lagcli.errors import LagcliError
+from lagcli.version import __version__
 
 #: The commands, in the order of the help; each is a function in the module of its name.
 COMMANDS = (

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-import lagcli
 from lagcli.errors import FileError, UsageError
 from lagcli.sweeps.flight import Flight
 from lagcli.sweeps.rows import FAILED, Results
 from lagcli.sweeps.spec import Spec
 from lagcli.sweeps.workers import Chunks
+from lagcli.version import __version__
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -132,7 +132,7 @@ class Cluster:
             self._check_versions(self._client.nthreads())  # a bug, or not the same program?
             raise
         else:
-            if found.version != lagcli.__version__:
+            if found.version != __version__:
                 raise _other_version(found.worker, found.version)
             if found.results is None:
                 raise RuntimeError(f"on the worker {found.worker}:\n{found.bug}")
@@ -160,7 +160,7 @@ class Cluster:
             pydoc.locate, "lagcli.__version__", workers=list(workers), on_error="return"
         )
         for worker, version in found.items():
-            if version != lagcli.__version__ and not isinstance(version, OSError):
+            if version != __version__ and not isinstance(version, OSError):
                 raise _other_version(worker, version)
 
     def _gone(self) -> FileError:
@@ -247,7 +247,7 @@ _QUIET = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 def _other_version(worker: str, version: object) -> UsageError:
     found = f"lagcli {version}" if isinstance(version, str) else "no lagcli that can be imported"
     return UsageError(
-        f"the worker {worker} has {found}, and this is lagcli {lagcli.__version__}; install the"
+        f"the worker {worker} has {found}, and this is lagcli {__version__}; install the"
         " same version there, and start the worker anew"
     )
 

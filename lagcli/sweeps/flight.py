@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import lagcli
 from lagcli.engine.run import Interrupted
 from lagcli.sweeps.rows import Results, Runner
 from lagcli.sweeps.spec import Spec
 from lagcli.sweeps.workers import Chunks
+from lagcli.version import __version__
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -61,7 +61,7 @@ class Flight:
                 return bool(self.under_way)
             self.count += 1
             future = self.client.submit(
-                _run, self.sent, numbers, lagcli.__version__, key=f"{self.name}-{self.count}"
+                _run, self.sent, numbers, __version__, key=f"{self.name}-{self.count}"
             )
             self.expect(future, numbers)
         return True
@@ -128,7 +128,7 @@ def _run(spec: Spec, numbers: Numbers, version: str) -> Answer:
     from distributed import get_worker
 
     worker = get_worker()
-    done = Answer(worker.address, lagcli.__version__)
+    done = Answer(worker.address, __version__)
     if done.version != version:
         return done
     key = worker.get_current_task()

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import lagcli
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model, Settings
 from lagcli.sweeps.plan import Plan
+from lagcli.version import __version__
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class Spec:
         """Return all of it as JSON values; equal for sweeps of equal rows alone."""
         settings = dataclasses.asdict(self.settings)
         return {
-            "lagcli": lagcli.__version__,
+            "lagcli": __version__,
             "model_sha256": hashlib.sha256(self.text.encode()).hexdigest(),
             "set": {name: str(value) for name, value in self.set.items()},
             "set_initial": {name: str(value) for name, value in self.set_initial.items()},

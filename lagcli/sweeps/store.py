@@ -12,7 +12,6 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-import lagcli
 from lagcli.errors import FileError
 from lagcli.model.model import Model
 from lagcli.results.hdf5_file import make_axis, new_file
@@ -23,6 +22,7 @@ from lagcli.sweeps.layout import COUNTS, KIND, SCHEMA_VERSION, Column, kept_layo
 from lagcli.sweeps.ledger import runs_of
 from lagcli.sweeps.rows import STATUSES, Results
 from lagcli.sweeps.spec import Spec
+from lagcli.version import __version__
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -98,7 +98,7 @@ class _Writer:
         values = {
             "kind": KIND,
             "schema_version": SCHEMA_VERSION,
-            "lagcli_version": lagcli.__version__,
+            "lagcli_version": __version__,
             "sign_convention": SIGN_CONVENTION,
             "model": spec.text,
             "model_sha256": model.sha256,

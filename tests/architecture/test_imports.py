@@ -23,6 +23,7 @@ MODULES = {".".join(f.relative_to(ROOT).with_suffix("").parts): f for f in FILES
 
 #: What each room may import of lagcli, beside itself. `cli` knows everything; nothing knows it.
 ROOMS = {
+    "version": set(),
     "errors": set(),
     "samples": set(),
     "trajectory": {"samples"},
@@ -33,15 +34,15 @@ ROOMS = {
     "derived": {"engine", "samples"},
     "extremes": {"samples"},
     "interruption": set(),
-    "results": {"errors", "extremes", "samples", "trajectory", "lagcli"},
+    "results": {"errors", "extremes", "samples", "trajectory"},
     "simulation": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "derived"),
-        *("start", "interruption", "lagcli"),
+        *("start", "interruption", "version"),
     },
     "start": {"errors", "model", "equations", "engine", "undefined"},
     "sweeps": {
         *("errors", "model", "equations", "engine", "results", "simulation", "start", "variants"),
-        *("interruption", "samples", "lagcli"),
+        *("interruption", "samples", "version"),
     },
     # a page is where values go round: from the reader's hand to a run and its pictures
     "play": {
@@ -52,12 +53,13 @@ ROOMS = {
     "variants": {"errors", "model", "equations", "engine", "simulation", "start"},
     "pictures": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "results"),
-        *("simulation", "extremes", "derived", "interruption", "sweeps", "lagcli"),
+        *("simulation", "extremes", "derived", "interruption", "sweeps", "version"),
     },
 }
 
 #: Packages that a room must not import, not even inside a function.
 FOREIGN = {
+    "version": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "errors": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "samples": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "trajectory": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
@@ -167,6 +169,20 @@ def test_nothing_knows_the_command_line() -> None:
     for module in MODULES:
         if room(module) != "cli" and module != "lagcli.__main__":
             assert not any(n.startswith("lagcli.cli") for n in imports(module)), module
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_nothing_imports_the_package_itself(module: str) -> None:
+    # its __init__ knows every room, so that an import of it is an import of everything
+    assert "lagcli" not in imports(module), module
+
+
+def test_version_is_stated_once() -> None:
+    from lagcli.version import __version__
+
+    stated = re.compile(rf"""['"]{re.escape(__version__)}['"]""")
+    files = [*FILES, ROOT / "pyproject.toml", ROOT / "setup.py"]
+    assert [f.name for f in files if stated.search(f.read_text(encoding="utf-8"))] == ["version.py"]
 
 
 @pytest.mark.parametrize("module", sorted(f"lagcli.engine.{name}" for name in NUMERIC))

@@ -21,7 +21,7 @@ import lagcli
 from lagcli.cli.app import run as run_here
 from lagcli.errors import FileError
 from lagcli.model.model import Settings
-from lagcli.sweeps import cluster
+from lagcli.sweeps import cluster, flight
 from lagcli.sweeps.cluster import Cluster
 from lagcli.sweeps.ledger import Ledger, Missing
 from lagcli.sweeps.plan import make_plan
@@ -202,7 +202,8 @@ def test_another_version_is_refused(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture,
 ) -> None:
-    monkeypatch.setattr(lagcli, "__version__", "99.0")
+    for module in (cluster, flight):
+        monkeypatch.setattr(module, "__version__", "99.0")
     command = ("sweep", CRANK, "--vary", "m=1,2", *PEAK, "-o", str(tmp_path / "s.h5"))
     assert run_here([*command, "--scheduler", two_workers.address]) == 2
     said = capsys.readouterr().err

@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-from lagcli import __version__
 from lagcli.extremes import Extreme, Extremes
 from lagcli.pictures.report.curves import Curve
 from lagcli.pictures.report.equations import System
 from lagcli.pictures.report.writing import number, rate_unit, table, unit
 from lagcli.pictures.run_file import Run
 from lagcli.samples import Array
+from lagcli.version import __version__
 
 _ENDINGS = {
     "failed": "The run failed: it ends before its time.",
