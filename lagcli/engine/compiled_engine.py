@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
+from lagcli.engine.core import binding
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.methods import Methods
 from lagcli.engine.prepared import Prepared, find_elimination, prepare

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine import compiled_engine
-from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
+from lagcli.engine.core import binding
 from lagcli.engine.prepared import Prepared
 from lagcli.engine.program import assemble
 from lagcli.engine.run import Block, Interrupted, Request, Run

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
+from lagcli.engine.core import binding
 from lagcli.engine.initial import ACCEPTED, REACHED, REGULAR
 from lagcli.engine.program import assemble
 from lagcli.engine.system import Pattern, System

@@ -352,7 +352,7 @@ class _Builder:
         value = tensor_call(name, [a.value for a in arguments], self.scope)
         copies, levels = _COPIES.get(name, 1), 2
         if name == "omega":  # turns each rate by all later rotations
-            factors = arguments[0].value.factors  # type: ignore[union-attr]
+            factors = arguments[0].value.factors
             copies, levels = 3 ** max(1, len(factors)), 2 + len(factors)
         return self.made(tree, value, arguments, copies, levels)
 

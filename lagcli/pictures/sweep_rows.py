@@ -126,6 +126,6 @@ class Row(Run):
             }
 
     @property
-    def model(self) -> Model:  # type: ignore[override]
+    def model(self) -> Model:
         """The model, the same for all rows."""
         return self._rows.model

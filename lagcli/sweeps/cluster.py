@@ -8,7 +8,7 @@ import re
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +106,7 @@ class Cluster:
         finally:
             flight.cancel()
 
-    def _received(self, flight: Flight, future: Future, numbers: Numbers) -> Iterator[Results]:
+    def _received(self, flight: Flight, future: Future[Any], numbers: Numbers) -> Iterator[Results]:
         """Hand over what a chunk gave; say what became of it where it gave nothing."""
         from distributed import KilledWorker
 

@@ -48,8 +48,8 @@ class Flight:
         self.repeated: deque[Numbers] = deque()
         self.suspects: deque[Numbers] = deque()
         self.alone = False
-        self.ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
-        self.under_way: dict[Any, tuple[Future, Numbers]] = {}
+        self.ended: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
+        self.under_way: dict[Any, tuple[Future[Any], Numbers]] = {}
 
     def fill(self, threads: int) -> bool:
         """Send chunks until all threads have theirs; return whether there is more to wait for."""
@@ -66,7 +66,7 @@ class Flight:
             self.expect(future, numbers)
         return True
 
-    def expect(self, future: Future, numbers: Numbers) -> None:
+    def expect(self, future: Future[Any], numbers: Numbers) -> None:
         """Wait for a chunk among others."""
         self.under_way[future.key] = future, numbers
         future.add_done_callback(self.ended.put)
@@ -85,7 +85,7 @@ class Flight:
             return self.suspects.popleft()
         return found
 
-    def wait(self, seconds: float) -> tuple[Future, Numbers] | None:
+    def wait(self, seconds: float) -> tuple[Future[Any], Numbers] | None:
         """Return a chunk that ended."""
         try:
             future = self.ended.get(timeout=seconds)
