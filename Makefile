@@ -16,7 +16,7 @@ CORE_TESTS := tests/unit/test_compiled_engine.py tests/unit/test_engines.py test
               tests/unit/test_starts.py tests/unit/test_events.py tests/property/test_property_elimination.py \
               tests/physics/test_stiff.py
 
-.PHONY: help install demo test lint bench gallery docs-check sanitize valgrind clean
+.PHONY: help install demo test lint coverage docs docs-check gallery dist bench sanitize valgrind clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -40,14 +40,30 @@ demo: install ## Derive the slider-crank's equations, simulate it, and look at t
 test: install ## Run the tests
 	$(BIN)/python -m pytest -n $(WORKERS)
 
-$(BIN)/.lint: $(BIN)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check '.[lint]'
-	@touch $@
+# What an extra of pyproject.toml lists, without building lagcli again
+$(BIN)/.extra-%: $(BIN)/.installed
+	$(BIN)/python -c "import tomllib; \
+	  print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['$*'], sep='\n')" \
+	  > $@.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement $@.txt
+	@mv $@.txt $@
 
-lint: $(BIN)/.lint ## Check style and types
+lint: $(BIN)/.extra-lint ## Check style and types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+coverage: $(BIN)/.extra-coverage ## Run the tests; report the lines they reach, by package
+	$(BIN)/python -m pytest -n $(WORKERS) --cov --cov-report=json:build/coverage.json --cov-report=
+	$(BIN)/python tests/coverage_by_package.py build/coverage.json
+
+docs: $(BIN)/.extra-docs ## Build the documentation as pages, build/site/index.html
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+
+dist: $(BIN)/.extra-dist ## Build dist/*.tar.gz and *.whl; try the wheel in an empty environment
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist .
+	$(BIN)/python tests/try_wheel.py dist/*.whl
 
 $(BENCH)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(BENCH)

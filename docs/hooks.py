@@ -1,0 +1,44 @@
+"""Hooks of MkDocs: pages and models outside `docs/` are part of the site as well."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).parents[1]
+#: Pages of the repository's root, and their places in the site, where README means the index.
+PAGES = {"README.md": "first-example.md", "CONTRIBUTING.md": "CONTRIBUTING.md"}
+PAGES["CHANGELOG.md"] = "CHANGELOG.md"
+LINK = re.compile(r"\]\(([^)#:]+)(?=[)#])")
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the root's pages and the models."""
+    models = sorted(f"models/{path.name}" for path in (ROOT / "models").glob("*.yaml"))
+    for source, place in [*PAGES.items(), *zip(models, models, strict=True)]:
+        files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
+    """Turn links between `docs/` and its parent folder into links of the site."""
+    place = page.file.src_uri
+    if place in PAGES.values():
+        return LINK.sub(lambda m: f"]({_of_root(m[1])}", markdown)
+    depth = place.count("/")
+    leaving = "../" * (depth + 1)
+
+    def inside(link: re.Match[str]) -> str:
+        if not link[1].startswith(leaving):
+            return link[0]
+        return f"]({'../' * depth}{_of_root(link[1].removeprefix(leaving))}"
+
+    return LINK.sub(inside, markdown)
+
+
+def _of_root(target: str) -> str:
+    """Return where a path from the repository's root is in the site."""
+    return PAGES.get(target, target.removeprefix("docs/"))

@@ -1,0 +1,65 @@
+"""The pages of the documentation form one whole: every page is reachable, every name exists."""
+
+from __future__ import annotations
+
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import lagcli
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+API = sorted((DOCS / "api").glob("*.md"))
+NAMES = [n for page in API for n in re.findall(r"^::: (\S+)$", page.read_text("utf-8"), re.M)]
+
+
+def links(page: Path) -> set[Path]:
+    """Return the files of the repository that a page links to; all must exist."""
+    found = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8"))
+    targets = {(page.parent / target).resolve() for target in found}
+    assert not [t for t in targets if not t.exists()], page
+    return targets
+
+
+def test_every_decision_is_in_the_index_once() -> None:
+    text = (DOCS / "decisions" / "README.md").read_text("utf-8")
+    listed = re.findall(r"^- (\d{4}-\d{2}): \[[^\]]+\]\((\S+\.md)\): \S", text, re.M)
+    assert all(name.startswith(date) for date, name in listed)
+    assert sorted(n for _, n in listed) == sorted(f.name for f in DOCS.glob("decisions/2*.md"))
+    dates = [date for date, _ in listed]
+    assert dates == sorted(dates, reverse=True), "newest first"
+
+
+def test_index_leads_to_every_page() -> None:
+    seen: set[Path] = set()
+    pages = [DOCS / "index.md"]
+    while pages:
+        page = pages.pop()
+        if page not in seen:
+            seen.add(page)
+            pages += [t for t in links(page) if t.suffix == ".md" and t.is_relative_to(DOCS)]
+    assert not set(DOCS.rglob("*.md")) - seen
+
+
+def test_navigation_has_every_page() -> None:
+    navigation = (ROOT / "mkdocs.yml").read_text("utf-8")
+    pages = {f.relative_to(DOCS).as_posix() for f in DOCS.rglob("*.md")}
+    named = set(re.findall(r"- (?:[^:\n]*: )?(\S+\.md)$", navigation, re.M))
+    assert {p for p in pages if not p.startswith("decisions/2")} <= named
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_of_the_reference_exist(name: str) -> None:
+    try:
+        import_module(name)
+    except ImportError:
+        module, _, attribute = name.rpartition(".")
+        assert getattr(import_module(module), attribute).__doc__
+
+
+def test_reference_has_every_public_function() -> None:
+    documented = {name.rpartition(".")[2] for name in NAMES}
+    assert {n for n in lagcli.__all__ if not n.startswith("_")} <= documented
