@@ -54,6 +54,7 @@ lint: $(BIN)/.extra-lint ## Check style and types
 	$(BIN)/mypy
 
 coverage: $(BIN)/.extra-coverage ## Run the tests; report the lines they reach, by package
+	@mkdir -p build
 	$(BIN)/python -m pytest -n $(WORKERS) --cov --cov-report=json:build/coverage.json --cov-report=
 	$(BIN)/python tests/coverage_by_package.py build/coverage.json
 

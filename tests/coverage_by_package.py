@@ -21,7 +21,9 @@ def main(report: str) -> None:
     print(f"{'package':<34}{'statements':>11}{'branches':>10}{'reached':>9}")
     for package, n in sorted(packages.items(), key=lambda item: (item[0] == "total", item[0])):
         there = n["num_statements"] + n["num_branches"]
-        reached = (n["covered_lines"] + n["covered_branches"]) / there if there else 1.0
+        if not there:
+            continue
+        reached = (n["covered_lines"] + n["covered_branches"]) / there
         print(f"{package:<34}{n['num_statements']:>11}{n['num_branches']:>10}{reached:>9.1%}")
     print(
         "Not measured: the compiled engine (C, Cython), and lines reached only in child processes."

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import urllib.parse
 import urllib.request
 from pathlib import Path
 
@@ -47,8 +49,15 @@ def main(wheel: str) -> None:
     print(f"{Path(wheel).name} works in an empty environment")
 
 
+def fetch(url: str) -> str:
+    """Return what a server answers; raise if that is an error."""
+    with urllib.request.urlopen(url, timeout=20) as answer:
+        text: str = answer.read().decode()
+    return text
+
+
 def serve(place: Path, environment: dict[str, str]) -> None:
-    """Fetch the page of `lagcli play`."""
+    """Fetch the page of `lagcli play` and all files that it names."""
     command = ("lagcli", "play", "slider_crank.yaml", "--no-browser")
     print("$", *command, flush=True)
     server = subprocess.Popen(
@@ -58,9 +67,11 @@ def serve(place: Path, environment: dict[str, str]) -> None:
     try:
         assert server.stdout
         url = next(word for line in server.stdout for word in line.split() if "://" in word)
-        with urllib.request.urlopen(url, timeout=20) as answer:
-            page = answer.read().decode()
-        assert "slider_crank" in page or "<canvas" in page, page[:500]
+        page = fetch(url)
+        assets = [a for a in re.findall(r'(?:href|src)="([^":]+)"', page) if "." in a]
+        assert {"play.css", "play.js"} <= set(assets), page[:2000]
+        for asset in assets:
+            assert fetch(urllib.parse.urljoin(url, asset)), asset
     finally:
         server.terminate()
         server.wait(timeout=20)
