@@ -83,8 +83,9 @@ class DerivedColumns:
         for (i, j), entry in zip(system.mass_pattern, e.mass_matrix, strict=True):
             if i == j:
                 mass_diagonal[i] = entry
+        inertia = np.ascontiguousarray(system.inertia(mass_diagonal.T).T)
         scales = [
-            least_scales_of_entries(mass_diagonal, system.jacobian_pattern, e.jacobian, nc, x)
+            least_scales_of_entries(inertia, system.jacobian_pattern, e.jacobian, nc, x)
             for x in (np.ascontiguousarray(block.q.T), v)
         ]
         held = scales[0][list(system.holonomic)]

@@ -133,7 +133,7 @@ class Evaluator:
     def sizes(self, t: float, q: Array, v: Array) -> Array:
         """Return changes of the coordinates that count as equal at a state."""
         d = self.dynamics(t, q, v)
-        return coordinate_sizes(np.diag(d.mass_matrix), d.jacobian)
+        return coordinate_sizes(self.system.inertia(np.diag(d.mass_matrix)), d.jacobian)
 
     def row_lengths(self, c: Constraints, q: Array, v: Array, sizes: Array) -> Array:
         """Return scales for the rows of B times sizes that do not vanish with the rows."""

@@ -26,6 +26,8 @@ REACHED = 1e-15  # of the constraint's scale: where iteration ends
 _ITERATIONS = 200
 _LARGE = 60  # unknowns from which regularity is first looked for by sparse elimination
 REGULAR = 1e-6  # the smallest pivot that shows it, beside entries near one
+#: Where all that a guess has is to vanish, residuals are judged by this part of the guess's scale.
+OF_GUESS = 1e-5
 LONGEST = 2.0  # of the coordinates' size: the longest step
 _ASIDE = (1e-3, 0.1)  # of the coordinates' size: where a guess that leads nowhere is moved
 
@@ -129,6 +131,7 @@ class _Start:
         self.evaluator = Evaluator(system)
         self.fixed_q, self.fixed_v = np.asarray(fixed_q, bool), np.asarray(fixed_v, bool)
         self.holonomic = list(system.holonomic)
+        self.of_guess: Array | None = None  # a part of the first scales of positions
 
     def solve(self, q: Array, v: Array) -> ConsistentState:
         new_q = self.positions(q.copy(), v)
@@ -173,9 +176,11 @@ class _Start:
         jacobian = c.jacobian[self.holonomic]
         if not (np.isfinite(c.position).all() and np.isfinite(jacobian).all()):
             raise UndefinedStart(self.t, q, v)
-        mass = np.diag(self.evaluator.dynamics(self.t, q, v).mass_matrix)
-        scale = np.maximum(c.position_scale, least_scales(mass, jacobian, q))
-        return c.position, usable(scale), jacobian
+        inertia = self.inertia(q, v)
+        scale = np.maximum(c.position_scale, least_scales(inertia, jacobian, q))
+        if self.of_guess is None:
+            self.of_guess = OF_GUESS * scale
+        return c.position, usable(np.maximum(scale, self.of_guess)), jacobian
 
     def positions(self, q: Array, v: Array) -> Array:
         if not self.holonomic:
@@ -197,6 +202,11 @@ class _Start:
         """Return a guess with its free coordinates moved by a part of their size, each its own."""
         size = part * self.size(q, v)
         return q + np.where(self.fixed_q, 0.0, size * np.cos(1.0 + np.arange(len(q))))
+
+    def inertia(self, q: Array, v: Array) -> Array:
+        """Return the inertia of each coordinate, (nq,)."""
+        mass = self.evaluator.dynamics(self.t, q, v).mass_matrix
+        return self.system.inertia(np.diag(mass))
 
     def size(self, q: Array, v: Array) -> Array:
         """Return the sizes of the coordinates, (nq,): what the largest is for the others.
@@ -265,9 +275,11 @@ class _Start:
             if not c.finite:
                 raise UndefinedStart(self.t, q, v)
             psi = c.velocity(v)
-            mass = np.diag(self.evaluator.dynamics(self.t, q, v).mass_matrix)
-            scale = np.maximum(c.velocity_scale, least_scales(mass, c.jacobian, v))
-            scale = usable(scale)
+            inertia = self.inertia(q, v)
+            scale = np.maximum(c.velocity_scale, least_scales(inertia, c.jacobian, v))
+            if left == 3:
+                of_guess = OF_GUESS * scale
+            scale = usable(np.maximum(scale, of_guess))
             if np.abs(psi / scale).max() <= REACHED or not len(free) or not left:
                 break
             part = c.jacobian[:, free]

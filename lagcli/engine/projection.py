@@ -97,12 +97,12 @@ class Projection:
 
     def _measure(self, t: float, q: Array, v: Array, c: Constraints, mass: Array) -> None:
         """Keep the largest scales and lengths."""
-        diagonal = np.diag(mass)
+        inertia = self.evaluator.system.inertia(np.diag(mass))
         if self.sizes is None:
-            self.sizes = coordinate_sizes(diagonal, c.jacobian)
-        least = least_scales(diagonal, c.jacobian, q)[self.holonomic]
+            self.sizes = coordinate_sizes(inertia, c.jacobian)
+        least = least_scales(inertia, c.jacobian, q)[self.holonomic]
         self.position_scale = np.maximum.reduce([self.position_scale, c.position_scale, least])
-        least = least_scales(diagonal, c.jacobian, v)
+        least = least_scales(inertia, c.jacobian, v)
         self.velocity_scale = np.maximum.reduce([self.velocity_scale, c.velocity_scale, least])
         lengths = self.evaluator.row_lengths(c, q, v, self.sizes)
         self.lengths = np.maximum(self.lengths, lengths)

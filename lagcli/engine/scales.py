@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 LEAST_PART = 1e-3
 
 
-def least_scales(mass_diagonal: Array, jacobian: Array, x: Array) -> Array:
+def least_scales(inertia: Array, jacobian: Array, x: Array) -> Array:
     """Return the least scales of constraints, for one state or for many.
 
     The larger of Σ_j |B_ij x_j| and LEAST_PART √(Σ_j B_ij²/M_jj) √max_j(M_jj x_j²). Neither
@@ -26,8 +26,8 @@ def least_scales(mass_diagonal: Array, jacobian: Array, x: Array) -> Array:
 
     Parameters
     ----------
-    mass_diagonal : (..., nq) array
-        Diagonal of M; a coordinate without inertia has only its own size.
+    inertia : (..., nq) array
+        Of each coordinate (`System.inertia`); one without has only its own size.
     jacobian : (..., n, nq) array
         Rows of B.
     x : (..., nq) array
@@ -37,17 +37,17 @@ def least_scales(mass_diagonal: Array, jacobian: Array, x: Array) -> Array:
     -------
     (..., n) array
     """
-    compliance, size = _inertial(mass_diagonal, x, -1)
+    compliance, size = _inertial(inertia, x, -1)
     own = np.matmul(np.abs(jacobian), np.abs(x)[..., None])[..., 0]
     length = np.sqrt(np.matmul(jacobian * jacobian, compliance[..., None])[..., 0])
     return np.asarray(np.maximum(own, LEAST_PART * size[..., None] * length))
 
 
 def least_scales_of_entries(
-    mass_diagonal: Array, pattern: Pattern, entries: Array, rows: int, x: Array
+    inertia: Array, pattern: Pattern, entries: Array, rows: int, x: Array
 ) -> Array:
     """Return the same, (rows, n), for B in its nonzero entries (nb, n); M_jj and x are (nq, n)."""
-    compliance, size = _inertial(mass_diagonal, x, 0)
+    compliance, size = _inertial(inertia, x, 0)
     own, length = np.zeros((2, rows, x.shape[1]))
     for (i, j), entry in zip(pattern, entries, strict=True):
         own[i] += np.abs(entry * x[j])
@@ -55,7 +55,7 @@ def least_scales_of_entries(
     return np.maximum(own, LEAST_PART * size * np.sqrt(length))
 
 
-def coordinate_sizes(mass_diagonal: Array, jacobian: Array) -> Array:
+def coordinate_sizes(inertia: Array, jacobian: Array) -> Array:
     """Return changes of the coordinates that count as equal, (nq,): B times these has no units.
 
     1/√M_jj. Where there is no inertia, what makes a coordinate's part in the rows of B as large as
@@ -63,11 +63,11 @@ def coordinate_sizes(mass_diagonal: Array, jacobian: Array) -> Array:
 
     Parameters
     ----------
-    mass_diagonal : (nq,) array
+    inertia : (nq,) array
     jacobian : (nc, nq) array
     """
-    known = mass_diagonal > 0.0
-    sizes = np.sqrt(_compliance(mass_diagonal))
+    known = inertia > 0.0
+    sizes = np.sqrt(_compliance(inertia))
     entries = np.abs(jacobian)
     while not known.all():
         length = np.sqrt((entries * entries) @ (sizes * sizes))
@@ -101,13 +101,13 @@ def usable(scale: Array) -> Array:
     return np.where(scale > 0.0, scale, 1.0)
 
 
-def _inertial(mass_diagonal: Array, x: Array, axis: int) -> tuple[Array, Array]:
+def _inertial(inertia: Array, x: Array, axis: int) -> tuple[Array, Array]:
     """Return 1/M_jj, or 0 where there is no inertia, and √max_j(M_jj x_j²)."""
-    moment = np.where(mass_diagonal > 0.0, mass_diagonal * x * x, 0.0)
-    return _compliance(mass_diagonal), np.sqrt(moment.max(axis=axis, initial=0.0))
+    moment = np.where(inertia > 0.0, inertia * x * x, 0.0)
+    return _compliance(inertia), np.sqrt(moment.max(axis=axis, initial=0.0))
 
 
-def _compliance(mass_diagonal: Array) -> Array:
+def _compliance(inertia: Array) -> Array:
     """Return 1/M_jj, or 0 where there is no inertia."""
-    resists = mass_diagonal > 0.0
-    return np.where(resists, 1.0 / np.where(resists, mass_diagonal, 1.0), 0.0)
+    resists = inertia > 0.0
+    return np.where(resists, 1.0 / np.where(resists, inertia, 1.0), 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
-from lagcli.engine.initial import ACCEPTED, LONGEST, REACHED, REGULAR
+from lagcli.engine.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR
 from lagcli.engine.program import assemble
 from lagcli.engine.scales import coordinate_sizes, least_scales, usable
 from lagcli.engine.system import Pattern, System
@@ -120,13 +120,18 @@ class _Search:
         out: Array = self.dynamics(self.inputs(parameters, q, v), np.empty((1, 0)))[0].T
         return out
 
-    def mass_diagonal(self, parameters: Array, q: Array, v: Array) -> Array:
-        """Return the diagonal of M, (n, nq)."""
+    def inertia(self, parameters: Array, q: Array, v: Array) -> Array:
+        """Return the inertia of each coordinate, (n, nq)."""
         out, diagonal = self.entries(parameters, q, v), np.zeros(q.shape)
         for place, (i, j) in enumerate(self.system.mass_pattern):
             if i == j:
                 diagonal[:, i] = out[:, place]
-        return diagonal
+        return self.system.inertia(diagonal)
+
+    def sizes(self, mass: Array, jacobian: Array) -> Array:
+        """Return the sizes of the coordinates, (n, nq)."""
+        inertia = self.system.inertia(np.diagonal(mass, axis1=1, axis2=2))
+        return np.array([coordinate_sizes(m, b) for m, b in zip(inertia, jacobian, strict=True)])
 
     def matrices(self, out: Array) -> tuple[Array, Array]:
         """Return M and B from outputs of the dynamics tape."""
@@ -144,7 +149,7 @@ class _Search:
         """Return φ over its scale, and the holonomic rows of B over it too."""
         c = self.constraints(parameters, q, v)
         jacobian = c.jacobian[:, self.holonomic]
-        least = least_scales(self.mass_diagonal(parameters, q, v), jacobian, q)
+        least = least_scales(self.inertia(parameters, q, v), jacobian, q)
         scale = usable(np.maximum(c.position_scale, least))
         return c.position / scale, jacobian / scale[:, :, None]
 
@@ -162,7 +167,7 @@ class _Search:
             if not len(rows) or not len(free):
                 break
             mass, b = self.matrices(self.entries(parameters[rows], q[rows], v[rows]))
-            sizes = _sizes(mass, b)
+            sizes = self.sizes(mass, b)
             step, usual = self.step(phi[rows], jacobian[rows], mass, sizes, free, self.holonomic)
             length = np.abs(step / sizes[:, free]).max(axis=1)
             size = LONGEST * np.abs(q[rows] / sizes).max(axis=1)
@@ -229,8 +234,11 @@ class _Search:
             return v, ordinary
         for left in reversed(range(4)):  # linear: the later steps remove rounding
             c = self.constraints(parameters, q, v)
-            least = least_scales(self.mass_diagonal(parameters, q, v), c.jacobian, v)
-            scale = usable(np.maximum(c.velocity_scale, least))
+            least = least_scales(self.inertia(parameters, q, v), c.jacobian, v)
+            scale = np.maximum(c.velocity_scale, least)
+            if left == 3:
+                of_guess = OF_GUESS * scale
+            scale = usable(np.maximum(scale, of_guess))
             psi = (_times(c.jacobian, v) + c.drift) / scale
             ordinary &= _finite(psi)
             rows = np.flatnonzero(ordinary & (np.abs(psi).max(axis=1) > REACHED))
@@ -239,7 +247,7 @@ class _Search:
             mass, b = self.matrices(self.entries(parameters[rows], q[rows], v[rows]))
             scaled = c.jacobian[rows] / scale[rows][:, :, None]
             every = np.arange(self.nc)
-            step, usual = self.step(psi[rows], scaled, mass, _sizes(mass, b), free, every)
+            step, usual = self.step(psi[rows], scaled, mass, self.sizes(mass, b), free, every)
             ordinary[rows[~usual]] = False
             v[np.ix_(rows[usual], free)] += step[usual]
         return v, ordinary & (np.abs(psi).max(axis=1) <= ACCEPTED)
@@ -283,12 +291,6 @@ def _lengths(x: Array) -> Array:
     for column in x.T:
         total += column * column
     return np.sqrt(total)
-
-
-def _sizes(mass: Array, jacobian: Array) -> Array:
-    """Return the sizes of coordinates, (n, nq)."""
-    diagonal = np.diagonal(mass, axis1=1, axis2=2)
-    return np.array([coordinate_sizes(m, b) for m, b in zip(diagonal, jacobian, strict=True)])
 
 
 def _full_rank(jacobian: Array) -> Flags:

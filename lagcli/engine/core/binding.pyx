@@ -51,6 +51,7 @@ cdef extern from "system.h":
         const int32_t *jacobian_row
         const int32_t *jacobian_column
         const int32_t *mass_diagonal
+        const int32_t *unit
         lag_tape dynamics
         lag_tape constraint
 
@@ -372,6 +373,8 @@ cdef class Integrator:
         self.system.jacobian_column = self.integers([j for _, j in system.jacobian_pattern])
         diagonal = {i: at for at, (i, j) in enumerate(system.mass_pattern) if i == j}
         self.system.mass_diagonal = self.integers([diagonal.get(j, -1) for j in range(nq)])
+        first = {j: group[0] for group in system.alike for j in group}
+        self.system.unit = self.integers([first.get(j, j) for j in range(nq)])
         self.bind(&self.system.constraint, constraint)
         self.run.system = &self.system
         self.run.t, self.run.t_end, self.run.h_max = t, t_end, h_max

@@ -41,10 +41,16 @@ static void lanes_raise_scales(const lag_octet *o, const double *t, const double
             vec mass = all(0.0);
             if (s->mass_diagonal[j] >= 0)
                 mass = READ(OUTPUT(d, s->mass_diagonal[j]) + k);
+            double *inertia = compliance + s->unit[j] * LAG_LANES + k; /* so far */
+            AT(compliance + j * LAG_LANES + k) = all(0.0);
+            AT(inertia) = larger(mass, READ(inertia));
+        }
+        for (int j = s->nq - 1; j >= 0; --j) {
+            const vec inertia = READ(compliance + s->unit[j] * LAG_LANES + k);
             const vec q = READ(y + j * LAG_LANES + k);
-            const mask resists = mass > all(0.0);
-            AT(compliance + j * LAG_LANES + k) = choose(resists, all(1.0) / mass, all(0.0));
-            size = choose(resists, larger(size, mass * q * q), size);
+            size = larger(inertia * q * q, size);
+            AT(compliance + j * LAG_LANES + k) =
+                choose(inertia > all(0.0), all(1.0) / inertia, all(0.0));
         }
         for (int i = 0; i < s->nb; ++i) {
             const int row = s->jacobian_row[i] * LAG_LANES + k;

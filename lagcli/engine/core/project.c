@@ -19,8 +19,13 @@ static void raise_scales(lag_run *run, double t, const double *y)
     memset(own, 0, 2 * (size_t)s->nc * sizeof(double));
     for (int j = 0; j < s->nq; ++j) {
         const double mass = s->mass_diagonal[j] < 0 ? 0.0 : OUT(d, s->mass_diagonal[j]);
-        compliance[j] = mass > 0.0 ? 1.0 / mass : 0.0;
-        size = mass > 0.0 ? fmax(size, mass * y[j] * y[j]) : size;
+        compliance[j] = 0.0;
+        compliance[s->unit[j]] = fmax(compliance[s->unit[j]], mass); /* the inertia, so far */
+    }
+    for (int j = s->nq - 1; j >= 0; --j) {
+        const double inertia = compliance[s->unit[j]];
+        size = fmax(size, inertia * y[j] * y[j]);
+        compliance[j] = inertia > 0.0 ? 1.0 / inertia : 0.0;
     }
     for (int i = 0; i < s->nb; ++i) {
         const int row = s->jacobian_row[i], column = s->jacobian_column[i];
