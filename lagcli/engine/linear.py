@@ -201,12 +201,25 @@ def least_change(
     if n == 0:
         return np.zeros(nq)
     if mass is not None and rank in (None, n):
-        try:
-            delta, _ = solve_regular(mass, np.zeros(nq), jacobian, -residual)
-        except SingularSystem:
-            delta = np.full(nq, np.nan)
-        if np.isfinite(delta).all():
+        delta = _least_change(jacobian, residual, mass)
+        if delta is not None:
             return delta
     if sizes is None and mass is not None:
         sizes = coordinate_sizes(np.diag(mass), jacobian)
-    return decompose(jacobian, rank, scale=scale, sizes=sizes).least(-residual)
+    d = decompose(jacobian, rank, scale=scale, sizes=sizes)
+    if mass is not None and 0 < d.rank < n:
+        # as many combinations of the rows are independent
+        rows, rhs = d.left.T @ (jacobian / d.scale[:, None]), d.left.T @ (residual / d.scale)
+        delta = _least_change(rows, rhs, mass)
+        if delta is not None:
+            return delta
+    return d.least(-residual)
+
+
+def _least_change(jacobian: Array, residual: Array, mass: Array) -> Array | None:
+    """Return the smallest δ in the metric of M for B of full rank; None where there is none."""
+    try:
+        delta, _ = solve_regular(mass, np.zeros(len(mass)), jacobian, -residual)
+    except SingularSystem:
+        return None
+    return delta if np.isfinite(delta).all() else None
