@@ -223,10 +223,12 @@ def random_mechanism(seed: int) -> Mechanism:
         kinds = LOOPS[random.integers(len(LOOPS))] if closed else ()
         count = 4 if closed else int(random.integers(1, 4))
         kinds = kinds or tuple(random.choice(list(FREEDOMS), size=count))
-        if along:  # every link along an axis of the frame
+        if along and not closed:  # every link along an axis of the frame
             step = [direction() * random.uniform(0.5, 1.0) for _ in range(count)]
-        else:
+        else:  # a loop in special places may not move, or begin in a singular configuration
             step = [random.normal(size=3) * 0.6 for _ in range(count)]
+        if closed and "spherical" not in kinds:
+            along = False  # nor may one with special axes
         points = list(np.cumsum([np.zeros(3), *step], axis=0)[:count])
         axes = [direction() for _ in range(count)]
     bodies = 3 if closed else len(kinds)
