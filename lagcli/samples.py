@@ -97,8 +97,9 @@ class Record:
     Parameters
     ----------
     scale_position, scale_velocity : (nc,) arrays
-        The constraints' own scales: the largest sum of the magnitudes of their terms along the
-        run, by which residuals are judged.
+        The constraints' own scales, by which residuals are judged: the largest sum of the
+        magnitudes of their terms along the run, or what `lagcli.engine.scales` gives where that
+        is larger.
     units : mapping of str to str
         Unit, in SI, of a coordinate, a parameter or an output, by name, where the model states it.
     status, message : str

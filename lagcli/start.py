@@ -65,7 +65,7 @@ def describe_undefined(equations: Equations, t: float, q: Array, v: Array) -> st
 
 def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalError:
     residuals = "\n".join(
-        f"  {x.constraint}: residual {x.residual:.3g} ({x.relative:.2g} of its terms)"
+        f"  {x.constraint}: residual {x.residual:.3g} ({x.relative:.2g} of its scale)"
         for x in error.violations
     )
     names = ", ".join(f"`{x.constraint}`" for x in error.violations)

@@ -138,7 +138,7 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     if residuals:
         lines.append(
             f"  {'residuals':<12}{', '.join(residuals)} (largest, relative to each constraint's"
-            " terms)"
+            " scale)"
         )
     scale = s["energy_scale"]
     relative = f", {s['energy_balance'] / scale:.1e} of {scale:.4g} J" if scale else ""

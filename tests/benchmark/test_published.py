@@ -98,6 +98,11 @@ def run(engine: str, name: str, slow: float | None) -> Trajectory:
         through_singular=CASES[name].singular,
     )
     assert trajectory.status == "completed", trajectory.message
+    # the promise of every completed run
+    position = np.abs(trajectory.residual_position / trajectory.scale_position)
+    velocity = np.abs(trajectory.residual_velocity / trajectory.scale_velocity)
+    assert np.nanmax(position, initial=0.0) <= 1e-12
+    assert velocity.max(initial=0.0) <= 1e-12
     return trajectory
 
 

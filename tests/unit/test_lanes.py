@@ -199,6 +199,20 @@ def _residuals(runs, rows):
     )
 
 
+def test_constraints_whose_terms_vanish_stay_in_the_lanes(core_statuses):
+    """A door about the frame's axis: the orientation's two constraints are zero term by term."""
+    path = MODELS[0].parents[1] / "tests" / "found" / "door_one_hinge.yaml"
+    options = {"t_end": 1.0, "samples": 11}
+    runs = Runs(lagcli.load(path), ["gx"], [[1.7], [2.0], [0.5]], **options)
+    found = runs()
+    assert core_statuses() == [2] * 3
+    for row in range(3):
+        expected, _ = runs.single(row)
+        np.testing.assert_allclose(found[row][0], expected, rtol=0, atol=1e-6)
+        position, velocity, _ = _residuals(runs, found[row][0])
+        assert max(position.max(), velocity.max()) <= 1e-12
+
+
 def slider_cranks(count=30, **options):
     """Slider-cranks that turn and swing and differ in everything, and in how long they take."""
     random = np.random.default_rng(7)

@@ -152,9 +152,9 @@ def _phrase(options: Mapping[str, Any]) -> str:
 
 
 def _worst(residual: Array, scale: Array) -> str:
-    """Return the largest residual by its constraint's terms."""
+    """Return the largest residual by its constraint's scale."""
     ratios = [r / s for r, s in zip(residual, scale, strict=True) if r == r and s == s and s > 0]
-    return f"{number(max(ratios), 2)}, relative to the constraint's terms" if ratios else ""
+    return f"{number(max(ratios), 2)}, relative to the constraint's scale" if ratios else ""
 
 
 def _plain(value: Any) -> str:
