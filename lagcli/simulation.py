@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
@@ -175,7 +175,6 @@ class Simulation:
         t_end = times[-1] if s.times is not None else s.t_end
         assert t_end is not None
         assert s.rtol
-        assert s.atol
         assert s.method
         assert s.formulation
         assert s.max_steps
@@ -187,7 +186,8 @@ class Simulation:
             t_end=float(t_end),
             times=times,
             rtol=s.rtol,
-            atol=s.atol,
+            atol=_absolute_tolerances(s.atol, self.model.coordinate_names),
+            kinds=_kinds(self.model),
             method=s.method,
             formulation=s.formulation,
             alpha=s.alpha,
@@ -390,6 +390,23 @@ def _block_rows(system: System) -> int:
     held = max(system.dynamics.registers, system.report.registers, nq * nc)
     in_time = max(_BLOCK_NUMBERS // (stored + 10), _LEAST_ROWS)
     return max(1, min(in_time, _BLOCK_REGISTERS // held))
+
+
+def _absolute_tolerances(
+    given: float | Mapping[str, float] | None, coordinates: tuple[str, ...]
+) -> float | Array:
+    """Return the absolute tolerances on q, v and the work; 0 where they follow the size."""
+    if not isinstance(given, Mapping):
+        return given or 0.0
+    names = (*coordinates, *(f"{q}'" for q in coordinates))
+    return np.array([*(given.get(name, 0.0) for name in names), 0.0])
+
+
+def _kinds(model: Model) -> tuple[int, ...]:
+    """Return a number for the unit of each coordinate."""
+    numbers: dict[str, int] = {}
+    units = [si_notation(c.unit) if c.unit else "" for c in model.coordinates]
+    return tuple(numbers.setdefault(unit, len(numbers)) for unit in units)
 
 
 def _units(model: Model) -> dict[str, str]:

@@ -107,7 +107,8 @@ class Integration:
             self.evaluator.row_lengths(c, request.q, request.v),
             request.rank,
             request.rtol,
-            request.atol,
+            request.tolerances,
+            request.kind_of,
             request.max_step,
             projecting,
             0 if not request.rank else 1 if request.through_singular else 2,
@@ -225,6 +226,7 @@ class Integration:
             evaluations=evaluations,
             undefined=undefined,
             methods=tuple(self.methods.steps),
+            tolerances=self.core.absolute_tolerances,
         )
 
     def integrate(self) -> None:

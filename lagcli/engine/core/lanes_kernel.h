@@ -4,6 +4,7 @@
 #include "lanes_vector.h"
 #include "motion.h"
 #include "project.h"
+#include "sizes.h"
 #include "watch.h"
 
 /* each needs those before it */
@@ -20,6 +21,8 @@
 #include "lanes_dop853.h"
 
 #include "lanes_sample.h"
+
+#include "lanes_sizes.h"
 
 #include "lanes_advance.h"
 
