@@ -99,6 +99,7 @@ cdef extern from "run.h":
         const double *given
         double *size
         double *gross
+        double *later
         int kinds
         const int32_t *kind
         double *largest
@@ -385,7 +386,8 @@ cdef class Integrator:
         self.run.given = self.borrow(kept)
         self.tolerances = kept.copy()
         self.run.atol = self.borrow(self.tolerances)
-        self.run.size, self.run.gross = self.doubles(n), self.doubles(nq)
+        self.run.size = self.doubles(n)
+        self.run.gross, self.run.later = self.doubles(nq), self.doubles(nq)
         self.run.kind, self.run.kinds = self.integers(kinds), 1 + max(kinds, default=0)
         self.run.largest = self.doubles(2 * self.run.kinds)
         self.run.projecting, self.run.watching = projecting, watching

@@ -65,6 +65,7 @@ cdef extern from "lanes.h":
         double *atol
         double *size
         double *gross
+        double *later
         double *largest
         lag_run *single
         const int32_t *single_dynamics_prelude
@@ -202,7 +203,8 @@ cdef class Lanes(_LaneMemory):
         s.projected, s.dense_y = self.lanes(n), self.lanes(n)
         s.stages, s.dense = self.lanes(16 * n), self.lanes(7 * n)
         s.lengths = self.lanes(nc)
-        s.atol, s.size, s.gross = self.lanes(n), self.lanes(n), self.lanes(nq)
+        s.atol, s.size = self.lanes(n), self.lanes(n)
+        s.gross, s.later = self.lanes(nq), self.lanes(nq)
         s.largest = self.lanes(2 * run.kinds)
 
     cdef int bind_octet(self, lag_octet *o, dynamics, constraint) except -1:

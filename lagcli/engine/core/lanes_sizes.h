@@ -17,7 +17,8 @@ static void lanes_sizes_energy(lag_lanes *s, int lanes, const double *y, const d
             for (int side = 0; side < 2; ++side) {
                 vec v = READ(y + (nq + place[side]) * LAG_LANES + k);
                 if (h) {
-                    const vec more = READ(h + k) * READ(s->gross + place[side] * LAG_LANES + k);
+                    const int i = place[side] * LAG_LANES + k;
+                    const vec more = READ(h + k) * (READ(s->gross + i) + READ(s->later + i));
                     v = choose(v < 0.0, v - more, v + more);
                 }
                 part *= v;
@@ -29,60 +30,67 @@ static void lanes_sizes_energy(lag_lanes *s, int lanes, const double *y, const d
     }
 }
 
-/* Raise A of some lanes, or of those of their coordinates that are at rest, to what the tape's
- * accelerations at (t, y), less those in `base` if that is given, amount to. */
-static void lanes_gross(lag_lanes *s, int lanes, const double *t, const double *y,
-                        const double *base, double part, int resting)
+/* y' at (t, y), in the step's last stage. */
+static double *lanes_slope(lag_lanes *s, const double *t, const double *y)
 {
-    const lag_system *system = s->system;
-    const int nq = system->nq, n8 = lag_size(system) * LAG_LANES;
-    double *f = s->stages + DOP_STAGES * n8;
-    lanes_evaluate(&s->moving.dynamics, system, t, y, LAG_ALL);
+    double *f = s->stages + DOP_STAGES * lag_size(s->system) * LAG_LANES;
+    lanes_evaluate(&s->moving.dynamics, s->system, t, y, LAG_ALL);
     lanes_derivative(&s->moving, f);
-    EACH_PART (k)
-        for (int i = 0; i < nq; ++i) {
-            const int q = i * LAG_LANES + k, v = q + nq * LAG_LANES;
-            mask chosen = lanes_of(lanes, k);
-            vec a = READ(f + v);
-            if (base)
-                a -= READ(base + v);
-            a = magnitude(a) / part;
-            if (resting)
-                chosen &= (READ(s->y + q) == 0.0) & (READ(s->y + v) == 0.0)
-                          & (READ(s->stages + v) == 0.0);
-            chosen &= a <= DBL_MAX;
-            AT(s->gross + q) = choose(chosen, larger(a, READ(s->gross + q)), READ(s->gross + q));
-        }
+    return f;
 }
 
-/* Measure the sizes in some lanes, where y' at y is the first stage. */
-static void lanes_sizes_start(lag_lanes *s, int lanes)
+/* Raise R in some lanes to what the accelerations of coordinates at rest will be. */
+static void lanes_look_ahead(lag_lanes *s, int lanes)
 {
-    const lag_system *system = s->system;
-    const int nq = system->nq, n8 = lag_size(system) * LAG_LANES;
-    int at_rest = 0;
-    EACH_PART (k)
-        for (int i = 0; i < nq; ++i) {
-            const int q = i * LAG_LANES + k, v = q + nq * LAG_LANES;
-            const vec a = magnitude(READ(s->stages + v));
-            AT(s->gross + q) = choose(lanes_of(lanes, k), a, READ(s->gross + q));
-            at_rest |= set_of((READ(s->y + q) == 0.0) & (READ(s->y + v) == 0.0) & (a == 0.0), k);
-        }
-    for (int sign = -1; sign <= 1; sign += 2) {
-        memcpy(s->y_new, s->y, (size_t)n8 * sizeof(double));
-        for (int i = 0; i < 2 * nq; ++i)
-            EACH_PART (k)
-                AT(s->y_new + i * LAG_LANES + k) *= 1.0 + sign * PERTURBATION * cos(1.0 + i);
-        lanes_gross(s, lanes, s->t, s->y_new, s->stages, PERTURBATION, 0);
-    }
-    if (!(at_rest & lanes))
-        return;
+    const int nq = s->system->nq;
     for (int i = 0; i < LOOKS; ++i) {
         double t[LAG_LANES];
         EACH_LANE (l)
             t[l] = s->t[l] + (i + 0.5) / LOOKS * (s->t_end - s->t[l]);
-        lanes_gross(s, at_rest & lanes, t, s->y, NULL, 1.0, 1);
+        const double *f = lanes_slope(s, t, s->y);
+        EACH_PART (k)
+            for (int m = 0; m < nq; ++m) {
+                const int q = m * LAG_LANES + k, v = q + nq * LAG_LANES;
+                const vec a = magnitude(READ(f + v)), kept = READ(s->later + q);
+                const mask chosen = lanes_of(lanes, k) & (READ(s->y + q) == 0.0)
+                                    & (READ(s->y + v) == 0.0) & (READ(s->stages + v) == 0.0)
+                                    & (a <= DBL_MAX);
+                AT(s->later + q) = choose(chosen, larger(a, kept), kept);
+            }
     }
+}
+
+/* Find A and R in some lanes, where y' at y is the first stage: lag_sizes_start. */
+static void lanes_sizes_start(lag_lanes *s, int lanes)
+{
+    const lag_system *system = s->system;
+    const int nq = system->nq, nearest = fegetround();
+    int at_rest = 0;
+    fesetround(FE_DOWNWARD);
+    memcpy(s->before, lanes_slope(s, s->t, s->y), (size_t)lag_size(system) * LAG_LANES * sizeof(double));
+    fesetround(FE_UPWARD);
+    const double *f = lanes_slope(s, s->t, s->y);
+    fesetround(nearest);
+    memset(s->largest, 0, (size_t)s->single->kinds * LAG_LANES * sizeof(double));
+    EACH_PART (k) {
+        const mask chosen = lanes_of(lanes, k);
+        for (int i = 0; i < nq; ++i) {
+            const int q = i * LAG_LANES + k, v = q + nq * LAG_LANES;
+            double *largest = s->largest + s->single->kind[i] * LAG_LANES + k;
+            const vec a = magnitude(READ(s->stages + v));
+            const vec noise = magnitude(READ(f + v) - READ(s->before + v)) / DBL_EPSILON;
+            const vec gross = choose(noise <= DBL_MAX, larger(a, noise), a);
+            AT(largest) = larger(gross, READ(largest));
+            AT(s->later + q) = choose(chosen, all(0.0), READ(s->later + q));
+            at_rest |= set_of((READ(s->y + q) == 0.0) & (READ(s->y + v) == 0.0) & (a == 0.0), k);
+        }
+        for (int i = 0; i < nq; ++i) {
+            const vec gross = READ(s->largest + s->single->kind[i] * LAG_LANES + k);
+            AT(s->gross + i * LAG_LANES + k) = choose(chosen, gross, READ(s->gross + i * LAG_LANES + k));
+        }
+    }
+    if (at_rest & lanes)
+        lanes_look_ahead(s, at_rest & lanes);
 }
 
 /* Sizes and absolute tolerances for the next steps of some lanes. */
@@ -90,7 +98,7 @@ static void lanes_sizes_update(lag_lanes *s, int lanes)
 {
     const lag_run *single = s->single;
     const int nq = s->system->nq, kinds = single->kinds;
-    const double rounding = TIMING * (s->t_end - s->t_start), following = FOLLOWING * s->rtol;
+    const double length = TIMING * (s->t_end - s->t_start), following = FOLLOWING * s->rtol;
     EACH_PART (k) {
         const mask chosen = lanes_of(lanes, k);
         for (int i = 0; i < 2 * kinds; ++i)
@@ -105,10 +113,12 @@ static void lanes_sizes_update(lag_lanes *s, int lanes)
         for (int m = 0; m < 2 * nq; ++m) {
             double *atol = s->atol + m * LAG_LANES + k;
             const int kind = single->kind[m % nq] + (m < nq ? 0 : kinds);
-            const vec noise = rounding * READ(s->gross + m % nq * LAG_LANES + k);
+            const int i = m % nq * LAG_LANES + k;
+            const vec h = READ(s->h + k);
+            const vec noise = SUMMING * h * READ(s->gross + i) + length * READ(s->later + i);
             vec found = following * READ(s->size + m * LAG_LANES + k)
                         + ROUNDING * READ(s->largest + kind * LAG_LANES + k)
-                        + (m < nq ? noise * READ(s->h + k) : noise) + NO_SIZE;
+                        + (m < nq ? noise * h : noise) + NO_SIZE;
             if (single->given[m] > 0.0)
                 found = all(single->given[m]);
             AT(atol) = choose(chosen, found, READ(atol));
@@ -145,7 +155,7 @@ static void lanes_first_steps(lag_lanes *s, int lanes)
         for (int i = 0; i < nq; ++i) {
             const int q = i * LAG_LANES + l, v = q + nq * LAG_LANES;
             const double *largest = s->largest + s->single->kind[i] * LAG_LANES + l;
-            const double a = s->gross[q];
+            const double a = s->gross[q] + s->later[q];
             w[q] = fabs(s->y[q]) + BESIDE * largest[0] + horizon * (fabs(s->y[v]) + horizon * a);
             w[v] = fabs(s->y[v]) + BESIDE * largest[s->single->kinds * LAG_LANES] + horizon * a
                    + sqrt(a * w[q]);

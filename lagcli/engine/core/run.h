@@ -41,7 +41,7 @@ typedef struct lag_run {
     double t_start, t, t_end, h, h_max, rtol, error_old;
     double *atol;                      /* n: the absolute tolerances of the next step; see sizes.h */
     const double *given;               /* n: those that are given; 0 where they follow the size */
-    double *size, *gross;              /* n, nq: S and A of sizes.h */
+    double *size, *gross, *later;      /* n, nq, nq: S, A and R of sizes.h */
     int kinds;                         /* of coordinates, by their unit */
     const int32_t *kind;               /* nq */
     double *largest;                   /* 2 kinds: size of the coordinates and the velocities */

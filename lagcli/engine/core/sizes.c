@@ -1,5 +1,6 @@
 #include "sizes.h"
 
+#include <fenv.h>
 #include <math.h>
 #include <string.h>
 
@@ -9,12 +10,12 @@
 static double kinetic_energy(const lag_run *run, const double *v, double h)
 {
     const lag_system *s = run->system;
-    const double *a = run->gross;
+    const double *a = run->gross, *b = run->later;
     double sum = 0.0;
     for (int m = 0; m < s->nm; ++m) {
         const int i = s->mass_row[m], j = s->mass_column[m];
-        const double one = v[i] + copysign(h * a[i], v[i]), other = v[j] + copysign(h * a[j], v[j]);
-        sum += OUT(&s->dynamics, m) * one * other;
+        sum += OUT(&s->dynamics, m) * (v[i] + copysign(h * (a[i] + b[i]), v[i]))
+               * (v[j] + copysign(h * (a[j] + b[j]), v[j]));
     }
     return 0.5 * fabs(sum);
 }
@@ -26,7 +27,7 @@ void lag_sizes_energy(lag_run *run, const double *y)
         run->size[2 * nq] = fmax(run->size[2 * nq], kinetic_energy(run, y + nq, 0.0));
 }
 
-/* Raise A_i to what the accelerations of coordinates at rest will be. */
+/* Raise R_i to what the accelerations of coordinates at rest will be. */
 static void look_ahead(lag_run *run)
 {
     const int nq = run->system->nq;
@@ -42,34 +43,40 @@ static void look_ahead(lag_run *run)
             continue;
         for (int i = 0; i < nq; ++i)
             if (y[i] == 0.0 && y[nq + i] == 0.0 && a[i] == 0.0)
-                run->gross[i] = fmax(run->gross[i], fabs(f[nq + i]));
+                run->later[i] = fmax(run->later[i], fabs(f[nq + i]));
     }
 }
 
 void lag_sizes_start(lag_run *run)
 {
-    const int nq = run->system->nq;
-    double *y = run->trial, *f = run->f_new;
-    for (int i = 0; i < nq; ++i)
-        run->gross[i] = fmax(run->gross[i], fabs(run->f[nq + i]));
-    for (int sign = -1; sign <= 1; sign += 2) {
-        for (int i = 0; i < 2 * nq; ++i) /* no two entries alike, lest their changes cancel too */
-            y[i] = run->y[i] * (1.0 + sign * PERTURBATION * cos(1.0 + i));
-        y[2 * nq] = run->y[2 * nq];
-        if (lag_derivative(run, run->t, y, f))
-            continue;
-        for (int i = 0; i < nq; ++i) {
-            const double change = fabs(f[nq + i] - run->f[nq + i]) / PERTURBATION;
-            run->gross[i] = fmax(run->gross[i], change);
-        }
+    static const int mode[] = {FE_DOWNWARD, FE_UPWARD};
+    const int nq = run->system->nq, nearest = fegetround();
+    double *found[] = {run->trial, run->f_new};
+    int undefined = 0;
+    for (int side = 0; side < 2; ++side) {
+        run->system->dynamics.registers[0] = NAN; /* what it holds is rounded otherwise */
+        fesetround(mode[side]);
+        undefined |= lag_derivative(run, run->t, run->y, found[side]);
+        fesetround(nearest);
     }
+    run->system->dynamics.registers[0] = NAN;
+    for (int i = 0; i < nq; ++i) {
+        const double noise = undefined ? 0.0 : fabs(found[1][nq + i] - found[0][nq + i]);
+        const double a = fmax(fabs(run->f[nq + i]), noise / DBL_EPSILON);
+        run->gross[i] = fmax(run->gross[i], a);
+    }
+    memset(run->largest, 0, (size_t)run->kinds * sizeof(double));
+    for (int i = 0; i < nq; ++i)
+        run->largest[run->kind[i]] = fmax(run->largest[run->kind[i]], run->gross[i]);
+    for (int i = 0; i < nq; ++i)
+        run->gross[i] = run->largest[run->kind[i]];
     look_ahead(run);
 }
 
 void lag_sizes_update(lag_run *run)
 {
     const int nq = run->system->nq;
-    const double rounding = TIMING * (run->t_end - run->t_start);
+    const double h = SUMMING * run->h, length = TIMING * (run->t_end - run->t_start);
     double *size = run->size, *largest = run->largest;
     memset(largest, 0, 2 * (size_t)run->kinds * sizeof(double));
     for (int part = 0; part < 2; ++part)
@@ -82,7 +89,7 @@ void lag_sizes_update(lag_run *run)
     for (int part = 0; part < 2; ++part)
         for (int i = 0; i < nq; ++i) {
             const int m = part * nq + i;
-            const double noise = rounding * run->gross[i] * (part ? 1.0 : run->h);
+            const double noise = (h * run->gross[i] + length * run->later[i]) * (part ? 1.0 : run->h);
             const double all = largest[part * run->kinds + run->kind[i]];
             run->atol[m] = run->given[m] > 0.0
                                ? run->given[m]
@@ -114,7 +121,7 @@ void lag_first_step(lag_run *run, double order)
     double *w = run->trial, *f1 = run->stages;
     lag_sizes_update(run);
     for (int i = 0; i < nq; ++i) {
-        const double a = run->gross[i];
+        const double a = run->gross[i] + run->later[i];
         w[i] = fabs(y[i]) + BESIDE * run->largest[run->kind[i]] + horizon * (fabs(y[nq + i]) + horizon * a);
         w[nq + i] = fabs(y[nq + i]) + BESIDE * run->largest[run->kinds + run->kind[i]] + horizon * a
                     + sqrt(a * w[i]);

@@ -11,10 +11,13 @@
  *
  *   - ROUNDING times the largest size of coordinates (or velocities) of the same kind: those that the
  *     model gives in the same unit;
- *   - TIMING times T A_i for a velocity, and h T A_i for its coordinate. T is the length of the run, h
- *     the step, A_i the sum of what the acceleration is made of at the start, where parts of it may
- *     cancel (a body in equilibrium). Of a coordinate at rest without acceleration, A_i is the largest
- *     acceleration at times to come: a load that is applied later.
+ *   - SUMMING times h A_i for a velocity, and h^2 A_i for its coordinate. h is the step, A_i the size of
+ *     what the acceleration is made of at the start, parts of which may cancel (a body in equilibrium):
+ *     what it changes by between rounding up and rounding down, over the rounding unit; the largest
+ *     among coordinates of the same kind;
+ *   - TIMING times T R_i for a velocity, and h T R_i for its coordinate. T is the length of the run,
+ *     R_i, of a coordinate at rest without acceleration, the largest acceleration at times to come: a
+ *     load that is applied later, at a time that is known to a rounding.
  *
  * Every term changes with the units as y_i does. See docs/decisions/2026-11-tolerances.md.
  */
@@ -27,9 +30,9 @@
 
 #define FOLLOWING 0.1
 #define ROUNDING (100.0 * DBL_EPSILON)
+#define SUMMING (100.0 * DBL_EPSILON)
 #define TIMING (10.0 * DBL_EPSILON)
 #define NO_SIZE 1e-100      /* the tolerance of an entry that has no size at all yet */
-#define PERTURBATION 1e-7   /* of the state, which shows what accelerations are made of */
 #define LOOKS 64            /* times in a run at which accelerations to come are looked at */
 
 /* What a first step is estimated with, in parts of the run's length, where nothing else says how
@@ -37,7 +40,7 @@
 #define HORIZON 1e-4
 #define BESIDE 1e-3
 
-/* Find what the accelerations at (t, y, f), where the run starts, are made of: A. */
+/* Find what the accelerations at (t, y, f), where the run starts, are made of, and will be: A, R. */
 void lag_sizes_start(lag_run *run);
 
 /* Before the step from (t, y, f) of size h: sizes, and the absolute tolerances of the step. */
