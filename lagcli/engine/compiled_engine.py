@@ -225,7 +225,7 @@ class Integration:
             rejected=rejected,
             evaluations=evaluations,
             undefined=undefined,
-            methods=tuple(self.methods.steps),
+            methods=self.methods.used,
             tolerances=self.core.absolute_tolerances,
         )
 
