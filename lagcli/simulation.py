@@ -23,7 +23,8 @@ from lagcli.interruption import Interruption
 from lagcli.model.model import DEFAULTS, Model, SettingError, Settings
 from lagcli.model.units import si_notation
 from lagcli.samples import Record, Samples
-from lagcli.start import describe_undefined, find_start
+from lagcli.start import describe_undefined, find_start, negative_inertia
+from lagcli.trust import Trust
 
 if TYPE_CHECKING:
     from lagcli.engine.prepared import Prepared
@@ -233,12 +234,15 @@ class Simulation:
         """
         began = time.perf_counter()
         columns = DerivedColumns(self.system)
+        trust = Trust(self.system.constraints)
         elsewhere = 0.0  # seconds that are not the engine's
 
         def take(block: Block) -> None:
             nonlocal elsewhere
             entered = time.perf_counter()
-            sink(columns(block))
+            samples = columns(block)
+            trust.add(samples)
+            sink(samples)
             elsewhere += time.perf_counter() - entered
 
         def heed(t: float) -> None:
@@ -256,7 +260,18 @@ class Simulation:
         settings = dataclasses.asdict(self.settings)
         if run.methods:
             settings["method"] = ", ".join(run.methods)  # what `auto` was
+        tolerances: dict[str, float] = {}
+        if run.tolerances is not None:
+            tolerances = dict(zip(self.initial, run.tolerances[:-1].tolist(), strict=True))
+        assert self.settings.rtol
+        projected = self.settings.formulation == "projection"
+        scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
         return Record(
+            tolerances=tolerances,
+            warnings=(
+                *negative_inertia(self.system, self.settings.t_start or 0.0, self.start),
+                *trust.warnings(self.settings.rtol, run.steps, projected, scales),
+            ),
             scale_position=columns.scale_position,
             scale_velocity=columns.scale_velocity,
             units=_units(self.model),
