@@ -27,6 +27,7 @@ core = Extension(
             "rodas5p.c",
             "run.c",
             "series.c",
+            "sizes.c",
             "sparse.c",
             "tape.c",
             "taylor.c",

@@ -116,6 +116,10 @@ class Record:
         Time spent by phase.
     initial_correction : mapping of str to (float, float)
         What the consistent start moved: name → (value before, value after).
+    tolerances : mapping of str to float
+        The absolute tolerance of each coordinate and velocity (``phi'``) at the end of the run.
+    warnings : tuple of str
+        Why the result may not be trusted, one sentence each.
     """
 
     scale_position: Array
@@ -130,4 +134,6 @@ class Record:
     counts: Mapping[str, int] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     initial_correction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    tolerances: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
     lagcli_version: str = ""

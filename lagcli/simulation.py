@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,8 @@ from lagcli.interruption import Interruption
 from lagcli.model.model import DEFAULTS, Model, SettingError, Settings
 from lagcli.model.units import si_notation
 from lagcli.samples import Record, Samples
-from lagcli.start import describe_undefined, find_start
+from lagcli.start import describe_undefined, find_start, negative_inertia
+from lagcli.trust import Trust
 from lagcli.version import __version__
 
 if TYPE_CHECKING:
@@ -175,7 +176,6 @@ class Simulation:
         t_end = times[-1] if s.times is not None else s.t_end
         assert t_end is not None
         assert s.rtol
-        assert s.atol
         assert s.method
         assert s.formulation
         assert s.max_steps
@@ -187,7 +187,8 @@ class Simulation:
             t_end=float(t_end),
             times=times,
             rtol=s.rtol,
-            atol=s.atol,
+            atol=_absolute_tolerances(s.atol, self.model.coordinate_names),
+            kinds=_kinds(self.model),
             method=s.method,
             formulation=s.formulation,
             alpha=s.alpha,
@@ -233,12 +234,15 @@ class Simulation:
         """
         began = time.perf_counter()
         columns = DerivedColumns(self.system)
+        trust = Trust(self.system.constraints)
         elsewhere = 0.0  # seconds that are not the engine's
 
         def take(block: Block) -> None:
             nonlocal elsewhere
             entered = time.perf_counter()
-            sink(columns(block))
+            samples = columns(block)
+            trust.add(samples)
+            sink(samples)
             elsewhere += time.perf_counter() - entered
 
         def heed(t: float) -> None:
@@ -256,7 +260,18 @@ class Simulation:
         settings = dataclasses.asdict(self.settings)
         if run.methods:
             settings["method"] = ", ".join(run.methods)  # what `auto` was
+        tolerances: dict[str, float] = {}
+        if run.tolerances is not None:
+            tolerances = dict(zip(self.initial, run.tolerances[:-1].tolist(), strict=True))
+        assert self.settings.rtol
+        projected = self.settings.formulation == "projection"
+        scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
         return Record(
+            tolerances=tolerances,
+            warnings=(
+                *negative_inertia(self.system, self.settings.t_start or 0.0, self.start),
+                *trust.warnings(self.settings.rtol, run.steps, projected, scales),
+            ),
             scale_position=columns.scale_position,
             scale_velocity=columns.scale_velocity,
             units=_units(self.model),
@@ -390,6 +405,23 @@ def _block_rows(system: System) -> int:
     held = max(system.dynamics.registers, system.report.registers, nq * nc)
     in_time = max(_BLOCK_NUMBERS // (stored + 10), _LEAST_ROWS)
     return max(1, min(in_time, _BLOCK_REGISTERS // held))
+
+
+def _absolute_tolerances(
+    given: float | Mapping[str, float] | None, coordinates: tuple[str, ...]
+) -> float | Array:
+    """Return the absolute tolerances on q, v and the work; 0 where they follow the size."""
+    if not isinstance(given, Mapping):
+        return given or 0.0
+    names = (*coordinates, *(f"{q}'" for q in coordinates))
+    return np.array([*(given.get(name, 0.0) for name in names), 0.0])
+
+
+def _kinds(model: Model) -> tuple[int, ...]:
+    """Return a number for the unit of each coordinate."""
+    numbers: dict[str, int] = {}
+    units = [si_notation(c.unit) if c.unit else "" for c in model.coordinates]
+    return tuple(numbers.setdefault(unit, len(numbers)) for unit in units)
 
 
 def _units(model: Model) -> dict[str, str]:

@@ -145,3 +145,42 @@ def _check_inertia(equations: Equations, system: System, t: float, start: Consis
         f"the {what} no inertia: `T` does not resist it and no constraint determines it, so that"
         " its acceleration is undetermined; give it a mass, or a constraint"
     )
+
+
+def negative_inertia(system: System, t: float, start: ConsistentState) -> list[str]:
+    """Return a warning where T falls with the velocities that the constraints allow.
+
+    Equations with negative masses can be solved, but no body has one: a sign is wrong.
+    """
+    d = Evaluator(system).dynamics(t, start.q, start.v)
+    mass, nq = d.mass_matrix, len(start.q)
+    if not nq or not np.isfinite(mass).all():
+        return []
+    size = np.sqrt(np.abs(np.diag(mass)))
+    size = 1 / np.where(size > 0, size, 1.0)
+    scaled = mass * np.outer(size, size)
+    try:
+        np.linalg.cholesky(scaled + 1e-9 * np.eye(nq))
+    except np.linalg.LinAlgError:
+        pass
+    else:
+        return []
+    free = np.eye(nq)
+    if len(d.jacobian):
+        from lagcli.engine.linear import decompose
+
+        free = decompose(d.jacobian, start.rank).null
+    basis, _ = np.linalg.qr(free / size[:, None])
+    values, vectors = np.linalg.eigh(basis.T @ scaled @ basis)
+    if not len(values) or values[0] > -1e-9:
+        return []
+    direction = np.abs(size * (basis @ vectors[:, 0]))
+    names = [
+        f"`{name}`"
+        for name, x in zip(system.coordinates, direction, strict=True)
+        if x > 1e-6 * direction.max()
+    ]
+    return [
+        f"the inertia of {', '.join(names[:6])}{', …' if len(names) > 6 else ''} is negative:"
+        " `T` falls as the velocity grows; check the signs of masses and of `T`"
+    ]

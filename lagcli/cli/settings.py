@@ -55,7 +55,7 @@ RelativeTolerance = Annotated[
     float | None, typer.Option(help="Relative tolerance. [default: 1e-9]")
 ]
 AbsoluteTolerance = Annotated[
-    float | None, typer.Option(help="Absolute tolerance. [default: 1e-10]")
+    float | None, typer.Option(help="Absolute tolerance, for all coordinates and velocities. [default: by their size]")
 ]
 MethodOption = Annotated[
     Method | None,

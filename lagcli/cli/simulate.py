@@ -73,6 +73,10 @@ def simulate(
     max_steps: MostSteps = None,
     timeout: Timeout = None,
     through_singular: ThroughSingular = False,
+    strict: Annotated[
+        bool,
+        typer.Option("--strict", help="End with status 3 where the summary warns."),
+    ] = False,
     meta: Annotated[
         bool, typer.Option("--meta", help="Beside a CSV file, write FILE.json with its provenance.")
     ] = False,
@@ -111,6 +115,7 @@ def simulate(
             assignments("--set", set),
             assignments("--set-initial", set_initial),
             settings,
+            strict=strict,
             meta=meta,
             force=force,
             quiet=quiet,
@@ -132,6 +137,7 @@ def _run(
     initial: dict[str, str],
     settings: Any,
     *,
+    strict: bool,
     meta: bool,
     force: bool,
     quiet: bool,
@@ -201,7 +207,9 @@ def _run(
         stream = sys.stderr if output == "-" else sys.stdout
         print(summary.format_summary(result, loaded.name), file=stream)
     if record.status == "completed":
-        return 0
+        for warning in record.warnings:
+            print(f"{'error' if strict else 'warning'}: {warning}", file=sys.stderr)
+        return FAILED_STATUS if strict and record.warnings else 0
     print(f"error: {record.message}", file=sys.stderr)
     if output is not None:
         kept = f"kept {extremes.samples} samples in {output}" if written else "nothing written"

@@ -33,6 +33,7 @@ def summarize(
     return {
         "status": record.status,
         "message": record.message,
+        "warnings": list(record.warnings),
         "output": output,
         "t_start": float(options["t_start"]),
         "t_end": known(extremes.last),
@@ -41,6 +42,9 @@ def summarize(
         "engine": options["engine"],
         "method": options["method"],
         "formulation": options["formulation"],
+        "rtol": options["rtol"],
+        "atol": options.get("atol"),
+        "tolerances": dict(record.tolerances),
         "residual_position": _worst(extremes.residual_position, record.scale_position),
         "residual_velocity": _worst(extremes.residual_velocity, record.scale_velocity),
         "energy_balance": known(extremes.energy_balance) or 0.0,
@@ -109,6 +113,18 @@ def error_object(error: LagcliError) -> dict[str, Any]:
     return found
 
 
+def _absolute(summary: Mapping[str, Any]) -> str:
+    """Return how absolute tolerances were chosen."""
+    given, reached = summary["atol"], summary["tolerances"].values()
+    if isinstance(given, (int, float)):
+        return f"{given:g}"
+    between = f" ({min(reached):.1e} to {max(reached):.1e} at the end)" if reached else ""
+    if given is None:
+        return f"by the size of each coordinate and velocity{between}"
+    listed = ", ".join(f"{name} {x:g}" for name, x in islice(given.items(), 4))
+    return f"{listed}{', …' if len(given) > 4 else ''}, others by their size{between}"
+
+
 def format_summary(summary: Mapping[str, Any], name: str) -> str:
     """Return the summary as text of at most 100 columns."""
     s = summary
@@ -120,6 +136,8 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
         f"{name}: {s['status']}, t = {s['t_start']:.6g}{end}, {s['samples']} samples",
         *([f"{method} {counts}"] if fits else [method, f"  {'':<12}{counts}"]),
     ]
+    lines += [f"  {'warning':<12}{warning}" for warning in s["warnings"]]
+    lines.append(f"  {'tolerance':<12}rtol {s['rtol']:g}, atol {_absolute(s)}")
     if s["status"] == "completed" and s["message"]:
         lines.append(f"  {'':<12}{s['message']}")
     moved = s["initial_correction"]

@@ -110,7 +110,8 @@ class Integration:
             self.evaluator.row_lengths(c, request.q, request.v, np.ones(self.nq)),
             request.rank,
             request.rtol,
-            request.atol,
+            request.tolerances,
+            request.kind_of,
             request.max_step,
             projecting,
             0 if not request.rank else 1 if request.through_singular else 2,
@@ -227,7 +228,8 @@ class Integration:
             rejected=rejected,
             evaluations=evaluations,
             undefined=undefined,
-            methods=tuple(self.methods.steps),
+            methods=self.methods.used,
+            tolerances=self.core.absolute_tolerances,
         )
 
     def integrate(self) -> None:

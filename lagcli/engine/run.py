@@ -61,8 +61,13 @@ class Request:
         s.
     times : (nt,) array
         Sample times, increasing, within [t_start, t_end].
-    rtol, atol, method, formulation, alpha, beta, max_step, max_steps, timeout, through_singular
+    atol : float or (2 nq + 1,) array
+        Absolute tolerances on q, v and the work; 0 where they follow the size of the entry, as
+        core/sizes.h says.
+    rtol, method, formulation, alpha, beta, max_step, max_steps, timeout, through_singular
         As in Settings; alpha and beta None mean "from the step".
+    kinds : tuple of int, optional
+        By coordinate, a number that those of the same unit share, from 0 on; all alike without.
     block_rows : int
         The most samples to hand over at once.
     elimination : Elimination, optional
@@ -81,7 +86,7 @@ class Request:
     t_end: float
     times: Array
     rtol: float
-    atol: float
+    atol: float | Array
     method: str
     formulation: str
     alpha: float | None
@@ -90,10 +95,21 @@ class Request:
     max_steps: int
     timeout: float | None
     through_singular: bool
+    kinds: tuple[int, ...] = ()
     block_rows: int = 4096
     elimination: Elimination | None = None
     prepared: Prepared | None = None
     on_event: Callable[[Event], Reaction] | None = None
+
+    @property
+    def tolerances(self) -> Array:
+        """The given absolute tolerances on q, v and the work, (2 nq + 1,)."""
+        return np.full(2 * len(self.q) + 1, 1.0) * self.atol
+
+    @property
+    def kind_of(self) -> tuple[int, ...]:
+        """The kind of each coordinate."""
+        return self.kinds or (0,) * len(self.q)
 
 
 class Block(NamedTuple):
@@ -133,7 +149,8 @@ class Run:
     """What an engine returns: how it ended, and what it took.
 
     ``undefined`` is the state (t, q, v) at which the equations had no finite value, where that
-    ended the run. ``methods`` are those that took steps, where the engine chose.
+    ended the run. ``methods`` are those that took steps, where the engine chose. ``tolerances``
+    are the absolute ones on q, v and the work at the end, (2 nq + 1,).
     """
 
     status: Status
@@ -143,6 +160,7 @@ class Run:
     evaluations: int
     undefined: State | None = None
     methods: tuple[str, ...] = ()
+    tolerances: Array | None = None
 
 
 class Stop(Exception):

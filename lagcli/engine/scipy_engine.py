@@ -19,6 +19,7 @@ from lagcli.engine.passage import Crossing
 from lagcli.engine.projection import Projection
 from lagcli.engine.run import Block, Limits, Request, Run, Undefined, outcome
 from lagcli.engine.singular import Ahead, RankWatch
+from lagcli.engine.sizes import Sizes
 from lagcli.engine.system import System
 
 Array = NDArray[np.float64]
@@ -33,6 +34,10 @@ _METHODS: dict[str, type[OdeSolver]] = {
 }
 #: Baumgarte's α = β times the step size, where the user gives none.
 _BAUMGARTE_STEP = 0.1
+#: The orders by which first steps are chosen; multistep methods begin at order one.
+_ORDERS = {"DOP853": 8.0, "RK45": 5.0, "RK23": 3.0, "Radau": 4.0}
+#: Growth of a tolerance after which LSODA, which takes no others on the way, starts again.
+_LSODA_GROWTH = 10.0
 #: LSODA goes on with a drift of so many tolerances; samples are projected all the same.
 _LSODA_DRIFT = 10.0
 #: SciPy raises smaller ones to this, with a warning.
@@ -58,6 +63,7 @@ def run(
         rejected=integration.rejected,
         evaluations=integration.motion.evaluations,
         undefined=undefined,
+        tolerances=integration.sizes.tolerances if integration.sizes else None,
     )
 
 
@@ -79,6 +85,7 @@ class _Integration:
         self.watch = RankWatch(self.motion)
         self.steps = self.rejected = 0
         self.rows: list[Array] = []  # t, q, v, a, λ, W
+        self.sizes: Sizes | None = None
         self.sampled = 0
         self.limits = Limits(request)
         if request.formulation == "baumgarte":
@@ -98,6 +105,7 @@ class _Integration:
             self.sample(at, y)
         if t >= request.t_end:
             return
+        self.sizes = Sizes(self.motion, request, y)
         solver = self.solver(t, y)
         watch.add(t, y)
         while solver.status == "running":
@@ -125,6 +133,9 @@ class _Integration:
         # SciPy judges a step by the root mean square over y; with this factor its largest
         # component obeys the tolerance
         strict = 1 / math.sqrt(len(y))
+        assert self.sizes is not None
+        self.at_construction = self.sizes.tolerances
+        order = _ORDERS.get(request.method, 1.0)
         try:
             return _METHODS[request.method](
                 self.motion.rate,
@@ -132,8 +143,9 @@ class _Integration:
                 y,
                 request.t_end,
                 rtol=max(strict * request.rtol, _LEAST_RTOL),
-                atol=strict * request.atol,
+                atol=strict * self.sizes.tolerances,
                 max_step=request.max_step,
+                first_step=self.sizes.first_step(t, y, order),
             )
         except ValueError as error:  # SciPy's word for NaN in a Jacobian
             raise Undefined(t, *self.motion.split(y)) from error
@@ -186,6 +198,13 @@ class _Integration:
         if solver.status != "running":
             return solver
         request, damped = self.request, False
+        assert self.sizes is not None
+        self.sizes.update(t, y, abs(solver.step_size))
+        if isinstance(solver, LSODA):
+            if (self.sizes.tolerances > _LSODA_GROWTH * self.at_construction).any():
+                return self.solver(t, y)
+        else:
+            solver.atol = self.sizes.tolerances / math.sqrt(len(y))
         if request.formulation == "baumgarte" and request.alpha is None:
             alpha = _BAUMGARTE_STEP / abs(solver.step_size)
             self.motion.damping = alpha, alpha if request.beta is None else request.beta
@@ -195,7 +214,7 @@ class _Integration:
         if isinstance(solver, LSODA):
             # its history cannot be moved: it starts again, from order one, when the drift matters
             moved = np.abs(y - solver.y)[:-1]
-            allowed = request.atol + request.rtol * np.abs(y[:-1])
+            allowed = self.sizes.tolerances[:-1] + request.rtol * np.abs(y[:-1])
             return self.solver(t, y) if (moved > _LSODA_DRIFT * allowed).any() else solver
         if isinstance(solver, BDF):
             solver.D[0] = y

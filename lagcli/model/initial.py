@@ -61,7 +61,7 @@ def read_initial(
 def _declaration(draft: Draft, name: str, key: Scalar, node: Node) -> Declaration | None:
     """Return what an entry gives a value to; an unknown name is reported."""
     if "[" not in name:
-        canonical = _canonical(draft, name)
+        canonical = canonical_name(draft, name)
         if canonical is None:
             _report_unknown(draft, name, key)
             return None
@@ -119,7 +119,7 @@ def _overriding(draft: Draft, overrides: Mapping[str, object]) -> dict[str, str]
     """Return the options by what they give a value to."""
     given: dict[str, str] = {}
     for name, value in overrides.items():
-        canonical = _canonical(draft, "".join(name.split()))
+        canonical = canonical_name(draft, "".join(name.split()))
         if canonical is None:
             _report_unknown_override(draft, name, value)
         elif canonical in given:
@@ -142,7 +142,7 @@ def _guess_or(node: Scalar) -> Node:
     return MappingNode(node.source, node.start, node.end, {"guess": (key, guess)})
 
 
-def _canonical(draft: Draft, name: str) -> str | None:
+def canonical_name(draft: Draft, name: str) -> str | None:
     """Return the coordinate or velocity (x') that an entry names."""
     if name in draft.names.coordinates:
         return name

@@ -31,7 +31,7 @@ ENGINES = ("compiled", "scipy")
 MAX_SAMPLES = 10**8
 NO_INDICES: Mapping[str, int] = MappingProxyType({})
 
-_POSITIVE = ("dt", "rtol", "atol", "max_step", "max_steps", "timeout")
+_POSITIVE = ("dt", "rtol", "max_step", "max_steps", "timeout")
 _NUMBERS = ("t_start", "t_end", *_POSITIVE, "alpha", "beta", "samples")
 
 
@@ -218,8 +218,11 @@ class Settings:
         Spacing of the samples, s; in place of ``samples``.
     times : tuple of float
         The sample times, s; in place of both.
-    rtol, atol : float
-        Tolerances of the error control on q and v.
+    rtol : float
+        Relative tolerance of the error control on q and v.
+    atol : float or mapping of str to float
+        Absolute tolerance: one number for all, or by coordinate and velocity (``phi'``). What it
+        does not name, and everything without it, follows the size that the motion reaches.
     method, formulation, engine : str
     alpha, beta : float
         Baumgarte's coefficients, 1/s: φ̈ + 2α φ̇ + β² φ = 0.
@@ -239,7 +242,7 @@ class Settings:
     dt: float | None = None
     times: tuple[float, ...] | None = None
     rtol: float | None = None
-    atol: float | None = None
+    atol: float | Mapping[str, float] | None = None
     method: str | None = None
     formulation: str | None = None
     engine: str | None = None
@@ -293,12 +296,24 @@ class Settings:
                 )
             elif key == "samples" and not 1 <= value <= MAX_SAMPLES:
                 yield SettingError(key, f"samples must lie between 1 and 10^8, not {value}")
+        yield from self._tolerance_problems()
         for key, known in (("method", METHODS), ("formulation", FORMULATIONS), ("engine", ENGINES)):
             value = getattr(self, key)
             if value is not None and value not in known:
                 same = [k for k in known if k.lower() == value.lower()]
                 help_ = f"did you mean `{same[0]}`?" if same else "known are " + ", ".join(known)
                 yield SettingError(key, f"there is no {key} `{value}`", help_)
+
+    def _tolerance_problems(self) -> Iterator[SettingError]:
+        if self.atol is None:
+            return
+        given = self.atol if isinstance(self.atol, Mapping) else {"": self.atol}
+        for name, value in given.items():
+            what = f"atol of `{name}`" if name else "atol"
+            if not math.isfinite(value):
+                yield SettingError("atol", f"{what} must be a finite number, not {value}")
+            elif value <= 0:
+                yield SettingError("atol", f"{what} must be greater than 0, not {value:g}")
 
     def _time_problems(self) -> Iterator[SettingError]:
         start = self.t_start or 0.0
@@ -338,7 +353,6 @@ DEFAULTS = Settings(
     t_start=0.0,
     t_end=10.0,
     rtol=1e-9,
-    atol=1e-10,
     method="auto",
     formulation="projection",
     max_steps=10_000_000,

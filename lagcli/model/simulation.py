@@ -6,11 +6,14 @@ import dataclasses
 from typing import Any
 
 from lagcli.model.draft import Draft, Formula
+from lagcli.model.families import members_of, read_key
+from lagcli.model.initial import canonical_name
 from lagcli.model.model import Settings
 from lagcli.model.names import Context, Names
 from lagcli.model.parameters import names_used
 from lagcli.model.quantities import evaluate, read_quantity
 from lagcli.model.source import Mapping, Node, Scalar, Sequence
+from lagcli.model.spelling import did_you_mean, nearest, shorten
 
 _WORDS = ("method", "formulation", "engine")
 _WHOLE = ("samples", "max_steps")
@@ -43,6 +46,8 @@ def _setting(draft: Draft, name: str, node: Node, constants: Names, needs: set[s
     if name == "times" and isinstance(node, Sequence):
         times = [_number(draft, "a time of `times`", item, constants, needs) for item in node.items]
         return None if None in times else tuple(times)
+    if name == "atol" and isinstance(node, Mapping):
+        return _tolerances(draft, node, constants, needs)
     if name in _WORDS or name == "through_singular":
         if not isinstance(node, Scalar) or node.missing:
             draft.report.add(
@@ -73,6 +78,45 @@ def _setting(draft: Draft, name: str, node: Node, constants: Names, needs: set[s
         )
         return None
     return int(value)
+
+
+def _tolerances(
+    draft: Draft, node: Mapping, constants: Names, needs: set[str]
+) -> dict[str, float] | None:
+    """Return the absolute tolerances by coordinate and velocity (``phi'``)."""
+    found: dict[str, float] = {}
+    for name, (key, entry) in node.entries.items():
+        value = _number(draft, f"the tolerance of `{shorten(name)}`", entry, constants, needs)
+        for canonical in _members(draft, name, key, constants):
+            if value is not None:
+                found[canonical] = value
+    return found or None
+
+
+def _members(draft: Draft, name: str, key: Scalar, constants: Names) -> list[str]:
+    """Return the coordinates or velocities that an entry names; an unknown name is reported."""
+    found = canonical_name(draft, name)
+    if found is not None:
+        return [found]
+    names = draft.names
+    if "[" in name:
+        declaration = read_key(draft, key, key, "tolerance", primed=True)
+        if declaration is None:
+            return []
+        ending = "'" * declaration.primes
+        members = [member.name for member in members_of(draft, declaration, constants)]
+        if members and all(member in names.coordinates for member in members):
+            return [member + ending for member in members]
+    if not names.incomplete:
+        every = [name for q in names.coordinates for name in (q, f"{q}'")]
+        draft.report.add(
+            "unknown-name",
+            f"`atol` names `{shorten(name)}`, which is not a coordinate or a velocity",
+            key.location,
+            did_you_mean(nearest(name, every))
+            or "the coordinates are " + ", ".join(f"`{q}`" for q in list(names.coordinates)[:12]),
+        )
+    return []
 
 
 def _number(draft: Draft, what: str, node: Node, constants: Names, needs: set[str]) -> float | None:

@@ -26,7 +26,15 @@ from lagcli.results.hdf5_file import (
     set_text,
 )
 from lagcli.results.layout import NOT_STATED, QUANTITIES, unit
-from lagcli.results.metadata import KIND, MAPPINGS, TEXTS, from_metadata, to_json, to_metadata
+from lagcli.results.metadata import (
+    KIND,
+    MAPPINGS,
+    TEXTS,
+    WARNINGS,
+    from_metadata,
+    to_json,
+    to_metadata,
+)
 from lagcli.results.reasons import check_readable
 from lagcli.samples import SCHEMA_VERSION, Array, Record, Samples
 
@@ -53,6 +61,9 @@ _BY_TIME = tuple(quantity for quantity in QUANTITIES if quantity.axes[0] == "tim
 _AXES = {quantity.name: quantity.axes for quantity in QUANTITIES}
 
 _OUTPUTS = "outputs/"
+
+#: Attributes that files of earlier versions lack.
+_LATER = ("tolerances", WARNINGS)
 
 
 def write_hdf5(trajectory: Trajectory, path: str | os.PathLike[str], force: bool = False) -> None:
@@ -270,7 +281,11 @@ class Hdf5Reader:
             "constraint": len(self.constraints),
         }
         metadata = {name: root.attrs[name] for name in TEXTS}
-        metadata |= {name: json.loads(root.attrs[name]) for name in MAPPINGS}
+        metadata |= {
+            name: json.loads(root.attrs[name])
+            for name in (*MAPPINGS, WARNINGS)
+            if name in root.attrs or name not in _LATER
+        }
         self.record = Record(
             scale_position=self._array("scale_position"),
             scale_velocity=self._array("scale_velocity"),

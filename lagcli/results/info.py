@@ -118,6 +118,8 @@ def format_info(info: Mapping[str, Any]) -> str:
     )
     lines += _entry("status", info["status"] or "not recorded")
     lines += _entry("message", info["message"])
+    for warning in info["warnings"]:
+        lines += _entry("warning", warning)
     lines += _entry("model", f"{info['model_name'] or 'without a name'}{digest}" if digest else "")
     lines += _entry("time", f"{span}{sizes['samples']} samples")
     for name in ("coordinates", "constraints", "outputs"):
@@ -125,6 +127,7 @@ def format_info(info: Mapping[str, Any]) -> str:
         lines += _entry(name, ", ".join(shown) or "none")
     lines += _entry("parameters", _pairs(info["parameters"], units))
     lines += _entry("options", _pairs(info["options"]))
+    lines += _entry("atol at end", _pairs(info["tolerances"]))
     lines += _entry("counts", _pairs(info["counts"]))
     lines += _entry("seconds", _pairs(info["seconds"]))
     moved = [

@@ -17,7 +17,18 @@ KIND = "trajectory"
 TEXTS = ("lagcli_version", "status", "message", "model_sha256", "model")
 
 #: Fields of `Record` that are mappings; `to_metadata` makes JSON values of theirs.
-MAPPINGS = ("units", "parameters", "options", "counts", "seconds", "initial_correction")
+MAPPINGS = (
+    "units",
+    "parameters",
+    "options",
+    "counts",
+    "seconds",
+    "initial_correction",
+    "tolerances",
+)
+
+#: The field of `Record` that is a list of texts.
+WARNINGS = "warnings"
 
 
 def to_metadata(record: Record) -> dict[str, Any]:
@@ -37,7 +48,7 @@ def to_metadata(record: Record) -> dict[str, Any]:
         Text or mapping by name, ``kind`` and ``schema_version`` among them.
     """
     mappings: dict[str, Any] = {name: dict(getattr(record, name)) for name in MAPPINGS}
-    for name in ("parameters", "seconds"):
+    for name in ("parameters", "seconds", "tolerances"):
         mappings[name] = {k: to_number(v) for k, v in mappings[name].items()}
     mappings["initial_correction"] = {
         k: [to_number(x) for x in pair] for k, pair in mappings["initial_correction"].items()
@@ -48,6 +59,7 @@ def to_metadata(record: Record) -> dict[str, Any]:
         "sign_convention": SIGN_CONVENTION,
         **{name: _storable(getattr(record, name)) for name in TEXTS},
         **mappings,
+        WARNINGS: list(record.warnings),
     }
 
 
@@ -70,7 +82,8 @@ def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
         A value is not of the kind that `to_metadata` writes.
     """
     fields: dict[str, Any] = {name: str(metadata.get(name, "")) for name in TEXTS}
-    for name in ("parameters", "seconds"):
+    fields[WARNINGS] = tuple(str(x) for x in metadata.get(WARNINGS, ()))
+    for name in ("parameters", "seconds", "tolerances"):
         fields[name] = {k: from_number(v) for k, v in metadata.get(name, {}).items()}
     for name in ("units", "options", "counts"):
         fields[name] = dict(metadata.get(name, {}))

@@ -96,7 +96,15 @@ cdef extern from "run.h":
         lag_implicit *implicit
         lag_series series
         int detecting
-        double t, t_end, h, h_max, rtol, atol, error_old
+        double t_start, t, t_end, h, h_max, rtol, error_old
+        double *atol
+        const double *given
+        double *size
+        double *gross
+        double *later
+        int kinds
+        const int32_t *kind
+        double *largest
         int projecting, watching
         double alpha, beta
         int baumgarte
@@ -337,7 +345,11 @@ cdef class Integrator:
         As in core/run.h.
     lengths, plain_lengths : (nc,) arrays
         The lengths of the rows of B times sizes, and of B, at the start.
-    rank, rtol, atol, h_max, projecting, watching, alpha, beta, baumgarte, detecting
+    atol : (2 nq + 1,) array
+        Absolute tolerances; 0 where they follow the size of the entry.
+    kinds : (nq,) sequence of int
+        Which coordinates are of the same kind, counted from 0.
+    rank, rtol, h_max, projecting, watching, alpha, beta, baumgarte, detecting
         As in core/run.h; alpha negative means "from the step", beta "as alpha".
     block_rows : int
         Samples kept before they are handed over.
@@ -348,13 +360,14 @@ cdef class Integrator:
     cdef lag_implicit implicit
     cdef object keep  # the arrays that the pointers point into
     cdef readonly object block, y_bad
+    cdef object tolerances
     cdef object y, y_dense, parameters, mass_pattern, jacobian_pattern
     cdef object y_event, pattern, matrix, factors, kept_order
     cdef int nq, nc, size
 
     def __init__(
         self, system, constraint, double t, double t_end, y, times, sizes, lengths,
-        plain_lengths, int rank, double rtol, double atol, double h_max, bint projecting,
+        plain_lengths, int rank, double rtol, atol, kinds, double h_max, bint projecting,
         int watching, double alpha, double beta, bint baumgarte, bint detecting, long block_rows,
     ):
         cdef int nq = len(system.coordinates), nc = len(system.constraints)
@@ -378,7 +391,15 @@ cdef class Integrator:
         self.bind(&self.system.constraint, constraint)
         self.run.system = &self.system
         self.run.t, self.run.t_end, self.run.h_max = t, t_end, h_max
-        self.run.rtol, self.run.atol = rtol, atol
+        self.run.t_start, self.run.rtol = t, rtol
+        kept = np.array(atol, dtype=float)
+        self.run.given = self.borrow(kept)
+        self.tolerances = kept.copy()
+        self.run.atol = self.borrow(self.tolerances)
+        self.run.size = self.doubles(n)
+        self.run.gross, self.run.later = self.doubles(nq), self.doubles(nq)
+        self.run.kind, self.run.kinds = self.integers(kinds), 1 + max(kinds, default=0)
+        self.run.largest = self.doubles(2 * self.run.kinds)
         self.run.projecting, self.run.watching = projecting, watching
         self.run.baumgarte = baumgarte
         self.run.method = LAG_DOP853
@@ -687,6 +708,11 @@ cdef class Integrator:
     def state(self):
         """(q, v, W) there."""
         return self.y.copy()
+
+    @property
+    def absolute_tolerances(self):
+        """The absolute tolerances of q, v and W now."""
+        return self.tolerances.copy()
 
     @property
     def step(self):

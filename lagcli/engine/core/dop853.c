@@ -22,12 +22,15 @@ static void look_for_stiffness(lag_run *run, double h, const double *before)
 {
     const int n = lag_size(run->system), moving = n - 1;
     const double *k = run->stages + (DOP_STAGES - 1) * apart(run), *last = k + apart(run);
-    double rise = 0.0, length = 0.0;
+    double *df = run->work, *dy = run->work + n;
     for (int m = 0; m < moving; ++m) {
-        const double df = last[m] - k[m], dy = run->y_new[m] - before[m];
-        rise += df * df;
-        length += dy * dy;
+        df[m] = last[m] - k[m];
+        dy[m] = run->y_new[m] - before[m];
     }
+    /* over the tolerances: coordinates and velocities of different units count alike */
+    const lag_vector_kernel *v = lag_vectors();
+    const double rise = v->scaled_square(moving, df, run->y, run->y_new, run->atol, run->rtol);
+    const double length = v->scaled_square(moving, dy, run->y, run->y_new, run->atol, run->rtol);
     if (length > 0.0 && h * sqrt(rise / length) > STABLE) {
         run->not_stiff = 0;
         ++run->stiff;

@@ -36,7 +36,7 @@ typedef struct {
 
 typedef struct {
     const lag_system *system;
-    double t_start, t_end, h_max, rtol, atol;
+    double t_start, t_end, h_max, rtol;
     int watching, detecting;
     long max_steps;
     const double *times;               /* sample times */
@@ -72,6 +72,8 @@ typedef struct {
     double *stages;                    /* 16 n; the first is y' at y */
     double *dense;                     /* 7 n */
     double *lengths;                   /* of lanes: nc */
+    double *atol, *size, *gross, *later; /* of lanes: n, n, nq, nq: as in run.h, and what is given there */
+    double *largest;                   /* of lanes: 2 kinds */
 
     /* what looks closer at one lane, by the functions of a single run */
     lag_run *single;

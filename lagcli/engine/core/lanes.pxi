@@ -35,7 +35,7 @@ cdef extern from "lanes.h":
 
     ctypedef struct lag_lanes:
         const lag_system *system
-        double t_start, t_end, h_max, rtol, atol
+        double t_start, t_end, h_max, rtol
         int watching, detecting
         long max_steps
         const double *times
@@ -62,6 +62,11 @@ cdef extern from "lanes.h":
         double *stages
         double *dense
         double *lengths
+        double *atol
+        double *size
+        double *gross
+        double *later
+        double *largest
         lag_run *single
         const int32_t *single_dynamics_prelude
         const int32_t *single_constraint_prelude
@@ -174,7 +179,7 @@ cdef class Lanes(_LaneMemory):
         s.single_dynamics_prelude = self.integers(dynamics.prelude)
         s.single_constraint_prelude = self.integers(constraint.prelude)
         s.t_start, s.t_end, s.h_max = run.t, run.t_end, run.h_max
-        s.rtol, s.atol = run.rtol, run.atol
+        s.rtol = run.rtol
         s.watching, s.detecting, s.max_steps = run.watching, run.detecting, max_steps
         times = np.ascontiguousarray(times, dtype=float)
         s.times, s.times_count = self.borrow(times), len(times)
@@ -200,6 +205,9 @@ cdef class Lanes(_LaneMemory):
         s.projected, s.dense_y = self.lanes(n), self.lanes(n)
         s.stages, s.dense = self.lanes(16 * n), self.lanes(7 * n)
         s.lengths = self.lanes(nc)
+        s.atol, s.size = self.lanes(n), self.lanes(n)
+        s.gross, s.later = self.lanes(nq), self.lanes(nq)
+        s.largest = self.lanes(2 * run.kinds)
 
     cdef int bind_octet(self, lag_octet *o, dynamics, constraint) except -1:
         cdef const lag_system *system = self.s.system

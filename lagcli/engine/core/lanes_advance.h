@@ -1,7 +1,6 @@
 /* Runs go into lanes, through their steps, and out; see run.c and dop853.c for one. */
 
 #define WORTH 300           /* steps that must be left for another method, as in engine/methods.py */
-#define ORDER 8.0
 
 /* Let the runs in some lanes leave; return the other ones. */
 static int lanes_leave_all(lag_lanes *s, int lanes, int leaving)
@@ -30,18 +29,6 @@ static int lanes_occupied(const lag_lanes *s)
     EACH_LANE (l)
         lanes |= (s->run[l] >= 0) << l;
     return lanes;
-}
-
-/* The 2-norm of a lane of x over the tolerances at y: lag_scaled_norm. */
-static double lanes_norm(const lag_lanes *s, int l, const double *x, const double *y)
-{
-    const int n8 = lag_size(s->system) * LAG_LANES;
-    double sum = 0.0;
-    for (int m = l; m < n8; m += LAG_LANES) {
-        const double e = x[m] / (s->atol + s->rtol * fabs(y[m]));
-        sum += e * e;
-    }
-    return sqrt(sum);
 }
 
 /* The lanes in which n numbers are not all finite. */
@@ -123,6 +110,8 @@ static int lanes_fill(lag_lanes *s)
             s->moving.scale_position[i * LAG_LANES + l] = 0.0;
         for (int i = 0; i < system->nc; ++i)
             s->moving.scale_velocity[i * LAG_LANES + l] = s->lengths[i * LAG_LANES + l] = 0.0;
+        for (int i = 0; i < n; ++i)
+            s->size[i * LAG_LANES + l] = 0.0;
         filled |= 1 << l;
     }
     if (filled) {
@@ -130,42 +119,6 @@ static int lanes_fill(lag_lanes *s)
         lanes_run(s->moving.constraint.prelude, s->moving.constraint.registers);
     }
     return filled;
-}
-
-/* The first steps of some lanes: Hairer, Norsett & Wanner, II.4. */
-static void lanes_first_steps(lag_lanes *s, int lanes)
-{
-    const int n = lag_size(s->system), n8 = n * LAG_LANES;
-    double d1[LAG_LANES] = {0.0}, h[LAG_LANES] = {0.0}, t[LAG_LANES];
-    double *f = s->stages, *f1 = s->stages + DOP_STAGES * n8;
-    EACH_LANE (l)
-        if (HAS(lanes, l)) {
-            const double d0 = lanes_norm(s, l, s->y, s->y);
-            d1[l] = lanes_norm(s, l, f, s->y);
-            h[l] = d0 < 1e-5 || d1[l] < 1e-5 ? 1e-6 : 0.01 * d0 / d1[l];
-            h[l] = fmin(h[l], fmin(s->h_max, s->t_end - s->t[l]));
-        }
-    EACH_PART (k) {
-        AT(t + k) = READ(s->t + k) + READ(h + k);
-        for (int m = k; m < n8; m += LAG_LANES)
-            AT(s->y_new + m) = READ(s->y + m) + READ(h + k) * READ(f + m);
-    }
-    lanes_evaluate(&s->moving.dynamics, s->system, t, s->y_new, LAG_ALL);
-    lanes_derivative(&s->moving, f1);
-    EACH_PART (k)
-        for (int m = k; m < n8; m += LAG_LANES)
-            AT(f1 + m) -= READ(f + m);
-    EACH_LANE (l)
-        if (HAS(lanes, l)) {
-            const double d2 = lanes_norm(s, l, f1, s->y) / h[l];
-            if (!isfinite(d2)) {
-                s->h[l] = h[l]; /* the step itself will find a size that is defined */
-                continue;
-            }
-            const double d = fmax(d1[l], d2);
-            const double h1 = d <= 1e-15 ? fmax(1e-6, h[l] * 1e-3) : pow(0.01 / d, 1.0 / ORDER);
-            s->h[l] = fmin(fmin(100.0 * h[l], h1), s->h_max);
-        }
 }
 
 /* Begin the runs in some lanes. */
@@ -185,12 +138,13 @@ static void lanes_begin(lag_lanes *s, int lanes)
     lanes_copy(s->stages, f, n, lanes);
     EACH_LANE (l)
         if (HAS(lanes, l)) {
-            s->counts[3 * s->run[l] + 2] += 2;
+            s->counts[3 * s->run[l] + 2] += 4;
             if (s->watching)
                 lanes_watch_start(s, l);
             while (lanes_due(s, l, s->t[l]))
                 lanes_take(s, l, s->y);
         }
+    lanes_sizes_start(s, lanes);
     lanes_first_steps(s, lanes);
 }
 
@@ -265,7 +219,7 @@ static int lanes_moved(const lag_lanes *s)
         vec sum = all(0.0);
         for (int m = k; m < n8; m += LAG_LANES) {
             const vec y = READ(s->projected + m);
-            const vec e = (y - READ(s->y_new + m)) / (s->atol + s->rtol * magnitude(y));
+            const vec e = (y - READ(s->y_new + m)) / (READ(s->atol + m) + s->rtol * magnitude(y));
             sum += e * e;
         }
         found |= set_of(sum > NEGLIGIBLE * NEGLIGIBLE, k);
@@ -281,6 +235,7 @@ static int lanes_arrive(lag_lanes *s, int lanes, const double *h, double *end)
     EACH_LANE (l)
         end[l] = h[l] == s->t_end - s->t[l] ? s->t_end : s->t[l] + h[l];
     lanes = lanes_leave_all(s, lanes, lanes_inaccurate(&s->moving, s->rtol));
+    lanes_sizes_energy(s, lanes, s->y_new, NULL);
     if (s->detecting)
         lanes = lanes_leave_all(s, lanes, lanes_stiff(s, lanes, h));
     memcpy(s->projected, s->y_new, (size_t)n8 * sizeof(double));
@@ -311,6 +266,7 @@ static void lanes_go_on(lag_lanes *s, int lanes, const double *end)
     memcpy(f, s->projected + nq8, (size_t)nq8 * sizeof(double));
     lanes_copy(s->stages, f, n, lanes);
     lanes_copy(s->y, s->projected, n, lanes);
+    lanes_sizes_update(s, lanes);
     EACH_LANE (l)
         if (HAS(lanes, l)) {
             s->counts[3 * s->run[l] + 2] += HAS(moved, l);

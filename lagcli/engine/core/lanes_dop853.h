@@ -1,5 +1,7 @@
 /* A step of DOP853 in eight lanes, each of its own size; see dop853.c for one. */
 
+#define ORDER 8.0
+
 /* y = base + h times the sum of `count` stages with weights, of which many are zero; `rows` of n. */
 static void lanes_add_stages(const double *base, const double *stages, const double *weight,
                              int count, const double *h, int n, int rows, double *y)
@@ -74,7 +76,7 @@ static void lanes_errors(const lag_lanes *s, const double *h, double *error)
                 x3 += dop_e3[i] * stage;
             }
             const vec size = larger(magnitude(READ(s->y + m)), magnitude(READ(s->y_new + m)));
-            const vec scale = 1.0 / (s->atol + s->rtol * size);
+            const vec scale = 1.0 / (READ(s->atol + m) + s->rtol * size);
             x5 *= scale;
             x3 *= scale;
             e5 += x5 * x5;
@@ -98,8 +100,10 @@ static void lanes_stiffness(const lag_lanes *s, const double *h, double *product
         for (int m = k; m < n8 - LAG_LANES; m += LAG_LANES) {
             const vec df = READ(last + m) - READ(k_before + m);
             const vec dy = READ(s->y_new + m) - READ(s->before + m);
-            rise += df * df;
-            length += dy * dy;
+            const vec size = larger(magnitude(READ(s->y + m)), magnitude(READ(s->y_new + m)));
+            const vec scale = 1.0 / (READ(s->atol + m) + s->rtol * size);
+            rise += df * scale * (df * scale);
+            length += dy * scale * (dy * scale);
         }
         const vec found = READ(h + k) * root(rise / length);
         AT(product + k) = choose(length > 0.0, found, all(0.0));

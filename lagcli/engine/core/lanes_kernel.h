@@ -1,9 +1,12 @@
 /* All of the lanes for one instruction set: its file defines VEC_BYTES and NAME, and includes this. */
+#include <fenv.h>
+
 #include "dop853.h"
 #include "dop853_tableau.h"
 #include "lanes_vector.h"
 #include "motion.h"
 #include "project.h"
+#include "sizes.h"
 #include "watch.h"
 
 /* each needs those before it */
@@ -20,6 +23,8 @@
 #include "lanes_dop853.h"
 
 #include "lanes_sample.h"
+
+#include "lanes_sizes.h"
 
 #include "lanes_advance.h"
 

@@ -23,10 +23,10 @@ static double looseness(const lag_run *run)
     return 0.1 * pow(run->rtol, -1.0 / 3.0);
 }
 
-/* A norm against the estimate's own tolerance. */
+/* A norm against the estimate's own tolerance; y_new is near the step's end. */
 static double norm(const lag_run *run, const double *x)
 {
-    return lag_scaled_norm(run, x, run->y, run->y) / looseness(run);
+    return lag_scaled_norm(run, x, run->y, run->y_new) / looseness(run);
 }
 
 /* The collocation polynomial of the last step at x of its size, less its value at the end. */

@@ -9,6 +9,7 @@
 #include "project.h"
 #include "radau5.h"
 #include "rodas5p.h"
+#include "sizes.h"
 #include "taylor.h"
 #include "watch.h"
 
@@ -59,29 +60,6 @@ static int damp(lag_run *run)
     return lag_derivative(run, run->t, run->y, run->f) ? LAG_UNDEFINED : LAG_RUNNING;
 }
 
-/* Hairer, Norsett & Wanner, II.4: a first step from the sizes of y, y' and y''. */
-void lag_first_step(lag_run *run)
-{
-    const int n = lag_size(run->system);
-    const double d0 = lag_scaled_norm(run, run->y, run->y, run->y);
-    const double d1 = lag_scaled_norm(run, run->f, run->y, run->y);
-    double h = d0 < 1e-5 || d1 < 1e-5 ? 1e-6 : 0.01 * d0 / d1;
-    h = fmin(h, fmin(run->h_max, run->t_end - run->t));
-    double *f1 = run->stages;
-    for (int i = 0; i < n; ++i)
-        run->y_new[i] = run->y[i] + h * run->f[i];
-    if (lag_derivative(run, run->t + h, run->y_new, f1)) {
-        run->h = h; /* the step itself will find a size that is defined */
-        return;
-    }
-    for (int i = 0; i < n; ++i)
-        f1[i] -= run->f[i];
-    const double d2 = lag_scaled_norm(run, f1, run->y, run->y) / h;
-    const double d = fmax(d1, d2);
-    const double h1 = d <= 1e-15 ? fmax(1e-6, h * 1e-3) : pow(0.01 / d, 1.0 / steppers[run->method].order);
-    run->h = fmin(fmin(100.0 * h, h1), run->h_max);
-}
-
 int lag_switch(lag_run *run, int method)
 {
     run->method = run->stepped = method;
@@ -106,7 +84,8 @@ int lag_start(lag_run *run)
     run->kept_last = 0.0;
     run->inaccuracy = INFINITY; /* not known yet */
     lag_events_start(run);
-    lag_first_step(run);
+    lag_sizes_start(run);
+    lag_first_step(run, steppers[run->method].order);
     return damp(run);
 }
 
@@ -173,6 +152,7 @@ static int finish(lag_run *run)
         if (off != LAG_RUNNING)
             return off;
         lag_measure(run);
+        lag_sizes_update(run);
         if (!steppers[run->method].needs_slope)
             return LAG_RUNNING; /* it evaluates y' itself */
         for (int i = 0; i < n; ++i)
@@ -182,6 +162,8 @@ static int finish(lag_run *run)
             return LAG_UNDEFINED;
         /* f holds q' = v exactly in any case */
         memcpy(run->f, run->y + run->system->nq, (size_t)run->system->nq * sizeof(double));
+    } else {
+        lag_sizes_update(run);
     }
     return LAG_RUNNING;
 }
@@ -239,6 +221,7 @@ int lag_advance(lag_run *run, long slice)
         if (status != LAG_RUNNING)
             return status;
         run->inaccuracy = lag_inaccuracy(run, run->t, run->y_new);
+        lag_sizes_energy(run, run->y_new);
         if (run->inaccuracy > lag_allowed_inaccuracy(run)) {
             run->t_bad = run->t;
             memcpy(run->y_bad, run->y_new, (size_t)lag_size(run->system) * sizeof(double));

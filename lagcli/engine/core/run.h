@@ -38,7 +38,13 @@ typedef struct lag_run {
     int stepped;                       /* the method that took the last step */
     struct lag_implicit *implicit;     /* what implicit methods need; else NULL */
     lag_series series;                 /* what Taylor's method needs */
-    double t, t_end, h, h_max, rtol, atol, error_old;
+    double t_start, t, t_end, h, h_max, rtol, error_old;
+    double *atol;                      /* n: the absolute tolerances of the next step; see sizes.h */
+    const double *given;               /* n: those that are given; 0 where they follow the size */
+    double *size, *gross, *later;      /* n, nq, nq: S, A and R of sizes.h */
+    int kinds;                         /* of coordinates, by their unit */
+    const int32_t *kind;               /* nq */
+    double *largest;                   /* 2 kinds: size of the coordinates and the velocities */
     double h_accepted;                 /* an implicit method's last step; 0 before its first */
     double theta, contraction;         /* Newton's rate, and what follows for its last change */
     double h_converging;               /* the largest step at which Newton is likely to converge */
@@ -118,9 +124,6 @@ void lag_accept(lag_run *run, double h, double factor);
 
 /* Go on with another method from y at t. Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_switch(lag_run *run, int method);
-
-/* Choose the size of a first step from (t, y, f). */
-void lag_first_step(lag_run *run);
 
 /* Prepare the first step from y at t. Returns LAG_RUNNING or what is wrong there. */
 int lag_start(lag_run *run);

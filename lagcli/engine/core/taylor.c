@@ -6,6 +6,7 @@
 #include "dop853.h"
 #include "motion.h"
 #include "series.h"
+#include "sizes.h"
 #include "vectors.h"
 #include "watch.h"
 
@@ -54,7 +55,7 @@ static int is_off(lag_run *run, double h)
     for (int i = 0; i <= nq; ++i)
         slope[i] = h * (slope[i] - run->f_new[nq + i]);
     const double square = lag_vectors()->scaled_square(nq + 1, slope, run->y + nq, run->y_new + nq,
-                                                       run->atol, run->rtol);
+                                                       run->atol + nq, run->rtol);
     return !(square <= DEFECT * DEFECT);
 }
 
@@ -63,7 +64,7 @@ static int explicit_step(lag_run *run)
     if (lag_derivative(run, run->t, run->y, run->f))
         return LAG_UNDEFINED;
     if (run->stepped != LAG_DOP853)
-        lag_first_step(run);
+        lag_first_step(run, 8.0);
     run->stepped = LAG_DOP853;
     run->kept_last = 0.0;
     return lag_dop853_step(run);

@@ -23,9 +23,9 @@ typedef struct {
      * 1 where all are larger. */
     double (*least)(int n, const double *x, const int32_t *places, const double *length);
 
-    /* The sum of the squares of x over the tolerances at y and z, n of each. */
-    double (*scaled_square)(int n, const double *x, const double *y, const double *z, double atol,
-                            double rtol);
+    /* The sum of the squares of x over the tolerances at y and z, n of each, atol among them. */
+    double (*scaled_square)(int n, const double *x, const double *y, const double *z,
+                            const double *atol, double rtol);
 } lag_vector_kernel;
 
 extern const lag_vector_kernel lag_vectors_default, lag_vectors_avx2;

@@ -103,17 +103,18 @@ static double least(int n, const double *x, const int32_t *places, const double 
     return fmin(fmin(found[0], found[1]), fmin(found[2], found[3]));
 }
 
-static double scaled_square(int n, const double *x, const double *y, const double *z, double atol,
-                            double rtol)
+static double scaled_square(int n, const double *x, const double *y, const double *z,
+                            const double *atol, double rtol)
 {
     four sum = {0.0, 0.0, 0.0, 0.0};
     int i = 0;
     for (; i + 4 <= n; i += 4) {
-        const four e = FOUR(x + i) / (atol + rtol * larger(magnitudes(FOUR(y + i)), magnitudes(FOUR(z + i))));
+        const four size = larger(magnitudes(FOUR(y + i)), magnitudes(FOUR(z + i)));
+        const four e = FOUR(x + i) / (FOUR(atol + i) + rtol * size);
         sum += e * e;
     }
     for (; i < n; ++i) {
-        const double e = x[i] / (atol + rtol * fmax(fabs(y[i]), fabs(z[i])));
+        const double e = x[i] / (atol[i] + rtol * fmax(fabs(y[i]), fabs(z[i])));
         sum[0] += e * e;
     }
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);

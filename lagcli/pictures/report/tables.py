@@ -147,7 +147,11 @@ def _phrase(options: Mapping[str, Any]) -> str:
     method, formulation = options.get("method"), options.get("formulation")
     engine, rtol, atol = (options.get(key) for key in ("engine", "rtol", "atol"))
     parts = [f"{method} with {formulation}" if formulation else method]
-    parts += [f"{engine} engine" if engine else "", f"rtol {rtol:g}, atol {atol:g}" if rtol else ""]
+    if isinstance(atol, Mapping):
+        atol = ", ".join(f"{name} {x:g}" for name, x in atol.items())
+    absolute = "by size" if atol is None else atol if isinstance(atol, str) else f"{atol:g}"
+    tolerances = f"rtol {rtol:g}, atol {absolute}" if rtol else ""
+    parts += [f"{engine} engine" if engine else "", tolerances]
     return ", ".join(p for p in parts if p)
 
 

@@ -1,0 +1,146 @@
+#include "sizes.h"
+
+#include <fenv.h>
+#include <math.h>
+#include <string.h>
+
+#include "motion.h"
+
+/* The kinetic energy of velocities v, or of what they may be h later, with the dynamics tape's M. */
+static double kinetic_energy(const lag_run *run, const double *v, double h)
+{
+    const lag_system *s = run->system;
+    const double *a = run->gross, *b = run->later;
+    double sum = 0.0;
+    for (int m = 0; m < s->nm; ++m) {
+        const int i = s->mass_row[m], j = s->mass_column[m];
+        sum += OUT(&s->dynamics, m) * (v[i] + copysign(h * (a[i] + b[i]), v[i]))
+               * (v[j] + copysign(h * (a[j] + b[j]), v[j]));
+    }
+    return 0.5 * fabs(sum);
+}
+
+void lag_sizes_energy(lag_run *run, const double *y)
+{
+    const int nq = run->system->nq;
+    if (run->given[2 * nq] == 0.0)
+        run->size[2 * nq] = fmax(run->size[2 * nq], kinetic_energy(run, y + nq, 0.0));
+}
+
+/* Raise R_i to what the accelerations of coordinates at rest will be. */
+static void look_ahead(lag_run *run)
+{
+    const int nq = run->system->nq;
+    const double *y = run->y, *a = run->f + nq;
+    double *f = run->f_new, length = run->t_end - run->t;
+    int at_rest = 0;
+    for (int i = 0; i < nq; ++i)
+        at_rest |= y[i] == 0.0 && y[nq + i] == 0.0 && a[i] == 0.0;
+    if (!at_rest)
+        return;
+    for (int k = 0; k < LOOKS; ++k) {
+        if (lag_derivative(run, run->t + (k + 0.5) / LOOKS * length, y, f))
+            continue;
+        for (int i = 0; i < nq; ++i)
+            if (y[i] == 0.0 && y[nq + i] == 0.0 && a[i] == 0.0)
+                run->later[i] = fmax(run->later[i], fabs(f[nq + i]));
+    }
+}
+
+void lag_sizes_start(lag_run *run)
+{
+    static const int mode[] = {FE_DOWNWARD, FE_UPWARD};
+    const int nq = run->system->nq, nearest = fegetround();
+    double *found[] = {run->trial, run->f_new};
+    int undefined = 0;
+    for (int side = 0; side < 2; ++side) {
+        run->system->dynamics.registers[0] = NAN; /* what it holds is rounded otherwise */
+        fesetround(mode[side]);
+        undefined |= lag_derivative(run, run->t, run->y, found[side]);
+        fesetround(nearest);
+    }
+    run->system->dynamics.registers[0] = NAN;
+    for (int i = 0; i < nq; ++i) {
+        const double noise = undefined ? 0.0 : fabs(found[1][nq + i] - found[0][nq + i]);
+        const double a = fmax(fabs(run->f[nq + i]), noise / DBL_EPSILON);
+        run->gross[i] = fmax(run->gross[i], a);
+    }
+    memset(run->largest, 0, (size_t)run->kinds * sizeof(double));
+    for (int i = 0; i < nq; ++i)
+        run->largest[run->kind[i]] = fmax(run->largest[run->kind[i]], run->gross[i]);
+    for (int i = 0; i < nq; ++i)
+        run->gross[i] = run->largest[run->kind[i]];
+    look_ahead(run);
+}
+
+void lag_sizes_update(lag_run *run)
+{
+    const int nq = run->system->nq;
+    const double h = SUMMING * run->h, length = TIMING * (run->t_end - run->t_start);
+    double *size = run->size, *largest = run->largest;
+    memset(largest, 0, 2 * (size_t)run->kinds * sizeof(double));
+    for (int part = 0; part < 2; ++part)
+        for (int i = 0; i < nq; ++i) {
+            double *all = largest + part * run->kinds + run->kind[i];
+            const int m = part * nq + i;
+            size[m] = fmax(size[m], fabs(run->y[m]));
+            *all = fmax(*all, size[m]);
+        }
+    for (int part = 0; part < 2; ++part)
+        for (int i = 0; i < nq; ++i) {
+            const int m = part * nq + i;
+            const double noise = (h * run->gross[i] + length * run->later[i]) * (part ? 1.0 : run->h);
+            const double all = largest[part * run->kinds + run->kind[i]];
+            run->atol[m] = run->given[m] > 0.0
+                               ? run->given[m]
+                               : FOLLOWING * run->rtol * size[m] + ROUNDING * all + noise + NO_SIZE;
+        }
+    size[2 * nq] = fmax(size[2 * nq], fabs(run->y[2 * nq]));
+    run->atol[2 * nq] = run->given[2 * nq] > 0.0 ? run->given[2 * nq]
+                                                 : FOLLOWING * run->rtol * size[2 * nq] + NO_SIZE;
+}
+
+/* The 2-norm of the rates f over sizes w. */
+static double rate(int n, const double *f, const double *w)
+{
+    double sum = 0.0;
+    for (int i = 0; i < n; ++i)
+        sum += w[i] > 0.0 ? f[i] / w[i] * (f[i] / w[i]) : 0.0;
+    return sqrt(sum);
+}
+
+/*
+ * Hairer, Norsett & Wanner, II.4, with sizes instead of tolerances and in the motion's own time. An
+ * entry's size is what it has, or will have soon by its rate.
+ */
+void lag_first_step(lag_run *run, double order)
+{
+    const int nq = run->system->nq, n = 2 * nq;
+    const double length = run->t_end - run->t, horizon = HORIZON * length;
+    const double *y = run->y, *f = run->f;
+    double *w = run->trial, *f1 = run->stages;
+    lag_sizes_update(run);
+    for (int i = 0; i < nq; ++i) {
+        const double a = run->gross[i] + run->later[i];
+        w[i] = fabs(y[i]) + BESIDE * run->largest[run->kind[i]] + horizon * (fabs(y[nq + i]) + horizon * a);
+        w[nq + i] = fabs(y[nq + i]) + BESIDE * run->largest[run->kinds + run->kind[i]] + horizon * a
+                    + sqrt(a * w[i]);
+    }
+    double d1 = rate(n, f, w), h = d1 > 0.0 ? 0.01 / d1 : horizon;
+    h = fmin(h, fmin(run->h_max, length));
+    for (int i = 0; i <= n; ++i)
+        run->y_new[i] = y[i] + h * f[i];
+    if (lag_derivative(run, run->t + h, run->y_new, f1)) {
+        run->h = h; /* the step itself will find a size that is defined */
+    } else {
+        for (int i = 0; i < n; ++i)
+            f1[i] -= f[i];
+        d1 = fmax(d1, sqrt(rate(n, f1, w) / h));
+        const double h1 = d1 > 0.0 ? pow(0.01 * run->rtol, 1.0 / order) / d1 : horizon;
+        run->h = fmin(fmin(100.0 * h, h1), fmin(run->h_max, length));
+    }
+    /* M at the start, where velocities may be zero: what they will be after the step counts */
+    lag_evaluate(&run->system->dynamics, run->system, run->t, y, LAG_ALL);
+    run->size[n] = fmax(run->size[n], kinetic_energy(run, y + nq, run->h));
+    lag_sizes_update(run);
+}

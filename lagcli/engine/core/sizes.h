@@ -1,0 +1,55 @@
+/*
+ * Absolute tolerances that follow the size of each entry of the state.
+ *
+ * Step control holds the error of entry i to rtol |y_i| + atol_i. Where no absolute tolerance is
+ * given, it is
+ *
+ *     atol_i = FOLLOWING rtol S_i + rounding,
+ *
+ * S_i the largest |y_i| so far. Of the work W it is the largest kinetic energy. Rounding is what
+ * double precision leaves uncertain, below which step control would chase noise:
+ *
+ *   - ROUNDING times the largest size of coordinates (or velocities) of the same kind: those that the
+ *     model gives in the same unit;
+ *   - SUMMING times h A_i for a velocity, and h^2 A_i for its coordinate. h is the step, A_i the size of
+ *     what the acceleration is made of at the start, parts of which may cancel (a body in equilibrium):
+ *     what it changes by between rounding up and rounding down, over the rounding unit; the largest
+ *     among coordinates of the same kind;
+ *   - TIMING times T R_i for a velocity, and h T R_i for its coordinate. T is the length of the run,
+ *     R_i, of a coordinate at rest without acceleration, the largest acceleration at times to come: a
+ *     load that is applied later, at a time that is known to a rounding.
+ *
+ * Every term changes with the units as y_i does. See docs/decisions/2026-11-tolerances.md.
+ */
+#ifndef LAGCLI_SIZES_H
+#define LAGCLI_SIZES_H
+
+#include <float.h>
+
+#include "run.h"
+
+#define FOLLOWING 0.1
+#define ROUNDING (100.0 * DBL_EPSILON)
+#define SUMMING (100.0 * DBL_EPSILON)
+#define TIMING (10.0 * DBL_EPSILON)
+#define NO_SIZE 1e-100      /* the tolerance of an entry that has no size at all yet */
+#define LOOKS 64            /* times in a run at which accelerations to come are looked at */
+
+/* What a first step is estimated with, in parts of the run's length, where nothing else says how
+ * fast the motion is; and parts of the largest size of a kind. */
+#define HORIZON 1e-4
+#define BESIDE 1e-3
+
+/* Find what the accelerations at (t, y, f), where the run starts, are made of, and will be: A, R. */
+void lag_sizes_start(lag_run *run);
+
+/* Before the step from (t, y, f) of size h: sizes, and the absolute tolerances of the step. */
+void lag_sizes_update(lag_run *run);
+
+/* Take the kinetic energy into account, of the velocities in y and M as the dynamics tape holds it. */
+void lag_sizes_energy(lag_run *run, const double *y);
+
+/* Choose the size of a first step from (t, y, f); see lag_sizes_start. */
+void lag_first_step(lag_run *run, double order);
+
+#endif
