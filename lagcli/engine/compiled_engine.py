@@ -162,21 +162,20 @@ class Integration:
         return ""
 
     def reorder(self) -> None:
-        """Find an order that suits the end of the step that failed too.
+        """Find an order that suits the end of the step that failed too; else take it densely.
 
-        If there is none, refine the solutions, which rounding in a long elimination needs at tight
-        tolerances; else take the step densely.
+        It comes to this only where refined solutions are not accurate enough either.
         """
         core = self.core
         again, self.reordered = self.reordered == core.t, core.t
-        if again and core.refine():
-            return
-        if again or len(self.states) > _MOST_STATES:
-            core.allow_dense(1)
-            return
-        self.states.append((core.t, *self.split(core.state)))
-        self.states.append((core.t_bad, *self.split(core.y_bad.copy())))
-        self.use(prepare(self.system, find_elimination(self.evaluator, self.states)))
+        if not again and len(self.states) <= _MOST_STATES:
+            self.states.append((core.t, *self.split(core.state)))
+            self.states.append((core.t_bad, *self.split(core.y_bad.copy())))
+            found = find_elimination(self.evaluator, self.states)
+            if not self.in_use.serves(found):
+                self.use(prepare(self.system, found))
+                return
+        core.allow_dense(1)
 
     # what thinks, made when it is needed: most runs need none of it
 

@@ -147,7 +147,6 @@ cdef extern from "run.h":
     int lag_start(lag_run *run) nogil
     int lag_switch(lag_run *run, int method) nogil
     int lag_advance(lag_run *run, long slice) nogil
-    int lag_refine(lag_run *run) nogil
     int lag_sample_until(lag_run *run, double end) nogil
     void lag_dense(lag_run *run, double t, double *y) nogil
 
@@ -521,15 +520,6 @@ cdef class Integrator:
                         series.origin + series.state[1 + m] + k * series.layer
                     ]
         return found
-
-    def refine(self):
-        """Refine the elimination's solutions from now on, if that makes them accurate at y_bad.
-
-        Returns
-        -------
-        bool
-        """
-        return bool(lag_refine(&self.run))
 
     def allow_dense(self, long steps):
         """Take the next steps by the dense solution, whatever is used otherwise."""

@@ -357,12 +357,12 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
     return isfinite(lag_vectors()->pick(nq, d->registers, places, f + nq)) ? 0 : undefined(run, t, y);
 }
 
-double lag_inaccuracy(lag_run *run, double t, const double *y)
+double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
 {
     const lag_system *s = run->system;
     const int nq = s->nq, n = nq + s->nc;
     double *r = run->work, *size = run->work + n, *x = run->solution, power, all = 0.0;
-    if (!lag_eliminating(run) || lag_accelerate(run, t, y, run->refining, &power))
+    if (!lag_eliminating(run) || lag_accelerate(run, t, y, refined, &power))
         return 0;
     --run->evaluations;
     right_side(run);

@@ -45,9 +45,9 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
 /* y' at a state. Returns 0, or 1 where it is undefined. */
 int lag_derivative(lag_run *run, double t, const double *y, double *f);
 
-/* How far the static elimination's a and lambda at a state are from satisfying M a = f + B' lambda,
- * B a = gamma, next to the terms of these; 0 where there is no elimination. */
-double lag_inaccuracy(lag_run *run, double t, const double *y);
+/* How far the static elimination's a and lambda at a state, refined or not, are from satisfying
+ * M a = f + B' lambda, B a = gamma, next to the terms of these; 0 where there is no elimination. */
+double lag_inaccuracy(lag_run *run, double t, const double *y, int refined);
 
 /* How far they may be. */
 double lag_allowed_inaccuracy(const lag_run *run);

@@ -67,7 +67,8 @@ typedef struct lag_run {
     int eliminating;                   /* 0: not; 1: unrolled in the dynamics tape; 2: by ldl */
     int kept_count;                    /* outputs that tell what the unrolled pivots keep */
     int other_right;                   /* where another right side goes in the unrolled tape */
-    int refining;                      /* whether y' asks for a refined solution */
+    int refining;                      /* whether y' asks for a refined solution ... */
+    int accurate_steps;                /* ... and the steps in a row that would not have needed it */
     double inaccuracy;                 /* residual of the equations at the last step's end */
     lag_ldl ldl;
     const int32_t *mass_targets;       /* nm: where M's entries go in `factors`; -1: nowhere */
@@ -121,10 +122,6 @@ void lag_first_step(lag_run *run);
 
 /* Prepare the first step from y at t. Returns LAG_RUNNING or what is wrong there. */
 int lag_start(lag_run *run);
-
-/* After LAG_INACCURATE: let y' ask for refined solutions from now on, if the elimination is sound and
- * they make up for what it lacks. Returns whether they do. */
-int lag_refine(lag_run *run);
 
 /* Take at most `slice` steps. */
 int lag_advance(lag_run *run, long slice);
