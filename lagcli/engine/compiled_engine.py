@@ -20,7 +20,13 @@ from numpy.typing import NDArray
 from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.methods import Methods
-from lagcli.engine.prepared import Prepared, find_elimination, prepare
+from lagcli.engine.prepared import (
+    STEPS_TO_UNROLL,
+    Prepared,
+    find_elimination,
+    prepare,
+    unrolled,
+)
 from lagcli.engine.run import (
     Block,
     Event,
@@ -36,6 +42,7 @@ from lagcli.engine.system import System
 from lagcli.engine.unrolling import unroll
 
 if TYPE_CHECKING:
+    from lagcli.engine.elimination import Elimination
     from lagcli.engine.index1 import Index1
     from lagcli.engine.projection import Projection
     from lagcli.engine.singular import RankWatch
@@ -71,6 +78,8 @@ class Integration:
     ----------
     system, request, sink, progress
         As in the contract.
+    for_lanes : bool
+        Whether what is in use after the run is for lanes, which refine no solutions.
 
     Attributes
     ----------
@@ -84,6 +93,8 @@ class Integration:
         request: Request,
         sink: Callable[[Block], None],
         progress: Callable[[float], None] | None,
+        *,
+        for_lanes: bool = False,
     ):
         self.system, self.request, self.sink = system, request, sink
         self.progress = progress or (lambda t: None)
@@ -115,6 +126,7 @@ class Integration:
             alpha if request.beta is None else request.beta,
             request.formulation == "baumgarte",
             request.method == "auto" and system.variation is not None,
+            not for_lanes,
             max(1, min(request.block_rows, len(request.times))),
         )
         self.use(prepared)
@@ -130,8 +142,14 @@ class Integration:
             order = None
         elif order is None:
             order = find_elimination(self.evaluator, self.states)
-        known = self.request.prepared
-        return known if known and known.serves(order) else prepare(self.system, order)
+        return self.ready(order, self.request.prepared)
+
+    def ready(self, order: Elimination | None, known: Prepared | None) -> Prepared:
+        """Return the programs for an order, or for none; what is known of others is taken over."""
+        if not known or not known.serves(order):
+            known = prepare(self.system, order, known)
+        # power series are those of the unrolled operations
+        return unrolled(self.system, known) if self.request.method == "Taylor" else known
 
     def use(self, prepared: Prepared) -> None:
         """Solve for a and λ in a way."""
@@ -139,7 +157,11 @@ class Integration:
         if prepared.elimination is None:
             self.core.use_dense(prepared.dynamics)
         else:
-            self.core.use_elimination(prepared.dynamics, prepared.elimination)
+            self.core.use_elimination(prepared.dynamics, prepared.elimination, prepared.unrolled)
+        # a step count, not a time: runs are the same on every machine
+        self.unroll_at = math.inf
+        if prepared.worth_unrolling:
+            self.unroll_at = self.core.counts[0] + STEPS_TO_UNROLL
         self.no_series = self.expand(prepared) if self.request.method == "Taylor" else ""
 
     def expand(self, prepared: Prepared) -> str:
@@ -173,7 +195,7 @@ class Integration:
             self.states.append((core.t_bad, *self.split(core.y_bad.copy())))
             found = find_elimination(self.evaluator, self.states)
             if not self.in_use.serves(found):
-                self.use(prepare(self.system, found))
+                self.use(self.ready(found, self.in_use))
                 return
         core.allow_dense(1)
 
@@ -241,19 +263,21 @@ class Integration:
             steps = core.counts[0]
             limits.check(core.t, steps)
             started = time.monotonic()
-            most = min(request.max_steps - steps, self.methods.most_steps())
-            status = core.advance(min(slice_, most))
+            until = min(request.max_steps, self.unroll_at) - steps
+            most = int(min(slice_, until, self.methods.most_steps()))
+            status = core.advance(most)
             taken = time.monotonic() - started
             self.methods.count()
             if self.heed(status):
                 return
             if status == binding.RUNNING:
-                took = min(slice_, most)
-                slice_ = max(1, min(_GROWTH * slice_, int(took * _SLICE / max(taken, 1e-6))))
+                slice_ = max(1, min(_GROWTH * slice_, int(most * _SLICE / max(taken, 1e-6))))
                 if self.redundant:
                     slice_ = min(slice_, _LOOK)
                     self.check_redundancy()
                 self.methods.review()
+                if core.counts[0] >= self.unroll_at:
+                    self.use(unrolled(self.system, self.in_use))
             elif status == binding.NEAR:
                 slice_ = 1
             self.progress(core.t)

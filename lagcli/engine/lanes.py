@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lagcli.engine import compiled_engine
 from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
-from lagcli.engine.prepared import Prepared
+from lagcli.engine.prepared import Prepared, unrolled
 from lagcli.engine.program import assemble
 from lagcli.engine.run import Block, Interrupted, Request, Run
 from lagcli.engine.system import System
@@ -71,10 +71,12 @@ def prepare_lanes(
     """
     heed = progress or (lambda: None)
     request = dataclasses.replace(request, times=np.empty(0))
-    integration = compiled_engine.Integration(system, request, lambda block: None, lambda t: heed())
+    integration = compiled_engine.Integration(
+        system, request, lambda block: None, lambda t: heed(), for_lanes=True
+    )
     if integration.run().status == "interrupted":
         raise Interrupted
-    return integration.in_use
+    return unrolled(system, integration.in_use)
 
 
 def run_lanes(

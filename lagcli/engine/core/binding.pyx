@@ -113,7 +113,7 @@ cdef extern from "run.h":
         int finishing
         double *a
         double *multipliers
-        int eliminating, refining, kept_count, other_right
+        int eliminating, refinable, refining, kept_count, other_right
         lag_ldl ldl
         const int32_t *mass_targets
         const int32_t *jacobian_targets
@@ -330,7 +330,7 @@ cdef class Integrator:
     times : (nt,) array
     lengths : (nc,) array
         The rows' lengths at the start.
-    rank, rtol, atol, h_max, projecting, watching, alpha, beta, baumgarte, detecting
+    rank, rtol, atol, h_max, projecting, watching, alpha, beta, baumgarte, detecting, refinable
         As in core/run.h; alpha negative means "from the step", beta "as alpha".
     block_rows : int
         Samples kept before they are handed over.
@@ -348,7 +348,7 @@ cdef class Integrator:
     def __init__(
         self, system, constraint, double t, double t_end, y, times, lengths, int rank, double rtol,
         double atol, double h_max, bint projecting, int watching, double alpha, double beta,
-        bint baumgarte, bint detecting, long block_rows,
+        bint baumgarte, bint detecting, bint refinable, long block_rows,
     ):
         cdef int nq = len(system.coordinates), nc = len(system.constraints)
         cdef int n = 2 * nq + 1, size = nq + 2 * nc - rank
@@ -371,7 +371,7 @@ cdef class Integrator:
         self.run.projecting, self.run.watching = projecting, watching
         self.run.baumgarte = baumgarte
         self.run.method = LAG_DOP853
-        self.run.detecting = detecting
+        self.run.detecting, self.run.refinable = detecting, refinable
         self.run.alpha_from_step = baumgarte and alpha < 0
         self.run.beta_from_alpha = beta < 0
         self.run.alpha, self.run.beta = max(alpha, 0.0), max(beta, 0.0)
@@ -437,7 +437,7 @@ cdef class Integrator:
             tape.alone[<int>i] = self.integers(stream)
         if not program.alone:
             tape.alone[0] = tape.alone[1] = NULL
-        tape.held = self.integers([0])
+        tape.held = self.integers([0, 0])
         tape.outputs = self.integers(program.outputs)
         lag_stream_run(self.integers(program.prelude), tape.registers)
         return 0
@@ -448,26 +448,28 @@ cdef class Integrator:
         self.run.eliminating = 0
         self.allow_dense(0)
 
-    def use_elimination(self, dynamics, plan):
+    def use_elimination(self, dynamics, plan, bint unrolled):
         """Solve for a and λ by a static elimination.
 
         Parameters
         ----------
         dynamics : Program
-            Of the System's tape, the elimination appended where it is unrolled.
+            Of the System's tape.
         plan : Elimination
+        unrolled : bool
+            Whether it is appended to the tape.
         """
         cdef lag_ldl *ldl = &self.run.ldl
         cdef int nq = self.nq, n = nq + self.nc
         self.bind(&self.system.dynamics, dynamics)
-        self.run.eliminating = 1 if plan.unrolled else 2
+        self.run.eliminating = 1 if unrolled else 2
         self.run.refining = 0
         ldl.n = n
         ldl.order = self.integers(plan.order)
         ldl.paired = self.integers(plan.paired)
         ldl.start = self.integers(plan.starts)
         ldl.row = self.integers([i for column in plan.columns for i in column])
-        if plan.unrolled:
+        if unrolled:
             self.run.kept_count = (
                 len(dynamics.outputs) - lag_first_kept(&self.system) - n - nq
             )

@@ -7,6 +7,9 @@
 #include "vectors.h"
 
 
+/* Which factors of the matrix are at hand for the state that the dynamics tape holds. */
+enum lag_factored { NOT_FACTORED, FACTORED, FACTORED_DENSE };
+
 int lag_size(const lag_system *s)
 {
     return 2 * s->nq + 1;
@@ -19,13 +22,14 @@ void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const dou
     if (part && !tape->alone[part - 1])
         part = LAG_ALL;
     if (r[0] == t && memcmp(r + 1, y, bytes) == 0) {
-        if (*tape->held == LAG_ALL || *tape->held == part)
+        if (tape->held[0] == LAG_ALL || tape->held[0] == part)
             return;
     } else {
         r[0] = t;
         memcpy(r + 1, y, bytes);
     }
-    *tape->held = part;
+    tape->held[0] = part;
+    tape->held[1] = NOT_FACTORED;
     lag_stream_run(part ? tape->alone[part - 1] : tape->stream, r);
 }
 
@@ -137,18 +141,13 @@ static void solve_dense(lag_run *run, const double *right, double *x, int refine
         x[nq + i] = z[nq + i] * run->weight[i];
 }
 
-int lag_factor(lag_run *run, double t, const double *y)
+/* Set up the matrix and factor it by the static elimination, in a loop. Returns 0, or 1. */
+static int factor(lag_run *run)
 {
     const lag_system *s = run->system;
     const lag_tape *d = &s->dynamics;
     const lag_ldl *ldl = &run->ldl;
-    double *f = run->factors;
-    double sum = 0.0;
-    lag_evaluate(d, s, t, y, LAG_FACTORS);
-    if (!lag_eliminating(run))
-        return factor_dense(run);
-    if (run->eliminating == 1)
-        return 0;
+    double *f = run->factors, sum = 0.0;
     const int n = ldl->n, count = 2 * n + ldl->start[n];
     memset(f, 0, (size_t)count * sizeof(double));
     for (int i = 0; i < s->nm; ++i)
@@ -160,6 +159,19 @@ int lag_factor(lag_run *run, double t, const double *y)
     for (int i = 0; i < count; ++i)
         sum += f[i];
     return !isfinite(sum);
+}
+
+int lag_factor(lag_run *run, double t, const double *y)
+{
+    const lag_system *s = run->system;
+    const lag_tape *d = &s->dynamics;
+    const int way = lag_eliminating(run) ? FACTORED : FACTORED_DENSE;
+    lag_evaluate(d, s, t, y, LAG_FACTORS);
+    if (lag_eliminating(run) == 1 || d->held[1] == way)
+        return 0;
+    const int bad = way == FACTORED ? factor(run) : factor_dense(run);
+    d->held[1] = bad ? NOT_FACTORED : way;
+    return bad;
 }
 
 /* right less the matrix times x, to r; the sums of the magnitudes to size, where it is given. */

@@ -225,7 +225,7 @@ static int accurate(lag_run *run)
  * the elimination lacks. Returns whether it does. */
 static int refine(lag_run *run)
 {
-    if (run->refining || run->stepped == LAG_TAYLOR || run->inaccuracy > SOUND
+    if (!run->refinable || run->refining || run->stepped == LAG_TAYLOR || run->inaccuracy > SOUND
         || lag_inaccuracy(run, run->t_bad, run->y_bad, 1) > lag_allowed_inaccuracy(run))
         return 0;
     run->refining = 1;

@@ -67,6 +67,7 @@ typedef struct lag_run {
     int eliminating;                   /* 0: not; 1: unrolled in the dynamics tape; 2: by ldl */
     int kept_count;                    /* outputs that tell what the unrolled pivots keep */
     int other_right;                   /* where another right side goes in the unrolled tape */
+    int refinable;                     /* whether solutions may be refined before an order is given up */
     int refining;                      /* whether y' asks for a refined solution ... */
     int accurate_steps;                /* ... and the steps in a row that would not have needed it */
     double inaccuracy;                 /* residual of the equations at the last step's end */
