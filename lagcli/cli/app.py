@@ -15,6 +15,7 @@ import typer
 
 from lagcli import __version__
 from lagcli.errors import LagcliError
+from lagcli.threads import limit_process
 
 #: The commands, in the order of the help; each is a function in the module of its name.
 COMMANDS = (
@@ -107,6 +108,7 @@ def main() -> None:
     # What is imported lives to the end, and a run leaves little in cycles: to look through it all
     # time and again while modules are imported would cost a tenth of a short run.
     gc.set_threshold(200_000)
+    limit_process()
     # a reader that closes the pipe (`lagcli derive … | head`) ends us as it ends any other filter
     if hasattr(signal, "SIGPIPE"):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)

@@ -9,7 +9,7 @@ that fills up never: its columns are long enough for the loop in C.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 from lagcli.engine.elimination import Elimination, NoElimination, order_at
 from lagcli.engine.evaluator import Evaluator
@@ -60,7 +60,7 @@ class Prepared(NamedTuple):
     @property
     def worth_unrolling(self) -> bool:
         """Whether a long run, or many runs, should have the elimination unrolled."""
-        return not self.unrolled and self.elimination is not None and _may_unroll(self.elimination)
+        return not self.unrolled and _may_unroll(self.elimination)
 
 
 def prepare(
@@ -77,25 +77,25 @@ def prepare(
         not depend on that.
     """
     constraint = known.constraint if known else assemble(with_rates(system), system.families)
-    if elimination is not None and _may_unroll(elimination):
-        if len(system.dynamics.code) + elimination.updates <= SHORT:
-            return Prepared(elimination, _with(system, elimination), constraint, True)
-    plain = known and not known.unrolled
-    dynamics = known.dynamics if plain else assemble(system.dynamics, system.families)
-    return Prepared(elimination, dynamics, constraint, False)
+    if _may_unroll(elimination) and len(system.dynamics.code) + elimination.updates <= SHORT:
+        return Prepared(elimination, _with(system, elimination), constraint, True)
+    if known is not None and not known.unrolled:
+        return Prepared(elimination, known.dynamics, constraint, False)
+    return Prepared(elimination, assemble(system.dynamics, system.families), constraint, False)
 
 
 def unrolled(system: System, prepared: Prepared) -> Prepared:
-    """Return what a long run, or many runs, are done with: the elimination unrolled if it may be."""
-    if not prepared.worth_unrolling:
+    """Return what long runs, or many, are done with: the elimination is unrolled if it may be."""
+    elimination = prepared.elimination
+    if prepared.unrolled or not _may_unroll(elimination):
         return prepared
-    assert prepared.elimination is not None
-    return prepared._replace(dynamics=_with(system, prepared.elimination), unrolled=True)
+    return prepared._replace(dynamics=_with(system, elimination), unrolled=True)
 
 
-def _may_unroll(elimination: Elimination) -> bool:
-    most = min(MOST_UNROLLED, _MOST_FOR_EACH * len(elimination.order))
-    return elimination.updates <= most
+def _may_unroll(elimination: Elimination | None) -> TypeGuard[Elimination]:
+    if elimination is None:
+        return False
+    return elimination.updates <= min(MOST_UNROLLED, _MOST_FOR_EACH * len(elimination.order))
 
 
 def _with(system: System, elimination: Elimination) -> Program:

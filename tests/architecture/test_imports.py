@@ -33,15 +33,16 @@ ROOMS = {
     "derived": {"engine", "samples"},
     "extremes": {"samples"},
     "interruption": set(),
+    "threads": set(),
     "results": {"errors", "extremes", "samples", "trajectory", "lagcli"},
     "simulation": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "derived"),
-        *("start", "interruption", "lagcli"),
+        *("start", "interruption", "threads", "lagcli"),
     },
     "start": {"errors", "model", "equations", "engine", "undefined"},
     "sweeps": {
         *("errors", "model", "equations", "engine", "results", "simulation", "start", "variants"),
-        *("interruption", "samples", "lagcli"),
+        *("interruption", "samples", "threads", "lagcli"),
     },
     # a page is where values go round: from the reader's hand to a run and its pictures
     "play": {
@@ -66,6 +67,7 @@ FOREIGN = {
     "engine": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "os", "pathlib", "io"},
     "derived": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "extremes": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "threads": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "interruption": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
     "simulation": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},

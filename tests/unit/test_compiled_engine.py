@@ -146,7 +146,7 @@ def test_what_a_long_elimination_lacks_is_refined(counted):
 
 
 def test_a_net_of_rods_keeps_its_order(counted):
-    """An order found for a flat net loses digits where the net is folded: refinement regains them."""
+    """An order found for a flat net loses digits where it is folded: refinement regains them."""
     model = lagcli.load(FOUND / "net_rods.yaml", set={"N": 3})
     found = lagcli.simulate(model, engine="compiled")
     assert found.status == "completed", found.message
@@ -158,7 +158,7 @@ def test_a_net_of_rods_keeps_its_order(counted):
 
 
 def test_a_long_run_unrolls_its_elimination(counted, monkeypatch):
-    from lagcli.engine import prepared, compiled_engine
+    from lagcli.engine import compiled_engine, prepared
 
     monkeypatch.setattr(prepared, "SHORT", 0)
     model = lagcli.load(MODELS[0].parent / "andrews_squeezer.yaml")
