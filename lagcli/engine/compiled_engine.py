@@ -146,10 +146,9 @@ class Integration:
 
     def ready(self, order: Elimination | None, known: Prepared | None) -> Prepared:
         """Return the programs for an order, or for none; what is known of others is taken over."""
-        if not known or not known.serves(order):
-            known = prepare(self.system, order, known)
+        prepared = prepare(self.system, order, known)
         # power series are those of the unrolled operations
-        return unrolled(self.system, known) if self.request.method == "Taylor" else known
+        return unrolled(self.system, prepared) if self.request.method == "Taylor" else prepared
 
     def use(self, prepared: Prepared) -> None:
         """Solve for a and λ in a way."""

@@ -146,9 +146,10 @@ class _Lanes:
         prepared = request.prepared
         assert prepared is not None
         self.request, self.steps = request, ("DOP853",) if request.method == "auto" else ()
-        first = _of_row(system, request, parameters, q, v, 0)
-        single = compiled_engine.Integration(*first, lambda block: None, None)
-        single.use(prepared)
+        first, values = _of_row(system, request, parameters, q, v, 0)
+        # in the order of all, whatever that of the first one is
+        values = dataclasses.replace(values, elimination=prepared.elimination)
+        single = compiled_engine.Integration(first, values, lambda block: None, None)
         width = 2 + 3 * len(system.coordinates) + len(system.constraints)
         held = min(_HELD, _MOST_NUMBERS // (width * max(1, len(request.times))) - binding.LANES)
         self.core = binding.Lanes(

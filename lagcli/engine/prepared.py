@@ -37,18 +37,30 @@ class Prepared(NamedTuple):
     ----------
     elimination : Elimination or None
         None: the equations are solved densely.
-    dynamics : Program
-        With the elimination, where it is unrolled.
     constraint : Program
         With ψ.
-    unrolled : bool
-        Whether the program of the dynamics yields a and λ.
+    plain : Program or None
+        The dynamics; None where nothing has needed them without the elimination.
+    whole : Program or None
+        The dynamics with the elimination unrolled, where it is.
     """
 
     elimination: Elimination | None
-    dynamics: Program
     constraint: Program
-    unrolled: bool
+    plain: Program | None
+    whole: Program | None
+
+    @property
+    def unrolled(self) -> bool:
+        """Whether the program of the dynamics yields a and λ."""
+        return self.whole is not None
+
+    @property
+    def dynamics(self) -> Program:
+        """The program of the dynamics to run."""
+        program = self.whole or self.plain
+        assert program is not None
+        return program
 
     def serves(self, elimination: Elimination | None) -> bool:
         """Return whether it is what an order of elimination, or None, is made ready by."""
@@ -73,15 +85,18 @@ def prepare(
     system : System
     elimination : Elimination or None
     known : Prepared, optional
-        What the System was made ready by with another order: its programs are taken where they do
-        not depend on that.
+        What the System was made ready by, perhaps with another order: its programs are taken where
+        they do not depend on that.
     """
+    if known is not None and known.serves(elimination):
+        return known
     constraint = known.constraint if known else assemble(with_rates(system), system.families)
     if _may_unroll(elimination) and len(system.dynamics.code) + elimination.updates <= SHORT:
-        return Prepared(elimination, _with(system, elimination), constraint, True)
-    if known is not None and not known.unrolled:
-        return Prepared(elimination, known.dynamics, constraint, False)
-    return Prepared(elimination, assemble(system.dynamics, system.families), constraint, False)
+        return Prepared(elimination, constraint, None, _with(system, elimination))
+    plain = known.plain if known else None
+    return Prepared(
+        elimination, constraint, plain or assemble(system.dynamics, system.families), None
+    )
 
 
 def unrolled(system: System, prepared: Prepared) -> Prepared:
@@ -89,7 +104,7 @@ def unrolled(system: System, prepared: Prepared) -> Prepared:
     elimination = prepared.elimination
     if prepared.unrolled or not _may_unroll(elimination):
         return prepared
-    return prepared._replace(dynamics=_with(system, elimination), unrolled=True)
+    return prepared._replace(whole=_with(system, elimination))
 
 
 def _may_unroll(elimination: Elimination | None) -> TypeGuard[Elimination]:

@@ -233,5 +233,5 @@ def test_a_chain_fills_in_nothing() -> None:
         plan, columns=tuple(tuple(range(k + 1, 2 * n)) for k in range(2 * n))
     )
     program = assemble(hand_written(np.eye(1), np.ones((1, 1)), np.zeros(2)).dynamics)
-    assert Prepared(plan, program, program, unrolled=False).worth_unrolling
-    assert not Prepared(full, program, program, unrolled=False).worth_unrolling
+    assert Prepared(plan, program, program, None).worth_unrolling
+    assert not Prepared(full, program, program, None).worth_unrolling
