@@ -6,6 +6,7 @@ import numpy as np
 
 from lagcli.engine.evaluator import Batch
 from lagcli.engine.run import Block
+from lagcli.engine.scales import least_scales_of_entries, usable
 from lagcli.engine.system import System
 from lagcli.samples import Array, Samples
 
@@ -38,13 +39,13 @@ class DerivedColumns:
     def scale_position(self) -> Array:
         """Each constraint's largest scale so far, (nc,); NaN where it has no position."""
         scale = np.full(len(self.system.constraints), np.nan)
-        scale[list(self.system.holonomic)] = _usable(self._position_scale)
+        scale[list(self.system.holonomic)] = usable(self._position_scale)
         return scale
 
     @property
     def scale_velocity(self) -> Array:
         """Each velocity constraint's largest scale so far, (nc,)."""
-        return _usable(self._velocity_scale)
+        return usable(self._velocity_scale)
 
     def __call__(self, block: Block) -> Samples:
         """Return the next samples with all their columns."""
@@ -78,8 +79,20 @@ class DerivedColumns:
         if count and not self.samples:
             self._energy_before = total[0] - block.work[0]
         self.samples += count
-        self._position_scale = _larger(self._position_scale, e.position_scale)
-        self._velocity_scale = _larger(self._velocity_scale, e.velocity_scale)
+        mass_diagonal = np.zeros((nq, count))
+        for (i, j), entry in zip(system.mass_pattern, e.mass_matrix, strict=True):
+            if i == j:
+                mass_diagonal[i] = entry
+        inertia = np.ascontiguousarray(system.inertia(mass_diagonal.T).T)
+        scales = [
+            least_scales_of_entries(inertia, system.jacobian_pattern, e.jacobian, nc, x)
+            for x in (np.ascontiguousarray(block.q.T), v)
+        ]
+        held = scales[0][list(system.holonomic)]
+        self._position_scale = _larger(self._position_scale, np.maximum(e.position_scale, held))
+        self._velocity_scale = _larger(
+            self._velocity_scale, np.maximum(e.velocity_scale, scales[1])
+        )
         return Samples(
             coordinates=system.coordinates,
             constraints=system.constraints,
@@ -107,7 +120,3 @@ def _larger(scale: Array, scales: Array) -> Array:
     """Return each constraint's largest scale so far, from that before and those of more samples."""
     return np.maximum(scale, scales.max(axis=1, initial=0.0))
 
-
-def _usable(scale: Array) -> Array:
-    """Return 1 for the scale of a constraint whose terms are always 0."""
-    return np.where(scale > 0, scale, 1.0)

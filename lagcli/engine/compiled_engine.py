@@ -106,6 +106,7 @@ class Integration:
         prepared = self.prepared()
         projecting = request.formulation == "projection"
         c = self.evaluator.constraints(request.t_start, request.q, request.v)
+        sizes = self.evaluator.sizes(request.t_start, request.q, request.v)
         # a negative damping asks the core for that of the step
         alpha = -1.0 if request.alpha is None else request.alpha
         self.core = binding.Integrator(
@@ -115,7 +116,9 @@ class Integration:
             request.t_end,
             np.concatenate([request.q, request.v, [0.0]]),
             request.times,
-            self.evaluator.row_lengths(c, request.q, request.v),
+            sizes,
+            self.evaluator.row_lengths(c, request.q, request.v, sizes),
+            self.evaluator.row_lengths(c, request.q, request.v, np.ones(self.nq)),
             request.rank,
             request.rtol,
             request.atol,

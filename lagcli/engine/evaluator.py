@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.interpreter import ScalarTape, run_arrays
+from lagcli.engine.scales import coordinate_sizes, row_lengths
 from lagcli.engine.system import Pattern, System
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
-
-#: A row of B shorter than this, next to the constraint's terms, counts as zero.
-_SMALL_ROW = 1e-6
 
 
 class Dynamics(NamedTuple):
@@ -116,7 +114,6 @@ class Evaluator:
         self._constraint = ScalarTape(system.constraint)
         self._layout = _Layout(system)
         self._holonomic = list(system.holonomic)
-        self._rates = [i for i in range(self._layout.nc) if i not in system.holonomic]
 
     def entries(self, t: float, q: Array, v: Array) -> list[float]:
         """Return the outputs of the dynamics tape."""
@@ -133,17 +130,17 @@ class Evaluator:
         numbers = self._constraint((t, *q.tolist(), *v.tolist(), *self.system.parameters))
         return self._layout.constraints(np.array(numbers))
 
-    def row_lengths(self, c: Constraints, q: Array, v: Array) -> Array:
-        """Return a scale for each row of B that does not vanish with the row.
+    def sizes(self, t: float, q: Array, v: Array) -> Array:
+        """Return changes of the coordinates that count as equal at a state."""
+        d = self.dynamics(t, q, v)
+        return coordinate_sizes(self.system.inertia(np.diag(d.mass_matrix)), d.jacobian)
 
-        It is the row's length, or, if that is smaller, a small part of the constraint's terms over
-        the coordinates that they are functions of.
-        """
-        floor = np.zeros(len(c.jacobian))
-        floor[self._holonomic] = c.position_scale / (np.abs(q).max(initial=0.0) or 1.0)
-        floor[self._rates] = c.velocity_scale[self._rates] / (np.abs(v).max(initial=0.0) or 1.0)
-        length = np.maximum(np.sqrt((c.jacobian * c.jacobian).sum(axis=1)), _SMALL_ROW * floor)
-        length[length == 0.0] = 1.0
+    def row_lengths(self, c: Constraints, q: Array, v: Array, sizes: Array) -> Array:
+        """Return scales for the rows of B times sizes that do not vanish with the rows."""
+        length = row_lengths(c.jacobian, sizes, c.velocity_scale, v)
+        if self._holonomic:
+            rows = c.jacobian[self._holonomic]
+            length[self._holonomic] = row_lengths(rows, sizes, c.position_scale, q)
         return length
 
 

@@ -31,8 +31,10 @@ class Index1:
 
     Attributes
     ----------
+    sizes : (nq,) array
+        Changes of the coordinates that count as equal; known from the first `measure` on.
     lengths : (nc,) array
-        Scales of B's rows, by which its rank is judged.
+        Scales of the rows of B times sizes, by which its rank is judged.
     damping : (float, float) or None
         Baumgarte's α and β: φ̈ + 2α φ̇ + β² φ = 0, and ψ̇ + α ψ = 0 where nonholonomic.
     evaluations : int
@@ -46,6 +48,7 @@ class Index1:
         self.nq, self.nc = len(system.coordinates), len(system.constraints)
         self.redundant = rank < self.nc
         self.holonomic = list(system.holonomic)
+        self.sizes = np.ones(self.nq)
         self.lengths = np.zeros(self.nc)
         self.damping: tuple[float, float] | None = None
         self.evaluations = 0
@@ -56,10 +59,17 @@ class Index1:
         return y[: self.nq], y[self.nq : 2 * self.nq]
 
     def measure(self, t: float, q: Array, v: Array) -> None:
-        """Keep the largest length that each row of B has had."""
+        """Keep the largest length that each row of B times sizes has had."""
         c = self.evaluator.constraints(t, q, v)
         if c.finite:
-            self.lengths = np.maximum(self.lengths, self.evaluator.row_lengths(c, q, v))
+            if not self.lengths.any():
+                self.sizes = self.evaluator.sizes(t, q, v)
+            lengths = self.evaluator.row_lengths(c, q, v, self.sizes)
+            self.lengths = np.maximum(self.lengths, lengths)
+
+    def decompose(self, jacobian: Array) -> linear.Decomposition:
+        """Decompose B by its rank, sizes and lengths."""
+        return linear.decompose(jacobian, self.rank, scale=self.lengths, sizes=self.sizes)
 
     def rate(self, t: float, y: Array) -> Array:
         """Return y'; NaN where it is undefined."""
@@ -92,7 +102,7 @@ class Index1:
     def _solve(self, d: Dynamics, rhs: Array) -> tuple[Array, Array]:
         if not self.redundant:
             return linear.solve_regular(d.mass_matrix, d.forcing, d.jacobian, rhs)
-        parts = linear.decompose(d.jacobian, self.rank, scale=self.lengths)
+        parts = self.decompose(d.jacobian)
         return linear.solve_redundant(d.mass_matrix, d.forcing, d.jacobian, rhs, parts)
 
     def _stabilization(self, t: float, q: Array, v: Array) -> Array:
@@ -113,10 +123,10 @@ class Index1:
         d = self.evaluator.dynamics(t, q, v)
         if not d.finite:
             return None
-        parts = linear.decompose(d.jacobian, self.rank, scale=self.lengths)
+        parts = self.decompose(d.jacobian)
         scaled = d.rhs / parts.scale
         defect = parts.dependent @ (parts.dependent.T @ scaled)
         a, _, _ = self.accelerations(t, q, v)
-        allowed = _CONTRADICTION * max(np.abs(scaled).max(), np.abs(a).max())
+        allowed = _CONTRADICTION * max(np.abs(scaled).max(), np.abs(a / self.sizes).max())
         worst = int(np.argmax(np.abs(defect)))
         return worst if abs(defect[worst]) > allowed else None

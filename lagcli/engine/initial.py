@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lagcli.engine import linear
 from lagcli.engine.elimination import Elimination, NoElimination, order_at
 from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.scales import least_scales, usable
 from lagcli.engine.system import System
 
 Array = NDArray[np.float64]
@@ -25,6 +26,9 @@ REACHED = 1e-15  # of the constraint's scale: where iteration ends
 _ITERATIONS = 200
 _LARGE = 60  # unknowns from which regularity is first looked for by sparse elimination
 REGULAR = 1e-6  # the smallest pivot that shows it, beside entries near one
+#: Where all that a guess has is to vanish, residuals are judged by this part of the guess's scale.
+OF_GUESS = 1e-5
+LONGEST = 2.0  # of the coordinates' size: the longest step
 _ASIDE = (1e-3, 0.1)  # of the coordinates' size: where a guess that leads nowhere is moved
 
 
@@ -127,6 +131,7 @@ class _Start:
         self.evaluator = Evaluator(system)
         self.fixed_q, self.fixed_v = np.asarray(fixed_q, bool), np.asarray(fixed_v, bool)
         self.holonomic = list(system.holonomic)
+        self.of_guess: Array | None = None  # a part of the first scales of positions
 
     def solve(self, q: Array, v: Array) -> ConsistentState:
         new_q = self.positions(q.copy(), v)
@@ -135,8 +140,9 @@ class _Start:
         elimination = self.elimination(new_q, new_v)
         rank = len(c.jacobian)
         if rank and not elimination:
-            lengths = self.evaluator.row_lengths(c, new_q, new_v)
-            rank = linear.count_rank(c.jacobian, scale=lengths)
+            sizes = self.evaluator.sizes(self.t, new_q, new_v)
+            lengths = self.evaluator.row_lengths(c, new_q, new_v, sizes)
+            rank = linear.count_rank(c.jacobian, scale=lengths, sizes=sizes)
         names = self.system.coordinates
         moved = {}
         for labels, before, after in (
@@ -170,16 +176,11 @@ class _Start:
         jacobian = c.jacobian[self.holonomic]
         if not (np.isfinite(c.position).all() and np.isfinite(jacobian).all()):
             raise UndefinedStart(self.t, q, v)
-        return c.position, self.scale(c.position_scale, jacobian, q), jacobian
-
-    def scale(self, terms: Array, jacobian: Array, x: Array) -> Array:
-        """Return what residuals are judged by.
-
-        Where all terms vanish, the unknowns' own size says what is small.
-        """
-        return np.maximum(
-            terms, linear.row_scale(jacobian) * (1e-3 + np.abs(x).max(initial=0.0)) * 1e-3
-        )
+        inertia = self.inertia(q, v)
+        scale = np.maximum(c.position_scale, least_scales(inertia, jacobian, q))
+        if self.of_guess is None:
+            self.of_guess = OF_GUESS * scale
+        return c.position, usable(np.maximum(scale, self.of_guess)), jacobian
 
     def positions(self, q: Array, v: Array) -> Array:
         if not self.holonomic:
@@ -187,19 +188,38 @@ class _Start:
         for aside in (0.0, *_ASIDE):
             # at a singular guess (a rod of no length) the constraints say nothing about where to
             # go; a step aside finds out whether they do beside it
-            found = self.descend(self.aside(q, aside), v)
+            found = self.descend(self.aside(q, v, aside) if aside else q, v)
             phi, scale, _ = self.residual(found, v)
             if np.abs(phi / scale).max() <= ACCEPTED:
                 return found
             if aside == 0.0:
                 first = found
         phi, scale, jacobian = self.residual(first, v)
-        raise self.failure("position", phi, scale, jacobian, self.fixed_q)
+        sizes = self.evaluator.sizes(self.t, first, v)
+        raise self.failure("position", phi, scale, jacobian * sizes, self.fixed_q)
 
-    def aside(self, q: Array, part: float) -> Array:
+    def aside(self, q: Array, v: Array, part: float) -> Array:
         """Return a guess with its free coordinates moved by a part of their size, each its own."""
-        size = part * (1.0 + np.abs(q).max())
+        size = part * self.size(q, v)
         return q + np.where(self.fixed_q, 0.0, size * np.cos(1.0 + np.arange(len(q))))
+
+    def inertia(self, q: Array, v: Array) -> Array:
+        """Return the inertia of each coordinate, (nq,)."""
+        mass = self.evaluator.dynamics(self.t, q, v).mass_matrix
+        return self.system.inertia(np.diag(mass))
+
+    def size(self, q: Array, v: Array) -> Array:
+        """Return the sizes of the coordinates, (nq,): what the largest is for the others.
+
+        Where all are zero, that of the constraints' terms.
+        """
+        c = self.evaluator.constraints(self.t, q, v)
+        sizes = self.evaluator.sizes(self.t, q, v)
+        largest = np.abs(q / sizes).max(initial=0.0)
+        if not largest:
+            length = linear.row_scale(c.jacobian[self.holonomic] * sizes)
+            largest = (c.position_scale / length).max(initial=0.0) or 1.0
+        return np.asarray(largest * sizes)
 
     def descend(self, q: Array, v: Array) -> Array:
         """Return what damped Gauss–Newton steps of least M-weighted length lead to."""
@@ -209,12 +229,13 @@ class _Start:
             if np.abs(phi / scale).max() <= REACHED or not len(free):
                 break
             part = jacobian[:, free]
+            size = self.size(q, v)
             # near a singular point of the free Jacobian a full step would be wild: cut its rank
-            rank = linear.count_rank(part, 1e-6)
-            step = linear.least_change(part, phi, self.weight(q, v, free), rank)
-            # an angle beyond a turn or a length beyond the model's size means a bad direction
-            length = np.abs(step).max()
-            step *= min(1.0, (1.0 + np.abs(q).max()) / length) if length else 1.0
+            rank = linear.count_rank(part, 1e-6, sizes=size[free])
+            step = linear.least_change(part, phi, self.weight(q, v, free), rank, sizes=size[free])
+            # a length beyond the model's size means a bad direction
+            length = np.abs(step / size[free]).max()
+            step *= min(1.0, LONGEST / length) if length else 1.0
             trial = self.search(q, v, free, step, phi, scale)
             if trial is None:
                 break
@@ -254,14 +275,21 @@ class _Start:
             if not c.finite:
                 raise UndefinedStart(self.t, q, v)
             psi = c.velocity(v)
-            scale = self.scale(c.velocity_scale, c.jacobian, v)
+            inertia = self.inertia(q, v)
+            scale = np.maximum(c.velocity_scale, least_scales(inertia, c.jacobian, v))
+            if left == 3:
+                of_guess = OF_GUESS * scale
+            scale = usable(np.maximum(scale, of_guess))
             if np.abs(psi / scale).max() <= REACHED or not len(free) or not left:
                 break
             part = c.jacobian[:, free]
-            rank = linear.count_rank(part)
-            v[free] += linear.least_change(part, psi, self.weight(q, v, free), rank)
+            sizes = self.evaluator.sizes(self.t, q, v)[free]
+            rank = linear.count_rank(part, sizes=sizes)
+            weight = self.weight(q, v, free)
+            v[free] += linear.least_change(part, psi, weight, rank, sizes=sizes)
         if np.abs(psi / scale).max() > ACCEPTED:
-            raise self.failure("velocity", psi, scale, c.jacobian, self.fixed_v)
+            sizes = self.evaluator.sizes(self.t, q, v)
+            raise self.failure("velocity", psi, scale, c.jacobian * sizes, self.fixed_v)
         return v
 
     def failure(
@@ -272,7 +300,10 @@ class _Start:
         jacobian: Array,
         fixed: Flags,
     ) -> NoConsistentState:
-        """Return what violates and why, at the state nearest to the constraints."""
+        """Return what violates and why, at the state nearest to the constraints.
+
+        The Jacobian is that of coordinates over their sizes.
+        """
         relative = np.abs(residual / scale)
         bad = np.flatnonzero(relative > ACCEPTED)
         position = level == "position"

@@ -73,7 +73,9 @@ class Crossing:
             values = known + [self._unknowns(t, *s) for t, s in zip(times, states, strict=True)]
             self._integrate(np.asarray(np.linalg.solve(matrix, np.array(values)), dtype=float))
             last, states = states, [project(t, *self(t)[:2]) for t in times]
-            moved = max(_distance(a, b) for a, b in zip(states, last, strict=True))
+            moved = max(
+                _distance(a, b, motion.sizes) for a, b in zip(states, last, strict=True)
+            )
             if moved <= _SETTLED:
                 break
         if not moved <= _CONTINUED:
@@ -116,9 +118,9 @@ class Crossing:
         )
 
 
-def _distance(one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
-    """Return the largest difference of q and v, relative to their sizes."""
+def _distance(one: tuple[Array, Array], other: tuple[Array, Array], sizes: Array) -> float:
+    """Return the largest difference of q and v, relative to the largest of all."""
     return max(
-        float(np.abs(a - b).max() / (np.abs(b).max() or 1.0))
+        float(np.abs((a - b) / sizes).max() / (np.abs(b / sizes).max() or 1.0))
         for a, b in zip(one, other, strict=True)
     )

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from lagcli.engine import linear
 from lagcli.engine.evaluator import Constraints, Evaluator
 from lagcli.engine.run import Stop, Undefined
+from lagcli.engine.scales import coordinate_sizes, least_scales, usable
 
 Array = NDArray[np.float64]
+Places = NDArray[np.intp]
 
 #: Newton steps: from the drift of one step, two reach rounding error; a drift of a tenth of the
 #: coordinates (rtol = 0.1) needs five.
@@ -39,9 +41,12 @@ class Projection:
         self.names = system.constraints
         self.holonomic = list(system.holonomic)
         self.redundant = rank < len(self.names)
-        # the largest sums of the magnitudes of the constraints' terms so far
+        # the constraints' largest scales so far, and the largest lengths of the rows of B times
+        # sizes: a row that vanishes in passing is rounding error over its own length
         self.position_scale = np.zeros(len(self.holonomic))
         self.velocity_scale = np.zeros(len(self.names))
+        self.sizes: Array | None = None
+        self.lengths = np.zeros(len(self.names))
 
     def __call__(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Return the consistent state next to a state.
@@ -63,7 +68,7 @@ class Projection:
             residual = c.velocity(v)
             if (np.abs(residual) <= _RESIDUAL * self.velocity_scale).all():
                 break
-            v = v + self._change(c.jacobian, residual, mass, self.rank)
+            v = v + self._change(c.jacobian, residual, mass, self.rank, self.lengths)
         return q, v
 
     def _positions(self, t: float, q: Array, v: Array, mass: Array) -> tuple[Array, Constraints]:
@@ -73,35 +78,57 @@ class Projection:
             c = self.evaluator.constraints(t, q, v)
             if not c.finite:
                 raise Undefined(t, q, v)
-            self.position_scale = np.maximum(self.position_scale, c.position_scale)
-            self.velocity_scale = np.maximum(self.velocity_scale, c.velocity_scale)
+            self._measure(t, q, v, c, mass)
             if not self.holonomic:
                 return q, c
-            jacobian = c.jacobian[self.holonomic]
-            scale = np.maximum(self.position_scale, np.finfo(float).tiny)
+            jacobian, lengths = c.jacobian[self.holonomic], self.lengths[self.holonomic]
+            scale = usable(self.position_scale)
             worst = float((np.abs(c.position) / scale).max())
             if worst <= _RESIDUAL or worst >= 0.5 * best:
                 break
             best = worst
             # the rank is that of all rows together; of the holonomic ones alone it is counted
-            rank = linear.decompose(jacobian).rank if self.redundant else None
-            q = q + self._change(jacobian, c.position, mass, rank)
-        # constraints whose terms vanish are judged by the coordinates' size
-        size = np.maximum(scale, linear.row_scale(jacobian) * np.abs(q).max())
-        bad = np.abs(c.position) > _NOT_REACHED * size
+            rank = self._count_rank(jacobian, lengths) if self.redundant else None
+            q = q + self._change(jacobian, c.position, mass, rank, lengths)
+        bad = np.abs(c.position) > _NOT_REACHED * scale
         if bad.any():
-            raise self._stop(t, [self.names[self.holonomic[i]] for i in np.flatnonzero(bad)])
+            raise self._stop(t, np.flatnonzero(bad), c.position, jacobian, lengths)
         return q, c
 
-    def _change(self, jacobian: Array, residual: Array, mass: Array, rank: int | None) -> Array:
-        return linear.least_change(jacobian, residual, mass, rank if self.redundant else None)
+    def _measure(self, t: float, q: Array, v: Array, c: Constraints, mass: Array) -> None:
+        """Keep the largest scales and lengths."""
+        inertia = self.evaluator.system.inertia(np.diag(mass))
+        if self.sizes is None:
+            self.sizes = coordinate_sizes(inertia, c.jacobian)
+        least = least_scales(inertia, c.jacobian, q)[self.holonomic]
+        self.position_scale = np.maximum.reduce([self.position_scale, c.position_scale, least])
+        least = least_scales(inertia, c.jacobian, v)
+        self.velocity_scale = np.maximum.reduce([self.velocity_scale, c.velocity_scale, least])
+        lengths = self.evaluator.row_lengths(c, q, v, self.sizes)
+        self.lengths = np.maximum(self.lengths, lengths)
 
-    def _stop(self, t: float, names: list[str]) -> Stop:
-        listed = ", ".join(f"`{name}`" for name in names)
-        if self.redundant:
+    def _count_rank(self, jacobian: Array, lengths: Array) -> int:
+        return linear.count_rank(jacobian, scale=lengths, sizes=self.sizes)
+
+    def _change(
+        self, jacobian: Array, residual: Array, mass: Array, rank: int | None, lengths: Array
+    ) -> Array:
+        if not self.redundant:
+            return linear.least_change(jacobian, residual, mass, None)
+        return linear.least_change(jacobian, residual, mass, rank, lengths, self.sizes)
+
+    def _stop(
+        self, t: float, bad: Places, residual: Array, jacobian: Array, lengths: Array
+    ) -> Stop:
+        listed = ", ".join(f"`{self.names[self.holonomic[i]]}`" for i in bad)
+        parts = linear.decompose(jacobian, scale=lengths, sizes=self.sizes)
+        scaled = residual / lengths
+        contradiction = parts.dependent.T @ scaled
+        # else the coordinates could still reduce the residual
+        if np.linalg.norm(contradiction) > 0.5 * np.linalg.norm(scaled):
             return Stop(
                 f"the redundant constraints contradict each other at t = {t:.9g} s: {listed} cannot"
-                " hold together with the others; mend or drop one of them"
+                " hold together with the others; correct or drop one of them"
             )
         return Stop(
             f"the motion cannot be brought back onto the constraints {listed} at t = {t:.9g} s;"

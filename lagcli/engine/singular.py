@@ -17,6 +17,7 @@ from scipy import interpolate
 from scipy.optimize import minimize_scalar
 
 from lagcli.engine import linear
+from lagcli.engine.evaluator import Constraints
 from lagcli.engine.index1 import Index1
 from lagcli.engine.projection import Projection
 from lagcli.engine.run import Stop
@@ -89,7 +90,7 @@ class RankWatch:
         jacobian = self.motion.evaluator.constraints(t, q, v).jacobian
         if not np.isfinite(jacobian).all():
             return None
-        return linear.singular_values(jacobian, self.motion.lengths)
+        return linear.singular_values(jacobian, self.motion.lengths, self.motion.sizes)
 
     def weakest(self, t: float, y: Array) -> float:
         """Return the singular value that vanishes at a singular configuration."""
@@ -243,7 +244,7 @@ class RankWatch:
         if worst is not None and not self.near(t, y):
             raise Stop(
                 f"the redundant constraints contradict each other at t = {t:.9g} s: they cannot"
-                f" all hold with `{self.names[worst]}`; mend or drop one of them"
+                f" all hold with `{self.names[worst]}`; correct or drop one of them"
             )
 
     def check_start(self, t: float, q: Array, v: Array, project: Projection) -> None:
@@ -255,13 +256,9 @@ class RankWatch:
         if self.rank == self.motion.nc or not c.finite:
             return
         system = self.motion.evaluator.system
-        gone = [
-            i for i in sorted({i for i, _ in system.jacobian_pattern}) if not c.jacobian[i].any()
-        ]
-        if gone:
-            raise _start_stop(", ".join(f"`{self.names[i]}`" for i in gone), "have no gradient")
-        free = linear.decompose(c.jacobian, self.rank, scale=self.motion.lengths).null
-        size = _ASIDE * (np.abs(q).max(initial=0.0) or 1.0)
+        gone = {i for i, _ in system.jacobian_pattern if not c.jacobian[i].any()}
+        free = self.motion.decompose(c.jacobian).null  # of unit size, each direction
+        size = _ASIDE * (np.abs(q / self.motion.sizes).max(initial=0.0) or self._length(c))
         # branches may lie between the directions, so a mixture of all is tried too
         mixture = free @ np.cos(1.0 + np.arange(free.shape[1]))
         for direction in (*free.T, mixture):
@@ -271,15 +268,26 @@ class RankWatch:
                 except Stop:
                     continue
                 values = self.values(t, beside, v)
+                jacobian = self.motion.evaluator.constraints(t, beside, v).jacobian
+                gone = {i for i in gone if not jacobian[i].any()}
                 # beside a singular point the weakest value grows like the distance
                 if values is not None and self.rank < len(values) and values[self.rank] > SINGULAR:
                     names = self._weak_constraints(t, q, v)
                     raise _start_stop(names, "are dependent")
+        if gone:
+            names = ", ".join(f"`{self.names[i]}`" for i in sorted(gone))
+            raise _start_stop(names, "have no gradient")
+
+    def _length(self, c: Constraints) -> float:
+        """Return the size of the constraints' terms as a change of the coordinates."""
+        lengths = self.motion.lengths[self.motion.holonomic]
+        return float((c.position_scale / lengths).max(initial=0.0)) or 1.0
 
     def _weak_constraints(self, t: float, q: Array, v: Array) -> str:
         """Return the constraints that take part in the dependency at a state."""
         jacobian = self.motion.evaluator.constraints(t, q, v).jacobian
-        u, _, _ = np.linalg.svd(jacobian / self.motion.lengths[:, None])
+        scaled = jacobian * self.motion.sizes / self.motion.lengths[:, None]
+        u, _, _ = np.linalg.svd(scaled)
         parts = np.abs(u[:, max(0, self.rank - 1) :]).max(axis=1)
         return ", ".join(f"`{n}`" for n, x in zip(self.names, parts, strict=True) if x > 0.05)
 

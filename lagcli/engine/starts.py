@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.core import binding  # type: ignore[attr-defined]  # a C extension
-from lagcli.engine.initial import ACCEPTED, REACHED, REGULAR
+from lagcli.engine.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR
 from lagcli.engine.program import assemble
+from lagcli.engine.scales import coordinate_sizes, least_scales, usable
 from lagcli.engine.system import Pattern, System
 
 Array = NDArray[np.float64]
@@ -133,6 +134,19 @@ class _Search:
         out: Array = self.dynamics(self.inputs(parameters, q, v), np.empty((1, 0)))[0].T
         return out
 
+    def inertia(self, parameters: Array, q: Array, v: Array) -> Array:
+        """Return the inertia of each coordinate, (n, nq)."""
+        out, diagonal = self.entries(parameters, q, v), np.zeros(q.shape)
+        for place, (i, j) in enumerate(self.system.mass_pattern):
+            if i == j:
+                diagonal[:, i] = out[:, place]
+        return self.system.inertia(diagonal)
+
+    def sizes(self, mass: Array, jacobian: Array) -> Array:
+        """Return the sizes of the coordinates, (n, nq)."""
+        inertia = self.system.inertia(np.diagonal(mass, axis1=1, axis2=2))
+        return np.array([coordinate_sizes(m, b) for m, b in zip(inertia, jacobian, strict=True)])
+
     def matrices(self, out: Array) -> tuple[Array, Array]:
         """Return M and B from outputs of the dynamics tape."""
         s, nm = self.system, len(self.system.mass_pattern)
@@ -149,7 +163,8 @@ class _Search:
         """Return φ over its scale, and the holonomic rows of B over it too."""
         c = self.constraints(parameters, q, v)
         jacobian = c.jacobian[:, self.holonomic]
-        scale = _scale(c.position_scale, jacobian, q)
+        least = least_scales(self.inertia(parameters, q, v), jacobian, q)
+        scale = usable(np.maximum(c.position_scale, least))
         return c.position / scale, jacobian / scale[:, :, None]
 
     def positions(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Flags]:
@@ -165,10 +180,12 @@ class _Search:
             rows = np.flatnonzero(going)
             if not len(rows) or not len(free):
                 break
-            mass, _ = self.matrices(self.entries(parameters[rows], q[rows], v[rows]))
-            step, usual = self.step(phi[rows], jacobian[rows], mass, free, self.holonomic)
-            length = np.abs(step).max(axis=1)
-            size = 1.0 + np.abs(q[rows]).max(axis=1)
+            mass, b = self.matrices(self.entries(parameters[rows], q[rows], v[rows]))
+            sizes = self.sizes(mass, b)
+            step, usual = self.step(phi[rows], jacobian[rows], mass, sizes, free, self.holonomic)
+            length = np.abs(step / sizes[:, free]).max(axis=1)
+            size = LONGEST * np.abs(q[rows] / sizes).max(axis=1)
+            usual &= (length == 0.0) | (size > 0.0)  # else the constraints' terms give the size
             step *= np.minimum(1.0, size / np.where(length > 0, length, 1.0))[:, None]
             ordinary[rows[~usual]] = going[rows[~usual]] = False
             rows, step = rows[usual], step[usual]
@@ -177,15 +194,23 @@ class _Search:
         return q, ordinary & (np.abs(phi).max(axis=1) <= ACCEPTED)
 
     def step(
-        self, residual: Array, jacobian: Array, mass: Array, free: Rows, constraints: Rows
+        self,
+        residual: Array,
+        jacobian: Array,
+        mass: Array,
+        sizes: Array,
+        free: Rows,
+        constraints: Rows,
     ) -> tuple[Array, Flags]:
         """Return the least change of the free entries that removes a residual, and where."""
         # what no free entry is in cannot be helped; the others then decide, where they can
         helped = np.isin(constraints, [i for i, j in self.system.jacobian_pattern if j in free])
         if not helped.all() and helped.sum() != len(free):
             return np.zeros((len(mass), len(free))), np.zeros(len(mass), dtype=bool)
-        part = jacobian[:, helped][:, :, free]
-        step = _least_change(part, residual[:, helped], mass[:, free[:, None], free])
+        sizes = sizes[:, free]
+        part = jacobian[:, helped][:, :, free] * sizes[:, None]
+        mass = mass[:, free[:, None], free] * sizes[:, None] * sizes[:, :, None]
+        step = _least_change(part, residual[:, helped], mass) * sizes
         return step, _finite(step) & _full_rank(part)
 
     def search(
@@ -223,15 +248,20 @@ class _Search:
             return v, ordinary
         for left in reversed(range(4)):  # linear: the later steps remove rounding
             c = self.constraints(parameters, q, v)
-            scale = _scale(c.velocity_scale, c.jacobian, v)
+            least = least_scales(self.inertia(parameters, q, v), c.jacobian, v)
+            scale = np.maximum(c.velocity_scale, least)
+            if left == 3:
+                of_guess = OF_GUESS * scale
+            scale = usable(np.maximum(scale, of_guess))
             psi = (_times(c.jacobian, v) + c.drift) / scale
             ordinary &= _finite(psi)
             rows = np.flatnonzero(ordinary & (np.abs(psi).max(axis=1) > REACHED))
             if not len(rows) or not len(free) or not left:
                 break
-            mass, _ = self.matrices(self.entries(parameters[rows], q[rows], v[rows]))
+            mass, b = self.matrices(self.entries(parameters[rows], q[rows], v[rows]))
             scaled = c.jacobian[rows] / scale[rows][:, :, None]
-            step, usual = self.step(psi[rows], scaled, mass, free, np.arange(self.nc))
+            every = np.arange(self.nc)
+            step, usual = self.step(psi[rows], scaled, mass, self.sizes(mass, b), free, every)
             ordinary[rows[~usual]] = False
             v[np.ix_(rows[usual], free)] += step[usual]
         return v, ordinary & (np.abs(psi).max(axis=1) <= ACCEPTED)
@@ -277,13 +307,6 @@ def _lengths(x: Array) -> Array:
     return np.sqrt(total)
 
 
-def _scale(terms: Array, jacobian: Array, x: Array) -> Array:
-    """Return what residuals are judged by; see `initial`."""
-    length = np.sqrt((jacobian * jacobian).sum(axis=2))
-    length[length == 0.0] = 1.0
-    return np.maximum(terms, length * (1e-3 + np.abs(x).max(axis=1, initial=0.0))[:, None] * 1e-3)
-
-
 def _full_rank(jacobian: Array) -> Flags:
     """Return where the rows over their lengths are independent."""
     length = np.sqrt((jacobian * jacobian).sum(axis=2))
@@ -316,12 +339,10 @@ def _inverses(matrix: Array) -> Array:
 def _least_change(jacobian: Array, residual: Array, mass: Array) -> Array:
     """Return the steps δ with B δ = −residual of least δᵀMδ; not finite where there is none.
 
-    See `linear.least_change`.
+    See `linear.least_change`; coordinates are over their sizes.
     """
     nq = mass.shape[1]
-    largest = mass.max(axis=(1, 2))
-    length = np.sqrt((jacobian * jacobian).sum(axis=2))
-    weight = np.where(largest > 0.0, largest, 1.0)[:, None] / length
+    weight = 1.0 / np.sqrt((jacobian * jacobian).sum(axis=2))
     matrix = _saddle(mass, jacobian * weight[:, :, None])
     right = np.concatenate([np.zeros((len(mass), nq)), -residual * weight], axis=1)
     matrix[~_finite(matrix)] = 0.0

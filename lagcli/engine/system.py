@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
 import symengine as se
+from numpy.typing import NDArray
 
 from lagcli.engine.compilation import compile_tape
 from lagcli.engine.tape import Tape
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from lagcli.engine.variation import Variation
     from lagcli.equations.lagrange import Equations
 
+Array = NDArray[np.float64]
 Pattern = tuple[tuple[int, int], ...]
 
 
@@ -53,6 +56,8 @@ class System:
         (t, q, v, parameters) → functions whose sign changes are events.
     variation : callable, optional
         Returns the derivatives that stiff methods need; called when one is going to run.
+    alike : tuple of tuples of int
+        Coordinates that certainly have the same unit, such as those of a quaternion.
     """
 
     coordinates: tuple[str, ...]
@@ -67,6 +72,20 @@ class System:
     outputs: tuple[str, ...] = ()
     events: Tape | None = None
     variation: Callable[[], Variation] | None = None
+    alike: tuple[tuple[int, ...], ...] = ()
+
+    def inertia(self, mass_diagonal: Array) -> Array:
+        """Return the inertia by which coordinates are compared, (..., nq).
+
+        M_jj or, among coordinates with the same unit, the largest: a quaternion has none along
+        itself.
+        """
+        inertia = mass_diagonal
+        if self.alike:
+            inertia = mass_diagonal.copy()
+            for group in map(list, self.alike):
+                inertia[..., group] = mass_diagonal[..., group].max(axis=-1)[..., None]
+        return inertia
 
     @property
     def families(self) -> list[str | None]:
@@ -145,6 +164,7 @@ def compile_system(equations: Equations) -> System:
         ),
         outputs=tuple(eq.outputs),
         variation=partial(_variation, eq),
+        alike=_alike([x for x in positions if x is not None], eq.q),
     )
 
 
@@ -153,6 +173,30 @@ def _variation(equations: Equations) -> Variation:
     from lagcli.engine.variation import compile_variation
 
     return compile_variation(equations)
+
+
+def _alike(expressions: Sequence[se.Basic], q: Sequence[se.Basic]) -> tuple[tuple[int, ...], ...]:
+    """Return coordinates with the same unit: those that a sum has alike, c x² + c y² + ...
+
+    Without units in the model this is all that is certain, and enough for quaternions.
+    """
+    number = {x: i for i, x in enumerate(q)}
+    groups: dict[int, set[int]] = {}
+    for expression in expressions:
+        found: dict[tuple[se.Basic, se.Basic], set[int]] = {}
+        for term in expression.args if isinstance(expression, se.Add) else ():
+            factors = term.args if isinstance(term, se.Mul) else (term,)
+            powers = [x.args if isinstance(x, se.Pow) else (x, se.Integer(1)) for x in factors]
+            bases = [(base, exponent) for base, exponent in powers if base in number]
+            if len(bases) == 1:
+                base, exponent = bases[0]
+                coefficient = se.Abs(term / base**exponent)
+                found.setdefault((coefficient, exponent), set()).add(number[base])
+        for same in found.values():
+            merged = same.union(*(groups.get(i, ()) for i in same))
+            groups.update(dict.fromkeys(merged, merged))
+    unique = {min(g): tuple(sorted(g)) for g in groups.values() if len(g) > 1}
+    return tuple(unique[i] for i in sorted(unique))
 
 
 def _magnitude(expression: se.Basic) -> se.Basic:

@@ -50,6 +50,8 @@ cdef extern from "system.h":
         const int32_t *mass_column
         const int32_t *jacobian_row
         const int32_t *jacobian_column
+        const int32_t *mass_diagonal
+        const int32_t *unit
         lag_tape dynamics
         lag_tape constraint
 
@@ -125,8 +127,10 @@ cdef extern from "run.h":
         double *right
         double *solution
         int *pivots
+        double *sizes
         double *weight
         double *lengths
+        double *plain_lengths
         double *scale_position
         double *scale_velocity
         double *rows
@@ -328,8 +332,10 @@ cdef class Integrator:
     t, t_end : float
     y : (2 nq + 1,) array
     times : (nt,) array
-    lengths : (nc,) array
-        The rows' lengths at the start.
+    sizes : (nq,) array
+        As in core/run.h.
+    lengths, plain_lengths : (nc,) arrays
+        The lengths of the rows of B times sizes, and of B, at the start.
     rank, rtol, atol, h_max, projecting, watching, alpha, beta, baumgarte, detecting, refinable
         As in core/run.h; alpha negative means "from the step", beta "as alpha".
     block_rows : int
@@ -346,9 +352,10 @@ cdef class Integrator:
     cdef int nq, nc, size
 
     def __init__(
-        self, system, constraint, double t, double t_end, y, times, lengths, int rank, double rtol,
-        double atol, double h_max, bint projecting, int watching, double alpha, double beta,
-        bint baumgarte, bint detecting, bint refinable, long block_rows,
+        self, system, constraint, double t, double t_end, y, times, sizes, lengths,
+        plain_lengths, int rank, double rtol, double atol, double h_max, bint projecting,
+        int watching, double alpha, double beta, bint baumgarte, bint detecting, bint refinable,
+        long block_rows,
     ):
         cdef int nq = len(system.coordinates), nc = len(system.constraints)
         cdef int n = 2 * nq + 1, size = nq + 2 * nc - rank
@@ -364,6 +371,10 @@ cdef class Integrator:
         self.system.mass_column = self.integers([j for _, j in system.mass_pattern])
         self.system.jacobian_row = self.integers([i for i, _ in system.jacobian_pattern])
         self.system.jacobian_column = self.integers([j for _, j in system.jacobian_pattern])
+        diagonal = {i: at for at, (i, j) in enumerate(system.mass_pattern) if i == j}
+        self.system.mass_diagonal = self.integers([diagonal.get(j, -1) for j in range(nq)])
+        first = {j: group[0] for group in system.alike for j in group}
+        self.system.unit = self.integers([first.get(j, j) for j in range(nq)])
         self.bind(&self.system.constraint, constraint)
         self.run.system = &self.system
         self.run.t, self.run.t_end, self.run.h_max = t, t_end, h_max
@@ -382,14 +393,15 @@ cdef class Integrator:
         self.run.y_new, self.run.f_new = self.doubles(n), self.doubles(n)
         self.run.trial = self.doubles(n)
         self.run.y_sample = self.doubles(n)
-        self.run.work = self.doubles(2 * (n + size))
+        self.run.work = self.doubles(2 * (n + size) + 3 * nc)
         self.run.stages, self.run.dense = self.doubles(16 * (n + 7)), self.doubles(7 * (n + 7))
         self.run.a = self.doubles(nq + nc)
         self.run.multipliers = self.run.a + nq
         self.run.right, self.run.solution = self.doubles(size), self.doubles(size)
         self.run.weight = self.doubles(nc)
-        kept = np.array(lengths, dtype=float)
-        self.run.lengths = self.borrow(kept)
+        self.run.sizes = self.borrow(np.array(sizes, dtype=float))
+        self.run.lengths = self.borrow(np.array(lengths, dtype=float))
+        self.run.plain_lengths = self.borrow(np.array(plain_lengths, dtype=float))
         self.run.scale_position = self.doubles(self.system.nh)
         self.run.scale_velocity = self.doubles(nc)
         self.run.rows = self.doubles(nq * nc)

@@ -169,6 +169,8 @@ cdef class Lanes(_LaneMemory):
         cdef lag_lanes *s = &self.s
         self.keep, self.single, self.kernel = [], single, lag_lanes_kernel(portable)
         s.system, s.single = run.system, run
+        for l in range(nq):
+            run.sizes[l] = 1.0  # each lane has parameters, and so inertia, of its own
         s.single_dynamics_prelude = self.integers(dynamics.prelude)
         s.single_constraint_prelude = self.integers(constraint.prelude)
         s.t_start, s.t_end, s.h_max = run.t, run.t_end, run.h_max

@@ -22,6 +22,55 @@ static void lanes_positions(const lag_octet *o, int lanes, double *worst, double
     }
 }
 
+/* Raise the scales of phi in some lanes to the least ones at y (of lanes): see project.c. The dynamics
+ * tape holds the same factors afterwards: what other lanes do with them does not depend on it. */
+static void lanes_raise_scales(const lag_octet *o, const double *t, const double *y, int lanes)
+{
+    const lag_system *s = o->system;
+    const lag_lane_tape *d = &o->dynamics;
+    double *own = o->work, *square = own + s->nc * LAG_LANES, *compliance = o->x;
+    double *factored = square + s->nc * LAG_LANES, factored_at[LAG_LANES];
+    memcpy(factored_at, d->registers, sizeof factored_at);
+    memcpy(factored, d->registers + LAG_LANES, 2 * (size_t)s->nq * sizeof factored_at);
+    lanes_evaluate(d, s, t, y, LAG_ALL);
+    EACH_PART (k) {
+        vec size = all(0.0);
+        for (int i = k; i < 2 * s->nc * LAG_LANES; i += LAG_LANES)
+            AT(own + i) = all(0.0);
+        for (int j = 0; j < s->nq; ++j) {
+            vec mass = all(0.0);
+            if (s->mass_diagonal[j] >= 0)
+                mass = READ(OUTPUT(d, s->mass_diagonal[j]) + k);
+            double *inertia = compliance + s->unit[j] * LAG_LANES + k; /* so far */
+            AT(compliance + j * LAG_LANES + k) = all(0.0);
+            AT(inertia) = larger(mass, READ(inertia));
+        }
+        for (int j = s->nq - 1; j >= 0; --j) {
+            const vec inertia = READ(compliance + s->unit[j] * LAG_LANES + k);
+            const vec q = READ(y + j * LAG_LANES + k);
+            size = larger(inertia * q * q, size);
+            AT(compliance + j * LAG_LANES + k) =
+                choose(inertia > all(0.0), all(1.0) / inertia, all(0.0));
+        }
+        for (int i = 0; i < s->nb; ++i) {
+            const int row = s->jacobian_row[i] * LAG_LANES + k;
+            const int column = s->jacobian_column[i] * LAG_LANES + k;
+            const vec b = READ(OUTPUT(d, lag_first_jacobian(s) + i) + k);
+            AT(own + row) += magnitude(b * READ(y + column));
+            AT(square + row) += b * b * READ(compliance + column);
+        }
+        for (int i = 0; i < s->nh; ++i) {
+            const int row = s->holonomic[i] * LAG_LANES + k;
+            double *kept = o->scale_position + i * LAG_LANES + k;
+            const vec part = all(LEAST_PART) * root(size) * root(READ(square + row));
+            const vec least = larger(READ(own + row), part);
+            const mask raised = lanes_of(lanes, k) & (least > READ(kept));
+            AT(kept) = choose(raised, least, READ(kept));
+        }
+    }
+    lanes_evaluate(d, s, factored_at, factored, LAG_FACTORS);
+}
+
 /* Put -psi in the right side; measure the scales of some lanes, and return those of them in which psi
  * is not yet met. */
 static int lanes_velocities(const lag_octet *o, int lanes)
@@ -74,6 +123,10 @@ static int lanes_project(const lag_octet *o, const double *t, double *y, int lan
     for (int iteration = 0; iteration < PROJECTIONS && open; ++iteration) {
         lanes_evaluate(c, s, t, y, LAG_POSITIONS);
         lanes_positions(o, lanes, worst, sum);
+        if (iteration == RAISE) {
+            lanes_raise_scales(o, t, y, open);
+            lanes_positions(o, lanes, worst, sum);
+        }
         EACH_LANE (l) {
             if (!HAS(open, l))
                 continue;

@@ -55,7 +55,7 @@ static lag_run *lanes_single(const lag_lanes *s, int l, const double *y)
     for (int i = 0; i < n; ++i)
         run->y[i] = y[i * LAG_LANES + l];
     for (int i = 0; i < system->nc; ++i)
-        run->lengths[i] = s->lengths[i * LAG_LANES + l];
+        run->lengths[i] = run->plain_lengths[i] = s->lengths[i * LAG_LANES + l];
     run->weakest = s->weakest[l];
     run->usual = s->usual[l];
     run->kept = sqrt(s->kept[l]);

@@ -44,11 +44,12 @@ int lag_eliminating(const lag_run *run)
     return run->dense_steps ? 0 : run->eliminating;
 }
 
-void lag_row_squares(const lag_system *s, const lag_tape *tape, int first, double *sum)
+void lag_row_squares(const lag_system *s, const lag_tape *tape, int first, const double *sizes,
+                     double *sum)
 {
     memset(sum, 0, (size_t)s->nc * sizeof(double));
     for (int i = 0; i < s->nb; ++i) {
-        const double x = OUT(tape, first + i);
+        const double x = OUT(tape, first + i) * (sizes ? sizes[s->jacobian_column[i]] : 1.0);
         sum[s->jacobian_row[i]] += x * x;
     }
 }
@@ -59,41 +60,39 @@ int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first)
     double sum = 0.0;
     memset(run->rows, 0, (size_t)s->nq * s->nc * sizeof(double));
     for (int i = 0; i < s->nb; ++i) {
-        const double x = OUT(tape, first + i) / run->lengths[s->jacobian_row[i]];
-        run->rows[s->jacobian_row[i] * s->nq + s->jacobian_column[i]] = x;
+        const int row = s->jacobian_row[i], column = s->jacobian_column[i];
+        const double x = OUT(tape, first + i) * run->sizes[column] / run->lengths[row];
+        run->rows[row * s->nq + column] = x;
         sum += x;
     }
     return !isfinite(sum);
 }
 
 /*
- * Set up and factor the dense matrix, B's rows brought to M's magnitude. Returns 0, or 1.
+ * Set up and factor the dense matrix, in unknowns and equations without units. Returns 0, or 1.
  *
  * Where B's rows depend on each other by N, N'B = 0, the system is bordered: what of the right side
- * contradicts is taken up by N, and N' lambda = 0 makes lambda the one of least norm.
+ * contradicts is taken up by N, and N' lambda = 0 makes lambda the one of least norm. The rows are
+ * then over the largest lengths that they have had: a row that vanishes in passing and depends on
+ * the others is rounding error, and over its own length it would spoil them.
  */
 static int factor_dense(lag_run *run)
 {
     const lag_system *s = run->system;
     const lag_tape *d = &s->dynamics;
     const int nq = s->nq, nc = s->nc, n = order_of(run), first = lag_first_jacobian(s);
-    double largest = 0.0, *k = run->kkt, *w = run->weight;
+    double *k = run->kkt, *w = run->weight;
     memset(k, 0, (size_t)n * n * sizeof(double));
     for (int i = 0; i < s->nm; ++i) {
         const int row = s->mass_row[i], column = s->mass_column[i];
-        const double x = OUT(d, i);
-        k[row * n + column] = x;
-        if (x > largest)
-            largest = x;
+        k[row * n + column] = OUT(d, i) * run->sizes[row] * run->sizes[column];
     }
-    if (largest == 0.0)
-        largest = 1.0;
-    lag_row_squares(s, d, first, w);
+    lag_row_squares(s, d, first, run->sizes, w);
     for (int i = 0; i < nc; ++i)
-        w[i] = w[i] > 0.0 ? largest / sqrt(w[i]) : 1.0;
+        w[i] = run->rank < nc ? 1.0 / run->lengths[i] : w[i] > 0.0 ? 1.0 / sqrt(w[i]) : 1.0;
     for (int i = 0; i < s->nb; ++i) {
         const int row = s->jacobian_row[i], column = s->jacobian_column[i];
-        const double x = OUT(d, first + i) * w[row];
+        const double x = OUT(d, first + i) * run->sizes[column] * w[row];
         k[(nq + row) * n + column] = x;
         k[column * n + nq + row] = x;
     }
@@ -102,12 +101,17 @@ static int factor_dense(lag_run *run)
             return 1;
         lag_pivot(run->rows, nq, nc, run->rank, run->order, run->components);
         lag_dependencies(nc, run->rank, run->order, run->components, run->dependencies);
-        for (int j = 0; j < nc - run->rank; ++j)
+        for (int j = 0; j < nc - run->rank; ++j) {
+            const double *dependency = run->dependencies + j * nc;
+            double *row = k + (nq + nc + j) * n + nq, largest = 0.0;
             for (int i = 0; i < nc; ++i) {
-                const double x = run->dependencies[j * nc + i] / run->lengths[i];
-                k[(nq + i) * n + nq + nc + j] = x / w[i] * largest * largest;
-                k[(nq + nc + j) * n + nq + i] = x * w[i];
+                k[(nq + i) * n + nq + nc + j] = dependency[i];
+                row[i] = dependency[i] * w[i] * w[i];
+                largest = fmax(largest, fabs(row[i]));
             }
+            for (int i = 0; i < nc; ++i)
+                row[i] /= largest;
+        }
     }
     memcpy(run->lu, k, (size_t)n * n * sizeof(double));
     return lag_lu(run->lu, run->pivots, n);
@@ -118,6 +122,8 @@ static void solve_dense(lag_run *run, const double *right, double *x, int refine
     const int nq = run->system->nq, nc = run->system->nc, n = order_of(run);
     double *z = run->solution, *b = run->right, *r = run->work;
     memmove(b, right, (size_t)(nq + nc) * sizeof(double));
+    for (int i = 0; i < nq; ++i)
+        b[i] *= run->sizes[i];
     for (int i = 0; i < nc; ++i)
         b[nq + i] *= run->weight[i];
     for (int i = nq + nc; i < n; ++i)
@@ -136,7 +142,8 @@ static void solve_dense(lag_run *run, const double *right, double *x, int refine
         for (int i = 0; i < n; ++i)
             z[i] += r[i];
     }
-    memcpy(x, z, (size_t)nq * sizeof(double));
+    for (int i = 0; i < nq; ++i)
+        x[i] = z[i] * run->sizes[i];
     for (int i = 0; i < nc; ++i)
         x[nq + i] = z[nq + i] * run->weight[i];
 }

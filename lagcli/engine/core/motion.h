@@ -20,12 +20,14 @@ enum lag_part { LAG_ALL, LAG_FACTORS = 1, LAG_POSITIONS = 1, LAG_VELOCITIES = 2 
  * afterwards. */
 void lag_evaluate(const lag_tape *tape, const lag_system *system, double t, const double *y, int part);
 
-/* Write B's rows over their lengths to run->rows, from a tape whose B entries begin at output
- * `first`. Returns 0, or 1 where they are not finite. */
+/* Write the rows of B times sizes, over their lengths, to run->rows, from a tape whose B entries begin
+ * at output `first`. Returns 0, or 1 where they are not finite. */
 int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first);
 
-/* The squares of the lengths of B's rows (nc), from a tape whose B entries begin at `first`. */
-void lag_row_squares(const lag_system *system, const lag_tape *tape, int first, double *sum);
+/* The squares of the lengths of the rows of B times sizes (nc), or of B where sizes is NULL, from a
+ * tape whose B entries begin at `first`. */
+void lag_row_squares(const lag_system *system, const lag_tape *tape, int first, const double *sizes,
+                     double *sum);
 
 /* How a and lambda are found now: as run->eliminating says, or densely (0). */
 int lag_eliminating(const lag_run *run);

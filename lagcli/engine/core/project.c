@@ -7,6 +7,40 @@
 #include "vectors.h"
 
 
+/* Raise the scales of phi to the least ones at y. Changes run->work beyond the right side, phi and its
+ * scale. */
+static void raise_scales(lag_run *run, double t, const double *y)
+{
+    const lag_system *s = run->system;
+    const lag_tape *d = &s->dynamics;
+    double *own = run->work + 3 * s->nc, *square = own + s->nc, *compliance = square + s->nc;
+    double size = 0.0;
+    lag_evaluate(d, s, t, y, LAG_ALL);
+    memset(own, 0, 2 * (size_t)s->nc * sizeof(double));
+    for (int j = 0; j < s->nq; ++j) {
+        const double mass = s->mass_diagonal[j] < 0 ? 0.0 : OUT(d, s->mass_diagonal[j]);
+        compliance[j] = 0.0;
+        compliance[s->unit[j]] = fmax(compliance[s->unit[j]], mass); /* the inertia, so far */
+    }
+    for (int j = s->nq - 1; j >= 0; --j) {
+        const double inertia = compliance[s->unit[j]];
+        size = fmax(size, inertia * y[j] * y[j]);
+        compliance[j] = inertia > 0.0 ? 1.0 / inertia : 0.0;
+    }
+    for (int i = 0; i < s->nb; ++i) {
+        const int row = s->jacobian_row[i], column = s->jacobian_column[i];
+        const double b = OUT(d, lag_first_jacobian(s) + i);
+        own[row] += fabs(b * y[column]);
+        square[row] += b * b * compliance[column];
+    }
+    for (int i = 0; i < s->nh; ++i) {
+        const int k = s->holonomic[i];
+        const double least = fmax(own[k], LEAST_PART * sqrt(size) * sqrt(square[k]));
+        if (least > run->scale_position[i]) /* not where it is undefined */
+            run->scale_position[i] = least;
+    }
+}
+
 int lag_project(lag_run *run, double t, double *y)
 {
     const lag_system *s = run->system;
@@ -29,7 +63,11 @@ int lag_project(lag_run *run, double t, double *y)
         if (!isfinite(vectors->pick(nh, c->registers, c->outputs, residual)))
             return LAG_UNDEFINED;
         vectors->pick(nh, c->registers, c->outputs + scale_position, scale);
-        const double worst = vectors->largest(nh, residual, scale, run->scale_position);
+        double worst = vectors->largest(nh, residual, scale, run->scale_position);
+        if (iteration == RAISE && worst > RESIDUAL) {
+            raise_scales(run, t, y);
+            worst = vectors->largest(nh, residual, scale, run->scale_position);
+        }
         met = worst <= RESIDUAL;
         if (best <= NOT_REACHED && worst >= 0.5 * best && !met) {
             /* rounding error is reached: the better of the last two */

@@ -7,6 +7,14 @@
 #define PROJECTIONS 10      /* Newton steps of a projection; the drift of one step takes two */
 #define RESIDUAL 2e-15      /* of the constraint's scale: where a projection ends */
 #define NOT_REACHED 1e-10   /* of the scale: beyond it there is no consistent state nearby */
+#define LEAST_PART 1e-3     /* of the system's size that a coordinate has at least, by its inertia */
+#define RAISE 2             /* Newton steps after which the least scales are looked at */
+
+/*
+ * A constraint's scale is the largest sum of the magnitudes of its terms so far. These may vanish all
+ * along a motion. Where Newton steps do not reach RESIDUAL, the scale is therefore raised to the least
+ * that B, q and M give it: engine/scales.py has the formula and the reason.
+ */
 
 /* Bring y at t to the constraints. Returns LAG_RUNNING, LAG_UNDEFINED or LAG_OFF. */
 int lag_project(lag_run *run, double t, double *y);

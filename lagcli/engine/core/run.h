@@ -58,7 +58,7 @@ typedef struct lag_run {
     int dense_ready;
     double *y_new, *f_new;             /* n: the step's end before projection, its derivative */
     double *trial, *y_sample;          /* n each */
-    double *work;                      /* 2 N and 2 n */
+    double *work;                      /* 2 N, 2 n and 3 nc */
     int finishing;                     /* the last step is accepted and not yet sampled */
 
     double *a, *multipliers;           /* nq, nc: at the state evaluated last */
@@ -82,9 +82,12 @@ typedef struct lag_run {
     double *kkt, *lu;                  /* N*N each; null until they are needed */
     double *right, *solution;          /* N each */
     int *pivots;                       /* N */
-    double *weight;                    /* nc: brings B's rows to M's magnitude */
-    double *lengths;                   /* nc: largest length of each row of B so far */
-    double *scale_position, *scale_velocity;   /* nh, nc */
+    double *sizes;                     /* nq: changes of the coordinates that count as equal, by their
+                                        * inertia at the start; the unknowns are a over sizes */
+    double *weight;                    /* nc: brings the rows of B times sizes near one */
+    double *lengths;                   /* nc: largest length of each row of B times sizes so far */
+    double *plain_lengths;             /* nc: the same of the rows of B alone */
+    double *scale_position, *scale_velocity;   /* nh, nc: see project.h */
     double *rows;                      /* nc * nq */
     int *order;                        /* nc */
     double *components;                /* nc * nc */

@@ -11,6 +11,8 @@ typedef struct {
     int nm, nb;                        /* nonzero entries of M and B */
     const int32_t *mass_row, *mass_column;         /* nm each */
     const int32_t *jacobian_row, *jacobian_column; /* nb each */
+    const int32_t *mass_diagonal;      /* nq: M's entries on its diagonal; -1: zero */
+    const int32_t *unit;               /* nq: the first coordinate that has the same unit for certain */
     lag_tape dynamics;                 /* M entries, f, B entries, gamma, power */
     lag_tape constraint;               /* phi, B entries, b_0, scale of phi, scale of psi, psi */
 } lag_system;

@@ -87,7 +87,7 @@ static double turned(lag_run *run)
     for (int i = 0; i < s->nb; ++i)
         sum[s->jacobian_row[i]] += (after[i] - before[i]) * (after[i] - before[i]);
     for (int i = 0; i < s->nc; ++i) {
-        const double part = sum[i] / (run->lengths[i] * run->lengths[i]);
+        const double part = sum[i] / (run->plain_lengths[i] * run->plain_lengths[i]);
         most = part > most ? part : most;
     }
     return sqrt(most);

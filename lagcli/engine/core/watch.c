@@ -62,12 +62,12 @@ static double least_kept_of_all(lag_run *run)
         const lag_vector_kernel *vectors = lag_vectors();
         lag_stream_run(d->later[0], d->registers);
         return sqrt(fmin(vectors->least(pivots, d->registers, places, NULL),
-                         vectors->least(s->nc, d->registers, places + pivots, run->lengths)));
+                         vectors->least(s->nc, d->registers, places + pivots, run->plain_lengths)));
     }
     double *sum = run->work, shortest = 1.0;
-    lag_row_squares(s, d, lag_first_jacobian(s), sum);
+    lag_row_squares(s, d, lag_first_jacobian(s), NULL, sum);
     for (int i = 0; i < s->nc; ++i)
-        shortest = fmin(shortest, sum[i] / (run->lengths[i] * run->lengths[i]));
+        shortest = fmin(shortest, sum[i] / (run->plain_lengths[i] * run->plain_lengths[i]));
     return fmin(least_kept(run), sqrt(shortest));
 }
 
@@ -112,14 +112,22 @@ int lag_stage(lag_run *run, double t, const double *y, double *f)
     return 0;
 }
 
-void lag_measure(lag_run *run)
+/* Keep the largest length that each row of B times sizes, or of B, has had. */
+static void measure(lag_run *run, const double *sizes, double *lengths)
 {
     const lag_system *s = run->system;
     double *sum = run->work;
-    lag_row_squares(s, &s->constraint, s->nh, sum);
+    lag_row_squares(s, &s->constraint, s->nh, sizes, sum);
     for (int i = 0; i < s->nc; ++i)
-        if (sqrt(sum[i]) > run->lengths[i])
-            run->lengths[i] = sqrt(sum[i]);
+        if (sum[i] > lengths[i] * lengths[i])
+            lengths[i] = sqrt(sum[i]);
+}
+
+void lag_measure(lag_run *run)
+{
+    if (lag_eliminating(run))
+        measure(run, NULL, run->plain_lengths);
+    measure(run, run->sizes, run->lengths);
 }
 
 /* Whether the stages of the last step may have come near to a singular configuration. */

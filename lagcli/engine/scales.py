@@ -1,0 +1,113 @@
+"""The scales by which residuals of constraints are judged; see docs/decisions/2026-11-scales.md.
+
+A constraint's own scale is the sum of the magnitudes of its terms. All terms of a constraint may
+vanish along a motion, so its scale is at least what the sizes of the coordinates give it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.system import Pattern
+
+Array = NDArray[np.float64]
+
+#: Part of the system's size √max(M_jj x_j²) that a coordinate has at least, by its own inertia.
+#: With 1, a light body's constraints would be judged by the size of the heaviest.
+LEAST_PART = 1e-3
+
+
+def least_scales(inertia: Array, jacobian: Array, x: Array) -> Array:
+    """Return the least scales of constraints, for one state or for many.
+
+    The larger of Σ_j |B_ij x_j| and LEAST_PART √(Σ_j B_ij²/M_jj) √max_j(M_jj x_j²). Neither
+    depends on the units of coordinates, and both have the unit of the constraint.
+
+    Parameters
+    ----------
+    inertia : (..., nq) array
+        Of each coordinate (`System.inertia`); one without has only its own size.
+    jacobian : (..., n, nq) array
+        Rows of B.
+    x : (..., nq) array
+        Coordinates, or velocities.
+
+    Returns
+    -------
+    (..., n) array
+    """
+    compliance, size = _inertial(inertia, x, -1)
+    own = np.matmul(np.abs(jacobian), np.abs(x)[..., None])[..., 0]
+    length = np.sqrt(np.matmul(jacobian * jacobian, compliance[..., None])[..., 0])
+    return np.asarray(np.maximum(own, LEAST_PART * size[..., None] * length))
+
+
+def least_scales_of_entries(
+    inertia: Array, pattern: Pattern, entries: Array, rows: int, x: Array
+) -> Array:
+    """Return the same, (rows, n), for B in its nonzero entries (nb, n); M_jj and x are (nq, n)."""
+    compliance, size = _inertial(inertia, x, 0)
+    own, length = np.zeros((2, rows, x.shape[1]))
+    for (i, j), entry in zip(pattern, entries, strict=True):
+        own[i] += np.abs(entry * x[j])
+        length[i] += entry * entry * compliance[j]
+    return np.maximum(own, LEAST_PART * size * np.sqrt(length))
+
+
+def coordinate_sizes(inertia: Array, jacobian: Array) -> Array:
+    """Return changes of the coordinates that count as equal, (nq,): B times these has no units.
+
+    1/√M_jj. Where there is no inertia, what makes a coordinate's part in the rows of B as large as
+    those of the others.
+
+    Parameters
+    ----------
+    inertia : (nq,) array
+    jacobian : (nc, nq) array
+    """
+    known = inertia > 0.0
+    sizes = np.sqrt(_compliance(inertia))
+    entries = np.abs(jacobian)
+    while not known.all():
+        length = np.sqrt((entries * entries) @ (sizes * sizes))
+        rows = length > 0.0
+        part = (entries[rows] / length[rows, None]).max(axis=0, initial=0.0)
+        found = ~known & (part > 0.0)
+        if not found.any():  # coordinates that only meet each other
+            part = entries.max(axis=0, initial=0.0)
+            found = ~known
+        sizes[found] = 1.0 / np.where(part[found] > 0.0, part[found], 1.0)
+        known |= found
+    return sizes
+
+
+def row_lengths(
+    jacobian: Array, sizes: Array, terms: Array, x: Array, part: float = 1e-6
+) -> Array:
+    """Return scales for the rows of B times sizes that do not vanish with the rows, (n,).
+
+    A row's length or, if that is smaller, a small part of the constraint's terms over the
+    size of the coordinates (velocities) x that they are functions of.
+    """
+    scaled = jacobian * sizes
+    length = np.sqrt((scaled * scaled).sum(axis=1))
+    size = np.abs(x / sizes).max(initial=0.0)
+    return usable(np.maximum(length, part * terms / size if size else 0.0))
+
+
+def usable(scale: Array) -> Array:
+    """Return 1 for a scale of zero: the residual is zero too."""
+    return np.where(scale > 0.0, scale, 1.0)
+
+
+def _inertial(inertia: Array, x: Array, axis: int) -> tuple[Array, Array]:
+    """Return 1/M_jj, or 0 where there is no inertia, and √max_j(M_jj x_j²)."""
+    moment = np.where(inertia > 0.0, inertia * x * x, 0.0)
+    return _compliance(inertia), np.sqrt(moment.max(axis=axis, initial=0.0))
+
+
+def _compliance(inertia: Array) -> Array:
+    """Return 1/M_jj, or 0 where there is no inertia."""
+    resists = inertia > 0.0
+    return np.where(resists, 1.0 / np.where(resists, inertia, 1.0), 0.0)
