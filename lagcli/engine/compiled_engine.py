@@ -57,8 +57,6 @@ _MOST_SECONDS = 1e-6
 _GROWTH = 16
 #: States for an order of elimination, beyond which the dense solution helps where it fails.
 _MOST_STATES = 20
-#: Steps between two looks at whether redundant constraints contradict each other.
-_LOOK = 4
 
 
 def run(
@@ -274,9 +272,6 @@ class Integration:
                 return
             if status == binding.RUNNING:
                 slice_ = max(1, min(_GROWTH * slice_, int(most * _SLICE / max(taken, 1e-6))))
-                if self.redundant:
-                    slice_ = min(slice_, _LOOK)
-                    self.check_redundancy()
                 self.methods.review()
                 if core.counts[0] >= self.unroll_at:
                     self.use(unrolled(self.system, self.in_use))
@@ -314,6 +309,8 @@ class Integration:
             self.look_over()
         elif status == binding.INACCURATE:
             self.reorder()
+        elif status == binding.CONTRADICTED:
+            self.check_redundancy()
         elif status == binding.STIFF:
             self.methods.stiff()
         elif status == binding.ORDER:
@@ -327,7 +324,7 @@ class Integration:
         """Look along the path of the last steps, which go towards a singular configuration."""
         core, watch = self.core, self.watch
         t, y, steps = core.t, core.state, core.counts[0]
-        self.motion.measure(t, *self.split(y))
+        self.measure()
         if steps != self.last_near + 1:
             watch.restart()
             since, _ = core.step
@@ -362,6 +359,11 @@ class Integration:
         core.move(crossing.end, crossing.state, upto)
         return crossing.end >= self.request.t_end or self.heed(core.start())
 
+    def measure(self) -> None:
+        """Let what thinks judge B's rows by the largest lengths that the core has seen."""
+        self.motion.measure(self.core.t, *self.split(self.core.state))
+        self.motion.lengths = np.maximum(self.motion.lengths, self.core.lengths)
+
     def react(self) -> bool:
         """Do what an event asks for; return whether the run is complete."""
         core = self.core
@@ -380,6 +382,7 @@ class Integration:
         """Stop where the last step went over a singular configuration."""
         core = self.core
         t_old, t = core.step
+        self.measure()
         found = self.watch.singular_time(core.dense, t_old, t)
         if found is not None:
             while (status := core.sample_until(found)) == binding.BLOCK_FULL:
@@ -391,7 +394,7 @@ class Integration:
     def check_redundancy(self) -> None:
         """Stop if redundant constraints contradict each other."""
         t, y = self.core.t, self.core.state
-        self.motion.measure(t, *self.split(y))
+        self.measure()
         if self.request.formulation == "projection":
             self.watch.check_redundancy(t, y)
 

@@ -134,6 +134,7 @@ cdef extern from "run.h":
         double *scale_position
         double *scale_velocity
         double *rows
+        double *weakest_rows
         double *jacobian_before
         int *order
         double *components
@@ -222,9 +223,10 @@ cdef extern from "radau5_tableau.h":
     const double radau_error[3]
 
 
-RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE, STIFF, ORDER, EVENT = (
-    range(12)
-)
+(
+    RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE, STIFF, ORDER, EVENT,
+    CONTRADICTED,
+) = range(13)
 METHODS = ("DOP853", "Rodas5P", "Radau", "Taylor")
 
 
@@ -348,7 +350,7 @@ cdef class Integrator:
     cdef object keep  # the arrays that the pointers point into
     cdef readonly object block, y_bad
     cdef object y, y_dense, parameters, mass_pattern, jacobian_pattern
-    cdef object y_event, pattern, matrix, factors, kept_order
+    cdef object y_event, pattern, matrix, factors, kept_order, kept_lengths
     cdef int nq, nc, size
 
     def __init__(
@@ -400,11 +402,13 @@ cdef class Integrator:
         self.run.right, self.run.solution = self.doubles(size), self.doubles(size)
         self.run.weight = self.doubles(nc)
         self.run.sizes = self.borrow(np.array(sizes, dtype=float))
-        self.run.lengths = self.borrow(np.array(lengths, dtype=float))
+        self.kept_lengths = np.array(lengths, dtype=float)
+        self.run.lengths = self.borrow(self.kept_lengths)
         self.run.plain_lengths = self.borrow(np.array(plain_lengths, dtype=float))
         self.run.scale_position = self.doubles(self.system.nh)
         self.run.scale_velocity = self.doubles(nc)
         self.run.rows = self.doubles(nq * nc)
+        self.run.weakest_rows = self.doubles(nc)
         self.run.jacobian_before = self.doubles(2 * self.system.nb)
         self.run.order = <int *>self.integers([0] * nc)
         self.run.components = self.doubles(nc * nc)
@@ -690,6 +694,11 @@ cdef class Integrator:
     def counts(self):
         """Steps, rejected steps, evaluations."""
         return self.run.steps, self.run.rejected, self.run.evaluations
+
+    @property
+    def lengths(self):
+        """The largest lengths that the rows of B times sizes have had, (nc,)."""
+        return self.kept_lengths.copy()
 
     @property
     def times_next(self):

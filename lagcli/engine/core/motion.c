@@ -285,6 +285,17 @@ double lag_correction(lag_run *run, const double *rhs, double *x)
     return sum;
 }
 
+void lag_oppose(lag_run *run, double *x)
+{
+    const int nq = run->system->nq, nc = run->system->nc;
+    double *all = run->solution;
+    memset(all, 0, (size_t)nq * sizeof(double));
+    memcpy(all + nq, x, (size_t)nc * sizeof(double));
+    substitute(run, all);
+    for (int i = 0; i < nc; ++i)
+        x[i] = -all[nq + i];
+}
+
 /* The right side (f, gamma) at the state that the tapes hold, to run->right. */
 static void right_side(lag_run *run)
 {
@@ -394,6 +405,29 @@ double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
         size[i] += NEXT_TO_ALL * all;
     const double most = lag_vectors()->largest(n, r, size, size);
     return isnan(most) ? INFINITY : most;
+}
+
+double lag_contradiction(lag_run *run, double t, const double *y)
+{
+    const lag_system *s = run->system;
+    const lag_tape *d = &s->dynamics;
+    const int nq = s->nq, nc = s->nc, extra = nc - run->rank;
+    /* the unknowns beside a and lambda: how much of each dependency there is in gamma */
+    const double *taken = run->solution + nq + nc;
+    double most = 0.0, terms = 0.0, power;
+    if (!extra || lag_accelerate(run, t, y, 0, &power))
+        return 0.0;
+    --run->evaluations;
+    for (int i = 0; i < nc; ++i) {
+        double part = 0.0;
+        for (int j = 0; j < extra; ++j)
+            part += run->dependencies[j * nc + i] * taken[j];
+        most = fmax(most, fabs(part));
+        terms = fmax(terms, fabs(OUT(d, lag_first_rhs(s) + i)) / run->lengths[i]);
+    }
+    for (int i = 0; i < nq; ++i)
+        terms = fmax(terms, fabs(run->a[i]) / run->sizes[i]);
+    return terms > 0.0 ? most / terms : 0.0;
 }
 
 double lag_allowed_inaccuracy(const lag_run *run)

@@ -16,6 +16,7 @@
 #define FINE 1e-5           /* of rtol: a residual of the equations that samples may have */
 #define SOUND 1e-4          /* the largest residual of an elimination that refinement may make up for */
 #define CALM 20             /* accurate steps in a row until solutions are no longer refined */
+#define CONTRADICTION 5e-7  /* of the terms of B a = gamma: what is looked at more closely */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
 
 /* What a method does: whether it goes on from f, and the order of its error control. */
@@ -243,6 +244,8 @@ int lag_advance(lag_run *run, long slice)
                 return status;
             if (run->watching && lag_approaches(run))
                 return LAG_NEAR;
+            if (run->contradicted)
+                return LAG_CONTRADICTED;
             if (run->stiff >= STIFF && run->t < run->t_end) {
                 run->stiff = 0;
                 return LAG_STIFF;
@@ -263,6 +266,8 @@ int lag_advance(lag_run *run, long slice)
                 continue;
             return LAG_INACCURATE;
         }
+        run->contradicted = run->projecting
+                            && lag_contradiction(run, run->t, run->y_new) > CONTRADICTION;
         const int over = run->watching && lag_goes_over(run);
         if (over && run->watching == 1) {
             take_back(run, SHORTER);

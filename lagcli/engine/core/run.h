@@ -27,7 +27,8 @@ enum lag_status {
                        * step that was not taken */
     LAG_STIFF,        /* an explicit method has no use for the accuracy of its steps */
     LAG_ORDER,        /* an implicit method needs an order of pivots for its matrix */
-    LAG_EVENT         /* an event happened inside the last step */
+    LAG_EVENT,        /* an event happened inside the last step */
+    LAG_CONTRADICTED  /* redundant constraints may contradict each other after the last step */
 };
 
 enum lag_method { LAG_DOP853, LAG_RODAS5P, LAG_RADAU5, LAG_TAYLOR };
@@ -59,6 +60,7 @@ typedef struct lag_run {
     double *y_new, *f_new;             /* n: the step's end before projection, its derivative */
     double *trial, *y_sample;          /* n each */
     double *work;                      /* 2 N, 2 n and 3 nc */
+    int contradicted;                  /* redundant constraints may contradict each other there */
     int finishing;                     /* the last step is accepted and not yet sampled */
 
     double *a, *multipliers;           /* nq, nc: at the state evaluated last */
@@ -93,6 +95,7 @@ typedef struct lag_run {
     double *components;                /* nc * nc */
     double *dependencies;              /* (nc - rank) * nc */
     int rank;                          /* of B at the start */
+    double *weakest_rows;              /* nc: the combination of rows that lag_weakest found last */
     double weakest, usual;             /* weakest pivot after the last step; its largest so far */
     double kept, most_kept;            /* the least part that pivots kept of their terms at a stage:
                                         * its smallest and largest during the last step */
