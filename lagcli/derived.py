@@ -119,4 +119,3 @@ class DerivedColumns:
 def _larger(scale: Array, scales: Array) -> Array:
     """Return each constraint's largest scale so far, from that before and those of more samples."""
     return np.maximum(scale, scales.max(axis=1, initial=0.0))
-

@@ -23,6 +23,7 @@ from lagcli.model.model import DEFAULTS, Model, SettingError, Settings
 from lagcli.model.units import si_notation
 from lagcli.samples import Record, Samples
 from lagcli.start import describe_undefined, find_start, negative_inertia
+from lagcli.threads import one_thread
 from lagcli.trust import Trust
 from lagcli.version import __version__
 
@@ -137,7 +138,8 @@ def ready(
         As in `lagcli.engine.run.Request`.
     """
     began = time.perf_counter()
-    start = find_start(equations, system, settings)
+    with one_thread():
+        start = find_start(equations, system, settings)
     seconds = {**seconds, "integrate": time.perf_counter() - began}
     return Simulation(equations.model, settings, equations, system, start, seconds, prepared)
 
@@ -251,7 +253,9 @@ class Simulation:
             if progress is not None:
                 progress(t)
 
-        run = engine_of(self.settings)(self.system, self.request, take, heed)
+        engine = engine_of(self.settings)  # loads what it needs before threads are limited
+        with one_thread():
+            run = engine(self.system, self.request, take, heed)
         integrating = time.perf_counter() - began - elsewhere
         if not columns.samples:
             take(_no_samples(self.system))

@@ -90,7 +90,7 @@ class Variants:
         """
         if self.settings.engine != "compiled":
             return None
-        from lagcli.engine.prepared import find_elimination, prepare
+        from lagcli.engine.prepared import find_elimination, prepare, unrolled
 
         t = self.settings.t_start or 0.0
         try:
@@ -99,7 +99,7 @@ class Variants:
             return None
         states = [(t, start.q, start.v)]
         order = start.elimination or find_elimination(Evaluator(self.system), states)
-        return prepare(self.system, order)
+        return unrolled(self.system, prepare(self.system, order))
 
     def varied(
         self,

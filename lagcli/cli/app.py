@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from lagcli.errors import LagcliError
+from lagcli.threads import limit_process
 from lagcli.version import __version__
 
 #: The commands, in the order of the help; each is a function in the module of its name.
@@ -107,6 +108,7 @@ def main() -> None:
     # What is imported lives to the end, and a run leaves little in cycles: to look through it all
     # time and again while modules are imported would cost a tenth of a short run.
     gc.set_threshold(200_000)
+    limit_process()
     # a reader that closes the pipe (`lagcli derive … | head`) ends us as it ends any other filter
     if hasattr(signal, "SIGPIPE"):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)

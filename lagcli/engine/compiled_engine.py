@@ -20,7 +20,13 @@ from numpy.typing import NDArray
 from lagcli.engine.core import binding
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.methods import Methods
-from lagcli.engine.prepared import Prepared, find_elimination, prepare
+from lagcli.engine.prepared import (
+    STEPS_TO_UNROLL,
+    Prepared,
+    find_elimination,
+    prepare,
+    unrolled,
+)
 from lagcli.engine.run import (
     Block,
     Event,
@@ -36,6 +42,7 @@ from lagcli.engine.system import System
 from lagcli.engine.unrolling import unroll
 
 if TYPE_CHECKING:
+    from lagcli.engine.elimination import Elimination
     from lagcli.engine.index1 import Index1
     from lagcli.engine.projection import Projection
     from lagcli.engine.singular import RankWatch
@@ -50,8 +57,6 @@ _MOST_SECONDS = 1e-6
 _GROWTH = 16
 #: States for an order of elimination, beyond which the dense solution helps where it fails.
 _MOST_STATES = 20
-#: Steps between two looks at whether redundant constraints contradict each other.
-_LOOK = 4
 
 
 def run(
@@ -71,6 +76,8 @@ class Integration:
     ----------
     system, request, sink, progress
         As in the contract.
+    for_lanes : bool
+        Whether what is in use after the run is for lanes, which refine no solutions.
 
     Attributes
     ----------
@@ -84,6 +91,8 @@ class Integration:
         request: Request,
         sink: Callable[[Block], None],
         progress: Callable[[float], None] | None,
+        *,
+        for_lanes: bool = False,
     ):
         self.system, self.request, self.sink = system, request, sink
         self.progress = progress or (lambda t: None)
@@ -119,6 +128,7 @@ class Integration:
             alpha if request.beta is None else request.beta,
             request.formulation == "baumgarte",
             request.method == "auto" and system.variation is not None,
+            not for_lanes,
             max(1, min(request.block_rows, len(request.times))),
         )
         self.use(prepared)
@@ -134,8 +144,13 @@ class Integration:
             order = None
         elif order is None:
             order = find_elimination(self.evaluator, self.states)
-        known = self.request.prepared
-        return known if known and known.serves(order) else prepare(self.system, order)
+        return self.ready(order, self.request.prepared)
+
+    def ready(self, order: Elimination | None, known: Prepared | None) -> Prepared:
+        """Return the programs for an order, or for none; what is known of others is taken over."""
+        prepared = prepare(self.system, order, known)
+        # power series are those of the unrolled operations
+        return unrolled(self.system, prepared) if self.request.method == "Taylor" else prepared
 
     def use(self, prepared: Prepared) -> None:
         """Solve for a and λ in a way."""
@@ -143,7 +158,11 @@ class Integration:
         if prepared.elimination is None:
             self.core.use_dense(prepared.dynamics)
         else:
-            self.core.use_elimination(prepared.dynamics, prepared.elimination)
+            self.core.use_elimination(prepared.dynamics, prepared.elimination, prepared.unrolled)
+        # a step count, not a time: runs are the same on every machine
+        self.unroll_at = math.inf
+        if prepared.worth_unrolling:
+            self.unroll_at = self.core.counts[0] + STEPS_TO_UNROLL
         self.no_series = self.expand(prepared) if self.request.method == "Taylor" else ""
 
     def expand(self, prepared: Prepared) -> str:
@@ -166,21 +185,20 @@ class Integration:
         return ""
 
     def reorder(self) -> None:
-        """Find an order that suits the end of the step that failed too.
+        """Find an order that suits the end of the step that failed too; else take it densely.
 
-        If there is none, refine the solutions, which rounding in a long elimination needs at tight
-        tolerances; else take the step densely.
+        It comes to this only where refined solutions are not accurate enough either.
         """
         core = self.core
         again, self.reordered = self.reordered == core.t, core.t
-        if again and core.refine():
-            return
-        if again or len(self.states) > _MOST_STATES:
-            core.allow_dense(1)
-            return
-        self.states.append((core.t, *self.split(core.state)))
-        self.states.append((core.t_bad, *self.split(core.y_bad.copy())))
-        self.use(prepare(self.system, find_elimination(self.evaluator, self.states)))
+        if not again and len(self.states) <= _MOST_STATES:
+            self.states.append((core.t, *self.split(core.state)))
+            self.states.append((core.t_bad, *self.split(core.y_bad.copy())))
+            found = find_elimination(self.evaluator, self.states)
+            if not self.in_use.serves(found):
+                self.use(self.ready(found, self.in_use))
+                return
+        core.allow_dense(1)
 
     # what thinks, made when it is needed: most runs need none of it
 
@@ -247,19 +265,18 @@ class Integration:
             steps = core.counts[0]
             limits.check(core.t, steps)
             started = time.monotonic()
-            most = min(request.max_steps - steps, self.methods.most_steps())
-            status = core.advance(min(slice_, most))
+            until = min(request.max_steps, self.unroll_at) - steps
+            most = int(min(slice_, until, self.methods.most_steps()))
+            status = core.advance(most)
             taken = time.monotonic() - started
             self.methods.count()
             if self.heed(status):
                 return
             if status == binding.RUNNING:
-                took = min(slice_, most)
-                slice_ = max(1, min(_GROWTH * slice_, int(took * _SLICE / max(taken, 1e-6))))
-                if self.redundant:
-                    slice_ = min(slice_, _LOOK)
-                    self.check_redundancy()
+                slice_ = max(1, min(_GROWTH * slice_, int(most * _SLICE / max(taken, 1e-6))))
                 self.methods.review()
+                if core.counts[0] >= self.unroll_at:
+                    self.use(unrolled(self.system, self.in_use))
             elif status == binding.NEAR:
                 slice_ = 1
             self.progress(core.t)
@@ -294,6 +311,8 @@ class Integration:
             self.look_over()
         elif status == binding.INACCURATE:
             self.reorder()
+        elif status == binding.CONTRADICTED:
+            self.check_redundancy()
         elif status == binding.STIFF:
             self.methods.stiff()
         elif status == binding.ORDER:
@@ -307,7 +326,7 @@ class Integration:
         """Look along the path of the last steps, which go towards a singular configuration."""
         core, watch = self.core, self.watch
         t, y, steps = core.t, core.state, core.counts[0]
-        self.motion.measure(t, *self.split(y))
+        self.measure()
         if steps != self.last_near + 1:
             watch.restart()
             since, _ = core.step
@@ -342,6 +361,11 @@ class Integration:
         core.move(crossing.end, crossing.state, upto)
         return crossing.end >= self.request.t_end or self.heed(core.start())
 
+    def measure(self) -> None:
+        """Let what thinks judge B's rows by the largest lengths that the core has seen."""
+        self.motion.measure(self.core.t, *self.split(self.core.state))
+        self.motion.lengths = np.maximum(self.motion.lengths, self.core.lengths)
+
     def react(self) -> bool:
         """Do what an event asks for; return whether the run is complete."""
         core = self.core
@@ -360,6 +384,7 @@ class Integration:
         """Stop where the last step went over a singular configuration."""
         core = self.core
         t_old, t = core.step
+        self.measure()
         found = self.watch.singular_time(core.dense, t_old, t)
         if found is not None:
             while (status := core.sample_until(found)) == binding.BLOCK_FULL:
@@ -371,7 +396,7 @@ class Integration:
     def check_redundancy(self) -> None:
         """Stop if redundant constraints contradict each other."""
         t, y = self.core.t, self.core.state
-        self.motion.measure(t, *self.split(y))
+        self.measure()
         if self.request.formulation == "projection":
             self.watch.check_redundancy(t, y)
 

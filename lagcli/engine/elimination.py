@@ -41,8 +41,6 @@ THRESHOLD = 0.3
 _LEAST = 1e-6
 #: Updates of entries beyond which the matrix is treated as dense.
 MOST_UPDATES = 60_000
-#: Updates of entries up to which the factorization is unrolled into the tape.
-MOST_UNROLLED = 30_000
 
 
 class NoElimination(ArithmeticError):
@@ -74,9 +72,14 @@ class Elimination:
     smallest: float
 
     @property
-    def unrolled(self) -> bool:
-        """Whether the factorization is short enough to be unrolled into a tape."""
-        return sum(len(c) * (len(c) + 1) // 2 for c in self.columns) <= MOST_UNROLLED
+    def updates(self) -> int:
+        """Updates of entries that the factorization takes."""
+        return sum(len(c) * (len(c) + 1) // 2 for c in self.columns)
+
+    def same_as(self, other: Elimination) -> bool:
+        """Return whether another one is the same, whatever states it was found at."""
+        mine, its = ((e.order, e.paired, e.columns) for e in (self, other))
+        return mine == its
 
     @property
     def starts(self) -> list[int]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lagcli.engine import compiled_engine
 from lagcli.engine.core import binding
-from lagcli.engine.prepared import Prepared
+from lagcli.engine.prepared import Prepared, unrolled
 from lagcli.engine.program import assemble
 from lagcli.engine.run import Block, Interrupted, Request, Run
 from lagcli.engine.system import System
@@ -71,10 +71,12 @@ def prepare_lanes(
     """
     heed = progress or (lambda: None)
     request = dataclasses.replace(request, times=np.empty(0))
-    integration = compiled_engine.Integration(system, request, lambda block: None, lambda t: heed())
+    integration = compiled_engine.Integration(
+        system, request, lambda block: None, lambda t: heed(), for_lanes=True
+    )
     if integration.run().status == "interrupted":
         raise Interrupted
-    return integration.in_use
+    return unrolled(system, integration.in_use)
 
 
 def run_lanes(
@@ -144,9 +146,10 @@ class _Lanes:
         prepared = request.prepared
         assert prepared is not None
         self.request, self.steps = request, ("DOP853",) if request.method == "auto" else ()
-        first = _of_row(system, request, parameters, q, v, 0)
-        single = compiled_engine.Integration(*first, lambda block: None, None)
-        single.use(prepared)
+        first, values = _of_row(system, request, parameters, q, v, 0)
+        # in the order of all, whatever that of the first one is
+        values = dataclasses.replace(values, elimination=prepared.elimination)
+        single = compiled_engine.Integration(first, values, lambda block: None, None)
         width = 2 + 3 * len(system.coordinates) + len(system.constraints)
         held = min(_HELD, _MOST_NUMBERS // (width * max(1, len(request.times))) - binding.LANES)
         self.core = binding.Lanes(

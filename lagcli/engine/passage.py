@@ -73,9 +73,7 @@ class Crossing:
             values = known + [self._unknowns(t, *s) for t, s in zip(times, states, strict=True)]
             self._integrate(np.asarray(np.linalg.solve(matrix, np.array(values)), dtype=float))
             last, states = states, [project(t, *self(t)[:2]) for t in times]
-            moved = max(
-                _distance(a, b, motion.sizes) for a, b in zip(states, last, strict=True)
-            )
+            moved = max(_distance(a, b, motion.sizes) for a, b in zip(states, last, strict=True))
             if moved <= _SETTLED:
                 break
         if not moved <= _CONTINUED:

@@ -82,9 +82,7 @@ def coordinate_sizes(inertia: Array, jacobian: Array) -> Array:
     return sizes
 
 
-def row_lengths(
-    jacobian: Array, sizes: Array, terms: Array, x: Array, part: float = 1e-6
-) -> Array:
+def row_lengths(jacobian: Array, sizes: Array, terms: Array, x: Array, part: float = 1e-6) -> Array:
     """Return scales for the rows of B times sizes that do not vanish with the rows, (n,).
 
     A row's length or, if that is smaller, a small part of the constraint's terms over the

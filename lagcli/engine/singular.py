@@ -2,6 +2,9 @@
 
 The rank of B is judged by the singular values of its scaled rows. The one that vanishes at a
 singular configuration is watched inside each step and along the path ahead.
+
+SciPy's interpolation and minimization, slow to import, are imported where a path is looked along:
+the compiled engine comes to that only next to a singular configuration.
 """
 
 from __future__ import annotations
@@ -13,8 +16,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate
-from scipy.optimize import minimize_scalar
 
 from lagcli.engine import linear
 from lagcli.engine.evaluator import Constraints
@@ -117,7 +118,9 @@ class RankWatch:
         """
         if not self.rank:
             return None
-        between = interpolate.CubicHermiteSpline(
+        from scipy.interpolate import CubicHermiteSpline
+
+        between = CubicHermiteSpline(
             (t_old, t), np.array([y_old, y]), np.array([self._slope(y_old), self._slope(y)])
         )
         history = self._history[-2:] or [(t_old, self.weakest(t_old, y_old))]
@@ -152,6 +155,8 @@ class RankWatch:
 
     def singular_time(self, path: Path, low: float, high: float) -> float | None:
         """Return the time between two at which a path is singular, or None."""
+        from scipy.optimize import minimize_scalar
+
         found = minimize_scalar(
             lambda t: self.weakest(t, path(t)),
             bounds=(low, high),
@@ -196,9 +201,9 @@ class RankWatch:
             q, v = self.motion.split(node.y)
             rows += [q, v, self.motion.accelerations(node.t, q, v)[0]]
         # higher polynomials would amplify the rounding error of a
-        continued = interpolate.KroghInterpolator(
-            np.repeat([node.t for node in self._nodes[-3:]], 3), rows
-        )
+        from scipy.interpolate import KroghInterpolator
+
+        continued = KroghInterpolator(np.repeat([node.t for node in self._nodes[-3:]], 3), rows)
 
         def path(t: float) -> tuple[Array, Array]:
             q, v = continued.derivatives(t, 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,33 +41,49 @@ class Starts(NamedTuple):
     found: Flags
 
 
-def consistent_starts(
-    system: System, t: float, parameters: Array, q: Array, v: Array, fixed_q: Flags, fixed_v: Flags
-) -> Starts:
-    """Solve for initial states that satisfy φ = 0 and ψ = 0, as `initial.consistent_state` does.
+class StartSearch:
+    """Solves for initial states that satisfy φ = 0 and ψ = 0, as `initial.consistent_state` does.
 
-    What is found for a row does not depend on the other rows.
+    What is found for a row does not depend on the other rows. One thread at a time may call it.
 
     Parameters
     ----------
     system : System
-        Its parameters' values are not read.
-    t : float
-        s.
-    parameters : (n, np) array
-    q, v : (n, nq) arrays
-        Fixed values and guesses; a row that is not finite is not found.
-    fixed_q, fixed_v : (nq,) arrays of bool
+        Its parameters' values are not read. Its tapes are assembled here, for all calls.
     """
-    search = _Search(system, t, np.flatnonzero(~fixed_q), np.flatnonzero(~fixed_v))
-    q, v = np.array(q, dtype=float), np.array(v, dtype=float)
-    found = np.isfinite(np.hstack([parameters, q, v]).sum(axis=1))
-    together = max(1, _NUMBERS // (len(system.coordinates) + len(system.constraints) + 1) ** 2)
-    for first in range(0, len(q), together):
-        rows = first + np.flatnonzero(found[first : first + together])
-        if len(rows):
-            q[rows], v[rows], found[rows] = search(parameters[rows], q[rows], v[rows])
-    return Starts(q, v, found)
+
+    def __init__(self, system: System):
+        self.system = system
+        # each row has parameters of its own
+        self.tables = tuple(
+            binding.LaneTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)
+            for tape in (system.constraint, system.dynamics)
+        )
+
+    def __call__(
+        self, t: float, parameters: Array, q: Array, v: Array, fixed_q: Flags, fixed_v: Flags
+    ) -> Starts:
+        """Search for the starts of n runs.
+
+        Parameters
+        ----------
+        t : float
+            s.
+        parameters : (n, np) array
+        q, v : (n, nq) arrays
+            Fixed values and guesses; a row that is not finite is not found.
+        fixed_q, fixed_v : (nq,) arrays of bool
+        """
+        system = self.system
+        search = _Search(system, self.tables, t, np.flatnonzero(~fixed_q), np.flatnonzero(~fixed_v))
+        q, v = np.array(q, dtype=float), np.array(v, dtype=float)
+        found = np.isfinite(np.hstack([parameters, q, v]).sum(axis=1))
+        together = max(1, _NUMBERS // (len(system.coordinates) + len(system.constraints) + 1) ** 2)
+        for first in range(0, len(q), together):
+            rows = first + np.flatnonzero(found[first : first + together])
+            if len(rows):
+                q[rows], v[rows], found[rows] = search(parameters[rows], q[rows], v[rows])
+        return Starts(q, v, found)
 
 
 class _Constraints(NamedTuple):
@@ -83,15 +99,13 @@ class _Constraints(NamedTuple):
 class _Search:
     """The search for starts with the same free entries."""
 
-    def __init__(self, system: System, t: float, free_q: Rows, free_v: Rows):
+    def __init__(
+        self, system: System, tables: tuple[Any, ...], t: float, free_q: Rows, free_v: Rows
+    ):
         self.system, self.t, self.free_q, self.free_v = system, t, free_q, free_v
+        self.constraint, self.dynamics = tables
         self.nq, self.nc = len(system.coordinates), len(system.constraints)
         self.holonomic = np.array(system.holonomic, dtype=np.intp)
-        # each row has parameters of its own
-        self.constraint, self.dynamics = (
-            binding.LaneTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)
-            for tape in (system.constraint, system.dynamics)
-        )
 
     def __call__(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Array, Flags]:
         """Return q, v and which of them were found."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ from lagcli.start import describe_undefined
 from lagcli.sweeps.reductions import Grid, Measuring
 from lagcli.sweeps.signals import Signals, kept_signals
 from lagcli.variants import Values, Variants
+
+if TYPE_CHECKING:
+    from lagcli.engine.starts import StartSearch
 
 Array = NDArray[np.float64]
 
@@ -74,8 +78,8 @@ class Group:
         self.measuring = Measuring(found, list(model.parameters))
         self.grid = Grid(sample_times(variants.settings), self.measuring.times)
         self._check_times()
+        self._request: Request | Literal[False] | None = None  # not made ready yet
         self._extra = kept_signals(variants.equations) if kept else {}
-        self._prepared: list[Request | None] = []
         self._state = 1 + 3 * len(model.coordinates) + len(model.constraints)  # t, q, v, a, λ
         self.kept_names = _state_names(model) + list(self._extra) if kept else []
         wanted = [r.signal for r in self.measuring.reductions]
@@ -132,29 +136,35 @@ class Group:
     # eight at a time
 
     def _common(self, heed: Callable[[], None]) -> Request | None:
-        """Return what all runs in lanes have in common; None where there are none.
+        """Return what all runs have in common; None where the compiled engine does not do them.
 
         What is made ready once comes from the model's own values, so that no row depends on which
         others it is run with. It takes as long as one run.
         """
-        if not self._prepared:
-            self._prepared.append(self._prepare(heed))
-        return self._prepared[0]
+        if self._request is None:
+            self._request = self._prepare(heed)
+        return self._request or None
 
-    def _prepare(self, heed: Callable[[], None]) -> Request | None:
+    def _prepare(self, heed: Callable[[], None]) -> Request | Literal[False]:
         variants = self.variants
         if variants.settings.engine != "compiled":
-            return None
-        from lagcli.engine.lanes import prepare_lanes, suits_lanes
+            return False
+        from lagcli.engine.lanes import prepare_lanes
 
         try:
             simulation = ready(variants.equations, variants.system, variants.settings, {})
         except (ModelError, NumericalError):
-            return None
+            return False
         request = dataclasses.replace(simulation.request, times=self.grid.all)
         prepared = prepare_lanes(variants.system, request, heed)
-        request = dataclasses.replace(request, prepared=prepared)
-        return request if suits_lanes(variants.system, request) else None
+        return dataclasses.replace(request, prepared=prepared)
+
+    @cached_property
+    def _search(self) -> StartSearch:
+        """The search for starts, whose programs serve all rows."""
+        from lagcli.engine.starts import StartSearch
+
+        return StartSearch(self.variants.system)
 
     def _together(
         self, values: Values, sink: Callable[[Ended], None], heed: Callable[[], None]
@@ -163,10 +173,11 @@ class Group:
         request, system = self._common(heed), self.variants.system
         if request is None:
             return np.arange(len(values.q))
-        from lagcli.engine.lanes import Finished, run_lanes
-        from lagcli.engine.starts import consistent_starts
+        from lagcli.engine.lanes import Finished, run_lanes, suits_lanes
 
-        starts = consistent_starts(system, request.t_start, *values)
+        if not suits_lanes(system, request):
+            return np.arange(len(values.q))
+        starts = self._search(request.t_start, *values)
         ordinary = np.flatnonzero(starts.found)
 
         def take(finished: Finished) -> None:
@@ -234,7 +245,8 @@ class Group:
         model = self._model(place, values)
         equations = dataclasses.replace(variants.equations, model=model)
         system = dataclasses.replace(variants.system, parameters=tuple(parameters.tolist()))
-        return ready(equations, system, variants.settings, {})
+        prepared = self._request.prepared if self._request else None
+        return ready(equations, system, variants.settings, {}, prepared)
 
     def _model(self, place: int, values: Values) -> Model:
         """Return the model with the values of one row."""

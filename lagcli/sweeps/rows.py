@@ -15,6 +15,7 @@ from lagcli.errors import LagcliError
 from lagcli.model.units import si_notation, to_si
 from lagcli.sweeps.group import Ended, Group
 from lagcli.sweeps.spec import Spec
+from lagcli.threads import one_thread
 from lagcli.variants import Variants
 
 Array = NDArray[np.float64]
@@ -156,7 +157,8 @@ class Runner:
                 found.refuse(places, error)
                 continue
             found.expect(group)
-            group.run(table[places][:, self.numeric], partial(found.enter, group, places), heed)
+            with one_thread():
+                group.run(table[places][:, self.numeric], partial(found.enter, group, places), heed)
         return found.results()
 
 

@@ -20,6 +20,8 @@ Numbers = NDArray[np.int64]
 
 #: Seconds that a chunk of rows should take: what is lost where a sweep is killed.
 _CHUNK = 0.5
+_TOGETHER = 8  # rows that the compiled engine runs at once: fewer take nearly as long
+_LONG = 10.0  # s for so many rows, beyond which chunks are smaller all the same
 _FIRST = 16  # rows of the first chunk
 _MOST = 4096  # rows of a chunk
 _MOST_BYTES = 1 << 25  # of the samples that a chunk keeps
@@ -50,14 +52,16 @@ class Chunks:
     def next(self) -> Numbers:
         """Return the numbers of the next rows; none at the end."""
         # towards the end, in pieces small enough that all processes end together
-        fair = max(8, self.missing.left // (2 * self.jobs))
-        return self.missing.take(min(self.size, fair))
+        fair = max(_TOGETHER, self.missing.left // (2 * self.jobs))
+        return self.missing.take(_filled(min(self.size, fair)))
 
     def took(self, rows: int, seconds: float) -> None:
         """Take note of how long a chunk took."""
         self.seconds_per_row = seconds / rows
         self.timed += 1
         wanted = int(_CHUNK / max(self.seconds_per_row, 1e-9))
+        if wanted < _TOGETHER and _TOGETHER * self.seconds_per_row <= _LONG:
+            wanted = _TOGETHER
         self.size = max(1, min(wanted, _GROWTH * self.size, self.most))
 
     @property
@@ -67,6 +71,11 @@ class Chunks:
         The first chunk says nothing of it: it derives the model.
         """
         return self.missing.left * self.seconds_per_row if self.timed > 1 else 0.0
+
+
+def _filled(rows: int) -> int:
+    """Return a number of rows of which none are run in a group that is not full, if it can be."""
+    return rows // _TOGETHER * _TOGETHER or rows
 
 
 def run_here(spec: Spec, chunks: Chunks, heed: Callable[[], None], jobs: int) -> Iterator[Results]:

@@ -34,15 +34,16 @@ ROOMS = {
     "derived": {"engine", "samples"},
     "extremes": {"samples"},
     "interruption": set(),
+    "threads": set(),
     "results": {"errors", "extremes", "samples", "trajectory"},
     "simulation": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "derived"),
-        *("start", "interruption", "version"),
+        *("start", "interruption", "threads", "version"),
     },
     "start": {"errors", "model", "equations", "engine", "undefined"},
     "sweeps": {
         *("errors", "model", "equations", "engine", "results", "simulation", "start", "variants"),
-        *("interruption", "samples", "version"),
+        *("interruption", "samples", "threads", "version"),
     },
     # a page is where values go round: from the reader's hand to a run and its pictures
     "play": {
@@ -68,6 +69,7 @@ FOREIGN = {
     "engine": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "os", "pathlib", "io"},
     "derived": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "extremes": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "threads": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "interruption": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
     "simulation": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},

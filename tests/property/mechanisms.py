@@ -104,9 +104,7 @@ class Mechanism:
             spin=self.spin @ turn.T,
             gravity=turn @ self.gravity,
             joints=[
-                replace(
-                    j, point=turn @ j.point, axis=turn @ j.axis, second=turn @ j.second
-                )
+                replace(j, point=turn @ j.point, axis=turn @ j.axis, second=turn @ j.second)
                 for j in self.joints
             ],
         )

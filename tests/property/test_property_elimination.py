@@ -11,6 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lagcli.engine.elimination import Elimination, NoElimination, find_order, order_at
+from lagcli.engine.prepared import Prepared
+from lagcli.engine.program import assemble
 from lagcli.engine.system import System
 from lagcli.engine.tape import Builder, Tape
 from lagcli.engine.unrolling import unroll
@@ -227,7 +229,9 @@ def test_a_chain_fills_in_nothing() -> None:
     values = np.array([[1.0 if j == i else -1.0] for i, j in jacobian])
     plan = find_order(n, n, mass, jacobian, ones, values)
     assert sum(map(len, plan.columns)) <= 2 * 2 * n
-    assert plan.unrolled
-    assert not dataclasses.replace(
+    full = dataclasses.replace(
         plan, columns=tuple(tuple(range(k + 1, 2 * n)) for k in range(2 * n))
-    ).unrolled
+    )
+    program = assemble(hand_written(np.eye(1), np.ones((1, 1)), np.zeros(2)).dynamics)
+    assert Prepared(plan, program, program, None).worth_unrolling
+    assert not Prepared(full, program, program, None).worth_unrolling

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import time
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +13,9 @@ import pytest
 
 import lagcli
 from lagcli.errors import UsageError
+from lagcli.simulation import prepare as prepare_simulation
 
+FOUND = Path(__file__).parents[1] / "found"
 MODELS = sorted((Path(__file__).parents[2] / "models").glob("*.yaml"))
 PENDULUM = lagcli.load_text("""
 coordinates: [x, y]
@@ -52,8 +57,9 @@ def test_ways_to_eliminate_agree(path, monkeypatch):
 
     model = lagcli.load(path)
     options = {"t_end": 0.05 * model.settings.t_end, "samples": 6, "rtol": 1e-11, "atol": 1e-12}
+    monkeypatch.setattr(prepared, "SHORT", math.inf)
     runs = [lagcli.simulate(model, engine="compiled", **options)]
-    monkeypatch.setattr(elimination, "MOST_UNROLLED", -1)
+    monkeypatch.setattr(prepared, "MOST_UNROLLED", -1)
     runs.append(lagcli.simulate(model, engine="compiled", **options))
     for module in (initial, prepared):
         monkeypatch.setattr(module, "order_at", none)
@@ -99,29 +105,84 @@ initial: {{x: 0.6, z: -0.8, x': 0, z': 0}}
     np.testing.assert_allclose(found.multipliers, expected.multipliers, rtol=1e-6)
 
 
-def test_what_a_long_elimination_lacks_is_refined(monkeypatch):
+@pytest.fixture
+def counted(monkeypatch):
+    """Count the searches for an order, the orders written out, and the programs assembled."""
+    from lagcli.engine import initial, prepared
+
+    counts = Counter()
+
+    def watch(module, name):
+        original = getattr(module, name)
+
+        def called(*args, **kwargs):
+            counts[name] += 1
+            return original(*args, **kwargs)
+
+        monkeypatch.setattr(module, name, called)
+
+    for module, name in (
+        (initial, "order_at"),
+        (prepared, "order_at"),
+        (prepared, "unroll"),
+        (prepared, "assemble"),
+    ):
+        watch(module, name)
+    return counts
+
+
+def test_what_a_long_elimination_lacks_is_refined(counted):
     """Rounding in a chain of 150 masses is more than a tight tolerance allows."""
-    from lagcli.engine import compiled_engine
-
-    taken = []
-    reorder = compiled_engine.Integration.reorder
-
-    def watched(self):
-        taken.append(self.core.t)
-        reorder(self)
-
-    monkeypatch.setattr(compiled_engine.Integration, "reorder", watched)
     chain = next(p for p in MODELS if p.stem == "chain")
     model = lagcli.load(chain, set={"N": 150})
     options = {"t_end": 0.01, "samples": 3, "method": "DOP853"}
     tight = lagcli.simulate(model, rtol=1e-12, atol=1e-13, **options)
+    assert counted["order_at"] == 1  # refined, not in a new order
     usual = lagcli.simulate(model, **options)
     assert tight.status == "completed", tight.message
     np.testing.assert_allclose(tight.q, usual.q, rtol=0, atol=1e-10)
     size = np.abs(tight.constraint_force).max()
     assert tight.residual_equation.max() <= 1e-12 * size
-    # a new order, then refinement, and that is all
-    assert 1 <= len(taken) <= 2
+
+
+def test_a_net_of_rods_keeps_its_order(counted):
+    """An order found for a flat net loses digits where it is folded: refinement regains them."""
+    model = lagcli.load(FOUND / "net_rods.yaml", set={"N": 3})
+    found = lagcli.simulate(model, engine="compiled")
+    assert found.status == "completed", found.message
+    assert counted == {"order_at": 1, "assemble": 2}
+    expected = lagcli.simulate(model, engine="scipy", rtol=1e-10)
+    np.testing.assert_allclose(found.q, expected.q, rtol=0, atol=1e-7)
+    size = np.abs(expected.multipliers).max()
+    np.testing.assert_allclose(found.multipliers, expected.multipliers, rtol=0, atol=1e-5 * size)
+
+
+def test_a_long_run_unrolls_its_elimination(counted, monkeypatch):
+    from lagcli.engine import compiled_engine, prepared
+
+    monkeypatch.setattr(prepared, "SHORT", 0)
+    model = lagcli.load(MODELS[0].parent / "andrews_squeezer.yaml")
+    looped = lagcli.simulate(model, method="DOP853", samples=11)
+    assert not counted["unroll"]
+    monkeypatch.setattr(compiled_engine, "STEPS_TO_UNROLL", 10)
+    changed = [lagcli.simulate(model, method="DOP853", samples=11) for _ in range(2)]
+    assert counted["unroll"] == 2
+    np.testing.assert_allclose(changed[0].q, looped.q, rtol=0, atol=1e-7)
+    # it is a number of steps that decides, not a time
+    np.testing.assert_array_equal(changed[0].multipliers, changed[1].multipliers)
+
+
+def test_a_new_order_takes_over_the_other_programs(counted):
+    from lagcli.engine.prepared import prepare
+
+    chain = next(p for p in MODELS if p.stem == "chain")
+    simulation = prepare_simulation(lagcli.load(chain, set={"N": 60}))
+    order = simulation.start.elimination
+    first = prepare(simulation.system, order)
+    again = prepare(simulation.system, dataclasses.replace(order, order=order.order[::-1]), first)
+    assert not again.unrolled
+    assert again.dynamics is first.dynamics
+    assert again.constraint is first.constraint
 
 
 def test_samples_come_in_blocks():

@@ -10,7 +10,7 @@ import pytest
 
 import lagcli
 from lagcli.engine.initial import NoConsistentState, consistent_state
-from lagcli.engine.starts import consistent_starts
+from lagcli.engine.starts import StartSearch
 from lagcli.model.model import Settings
 from lagcli.simulation import prepare
 from lagcli.variants import Variants
@@ -39,6 +39,11 @@ def rows(model, count, size, seed=0):
     )
 
 
+def searched(system, *arguments):
+    """Return what the search for many starts finds."""
+    return StartSearch(system)(*arguments)
+
+
 def alone(system, t, parameters, q, v, fixed_q, fixed_v):
     """Yield what the search for one start finds for each row; None where it finds nothing."""
     for values, q0, v0 in zip(parameters, q, v, strict=True):
@@ -53,7 +58,7 @@ def alone(system, t, parameters, q, v, fixed_q, fixed_v):
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
 def test_the_model_itself_starts_as_it_does_alone(path):
     arguments = rows(lagcli.load(path), 3, 0.0)
-    starts = consistent_starts(*arguments)
+    starts = searched(*arguments)
     [expected, *_] = alone(*arguments)
     # what is redundant or singular is not ordinary
     assert list(starts.found) == [path.stem != "parallelogram"] * 3
@@ -69,7 +74,7 @@ def test_other_values_start_as_they_do_alone(name, size):
     """Far from the model's own, too: on the same branch, or nowhere."""
     [path] = [p for p in MODELS if p.stem == name]
     arguments = rows(lagcli.load(path), 12, size)
-    starts = consistent_starts(*arguments)
+    starts = searched(*arguments)
     assert starts.found.any()
     for row, expected in enumerate(alone(*arguments)):
         if starts.found[row]:
@@ -82,9 +87,9 @@ def test_other_values_start_as_they_do_alone(name, size):
 def test_a_start_does_not_depend_on_its_company(name):
     [path] = [p for p in MODELS if p.stem == name]
     system, t, *values, fixed_q, fixed_v = rows(lagcli.load(path), 9, 0.1)
-    together = consistent_starts(system, t, *values, fixed_q, fixed_v)
+    together = StartSearch(system)(t, *values, fixed_q, fixed_v)
     for some in ([0], [5], [8, 2, 3]):
-        apart = consistent_starts(system, t, *(x[some] for x in values), fixed_q, fixed_v)
+        apart = StartSearch(system)(t, *(x[some] for x in values), fixed_q, fixed_v)
         for one, other in zip(apart, together, strict=True):
             np.testing.assert_array_equal(one, other[some])
 
@@ -101,7 +106,7 @@ initial: {x: 0.5, y: {guess: 1}, x': 0, y': {guess: 0}}
     variants = Variants(model)
     table = np.array([[1, 1, 1], [0.4, 1, 1], [np.nan, 1, 1], [1, 0, 1], [1, 1, -1]])
     values = variants.values(["l", "m", "s"], table.astype(float))
-    starts = consistent_starts(variants.system, 0.0, *values)
+    starts = StartSearch(variants.system)(0.0, *values)
     # x = 0.5 is beyond a rod of 0.4, nothing resists a motion without mass, and −1 has no root
     assert list(starts.found) == [True, False, False, False, False]
     assert starts.q[0] == pytest.approx([0.5, np.sqrt(0.75)])
@@ -109,5 +114,5 @@ initial: {x: 0.5, y: {guess: 1}, x': 0, y': {guess: 0}}
 
 def test_no_rows_are_none():
     variants = Variants(lagcli.load(MODELS[0]))
-    starts = consistent_starts(variants.system, 0.0, *variants.values([], np.empty((0, 0))))
+    starts = StartSearch(variants.system)(0.0, *variants.values([], np.empty((0, 0))))
     assert len(starts.q) == len(starts.found) == 0

@@ -123,7 +123,7 @@ cdef extern from "run.h":
         int finishing
         double *a
         double *multipliers
-        int eliminating, refining, kept_count, other_right
+        int eliminating, refinable, refining, kept_count, other_right
         lag_ldl ldl
         const int32_t *mass_targets
         const int32_t *jacobian_targets
@@ -142,6 +142,7 @@ cdef extern from "run.h":
         double *scale_position
         double *scale_velocity
         double *rows
+        double *weakest_rows
         double *jacobian_before
         int *order
         double *components
@@ -159,7 +160,6 @@ cdef extern from "run.h":
     int lag_start(lag_run *run) nogil
     int lag_switch(lag_run *run, int method) nogil
     int lag_advance(lag_run *run, long slice) nogil
-    int lag_refine(lag_run *run) nogil
     int lag_sample_until(lag_run *run, double end) nogil
     void lag_dense(lag_run *run, double t, double *y) nogil
 
@@ -231,9 +231,10 @@ cdef extern from "radau5_tableau.h":
     const double radau_error[3]
 
 
-RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE, STIFF, ORDER, EVENT = (
-    range(12)
-)
+(
+    RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE, STIFF, ORDER, EVENT,
+    CONTRADICTED,
+) = range(13)
 METHODS = ("DOP853", "Rodas5P", "Radau", "Taylor")
 
 
@@ -349,7 +350,7 @@ cdef class Integrator:
         Absolute tolerances; 0 where they follow the size of the entry.
     kinds : (nq,) sequence of int
         Which coordinates are of the same kind, counted from 0.
-    rank, rtol, h_max, projecting, watching, alpha, beta, baumgarte, detecting
+    rank, rtol, h_max, projecting, watching, alpha, beta, baumgarte, detecting, refinable
         As in core/run.h; alpha negative means "from the step", beta "as alpha".
     block_rows : int
         Samples kept before they are handed over.
@@ -362,13 +363,14 @@ cdef class Integrator:
     cdef readonly object block, y_bad
     cdef object tolerances
     cdef object y, y_dense, parameters, mass_pattern, jacobian_pattern
-    cdef object y_event, pattern, matrix, factors, kept_order
+    cdef object y_event, pattern, matrix, factors, kept_order, kept_lengths
     cdef int nq, nc, size
 
     def __init__(
         self, system, constraint, double t, double t_end, y, times, sizes, lengths,
         plain_lengths, int rank, double rtol, atol, kinds, double h_max, bint projecting,
-        int watching, double alpha, double beta, bint baumgarte, bint detecting, long block_rows,
+        int watching, double alpha, double beta, bint baumgarte, bint detecting, bint refinable,
+        long block_rows,
     ):
         cdef int nq = len(system.coordinates), nc = len(system.constraints)
         cdef int n = 2 * nq + 1, size = nq + 2 * nc - rank
@@ -403,7 +405,7 @@ cdef class Integrator:
         self.run.projecting, self.run.watching = projecting, watching
         self.run.baumgarte = baumgarte
         self.run.method = LAG_DOP853
-        self.run.detecting = detecting
+        self.run.detecting, self.run.refinable = detecting, refinable
         self.run.alpha_from_step = baumgarte and alpha < 0
         self.run.beta_from_alpha = beta < 0
         self.run.alpha, self.run.beta = max(alpha, 0.0), max(beta, 0.0)
@@ -421,11 +423,13 @@ cdef class Integrator:
         self.run.right, self.run.solution = self.doubles(size), self.doubles(size)
         self.run.weight = self.doubles(nc)
         self.run.sizes = self.borrow(np.array(sizes, dtype=float))
-        self.run.lengths = self.borrow(np.array(lengths, dtype=float))
+        self.kept_lengths = np.array(lengths, dtype=float)
+        self.run.lengths = self.borrow(self.kept_lengths)
         self.run.plain_lengths = self.borrow(np.array(plain_lengths, dtype=float))
         self.run.scale_position = self.doubles(self.system.nh)
         self.run.scale_velocity = self.doubles(nc)
         self.run.rows = self.doubles(nq * nc)
+        self.run.weakest_rows = self.doubles(nc)
         self.run.jacobian_before = self.doubles(2 * self.system.nb)
         self.run.order = <int *>self.integers([0] * nc)
         self.run.components = self.doubles(nc * nc)
@@ -470,7 +474,7 @@ cdef class Integrator:
             tape.alone[<int>i] = self.integers(stream)
         if not program.alone:
             tape.alone[0] = tape.alone[1] = NULL
-        tape.held = self.integers([0])
+        tape.held = self.integers([0, 0])
         tape.outputs = self.integers(program.outputs)
         lag_stream_run(self.integers(program.prelude), tape.registers)
         return 0
@@ -481,26 +485,28 @@ cdef class Integrator:
         self.run.eliminating = 0
         self.allow_dense(0)
 
-    def use_elimination(self, dynamics, plan):
+    def use_elimination(self, dynamics, plan, bint unrolled):
         """Solve for a and λ by a static elimination.
 
         Parameters
         ----------
         dynamics : Program
-            Of the System's tape, the elimination appended where it is unrolled.
+            Of the System's tape.
         plan : Elimination
+        unrolled : bool
+            Whether it is appended to the tape.
         """
         cdef lag_ldl *ldl = &self.run.ldl
         cdef int nq = self.nq, n = nq + self.nc
         self.bind(&self.system.dynamics, dynamics)
-        self.run.eliminating = 1 if plan.unrolled else 2
+        self.run.eliminating = 1 if unrolled else 2
         self.run.refining = 0
         ldl.n = n
         ldl.order = self.integers(plan.order)
         ldl.paired = self.integers(plan.paired)
         ldl.start = self.integers(plan.starts)
         ldl.row = self.integers([i for column in plan.columns for i in column])
-        if plan.unrolled:
+        if unrolled:
             self.run.kept_count = (
                 len(dynamics.outputs) - lag_first_kept(&self.system) - n - nq
             )
@@ -553,15 +559,6 @@ cdef class Integrator:
                         series.origin + series.state[1 + m] + k * series.layer
                     ]
         return found
-
-    def refine(self):
-        """Refine the elimination's solutions from now on, if that makes them accurate at y_bad.
-
-        Returns
-        -------
-        bool
-        """
-        return bool(lag_refine(&self.run))
 
     def allow_dense(self, long steps):
         """Take the next steps by the dense solution, whatever is used otherwise."""
@@ -723,6 +720,11 @@ cdef class Integrator:
     def counts(self):
         """Steps, rejected steps, evaluations."""
         return self.run.steps, self.run.rejected, self.run.evaluations
+
+    @property
+    def lengths(self):
+        """The largest lengths that the rows of B times sizes have had, (nc,)."""
+        return self.kept_lengths.copy()
 
     @property
     def times_next(self):

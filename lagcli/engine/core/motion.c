@@ -7,6 +7,9 @@
 #include "vectors.h"
 
 
+/* Which factors of the matrix are at hand for the state that the dynamics tape holds. */
+enum lag_factored { NOT_FACTORED, FACTORED, FACTORED_DENSE };
+
 int lag_size(const lag_system *s)
 {
     return 2 * s->nq + 1;
@@ -19,13 +22,14 @@ void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const dou
     if (part && !tape->alone[part - 1])
         part = LAG_ALL;
     if (r[0] == t && memcmp(r + 1, y, bytes) == 0) {
-        if (*tape->held == LAG_ALL || *tape->held == part)
+        if (tape->held[0] == LAG_ALL || tape->held[0] == part)
             return;
     } else {
         r[0] = t;
         memcpy(r + 1, y, bytes);
     }
-    *tape->held = part;
+    tape->held[0] = part;
+    tape->held[1] = NOT_FACTORED;
     lag_stream_run(part ? tape->alone[part - 1] : tape->stream, r);
 }
 
@@ -144,18 +148,13 @@ static void solve_dense(lag_run *run, const double *right, double *x, int refine
         x[nq + i] = z[nq + i] * run->weight[i];
 }
 
-int lag_factor(lag_run *run, double t, const double *y)
+/* Set up the matrix and factor it by the static elimination, in a loop. Returns 0, or 1. */
+static int factor(lag_run *run)
 {
     const lag_system *s = run->system;
     const lag_tape *d = &s->dynamics;
     const lag_ldl *ldl = &run->ldl;
-    double *f = run->factors;
-    double sum = 0.0;
-    lag_evaluate(d, s, t, y, LAG_FACTORS);
-    if (!lag_eliminating(run))
-        return factor_dense(run);
-    if (run->eliminating == 1)
-        return 0;
+    double *f = run->factors, sum = 0.0;
     const int n = ldl->n, count = 2 * n + ldl->start[n];
     memset(f, 0, (size_t)count * sizeof(double));
     for (int i = 0; i < s->nm; ++i)
@@ -167,6 +166,19 @@ int lag_factor(lag_run *run, double t, const double *y)
     for (int i = 0; i < count; ++i)
         sum += f[i];
     return !isfinite(sum);
+}
+
+int lag_factor(lag_run *run, double t, const double *y)
+{
+    const lag_system *s = run->system;
+    const lag_tape *d = &s->dynamics;
+    const int way = lag_eliminating(run) ? FACTORED : FACTORED_DENSE;
+    lag_evaluate(d, s, t, y, LAG_FACTORS);
+    if (lag_eliminating(run) == 1 || d->held[1] == way)
+        return 0;
+    const int bad = way == FACTORED ? factor(run) : factor_dense(run);
+    d->held[1] = bad ? NOT_FACTORED : way;
+    return bad;
 }
 
 /* right less the matrix times x, to r; the sums of the magnitudes to size, where it is given. */
@@ -273,6 +285,17 @@ double lag_correction(lag_run *run, const double *rhs, double *x)
     return sum;
 }
 
+void lag_oppose(lag_run *run, double *x)
+{
+    const int nq = run->system->nq, nc = run->system->nc;
+    double *all = run->solution;
+    memset(all, 0, (size_t)nq * sizeof(double));
+    memcpy(all + nq, x, (size_t)nc * sizeof(double));
+    substitute(run, all);
+    for (int i = 0; i < nc; ++i)
+        x[i] = -all[nq + i];
+}
+
 /* The right side (f, gamma) at the state that the tapes hold, to run->right. */
 static void right_side(lag_run *run)
 {
@@ -364,12 +387,12 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
     return isfinite(lag_vectors()->pick(nq, d->registers, places, f + nq)) ? 0 : undefined(run, t, y);
 }
 
-double lag_inaccuracy(lag_run *run, double t, const double *y)
+double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
 {
     const lag_system *s = run->system;
     const int nq = s->nq, n = nq + s->nc;
     double *r = run->work, *size = run->work + n, *x = run->solution, power, all = 0.0;
-    if (!lag_eliminating(run) || lag_accelerate(run, t, y, run->refining, &power))
+    if (!lag_eliminating(run) || lag_accelerate(run, t, y, refined, &power))
         return 0;
     --run->evaluations;
     right_side(run);
@@ -382,6 +405,29 @@ double lag_inaccuracy(lag_run *run, double t, const double *y)
         size[i] += NEXT_TO_ALL * all;
     const double most = lag_vectors()->largest(n, r, size, size);
     return isnan(most) ? INFINITY : most;
+}
+
+double lag_contradiction(lag_run *run, double t, const double *y)
+{
+    const lag_system *s = run->system;
+    const lag_tape *d = &s->dynamics;
+    const int nq = s->nq, nc = s->nc, extra = nc - run->rank;
+    /* the unknowns beside a and lambda: how much of each dependency there is in gamma */
+    const double *taken = run->solution + nq + nc;
+    double most = 0.0, terms = 0.0, power;
+    if (!extra || lag_accelerate(run, t, y, 0, &power))
+        return 0.0;
+    --run->evaluations;
+    for (int i = 0; i < nc; ++i) {
+        double part = 0.0;
+        for (int j = 0; j < extra; ++j)
+            part += run->dependencies[j * nc + i] * taken[j];
+        most = fmax(most, fabs(part));
+        terms = fmax(terms, fabs(OUT(d, lag_first_rhs(s) + i)) / run->lengths[i]);
+    }
+    for (int i = 0; i < nq; ++i)
+        terms = fmax(terms, fabs(run->a[i]) / run->sizes[i]);
+    return terms > 0.0 ? most / terms : 0.0;
 }
 
 double lag_allowed_inaccuracy(const lag_run *run)

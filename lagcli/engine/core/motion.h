@@ -40,6 +40,10 @@ int lag_factor(lag_run *run, double t, const double *y);
  * that is finite if x is. */
 double lag_correction(lag_run *run, const double *rhs, double *x);
 
+/* (B M^-1 B')^-1 x (nc) in place of x, by the last factors of the static elimination: the multipliers
+ * that go with constraints' accelerations. */
+void lag_oppose(lag_run *run, double *x);
+
 /* a, lambda (in run->a, run->multipliers) and the power at a state. Returns 0, or 1 where they are
  * undefined. */
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power);
@@ -47,11 +51,15 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
 /* y' at a state. Returns 0, or 1 where it is undefined. */
 int lag_derivative(lag_run *run, double t, const double *y, double *f);
 
-/* How far the static elimination's a and lambda at a state are from satisfying M a = f + B' lambda,
- * B a = gamma, next to the terms of these; 0 where there is no elimination. */
-double lag_inaccuracy(lag_run *run, double t, const double *y);
+/* How far the static elimination's a and lambda at a state, refined or not, are from satisfying
+ * M a = f + B' lambda, B a = gamma, next to the terms of these; 0 where there is no elimination. */
+double lag_inaccuracy(lag_run *run, double t, const double *y, int refined);
 
-/* How far they may be. */
+/* How far redundant constraints contradict each other in B a = gamma at a state, next to the terms of
+ * this; 0 where none is redundant. */
+double lag_contradiction(lag_run *run, double t, const double *y);
+
+/* How far a and lambda may be from satisfying them. */
 double lag_allowed_inaccuracy(const lag_run *run);
 
 /* The 2-norm of x over the tolerances at y and z: every component within its own where <= 1. */

@@ -15,6 +15,9 @@
 
 #define SHORTER 0.3         /* of a step that went over a singular configuration to be passed */
 #define FINE 1e-5           /* of rtol: a residual of the equations that samples may have */
+#define SOUND 1e-4          /* the largest residual of an elimination that refinement may make up for */
+#define CALM 20             /* accurate steps in a row until solutions are no longer refined */
+#define CONTRADICTION 5e-7  /* of the terms of B a = gamma: what is looked at more closely */
 #define BAUMGARTE_STEP 0.1  /* alpha = beta times the step size */
 
 /* What a method does: whether it goes on from f, and the order of its error control. */
@@ -184,17 +187,32 @@ static void take_back(lag_run *run, double part)
     lag_radau5_restart(run);
 }
 
-int lag_refine(lag_run *run)
+/* After a step: whether y' is accurate enough. Where plain solutions of the linear system are not, but
+ * refined ones are, y' takes these until plain ones have been accurate for some steps. */
+static int accurate(lag_run *run)
 {
-    if (run->refining || run->method != LAG_DOP853
-        || lag_inaccuracy(run, run->t_bad, run->y_bad) > LEAST_ACCURATE)
+    const double allowed = lag_allowed_inaccuracy(run), *y = run->y_new;
+    run->inaccuracy = lag_inaccuracy(run, run->t, y, 0);
+    if (run->inaccuracy <= allowed) {
+        if (run->refining && ++run->accurate_steps == CALM)
+            run->refining = 0;
+        return 1;
+    }
+    run->accurate_steps = 0;
+    if (run->refining)
+        return lag_inaccuracy(run, run->t, y, 1) <= allowed;
+    return 0;
+}
+
+/* After a step that was not accurate enough and taken back: start refining if that makes up for what
+ * the elimination lacks. Returns whether it does. */
+static int refine(lag_run *run)
+{
+    if (!run->refinable || run->refining || run->stepped == LAG_TAYLOR || run->inaccuracy > SOUND
+        || lag_inaccuracy(run, run->t_bad, run->y_bad, 1) > lag_allowed_inaccuracy(run))
         return 0;
     run->refining = 1;
-    if (lag_inaccuracy(run, run->t_bad, run->y_bad) <= lag_allowed_inaccuracy(run)
-        && !lag_derivative(run, run->t, run->y, run->f))
-        return 1;
-    run->refining = 0;
-    return 0;
+    return !lag_derivative(run, run->t, run->y, run->f);
 }
 
 int lag_advance(lag_run *run, long slice)
@@ -208,6 +226,8 @@ int lag_advance(lag_run *run, long slice)
                 return status;
             if (run->watching && lag_approaches(run))
                 return LAG_NEAR;
+            if (run->contradicted)
+                return LAG_CONTRADICTED;
             if (run->stiff >= STIFF && run->t < run->t_end) {
                 run->stiff = 0;
                 return LAG_STIFF;
@@ -220,14 +240,18 @@ int lag_advance(lag_run *run, long slice)
         const int status = steppers[run->method].step(run);
         if (status != LAG_RUNNING)
             return status;
-        run->inaccuracy = lag_inaccuracy(run, run->t, run->y_new);
+        const int sound = accurate(run);
         lag_sizes_energy(run, run->y_new);
-        if (run->inaccuracy > lag_allowed_inaccuracy(run)) {
+        if (!sound) {
             run->t_bad = run->t;
             memcpy(run->y_bad, run->y_new, (size_t)lag_size(run->system) * sizeof(double));
             take_back(run, 1.0);
+            if (refine(run))
+                continue;
             return LAG_INACCURATE;
         }
+        run->contradicted = run->projecting
+                            && lag_contradiction(run, run->t, run->y_new) > CONTRADICTION;
         const int over = run->watching && lag_goes_over(run);
         if (over && run->watching == 1) {
             take_back(run, SHORTER);

@@ -27,7 +27,8 @@ enum lag_status {
                        * step that was not taken */
     LAG_STIFF,        /* an explicit method has no use for the accuracy of its steps */
     LAG_ORDER,        /* an implicit method needs an order of pivots for its matrix */
-    LAG_EVENT         /* an event happened inside the last step */
+    LAG_EVENT,        /* an event happened inside the last step */
+    LAG_CONTRADICTED  /* redundant constraints may contradict each other after the last step */
 };
 
 enum lag_method { LAG_DOP853, LAG_RODAS5P, LAG_RADAU5, LAG_TAYLOR };
@@ -65,6 +66,7 @@ typedef struct lag_run {
     double *y_new, *f_new;             /* n: the step's end before projection, its derivative */
     double *trial, *y_sample;          /* n each */
     double *work;                      /* 2 N, 2 n and 3 nc */
+    int contradicted;                  /* redundant constraints may contradict each other there */
     int finishing;                     /* the last step is accepted and not yet sampled */
 
     double *a, *multipliers;           /* nq, nc: at the state evaluated last */
@@ -73,7 +75,9 @@ typedef struct lag_run {
     int eliminating;                   /* 0: not; 1: unrolled in the dynamics tape; 2: by ldl */
     int kept_count;                    /* outputs that tell what the unrolled pivots keep */
     int other_right;                   /* where another right side goes in the unrolled tape */
-    int refining;                      /* whether y' asks for a refined solution */
+    int refinable;                     /* whether solutions may be refined before an order is given up */
+    int refining;                      /* whether y' asks for a refined solution ... */
+    int accurate_steps;                /* ... and the steps in a row that would not have needed it */
     double inaccuracy;                 /* residual of the equations at the last step's end */
     lag_ldl ldl;
     const int32_t *mass_targets;       /* nm: where M's entries go in `factors`; -1: nowhere */
@@ -97,6 +101,7 @@ typedef struct lag_run {
     double *components;                /* nc * nc */
     double *dependencies;              /* (nc - rank) * nc */
     int rank;                          /* of B at the start */
+    double *weakest_rows;              /* nc: the combination of rows that lag_weakest found last */
     double weakest, usual;             /* weakest pivot after the last step; its largest so far */
     double kept, most_kept;            /* the least part that pivots kept of their terms at a stage:
                                         * its smallest and largest during the last step */
@@ -127,10 +132,6 @@ int lag_switch(lag_run *run, int method);
 
 /* Prepare the first step from y at t. Returns LAG_RUNNING or what is wrong there. */
 int lag_start(lag_run *run);
-
-/* After LAG_INACCURATE: let y' ask for refined solutions from now on, if the elimination is sound and
- * they make up for what it lacks. Returns whether they do. */
-int lag_refine(lag_run *run);
 
 /* Take at most `slice` steps. */
 int lag_advance(lag_run *run, long slice);

@@ -21,7 +21,8 @@ enum lag_op {
  * asked for apart; those alone for outputs without the rest, NULL where the tape has none. */
 typedef struct {
     const int32_t *stream, *later[3], *alone[2];
-    int32_t *held;                     /* what was evaluated last: all (0), or which alone */
+    int32_t *held;                     /* what was evaluated last: all (0), or which alone; and, of the
+                                        * dynamics, a lag_factored of its matrix */
     double *registers;
     const int32_t *outputs;
 } lag_tape;

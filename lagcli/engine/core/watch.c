@@ -10,6 +10,9 @@
 
 #define LARGE 20000.0       /* operations beyond which the rows of B are not orthogonalized */
 #define OVER 0.05           /* of its largest value: the weakest pivot that is looked at again */
+#define ASIDE 0.1           /* of all rows, in what inverse iteration begins with */
+#define ITERATIONS 8        /* of it at most ... */
+#define SETTLED 0.9         /* ... and the part of the last value that the next one keeps at the end */
 #define GOLDEN 0.6180339887498949
 
 /*
@@ -71,6 +74,48 @@ static double least_kept_of_all(lag_run *run)
     return fmin(least_kept(run), sqrt(shortest));
 }
 
+/* Bring x to unit length; returns the length that it had. */
+static double normalize(double *x, int n)
+{
+    double sum = 0.0;
+    for (int i = 0; i < n; ++i)
+        sum += x[i] * x[i];
+    const double length = sqrt(sum);
+    for (int i = 0; i < n; ++i)
+        x[i] /= length;
+    return length;
+}
+
+/*
+ * The least singular value of B's rows over their lengths, in the metric of M, by inverse iteration
+ * with the last factors; from above, and the closer the further it is below the others. It begins
+ * with what was found last, which differs little, and with something of all rows.
+ */
+static double least_singular(lag_run *run)
+{
+    const int nc = run->system->nc;
+    double *x = run->weakest_rows, value = INFINITY;
+    for (int i = 0; i < nc; ++i)
+        x[i] += ASIDE * cos(1.0 + 1.7 * i) / sqrt(nc);
+    normalize(x, nc);
+    for (int k = 0; k < ITERATIONS; ++k) {
+        const double before = value;
+        for (int i = 0; i < nc; ++i)
+            x[i] *= run->lengths[i];
+        lag_oppose(run, x);
+        for (int i = 0; i < nc; ++i)
+            x[i] *= run->lengths[i];
+        value = 1.0 / sqrt(normalize(x, nc));
+        if (!(value > 0.0) || !isfinite(value)) { /* the factors have no digits left */
+            memset(x, 0, (size_t)nc * sizeof(double));
+            return 0.0;
+        }
+        if (value > SETTLED * before)
+            break;
+    }
+    return value;
+}
+
 double lag_weakest(lag_run *run, double t, const double *y)
 {
     const lag_system *s = run->system;
@@ -79,7 +124,7 @@ double lag_weakest(lag_run *run, double t, const double *y)
         return 1.0;
     if (lag_eliminating(run) && (double)s->nc * s->nc * s->nq > LARGE) {
         lag_evaluate(&s->dynamics, s, t, y, LAG_ALL);
-        return lag_factor(run, t, y) ? 0.0 : least_kept_of_all(run);
+        return lag_factor(run, t, y) ? 0.0 : least_singular(run);
     }
     lag_evaluate(c, s, t, y, LAG_VELOCITIES);
     if (lag_scaled_rows(run, c, s->nh))

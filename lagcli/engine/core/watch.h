@@ -7,8 +7,8 @@
 #define NEAR 0.3            /* of its largest value: the weakest pivot next to a singular place */
 #define STEADY 0.7          /* of the most that pivots kept during a step: less needs a closer look */
 
-/* The weakest pivot, at most about 1; near 0 in a singular configuration. Of the row-scaled B or,
- * where that is large, of the static elimination. */
+/* The weakest pivot of the row-scaled B, at most about 1, or its least singular value where B is large;
+ * near 0 in a singular configuration. */
 double lag_weakest(lag_run *run, double t, const double *y);
 
 /* Begin to watch a step. */
