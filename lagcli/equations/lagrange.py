@@ -107,7 +107,7 @@ class Equations:
 
     @cached_property
     def _motion(self) -> Motion:
-        return Motion(self.q, self.v, self.a)
+        return Motion.of(self.model)
 
     @cached_property
     def momenta(self) -> tuple[Basic, ...]:

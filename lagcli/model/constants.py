@@ -86,6 +86,6 @@ def cases(condition: Basic, when_true: Basic, when_false: Basic) -> Basic:
     """Return ``when_true`` where the condition holds, else ``when_false``."""
     if condition == se.true:
         return when_true
-    if condition == se.false:
+    if condition == se.false or when_true == when_false:
         return when_false
     return se.Piecewise((when_true, condition), (when_false, se.true))

@@ -10,7 +10,6 @@ from symengine import Basic
 from lagcli.model.draft import Draft, Formula, Parsed
 from lagcli.model.expansion import nonlinear_in
 from lagcli.model.families import Declaration, Member, by_name, members_of, read_key
-from lagcli.model.functions import derivative
 from lagcli.model.members import there_is
 from lagcli.model.model import Definition
 from lagcli.model.names import Context, Names
@@ -200,6 +199,6 @@ def _project(
         return False
     for q in free:
         if q.name in coordinates:
-            parts = [f * derivative(x, q) for f, x in pairs]
+            parts = [f * draft.names.slope(x, q) for f, x in pairs]
             terms.setdefault(q.name, []).append(se.Add(*parts))
     return True

@@ -325,6 +325,7 @@ class _Builder:
             condition = self.condition(tree.arguments[0])
             branches = [self.scalar(a, "a case of if()") for a in tree.arguments[1:]]
             value = cases(condition.value, *(b.value for b in branches))
+            self.scope.note_kink()
             return self.made(tree, value, [condition, *branches], levels=1)
         if name in TENSOR_FUNCTIONS:
             return self.tensor_call(tree)
@@ -333,6 +334,8 @@ class _Builder:
             return self.raised(tree, *arguments)
         function = FUNCTIONS[name]
         value = function.apply(*(a.value for a in arguments))
+        if not function.smooth:
+            self.scope.note_kink()
         copies = function.copies(len(arguments))
         return self.made(tree, value, arguments, copies, levels=copies.bit_length())
 

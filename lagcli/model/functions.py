@@ -7,7 +7,6 @@ that its derivative is right wherever it exists.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache
 from typing import NamedTuple
 
 import symengine as se
@@ -25,13 +24,15 @@ def _once(_: int) -> int:
 class Function(NamedTuple):
     """A scalar function: how many arguments it takes and what it makes of them.
 
-    ``copies`` says how often the result repeats each argument, given their number.
+    ``copies`` says how often the result repeats each argument, given their number; ``smooth``
+    whether SymEngine writes it without cases and jumps.
     """
 
     fewest: int
     most: int | None
     apply: Callable[..., Basic]
-    copies: Callable[[int], int]
+    copies: Callable[[int], int] = _once
+    smooth: bool = True
 
 
 def _abs(x: Basic) -> Basic:
@@ -129,35 +130,59 @@ _REPEATING: dict[str, Callable[[int], int]] = {
     "sign": lambda _: 2,
 }
 
+_NOT_SMOOTH = {"abs", "fabs", "cbrt", "sign", "step", "floor", "ceil"}
+
 FUNCTIONS: dict[str, Function] = {
     **{
-        name: Function(1, 1, apply, _REPEATING.get(name, _once))
+        name: Function(1, 1, apply, _REPEATING.get(name, _once), name not in _NOT_SMOOTH)
         for name, apply in _ONE_ARGUMENT.items()
     },
-    "log": Function(1, 2, _log, _once),
-    "atan2": Function(2, 2, se.atan2, _once),
-    "pow": Function(2, 2, lambda x, y: x**y, _once),
-    "hypot": Function(1, None, _hypot, _once),
-    "min": Function(1, None, _min, _copies_in_halves),
-    "max": Function(1, None, _max, _copies_in_halves),
+    "log": Function(1, 2, _log),
+    "atan2": Function(2, 2, se.atan2, smooth=False),  # atan2(x, x) is written with sign(x)
+    "pow": Function(2, 2, lambda x, y: x**y),
+    "hypot": Function(1, None, _hypot),
+    "min": Function(1, None, _min, _copies_in_halves, smooth=False),
+    "max": Function(1, None, _max, _copies_in_halves, smooth=False),
 }
 
 
-_INNER = se.Symbol("_xi_1")  # SymEngine's name for the argument in Subs(Derivative(…))
 _JUMPS = (se.floor, se.ceiling, se.sign)
-_OUTER_JUMPS = {se.Derivative(jump(_INNER), _INNER): ZERO for jump in _JUMPS}
-
-
-@cache
-def _jumps_at(symbol: Basic) -> dict[Basic, Basic]:
-    return _OUTER_JUMPS | {se.Derivative(jump(symbol), symbol): ZERO for jump in _JUMPS}
+_KINKS = (se.Piecewise, *_JUMPS)
 
 
 def derivative(expression: Basic, symbol: Basic) -> Basic:
-    """Return ∂expression/∂symbol; that of a jump is zero, which it is wherever it exists."""
-    return settled(expression.diff(symbol), symbol)
+    """Return ∂expression/∂symbol.
+
+    SymEngine leaves the slope of a jump unevaluated, and the slope of cases is cases even where it
+    is zero in all of them. Here a jump has the slope zero, which it has wherever the slope exists,
+    and cases have the slopes of their values.
+    """
+    return _chain_rule(expression, symbol, {})
 
 
-def settled(slope: Basic, symbol: Basic) -> Basic:
-    """Return SymEngine's ∂/∂symbol with zero for what it leaves unevaluated: slopes of jumps."""
-    return slope.xreplace(_jumps_at(symbol))
+def _chain_rule(expression: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
+    """Differentiate with a symbol in place of each kink, whose slopes may be known."""
+    kinks = expression.atoms(*_KINKS)
+    if not kinks:
+        return expression.diff(symbol)
+    held = {kink: se.Symbol(f"\ufdd0{i}") for i, kink in enumerate(kinks)}
+    rest = expression.xreplace(held)
+    outermost = rest.free_symbols
+    slopes = [rest.diff(symbol)]
+    for kink, name in held.items():
+        if name not in outermost:
+            continue
+        if kink not in known:
+            known[kink] = _slope(kink, symbol, known)
+        if known[kink] != ZERO:
+            slopes.append(rest.diff(name) * known[kink])
+    return se.Add(*slopes).xreplace({name: kink for kink, name in held.items()})
+
+
+def _slope(kink: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
+    if isinstance(kink, _JUMPS) or symbol not in kink.free_symbols:
+        return ZERO
+    values = [_chain_rule(value, symbol, known) for value in kink.args[0::2]]
+    if all(value == values[0] for value in values[1:]):
+        return values[0]
+    return se.Piecewise(*zip(values, kink.args[1::2], strict=True))

@@ -43,6 +43,10 @@ class ModelScope:
         """Return the total time derivative."""
         return self.names.derivative(expression)
 
+    def note_kink(self) -> None:
+        """Take notice of a function with kinks or jumps."""
+        self.names.smooth = False
+
     def declared(self, text: str) -> bool:
         """Whether a name is declared."""
         return self.names.declared(text)
