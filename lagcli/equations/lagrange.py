@@ -25,6 +25,7 @@ from symengine import Basic
 from lagcli.equations.motion import TWO, ZERO, Motion, addends
 from lagcli.equations.quadratic import Forms, QuadraticPart
 from lagcli.model import model as symbols
+from lagcli.model.expansion import written_out
 from lagcli.model.model import Constraint, Model
 
 Row = Mapping[int, Basic]  # the nonzero entries, by column
@@ -250,7 +251,7 @@ def _constraint(constraint: Constraint, motion: Motion) -> ConstraintEquation:
 def _slope(expression: Basic, j: int, motion: Motion) -> Basic:
     """Return ∂/∂v_j of an expression affine in v; written out only where that is not seen."""
     slope = motion.diff(expression, motion.v[j])
-    return se.expand(slope) if motion.occurring(slope).rates else slope
+    return written_out(slope) if motion.occurring(slope).rates else slope
 
 
 def _second_rate(expression: Basic, motion: Motion) -> Basic:

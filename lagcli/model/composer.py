@@ -20,8 +20,9 @@ MAX_DEPTH = 64  # the format needs 4
 MAX_NODES = 300_000  # aliases counted as often as they are used; 5000 bodies need 100 000
 
 # YAML ends a name inside [ ] and { } at a bracket; in a model file, x[1] is one name everywhere.
-# While YAML reads the text, the brackets after a name are characters that no text contains.
-_INDEX = re.compile(r"(?<=\w)\[[^\[\]\n]*\]")
+# While YAML reads the text, the brackets after a name are characters that no text contains. An
+# index holds no quotes, and a prime only behind a name: brackets in two quoted texts are no pair.
+_INDEX = re.compile(r"""(?<=\w)\[(?:[^\[\]{}"':#\n]|(?<=\w)')*\]""")
 _HIDE = str.maketrans("[],", "\ufdd0\ufdd1\ufdd2")
 _SHOW = str.maketrans("\ufdd0\ufdd1\ufdd2", "[],")
 

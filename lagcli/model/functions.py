@@ -6,13 +6,14 @@ that its derivative is right wherever it exists.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
 
-from lagcli.model.constants import cases, number, relation
+from lagcli.model.constants import cases, number, relation, whole
 
 ZERO = se.Integer(0)
 
@@ -92,6 +93,14 @@ def _hypot(*xs: Basic) -> Basic:
     return se.sqrt(se.Add(*[x**2 for x in xs]))
 
 
+def _floor(x: Basic) -> Basic:
+    return se.floor(x) if x.free_symbols else whole(math.floor, x)
+
+
+def _ceil(x: Basic) -> Basic:
+    return se.ceiling(x) if x.free_symbols else whole(math.ceil, x)
+
+
 _ONE_ARGUMENT: dict[str, Callable[..., Basic]] = {
     "sin": se.sin,
     "cos": se.cos,
@@ -117,8 +126,8 @@ _ONE_ARGUMENT: dict[str, Callable[..., Basic]] = {
     "fabs": _abs,
     "sign": _sign,
     "step": _step,
-    "floor": se.floor,
-    "ceil": se.ceiling,
+    "floor": _floor,
+    "ceil": _ceil,
     "erf": se.erf,
     "erfc": se.erfc,
     "degrees": lambda x: x * 180 / se.pi,
@@ -147,7 +156,7 @@ FUNCTIONS: dict[str, Function] = {
 
 
 _JUMPS = (se.floor, se.ceiling, se.sign)
-_KINKS = (se.Piecewise, *_JUMPS)
+KINKS = (se.Piecewise, *_JUMPS)
 
 
 def derivative(expression: Basic, symbol: Basic) -> Basic:
@@ -162,7 +171,7 @@ def derivative(expression: Basic, symbol: Basic) -> Basic:
 
 def _chain_rule(expression: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
     """Differentiate with a symbol in place of each kink, whose slopes may be known."""
-    kinks = expression.atoms(*_KINKS)
+    kinks = expression.atoms(*KINKS)
     if not kinks:
         return expression.diff(symbol)
     held = {kink: se.Symbol(f"\ufdd0{i}") for i, kink in enumerate(kinks)}
@@ -183,6 +192,11 @@ def _slope(kink: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
     if isinstance(kink, _JUMPS) or symbol not in kink.free_symbols:
         return ZERO
     values = [_chain_rule(value, symbol, known) for value in kink.args[0::2]]
+    return pieces(values, kink.args[1::2])
+
+
+def pieces(values: Sequence[Basic], conditions: Sequence[Basic]) -> Basic:
+    """Return cases; the value itself where it is the same in all of them."""
     if all(value == values[0] for value in values[1:]):
         return values[0]
-    return se.Piecewise(*zip(values, kink.args[1::2], strict=True))
+    return se.Piecewise(*zip(values, conditions, strict=True))

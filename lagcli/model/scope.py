@@ -108,7 +108,7 @@ class ModelScope:
             text = name.text
             if text in names.broken:
                 raise Broken
-            if text in self.bound and not name.primes:
+            if (text in self.bound or text == "pi") and not name.primes:
                 continue
             whole = text in names.constants or "parameter" in names.families.get(text, ())
             if whole and not name.primes:
