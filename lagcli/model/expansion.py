@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import symengine as se
 from symengine import Basic
@@ -68,6 +68,28 @@ def count_terms(expression: Basic) -> float:
     if isinstance(expression, se.Piecewise):
         return sum(map(count_terms, args[0::2]))
     return 1
+
+
+def count_operations(expressions: Iterable[Basic]) -> int:
+    """Return how many operations expressions take when they are written out."""
+    sizes: dict[Basic, int] = {}
+    total = 0
+    for expression in expressions:
+        stack = [expression]
+        while stack:
+            top = stack[-1]
+            if top in sizes:
+                stack.pop()
+                continue
+            parts = getattr(top, "args", ())  # a condition may be Python's True
+            missing = [part for part in parts if part not in sizes]
+            if missing:
+                stack.extend(missing)
+                continue
+            sizes[top] = 1 + sum(sizes[part] for part in parts)
+            stack.pop()
+        total += sizes[expression]
+    return total
 
 
 def is_zero(expression: Basic) -> bool:

@@ -16,6 +16,7 @@ from symengine.lib.symengine_wrapper import Boolean
 from lagcli.model import tensors
 from lagcli.model.calls import TENSOR_FUNCTIONS, check_call, tensor_call
 from lagcli.model.constants import cases, fault, relation
+from lagcli.model.expansion import count_operations
 from lagcli.model.functions import FUNCTIONS
 from lagcli.model.renaming import Repeated
 from lagcli.model.report import Broken
@@ -353,11 +354,11 @@ class _Builder:
                 )
             arguments.append(built)
         value = tensor_call(name, [a.value for a in arguments], self.scope)
-        copies, levels = _COPIES.get(name, 1), 2
-        if name == "omega":  # turns each rate by all later rotations
-            factors = arguments[0].value.factors  # type: ignore[union-attr]
-            copies, levels = 3 ** max(1, len(factors)), 2 + len(factors)
-        return self.made(tree, value, arguments, copies, levels)
+        if name == "omega":  # how large it is depends on the kinds of the rotations
+            levels = 2 + len(arguments[0].value.factors)  # type: ignore[union-attr]
+            size = count_operations(value.entries)  # type: ignore[union-attr]
+            return self.made(tree, value, arguments, levels=levels, size=size)
+        return self.made(tree, value, arguments, _COPIES.get(name, 1), levels=2)
 
     # conditions
 

@@ -25,7 +25,7 @@ import re
 from collections.abc import Callable
 from fractions import Fraction
 
-from lagcli.model.leftovers import leftover
+from lagcli.model.leftovers import choice, leftover
 from lagcli.model.tokens import ExpressionError, Token, tokenize
 from lagcli.model.trees import (
     Call,
@@ -148,7 +148,7 @@ class _Parser:
         token = self.current
         if token.kind != "end":
             before = self.tokens[self.position - 1] if self.position else token
-            raise leftover(before, token, self.tokens[self.position + 1])
+            raise leftover(before, token, self.tokens[self.position + 1], self.text)
 
     def condition(self) -> Tree:
         self.nest()
@@ -305,7 +305,7 @@ class _Parser:
             end = self.advance().end
             primes += 1
         if token.text == "if":
-            raise self.fail("`if` needs three arguments", token, "write if(condition, a, b)")
+            raise self.fail("`if` needs three arguments", token, choice(self.text))
         if self.at("^", "**") and self.tokens[self.position + 1].kind == "number":
             power, following = self.tokens[self.position + 1 : self.position + 3]
             if following.text == "(":  # sin^2(x): no name can be followed by a number and "("
