@@ -43,6 +43,9 @@ def number(expression: Basic) -> float:
         It has no real, finite value.
     """
     try:
+        if isinstance(expression, se.Rational):  # SymEngine cuts off where Python rounds
+            numerator, denominator = map(int, expression.get_num_den())
+            return numerator / denominator
         value = float(expression.n(53, real=True))
     except (RuntimeError, OverflowError):  # SymEngine's words for "not real"
         value = math.nan

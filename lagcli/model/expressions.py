@@ -19,7 +19,7 @@ from lagcli.model.constants import cases, fault, relation
 from lagcli.model.expansion import count_operations
 from lagcli.model.functions import FUNCTIONS
 from lagcli.model.renaming import Repeated
-from lagcli.model.report import Broken
+from lagcli.model.report import MAX_DIAGNOSTICS, Broken
 from lagcli.model.scoping import Scope, Sized, Value
 from lagcli.model.tensors import ShapeError, Tensor
 from lagcli.model.tokens import ExpressionError
@@ -45,10 +45,15 @@ MAX_DEPTH = 200  # functions of functions; SymEngine differentiates by recursion
 
 
 def name_errors(tree: Tree, scope: Scope) -> tuple[list[ExpressionError], bool]:
-    """Return what is wrong with the names and calls of a tree, and whether one is broken."""
-    errors, broken = [], False
+    """Return what is wrong with the names and calls of a tree, and whether one is broken.
+
+    The search ends where there are more errors than a report shows.
+    """
+    errors: list[ExpressionError] = []
+    subjects: set[str | int] = set()
+    broken = False
     stack = [(tree, scope)]
-    while stack:
+    while stack and len(subjects) <= MAX_DIAGNOSTICS:
         part, inside = stack.pop()
         try:
             if isinstance(part, Name):
@@ -59,6 +64,7 @@ def name_errors(tree: Tree, scope: Scope) -> tuple[list[ExpressionError], bool]:
                 inside = inside.check_series(part)
         except ExpressionError as error:
             errors.append(error)
+            subjects.add(error.subject or error.start)
             if isinstance(part, Series):
                 continue
         except Broken:
