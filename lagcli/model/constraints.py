@@ -149,8 +149,8 @@ class _Builder:
             self.fault(
                 "not-yet",
                 f"{self.what} is not affine in the velocity `{bad.name}`",
-                "velocities may stand in sums and be multiplied by functions of coordinates and time,"
-                " no more, in this version",
+                "velocities may stand in sums and be multiplied by functions of coordinates and"
+                " time, no more, in this version",
                 indices,
             )
             return None

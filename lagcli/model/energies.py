@@ -57,8 +57,8 @@ def read_energies(draft: Draft) -> tuple[Basic | None, Basic | None]:
                 f"`V` is not linear in the velocity `{found.name}`",
                 draft.root.entries["V"][1].location,
                 "put a kinetic energy into `T`, and damping into `D`, the Rayleigh dissipation"
-                f" function:\n`D: c/2*{found.name}^2` gives the force -c*{found.name}; or write `L` in"
-                " place of `T` and `V`",
+                f" function:\n`D: c/2*{found.name}^2` gives the force -c*{found.name}; or write `L`"
+                " in place of `T` and `V`",
             )
     return kinetic, potential
 

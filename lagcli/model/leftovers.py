@@ -7,7 +7,6 @@ import re
 from lagcli.model.functions import FUNCTIONS
 from lagcli.model.tokens import ExpressionError, Token
 
-
 #: Words of other languages between the parts of a choice.
 _CHOICE = frozenset({"if", "when", "then", "else", "otherwise"})
 _PARTS = (
