@@ -194,12 +194,15 @@ class _Dynamics(NamedTuple):
 
 
 def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
-    products, rest = Forms(motion).split(lagrangian)
+    forms = Forms(motion)
+    products, rest = forms.split(lagrangian)
     timed = [term for term in addends(lagrangian) if motion.occurring(term).timed]
     quadratic = QuadraticPart(products, motion)
     mass, forces = quadratic.mass_matrix(), quadratic.forces()
     terms = motion.by_symbol(rest)
-    if model.kinetic is not None and quadratic.homogeneous and terms.keys().isdisjoint(motion.v):
+    # what T has beside a form quadratic in v, such as the part of a given rotation, it has here too
+    squares = quadratic.homogeneous and terms.keys().isdisjoint(motion.v)
+    if squares and model.kinetic is not None and not forms.split(model.kinetic)[1]:
         energy = [model.kinetic, model.potential]  # as written, so that they are built once
     else:
         energy = [quadratic.energy(), *(-term for term in rest)]

@@ -42,17 +42,27 @@ def nonlinear_in(expression: Basic, rates: Sequence[Basic]) -> Basic | None:
 
 def written_out(expression: Basic) -> Basic:
     """Return an expression with products and powers of sums multiplied out, inside cases too."""
-    cases = expression.atoms(se.Piecewise)
-    held = {kink: se.Symbol(f"\ufdd0{i}") for i, kink in enumerate(cases)}
+    # SymEngine multiplies out some denominators and not others, which then are not the same
+    powers = (x.args for x in expression.atoms(se.Pow))
+    below = {base for base, exponent in powers if _is_negative(exponent)}
+    held = {
+        part: se.Symbol(f"\ufdd0{i}") for i, part in enumerate(expression.atoms(se.Piecewise) | below)
+    }
     rest = se.expand(expression.xreplace(held))
     inside = rest.free_symbols
-    shown = {name: _cases_written_out(x) for x, name in held.items() if name in inside}
+    shown = {name: _cases_written_out(part) for part, name in held.items() if name in inside}
     return rest.xreplace(shown) if shown else rest
 
 
-def _cases_written_out(cases: Basic) -> Basic:
-    values = [written_out(value) for value in cases.args[0::2]]
-    return pieces(values, cases.args[1::2])
+def _is_negative(exponent: Basic) -> bool:
+    return isinstance(exponent, se.Number) and bool(exponent.is_negative)
+
+
+def _cases_written_out(part: Basic) -> Basic:
+    if not isinstance(part, se.Piecewise):
+        return part
+    values = [written_out(value) for value in part.args[0::2]]
+    return pieces(values, part.args[1::2])
 
 
 def count_terms(expression: Basic) -> float:
