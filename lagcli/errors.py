@@ -79,12 +79,12 @@ def _excerpt(loc: SourceLocation) -> list[str]:
     """Return the source line and the marks under it."""
     if not loc.text:
         return []
-    text = "".join(c if c.isprintable() else " " if c == "\t" else "�" for c in loc.text)
-    column = loc.column
+    text, column = loc.text, loc.column
     if len(text) > _WIDEST_LINE:
         start = min(max(0, column - _WIDEST_LINE // 2), len(text) - _WIDEST_LINE // 2)
         text = text[start : start + _WIDEST_LINE]
         column -= start
+    text = "".join(c if c.isprintable() else " " if c == "\t" else "�" for c in text)
     number = f"{loc.line:>5}" if loc.line else " " * 5
     before, marked = text[: column - 1], text[column - 1 : column - 1 + loc.length]
     pad = " " * (_width(before) + column - 1 - len(before))

@@ -8,6 +8,7 @@ from symengine import Basic
 from lagcli.equations.lagrange import Equations
 from lagcli.equations.typeset import Node, Partial, Rate, Sign, Sum, Symbol
 from lagcli.model import model as symbols
+from lagcli.model.functions import derivative
 from lagcli.model.model import Model
 
 FORCE = Sign("Qᵢ", "Q_i")
@@ -31,8 +32,8 @@ def force(coordinate: Symbol) -> Symbol:
 
 def total_rate(expression: Basic, equations: Equations) -> Basic:
     """Return d/dt of an expression in q and t."""
-    terms = [expression.diff(symbols.TIME)]
-    terms += [expression.diff(q) * v for q, v in zip(equations.q, equations.v, strict=True)]
+    terms = [derivative(expression, symbols.TIME)]
+    terms += [derivative(expression, q) * v for q, v in zip(equations.q, equations.v, strict=True)]
     return se.Add(*terms)
 
 

@@ -12,6 +12,7 @@ from symengine import Basic
 
 from lagcli.equations.lagrange import ConstraintEquation, Equations
 from lagcli.model import model as symbols
+from lagcli.model.functions import derivative
 
 MAX_VARIABLES = 14  # the test takes their triples
 POINTS = 3
@@ -57,9 +58,9 @@ def _coefficients(form: dict[Basic, Basic], variables: list[Basic]) -> Iterator[
     for x, y, z in combinations(variables, 3):
         a, b, c = (form.get(s, zero) for s in (x, y, z))
         yield [
-            *(a * c.diff(y), -a * b.diff(z)),
-            *(b * a.diff(z), -b * c.diff(x)),
-            *(c * b.diff(x), -c * a.diff(y)),
+            *(a * derivative(c, y), -a * derivative(b, z)),
+            *(b * derivative(a, z), -b * derivative(c, x)),
+            *(c * derivative(b, x), -c * derivative(a, y)),
         ]
 
 

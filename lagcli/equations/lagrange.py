@@ -25,6 +25,7 @@ from symengine import Basic
 from lagcli.equations.motion import TWO, ZERO, Motion, addends
 from lagcli.equations.quadratic import Forms, QuadraticPart
 from lagcli.model import model as symbols
+from lagcli.model.expansion import written_out
 from lagcli.model.model import Constraint, Model
 
 Row = Mapping[int, Basic]  # the nonzero entries, by column
@@ -107,7 +108,7 @@ class Equations:
 
     @cached_property
     def _motion(self) -> Motion:
-        return Motion(self.q, self.v, self.a)
+        return Motion.of(self.model)
 
     @cached_property
     def momenta(self) -> tuple[Basic, ...]:
@@ -193,12 +194,15 @@ class _Dynamics(NamedTuple):
 
 
 def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
-    products, rest = Forms(motion).split(lagrangian)
+    forms = Forms(motion)
+    products, rest = forms.split(lagrangian)
     timed = [term for term in addends(lagrangian) if motion.occurring(term).timed]
     quadratic = QuadraticPart(products, motion)
     mass, forces = quadratic.mass_matrix(), quadratic.forces()
     terms = motion.by_symbol(rest)
-    if model.kinetic is not None and quadratic.homogeneous and terms.keys().isdisjoint(motion.v):
+    # what T has beside a form quadratic in v, such as the part of a given rotation, it has here too
+    squares = quadratic.homogeneous and terms.keys().isdisjoint(motion.v)
+    if squares and model.kinetic is not None and not forms.split(model.kinetic)[1]:
         energy = [model.kinetic, model.potential]  # as written, so that they are built once
     else:
         energy = [quadratic.energy(), *(-term for term in rest)]
@@ -250,7 +254,7 @@ def _constraint(constraint: Constraint, motion: Motion) -> ConstraintEquation:
 def _slope(expression: Basic, j: int, motion: Motion) -> Basic:
     """Return ∂/∂v_j of an expression affine in v; written out only where that is not seen."""
     slope = motion.diff(expression, motion.v[j])
-    return se.expand(slope) if motion.occurring(slope).rates else slope
+    return written_out(slope) if motion.occurring(slope).rates else slope
 
 
 def _second_rate(expression: Basic, motion: Motion) -> Basic:

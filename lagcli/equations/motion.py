@@ -11,12 +11,8 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model import model as symbols
-from lagcli.model.functions import settled
+from lagcli.model.functions import derivative
 from lagcli.model.model import Model
-from lagcli.model.trees import Call, walk
-
-#: Functions whose derivatives, or the derivatives of those, SymEngine leaves unevaluated.
-JUMPING = frozenset({"floor", "ceil", "sign", "abs"})
 
 ZERO = se.Integer(0)
 ONE = se.Integer(1)
@@ -58,14 +54,14 @@ class Motion:
     Parameters
     ----------
     q, v, a : tuples of k symbols
-    jumps : bool
-        Whether a function that jumps may occur: its derivative, which is zero, costs time.
+    smooth : bool
+        Whether no function with kinks or jumps occurs: the derivatives of these cost time.
     """
 
     q: tuple[Basic, ...]
     v: tuple[Basic, ...]
     a: tuple[Basic, ...]
-    jumps: bool = True
+    smooth: bool
     _places: dict[Basic, tuple[int, int]] = field(init=False, repr=False)
     _slopes: dict[Basic, Slopes] = field(default_factory=dict, init=False, repr=False)
     _occurring: dict[Basic, Occurring] = field(default_factory=dict, init=False, repr=False)
@@ -78,13 +74,12 @@ class Motion:
     @classmethod
     def of(cls, model: Model) -> Motion:
         """Return that of a model."""
-        calls = (x for tree in model.trees.values() for x in walk(tree) if isinstance(x, Call))
         names = model.coordinate_names
         return cls(
             tuple(map(symbols.coordinate, names)),
             tuple(map(symbols.velocity, names)),
             tuple(map(symbols.acceleration, names)),
-            jumps=any(call.function in JUMPING for call in calls),
+            model.names.smooth,
         )
 
     def occurring(self, expression: Basic) -> Occurring:
@@ -103,13 +98,11 @@ class Motion:
 
     def diff(self, expression: Basic, symbol: Basic) -> Basic:
         """Return ∂expression/∂symbol."""
-        slope = expression.diff(symbol)
-        return settled(slope, symbol) if self.jumps else slope
+        return expression.diff(symbol) if self.smooth else derivative(expression, symbol)
 
     def sum_diff(self, terms: Iterable[Basic], symbol: Basic) -> Basic:
         """Return ∂/∂symbol of a sum of terms."""
-        slope = se.Add(*[term.diff(symbol) for term in terms])
-        return settled(slope, symbol) if self.jumps else slope
+        return se.Add(*[self.diff(term, symbol) for term in terms])
 
     def slopes(self, expression: Basic) -> Slopes:
         """Return the partial derivatives by q and t."""

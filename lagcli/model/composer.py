@@ -20,8 +20,11 @@ MAX_DEPTH = 64  # the format needs 4
 MAX_NODES = 300_000  # aliases counted as often as they are used; 5000 bodies need 100 000
 
 # YAML ends a name inside [ ] and { } at a bracket; in a model file, x[1] is one name everywhere.
-# While YAML reads the text, the brackets after a name are characters that no text contains.
-_INDEX = re.compile(r"(?<=\w)\[[^\[\]\n]*\]")
+# While YAML reads the text, the brackets after a name are characters that no text contains. An
+# index holds no quotes, and a prime only behind a name: brackets in two quoted texts are no pair.
+_INDEX = re.compile(r"""(?<=\w)\[(?:[^\[\]{}"':#\n]|(?<=\w)')*\]""")
+_BEFORE_VALUE = re.compile(r"(?:\s|&\S*)*")
+_COLON = re.compile(r"\s*:")
 _HIDE = str.maketrans("[],", "\ufdd0\ufdd1\ufdd2")
 _SHOW = str.maketrans("\ufdd0\ufdd1\ufdd2", "[],")
 
@@ -158,15 +161,11 @@ class _Composer:
         line, column = node.start
         lines = self.source.lines
         while line <= node.end[0] and line < len(lines):
-            text = lines[line][column:]
-            stripped = text.lstrip()
-            column += len(text) - len(stripped)
-            if stripped and stripped[0] != "&":
+            skipped = _BEFORE_VALUE.match(lines[line], column)
+            column = skipped.end() if skipped else column
+            if column < len(lines[line]):
                 return Scalar(node.source, (line, column), node.end, node.value, node.style)
-            if stripped:
-                column += len(stripped.split(maxsplit=1)[0])
-            else:
-                line, column = line + 1, 0
+            line, column = line + 1, 0
         return node
 
     def alias(self, event: yaml.AliasEvent) -> Node:
@@ -211,42 +210,42 @@ class _Composer:
         if not (isinstance(value, Scalar) and not value.value and value.style is None):
             return False
         line, column = key.end
-        return not self.source.lines[line][column:].lstrip().startswith(":")
+        return not _COLON.match(self.source.lines[line], column)
 
     def mended(self, found: list[_Entry]) -> list[_Entry]:
         """Report entries without a colon, and put together what a comma has cut."""
         mended: list[_Entry] = []
-        cut: tuple[Node, Node] | None = None  # the value as it began, the key that a comma made
+        cut: list[Node] = []  # the keys that commas have made of one value
         for entry in found:
             key = entry.key
             if not entry.bare:
-                self.report_cut(cut, mended)
-                cut = None
+                self.join(cut, mended)
+                cut = []
                 mended.append(entry)
             elif isinstance(key, Scalar) and ":" in key.value and key.style is None:
-                self.report_cut(cut, mended)
-                cut = None
+                self.join(cut, mended)
+                cut = []
                 mended.append(self.split_at_colon(key))
             elif mended and isinstance(mended[-1].value, Scalar):
-                value = mended[-1].value
-                text = self.source.between(value.start, key.end)
-                mended[-1].value = Scalar(self.source, value.start, key.end, text)
-                cut = cut or (value, key)
+                cut.append(key)
             else:
                 self.report("yaml", f"{key.what} has no value", key, "write `name: value`")
-        self.report_cut(cut, mended)
+        self.join(cut, mended)
         return mended
 
-    def report_cut(self, cut: tuple[Node, Node] | None, mended: list[_Entry]) -> None:
-        if cut is None:
+    def join(self, cut: list[Node], mended: list[_Entry]) -> None:
+        """Put a value together that commas have cut, and report it."""
+        if not cut:
             return
-        last = mended[-1]
+        last, end = mended[-1], cut[-1].end
+        text = self.source.between(last.value.start, end)
+        last.value = Scalar(self.source, last.value.start, end, text)
         name = last.key.value if isinstance(last.key, Scalar) else "…"
         text = last.value.value if isinstance(last.value, Scalar) else "…"
         self.report(
             "comma",
-            f"inside {{ }} a comma ends the value: {cut[1].what} is taken for an entry of its own",
-            cut[1],
+            f"inside {{ }} a comma ends the value: {cut[0].what} is taken for an entry of its own",
+            cut[0],
             f'put quotes around the whole value: `{name}: "{shorten(text)}"`',
         )
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
+from fractions import Fraction
 
 import symengine as se
 from symengine import Basic
@@ -42,6 +43,9 @@ def number(expression: Basic) -> float:
         It has no real, finite value.
     """
     try:
+        if isinstance(expression, se.Rational):  # SymEngine cuts off where Python rounds
+            numerator, denominator = map(int, expression.get_num_den())
+            return numerator / denominator
         value = float(expression.n(53, real=True))
     except (RuntimeError, OverflowError):  # SymEngine's words for "not real"
         value = math.nan
@@ -70,6 +74,33 @@ def fault(value: Basic) -> str | None:
     return too_large if math.isinf(result) else "is not a real number"
 
 
+_ROUNDING = 1e-13  # a constant whose double is nearer to a whole number may be that number
+_BITS = 300  # to tell the two apart
+_SAME = 1e-60  # what is nearer in so many bits is the same
+
+
+def whole(function: Callable[[float | Fraction], int], constant: Basic) -> Basic:
+    """Return ``math.floor`` or ``math.ceil`` of a constant as an integer.
+
+    Raises
+    ------
+    ValueError
+        The constant has no real, finite value.
+    """
+    if isinstance(constant, se.Rational):
+        return se.Integer(function(Fraction(*map(int, constant.get_num_den()))))
+    value = number(constant)
+    near = round(value)
+    exact = not isinstance(constant, se.RealDouble) and abs(value) < 2**53
+    if not exact or abs(value - near) > _ROUNDING * max(1.0, abs(value)):
+        return se.Integer(function(value))
+    try:
+        apart = float((constant - near).n(_BITS, real=True))
+    except (RuntimeError, ValueError):  # SymEngine without MPFR
+        apart = 0.0
+    return se.Integer(near if abs(apart) < _SAME else near + function(math.copysign(0.5, apart)))
+
+
 def relation(sign: str, left: Basic, right: Basic) -> Basic:
     """Return ``left sign right``, decided if both are constants."""
     exact = isinstance(left, se.Rational) and isinstance(right, se.Rational)
@@ -86,6 +117,6 @@ def cases(condition: Basic, when_true: Basic, when_false: Basic) -> Basic:
     """Return ``when_true`` where the condition holds, else ``when_false``."""
     if condition == se.true:
         return when_true
-    if condition == se.false:
+    if condition == se.false or when_true == when_false:
         return when_false
     return se.Piecewise((when_true, condition), (when_false, se.true))

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import symengine as se
 from symengine import Basic
 
 from lagcli.model import model as symbols
 from lagcli.model.declarations import expanded
 from lagcli.model.draft import NO_INDICES, Draft, Formula, Indices, Parsed
-from lagcli.model.expansion import count_terms, is_zero, nonlinear_in
+from lagcli.model.expansion import count_terms, is_zero, nonlinear_in, written_out
 from lagcli.model.families import Declaration, Member, by_name
 from lagcli.model.grammar import parse_equation
 from lagcli.model.model import Constraint
@@ -133,11 +132,13 @@ class _Builder:
             return None
         expression = sides[0] if self.right is None else sides[0] - sides[1]
         small = count_terms(expression) <= _EXPANDED
-        written_out = se.expand(expression) if small else expression  # x = x + 1 leaves no x
-        rates, positions = self.motion_in(written_out)
+        shown = written_out(expression) if small else expression  # x = x + 1 leaves no x
+        rates, positions = self.motion_in(shown)
         if not rates and not positions:
-            self.without_unknowns(sides, written_out, indices)
+            self.without_unknowns(sides, shown, indices)
             return None
+        if not rates and self.motion_in(expression)[0]:
+            expression = shown  # the velocities cancel
         if is_zero(expression):
             message = f"{self.what} holds for all values of the coordinates"
             help_ = "it constrains nothing: mend it, or remove it"
@@ -148,8 +149,8 @@ class _Builder:
             self.fault(
                 "not-yet",
                 f"{self.what} is not affine in the velocity `{bad.name}`",
-                "velocities may stand in sums and be multiplied by coordinates, no more, in this"
-                " version",
+                "velocities may stand in sums and be multiplied by functions of coordinates and"
+                " time, no more, in this version",
                 indices,
             )
             return None

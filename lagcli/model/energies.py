@@ -10,7 +10,6 @@ from symengine import Basic
 from lagcli.model.draft import Draft, Formula, Parsed
 from lagcli.model.expansion import nonlinear_in
 from lagcli.model.families import Declaration, Member, by_name, members_of, read_key
-from lagcli.model.functions import derivative
 from lagcli.model.members import there_is
 from lagcli.model.model import Definition
 from lagcli.model.names import Context, Names
@@ -57,7 +56,9 @@ def read_energies(draft: Draft) -> tuple[Basic | None, Basic | None]:
                 "nonlinear-potential",
                 f"`V` is not linear in the velocity `{found.name}`",
                 draft.root.entries["V"][1].location,
-                "put what is quadratic in velocities into `T`, or write `L` in place of both",
+                "put a kinetic energy into `T`, and damping into `D`, the Rayleigh dissipation"
+                f" function:\n`D: c/2*{found.name}^2` gives the force -c*{found.name}; or write `L`"
+                " in place of `T` and `V`",
             )
     return kinetic, potential
 
@@ -200,6 +201,6 @@ def _project(
         return False
     for q in free:
         if q.name in coordinates:
-            parts = [f * derivative(x, q) for f, x in pairs]
+            parts = [f * draft.names.slope(x, q) for f, x in pairs]
             terms.setdefault(q.name, []).append(se.Add(*parts))
     return True

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.model.constants import number
+from lagcli.model.functions import KINKS, derivative, pieces
 
 _LARGEST = 20_000  # terms of an expansion
 
@@ -22,16 +23,46 @@ def nonlinear_in(expression: Basic, rates: Sequence[Basic]) -> Basic | None:
     """
     free = expression.free_symbols
     present = [v for v in rates if v in free]
+    for kink in expression.atoms(*KINKS) if present else ():
+        deciding = kink.args[1::2] if isinstance(kink, se.Piecewise) else kink.args
+        for v in present:
+            if any(v in part.free_symbols for part in deciding):
+                return v  # it has a kink or a jump there, although its slopes may not show it
     for v in present:
-        slope = expression.diff(v)
+        slope = derivative(expression, v)
         if not slope.free_symbols.isdisjoint(present):
             if count_terms(slope) > _LARGEST:
                 return v
-            left = se.expand(slope).free_symbols
+            left = written_out(slope).free_symbols
             for w in present:
                 if w in left:
                     return w
     return None
+
+
+def written_out(expression: Basic) -> Basic:
+    """Return an expression with products and powers of sums multiplied out, inside cases too."""
+    # SymEngine multiplies out some denominators and not others, which then are not the same
+    powers = (x.args for x in expression.atoms(se.Pow))
+    below = {base for base, exponent in powers if _is_negative(exponent)}
+    held = {
+        part: se.Symbol(f"\ufdd0{i}") for i, part in enumerate(expression.atoms(se.Piecewise) | below)
+    }
+    rest = se.expand(expression.xreplace(held))
+    inside = rest.free_symbols
+    shown = {name: _cases_written_out(part) for part, name in held.items() if name in inside}
+    return rest.xreplace(shown) if shown else rest
+
+
+def _is_negative(exponent: Basic) -> bool:
+    return isinstance(exponent, se.Number) and bool(exponent.is_negative)
+
+
+def _cases_written_out(part: Basic) -> Basic:
+    if not isinstance(part, se.Piecewise):
+        return part
+    values = [written_out(value) for value in part.args[0::2]]
+    return pieces(values, part.args[1::2])
 
 
 def count_terms(expression: Basic) -> float:
@@ -44,11 +75,40 @@ def count_terms(expression: Basic) -> float:
     if isinstance(expression, se.Pow) and isinstance(args[1], se.Integer) and args[1] > 0:
         count, power = count_terms(args[0]), int(args[1])
         return math.comb(int(min(count, 1e6)) + power - 1, power) if count > 1 else 1
+    if isinstance(expression, se.Piecewise):
+        return sum(map(count_terms, args[0::2]))
     return 1
 
 
+def count_operations(expressions: Iterable[Basic]) -> int:
+    """Return how many operations expressions take when they are written out."""
+    sizes: dict[Basic, int] = {}
+    total = 0
+    for expression in expressions:
+        stack = [expression]
+        while stack:
+            top = stack[-1]
+            if top in sizes:
+                stack.pop()
+                continue
+            parts = getattr(top, "args", ())  # a condition may be Python's True
+            missing = [part for part in parts if part not in sizes]
+            if missing:
+                stack.extend(missing)
+                continue
+            sizes[top] = 1 + sum(sizes[part] for part in parts)
+            stack.pop()
+        total += sizes[expression]
+    return total
+
+
 def is_zero(expression: Basic) -> bool:
-    """Whether an expression is zero whatever its symbols: tried at three points."""
+    """Whether an expression is zero whatever its symbols: tried at three points.
+
+    An expression with cases or jumps may be zero there and not elsewhere: it is written out.
+    """
+    if expression.atoms(*KINKS):
+        return count_terms(expression) <= _LARGEST and bool(written_out(expression) == 0)
     chance = random.Random(8)
     symbols = sorted(expression.free_symbols, key=str)
     for _ in range(3):

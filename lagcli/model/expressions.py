@@ -16,9 +16,10 @@ from symengine.lib.symengine_wrapper import Boolean
 from lagcli.model import tensors
 from lagcli.model.calls import TENSOR_FUNCTIONS, check_call, tensor_call
 from lagcli.model.constants import cases, fault, relation
+from lagcli.model.expansion import count_operations
 from lagcli.model.functions import FUNCTIONS
 from lagcli.model.renaming import Repeated
-from lagcli.model.report import Broken
+from lagcli.model.report import MAX_DIAGNOSTICS, Broken
 from lagcli.model.scoping import Scope, Sized, Value
 from lagcli.model.tensors import ShapeError, Tensor
 from lagcli.model.tokens import ExpressionError
@@ -44,10 +45,15 @@ MAX_DEPTH = 200  # functions of functions; SymEngine differentiates by recursion
 
 
 def name_errors(tree: Tree, scope: Scope) -> tuple[list[ExpressionError], bool]:
-    """Return what is wrong with the names and calls of a tree, and whether one is broken."""
-    errors, broken = [], False
+    """Return what is wrong with the names and calls of a tree, and whether one is broken.
+
+    The search ends where there are more errors than a report shows.
+    """
+    errors: list[ExpressionError] = []
+    subjects: set[str | int] = set()
+    broken = False
     stack = [(tree, scope)]
-    while stack:
+    while stack and len(subjects) <= MAX_DIAGNOSTICS:
         part, inside = stack.pop()
         try:
             if isinstance(part, Name):
@@ -58,6 +64,7 @@ def name_errors(tree: Tree, scope: Scope) -> tuple[list[ExpressionError], bool]:
                 inside = inside.check_series(part)
         except ExpressionError as error:
             errors.append(error)
+            subjects.add(error.subject or error.start)
             if isinstance(part, Series):
                 continue
         except Broken:
@@ -325,6 +332,7 @@ class _Builder:
             condition = self.condition(tree.arguments[0])
             branches = [self.scalar(a, "a case of if()") for a in tree.arguments[1:]]
             value = cases(condition.value, *(b.value for b in branches))
+            self.scope.note_kink()
             return self.made(tree, value, [condition, *branches], levels=1)
         if name in TENSOR_FUNCTIONS:
             return self.tensor_call(tree)
@@ -333,6 +341,8 @@ class _Builder:
             return self.raised(tree, *arguments)
         function = FUNCTIONS[name]
         value = function.apply(*(a.value for a in arguments))
+        if not function.smooth:
+            self.scope.note_kink()
         copies = function.copies(len(arguments))
         return self.made(tree, value, arguments, copies, levels=copies.bit_length())
 
@@ -350,11 +360,11 @@ class _Builder:
                 )
             arguments.append(built)
         value = tensor_call(name, [a.value for a in arguments], self.scope)
-        copies, levels = _COPIES.get(name, 1), 2
-        if name == "omega":  # turns each rate by all later rotations
-            factors = arguments[0].value.factors
-            copies, levels = 3 ** max(1, len(factors)), 2 + len(factors)
-        return self.made(tree, value, arguments, copies, levels)
+        if name == "omega":  # how large it is depends on the kinds of the rotations
+            levels = 2 + len(arguments[0].value.factors)  # type: ignore[union-attr]
+            size = count_operations(value.entries)  # type: ignore[union-attr]
+            return self.made(tree, value, arguments, levels=levels, size=size)
+        return self.made(tree, value, arguments, _COPIES.get(name, 1), levels=2)
 
     # conditions
 

@@ -21,7 +21,7 @@ from lagcli.model.trees import Range, Tree
 MAX_ALL = 100_000  # members of all families of a model
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Declaration:
     """An entry and what its key declares.
 

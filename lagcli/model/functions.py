@@ -6,14 +6,14 @@ that its derivative is right wherever it exists.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from functools import cache
 from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
 
-from lagcli.model.constants import cases, number, relation
+from lagcli.model.constants import cases, number, relation, whole
 
 ZERO = se.Integer(0)
 
@@ -25,13 +25,15 @@ def _once(_: int) -> int:
 class Function(NamedTuple):
     """A scalar function: how many arguments it takes and what it makes of them.
 
-    ``copies`` says how often the result repeats each argument, given their number.
+    ``copies`` says how often the result repeats each argument, given their number; ``smooth``
+    whether SymEngine writes it without cases and jumps.
     """
 
     fewest: int
     most: int | None
     apply: Callable[..., Basic]
-    copies: Callable[[int], int]
+    copies: Callable[[int], int] = _once
+    smooth: bool = True
 
 
 def _abs(x: Basic) -> Basic:
@@ -91,6 +93,14 @@ def _hypot(*xs: Basic) -> Basic:
     return se.sqrt(se.Add(*[x**2 for x in xs]))
 
 
+def _floor(x: Basic) -> Basic:
+    return se.floor(x) if x.free_symbols else whole(math.floor, x)
+
+
+def _ceil(x: Basic) -> Basic:
+    return se.ceiling(x) if x.free_symbols else whole(math.ceil, x)
+
+
 _ONE_ARGUMENT: dict[str, Callable[..., Basic]] = {
     "sin": se.sin,
     "cos": se.cos,
@@ -116,8 +126,8 @@ _ONE_ARGUMENT: dict[str, Callable[..., Basic]] = {
     "fabs": _abs,
     "sign": _sign,
     "step": _step,
-    "floor": se.floor,
-    "ceil": se.ceiling,
+    "floor": _floor,
+    "ceil": _ceil,
     "erf": se.erf,
     "erfc": se.erfc,
     "degrees": lambda x: x * 180 / se.pi,
@@ -129,35 +139,64 @@ _REPEATING: dict[str, Callable[[int], int]] = {
     "sign": lambda _: 2,
 }
 
+_NOT_SMOOTH = {"abs", "fabs", "cbrt", "sign", "step", "floor", "ceil"}
+
 FUNCTIONS: dict[str, Function] = {
     **{
-        name: Function(1, 1, apply, _REPEATING.get(name, _once))
+        name: Function(1, 1, apply, _REPEATING.get(name, _once), name not in _NOT_SMOOTH)
         for name, apply in _ONE_ARGUMENT.items()
     },
-    "log": Function(1, 2, _log, _once),
-    "atan2": Function(2, 2, se.atan2, _once),
-    "pow": Function(2, 2, lambda x, y: x**y, _once),
-    "hypot": Function(1, None, _hypot, _once),
-    "min": Function(1, None, _min, _copies_in_halves),
-    "max": Function(1, None, _max, _copies_in_halves),
+    "log": Function(1, 2, _log),
+    "atan2": Function(2, 2, se.atan2, smooth=False),  # atan2(x, x) is written with sign(x)
+    "pow": Function(2, 2, lambda x, y: x**y),
+    "hypot": Function(1, None, _hypot),
+    "min": Function(1, None, _min, _copies_in_halves, smooth=False),
+    "max": Function(1, None, _max, _copies_in_halves, smooth=False),
 }
 
 
-_INNER = se.Symbol("_xi_1")  # SymEngine's name for the argument in Subs(Derivative(…))
 _JUMPS = (se.floor, se.ceiling, se.sign)
-_OUTER_JUMPS = {se.Derivative(jump(_INNER), _INNER): ZERO for jump in _JUMPS}
-
-
-@cache
-def _jumps_at(symbol: Basic) -> dict[Basic, Basic]:
-    return _OUTER_JUMPS | {se.Derivative(jump(symbol), symbol): ZERO for jump in _JUMPS}
+KINKS = (se.Piecewise, *_JUMPS)
 
 
 def derivative(expression: Basic, symbol: Basic) -> Basic:
-    """Return ∂expression/∂symbol; that of a jump is zero, which it is wherever it exists."""
-    return settled(expression.diff(symbol), symbol)
+    """Return ∂expression/∂symbol.
+
+    SymEngine leaves the slope of a jump unevaluated, and the slope of cases is cases even where it
+    is zero in all of them. Here a jump has the slope zero, which it has wherever the slope exists,
+    and cases have the slopes of their values.
+    """
+    return _chain_rule(expression, symbol, {})
 
 
-def settled(slope: Basic, symbol: Basic) -> Basic:
-    """Return SymEngine's ∂/∂symbol with zero for what it leaves unevaluated: slopes of jumps."""
-    return slope.xreplace(_jumps_at(symbol))
+def _chain_rule(expression: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
+    """Differentiate with a symbol in place of each kink, whose slopes may be known."""
+    kinks = expression.atoms(*KINKS)
+    if not kinks:
+        return expression.diff(symbol)
+    held = {kink: se.Symbol(f"\ufdd0{i}") for i, kink in enumerate(kinks)}
+    rest = expression.xreplace(held)
+    outermost = rest.free_symbols
+    slopes = [rest.diff(symbol)]
+    for kink, name in held.items():
+        if name not in outermost:
+            continue
+        if kink not in known:
+            known[kink] = _slope(kink, symbol, known)
+        if known[kink] != ZERO:
+            slopes.append(rest.diff(name) * known[kink])
+    return se.Add(*slopes).xreplace({name: kink for kink, name in held.items()})
+
+
+def _slope(kink: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
+    if isinstance(kink, _JUMPS) or symbol not in kink.free_symbols:
+        return ZERO
+    values = [_chain_rule(value, symbol, known) for value in kink.args[0::2]]
+    return pieces(values, kink.args[1::2])
+
+
+def pieces(values: Sequence[Basic], conditions: Sequence[Basic]) -> Basic:
+    """Return cases; the value itself where it is the same in all of them."""
+    if all(value == values[0] for value in values[1:]):
+        return values[0]
+    return se.Piecewise(*zip(values, conditions, strict=True))

@@ -25,7 +25,7 @@ import re
 from collections.abc import Callable
 from fractions import Fraction
 
-from lagcli.model.leftovers import leftover
+from lagcli.model.leftovers import choice, leftover
 from lagcli.model.tokens import ExpressionError, Token, tokenize
 from lagcli.model.trees import (
     Call,
@@ -49,6 +49,7 @@ MAX_EXPONENT = 308
 MIN_EXPONENT = -340
 
 COMPARISONS = ("<=", ">=", "==", "!=", "<", ">")
+_SIGNS, _FACTORS, _POWERS = ("+", "-"), ("*", "/"), ("^", "**")
 KEYWORDS = frozenset({"and", "or", "not", "if"})
 
 
@@ -114,22 +115,21 @@ class _Parser:
         self.text = text
         self.tokens = tokenize(text, start)
         self.position = 0
+        self.current = self.tokens[0]
         self.nesting = 0
         if self.current.kind == "end":
             raise ExpressionError("syntax", "an expression is missing", start, start)
 
-    @property
-    def current(self) -> Token:
-        return self.tokens[self.position]
-
     def advance(self) -> Token:
+        """Return the current token, and go on to the next one; the end stays."""
         token = self.current
-        self.position += 1
+        if token.kind != "end":
+            self.position += 1
+            self.current = self.tokens[self.position]
         return token
 
     def at(self, *texts: str) -> bool:
-        token = self.current
-        return token.text in texts and token.kind != "number"
+        return self.current.text in texts
 
     def fail(self, message: str, token: Token, help_: str | None = None) -> ExpressionError:
         return ExpressionError("syntax", message, token.start, token.end, help_)
@@ -148,7 +148,7 @@ class _Parser:
         token = self.current
         if token.kind != "end":
             before = self.tokens[self.position - 1] if self.position else token
-            raise leftover(before, token, self.tokens[self.position + 1])
+            raise leftover(before, token, self.tokens[self.position + 1], self.text)
 
     def condition(self) -> Tree:
         self.nest()
@@ -190,7 +190,7 @@ class _Parser:
         """Read terms with their signs."""
         start = self.current.start
         terms = [(self._sign(), self._product())]
-        while self.at("+", "-"):
+        while self.current.text in _SIGNS:
             terms.append((self._sign(), self._product()))
         if len(terms) == 1 and terms[0][0] == 1:
             return terms[0][1]
@@ -199,14 +199,14 @@ class _Parser:
     def _sign(self) -> int:
         """Read any number of signs: the operator and the sign of what follows it."""
         sign = 1
-        while self.at("+", "-"):
+        while self.current.text in _SIGNS:
             if self.advance().text == "-":
                 sign = -sign
         return sign
 
     def _product(self) -> Tree:
         factors = [(1, self._power())]
-        while self.at("*", "/"):
+        while self.current.text in _FACTORS:
             exponent = 1 if self.advance().text == "*" else -1
             factors.append((exponent, self._power()))
         if len(factors) == 1:
@@ -217,7 +217,7 @@ class _Parser:
         start = self.current.start
         sign = self._sign()
         base = self._primary()
-        if self.at("^", "**"):
+        if self.current.text in _POWERS:
             self.advance()
             self.nest()
             exponent = self._power()
@@ -238,7 +238,6 @@ class _Parser:
         if token.text == "[":
             items = self._arguments("]", token)
             return Vector(token.start, self.tokens[self.position - 1].end, items)
-        self.position -= 1
         if token.kind == "end":
             raise self.fail(
                 "the expression ends too early", token, "complete it, or remove its end"
@@ -305,7 +304,7 @@ class _Parser:
             end = self.advance().end
             primes += 1
         if token.text == "if":
-            raise self.fail("`if` needs three arguments", token, "write if(condition, a, b)")
+            raise self.fail("`if` needs three arguments", token, choice(self.text))
         if self.at("^", "**") and self.tokens[self.position + 1].kind == "number":
             power, following = self.tokens[self.position + 1 : self.position + 3]
             if following.text == "(":  # sin^2(x): no name can be followed by a number and "("

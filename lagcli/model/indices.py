@@ -45,10 +45,10 @@ class Indices(NamedTuple):
             It is no whole number, or made of other things than whole numbers.
         """
         value = self._value(tree)
-        if isinstance(value, Fraction):
-            if value.denominator != 1:
-                raise _error(tree, f"an index is a whole number, not {_shown(value)}")
-            value = value.numerator
+        if not isinstance(value, int):
+            if value != int(value):
+                raise _error(tree, f"an index is a whole number, not {float(value):g}")
+            value = int(value)
         if abs(value) > _LARGEST:
             raise _error(tree, "this index is too large to be meant")
         return value
@@ -76,6 +76,8 @@ class Indices(NamedTuple):
             case Name():
                 if tree.text in self.values:
                     return self.values[tree.text]
+                if tree.text == "pi":
+                    return math.pi
                 return self.parameter(tree)
             case Number():
                 value = tree.value
@@ -104,7 +106,10 @@ class Indices(NamedTuple):
             value = self._value(factor)
             if exponent < 0 and value == 0:
                 raise _error(factor, "division by zero", kind="not-a-number")
-            result = result * value if exponent > 0 else Fraction(result) / value
+            if exponent > 0:
+                result = result * value
+            else:
+                result = (Fraction(result) if isinstance(result, int) else result) / value
             if abs(result) > _LARGEST**2:
                 raise _error(tree, "this index is too large to be meant")
         return result
@@ -134,12 +139,8 @@ def _not_whole(tree: Tree) -> ExpressionError:
     return _error(
         tree,
         "an index cannot be made of this",
-        "indices are made of whole numbers with + - * / ^, floor, ceil, min, max, abs",
+        "indices are made of whole numbers and pi with + - * / ^, floor, ceil, min, max, abs",
     )
-
-
-def _shown(value: Fraction) -> str:
-    return f"{float(value):g}" if value.denominator != 1 else str(value.numerator)
 
 
 def _error(

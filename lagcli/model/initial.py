@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from lagcli.errors import SourceLocation
-from lagcli.model.draft import Draft, Formula, Indices
+from lagcli.model.draft import Draft, Indices
 from lagcli.model.families import Declaration, Member, members_of, read_key
 from lagcli.model.members import family_of, there_is
 from lagcli.model.model import InitialValue, Written
 from lagcli.model.names import Context, Names
 from lagcli.model.parameters import override_node
-from lagcli.model.quantities import Quantity, evaluate, read_quantity
+from lagcli.model.quantities import Quantity, evaluate, formula_of, read_quantity
 from lagcli.model.scope import uses
 from lagcli.model.source import Mapping as MappingNode
 from lagcli.model.source import Node, Scalar
@@ -205,7 +205,7 @@ class _Reader:
         self.draft, self.location, self.fixed = draft, declaration.node.location, True
         self.quantity: Quantity | None = None
         node: Node | None = declaration.node
-        what = f"the initial value of `{declaration.title}`"
+        self.what = what = f"the initial value of `{declaration.title}`"
         if isinstance(node, MappingNode):
             node = self.guess(node, what)
         names = replace(
@@ -215,9 +215,9 @@ class _Reader:
             self.quantity = read_quantity(draft, node, what, names)
         if self.quantity is not None:
             context = Context(what, coordinates=False, definitions=False, time=False)
-            parsed = self.quantity.parsed
-            self.formula = Formula(draft, parsed, context, names, declaration.index)
-            self.varies = declaration.index is not None and uses(parsed.tree, declaration.index)
+            index, tree = declaration.index, self.quantity.parsed.tree
+            self.formula = formula_of(draft, self.quantity, context, names, index)
+            self.varies = index is not None and uses(tree, index)
         self.same: float | None = None
 
     def guess(self, node: MappingNode, what: str) -> Node | None:
@@ -236,7 +236,7 @@ class _Reader:
             return
         value = self.same
         if value is None:
-            value = evaluate(self.quantity, self.formula, indices)
+            value = evaluate(self.draft, self.quantity, self.formula, self.what, indices)
             self.same = None if self.varies else value
         if value is not None:
             quantity = self.quantity

@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import re
+
 from lagcli.model.functions import FUNCTIONS
 from lagcli.model.tokens import ExpressionError, Token
 
+#: Words of other languages between the parts of a choice.
+_CHOICE = frozenset({"if", "when", "then", "else", "otherwise"})
+_PARTS = (
+    re.compile(r"(?P<a>.+?) (?:if|when) (?P<condition>.+?) (?:else|otherwise) (?P<b>.+)"),
+    re.compile(r"if (?P<condition>.+?) then (?P<a>.+?) else (?P<b>.+)"),
+)
+_LONGEST = 60  # characters of a choice that is written anew
 
-def leftover(before: Token, token: Token, after: Token) -> ExpressionError:
-    """Return the error of a token that the grammar has no room for, between its neighbours."""
+
+def leftover(before: Token, token: Token, after: Token, text: str) -> ExpressionError:
+    """Return the error of a token that the grammar has no room for, between its neighbours.
+
+    ``text`` is the whole expression.
+    """
+    if word := next((x for x in (token, before) if x.text in _CHOICE), None):
+        return _fail(f"`{word.text}` cannot stand here", word, choice(text))
     if token.text == "=":
         return _fail(
             "an equation cannot stand here",
@@ -31,6 +46,26 @@ def leftover(before: Token, token: Token, after: Token) -> ExpressionError:
             "a range cannot stand here", token, "a sum over an index is `sum(x[i], i = 1..N)`"
         )
     return _fail(f"unexpected `{token.text}`", token)
+
+
+def choice(text: str) -> str:
+    """Return how a choice is written that the text writes as in another language."""
+    text = " ".join(text[: 2 * _LONGEST].split())
+    for parts in _PARTS:
+        found = parts.fullmatch(text)
+        if found and len(text) <= _LONGEST and _is_simple(list(found.groups())):
+            return f"write a choice as `if({found['condition']}, {found['a']}, {found['b']})`"
+    return "write a choice as `if(condition, a, b)`, such as `if(t < 1, F, 0)`"
+
+
+def _is_simple(parts: list[str]) -> bool:
+    """Whether no part is cut inside brackets or holds a choice itself."""
+    return all(
+        part.count("(") == part.count(")")
+        and part.count("[") == part.count("]")
+        and _CHOICE.isdisjoint(part.split())
+        for part in parts
+    )
 
 
 def _fail(message: str, token: Token, help_: str | None = None) -> ExpressionError:

@@ -59,6 +59,8 @@ class Names:
         Parameters that have been used in an index or a range.
     incomplete : bool
         Whether a block of declarations cannot be read, so that any name may have been meant.
+    smooth : bool
+        Whether no expression uses a function with kinks or jumps.
     """
 
     coordinates: dict[str, None] = field(default_factory=dict)
@@ -74,6 +76,7 @@ class Names:
     suspects: set[str] = field(default_factory=set)
     structural: set[str] = field(default_factory=set)
     incomplete: bool = False
+    smooth: bool = True
     rates: dict[Basic, Basic] = field(default_factory=dict, init=False, repr=False)
 
     def declared(self, text: str) -> bool:
@@ -102,6 +105,10 @@ class Names:
         every = (*self.coordinates, *self.definitions, *self.parameters)
         return [name for name in every if name.startswith(start)]
 
+    def slope(self, expression: Basic, symbol: Basic) -> Basic:
+        """Return ∂expression/∂symbol."""
+        return expression.diff(symbol) if self.smooth else derivative(expression, symbol)
+
     def derivative(self, expression: Basic) -> Basic:
         """Return the total time derivative of an expression in q, q' and t."""
         terms = []
@@ -116,10 +123,10 @@ class Names:
         parts = []
         for symbol in term.free_symbols:
             if symbol == symbols.TIME:
-                parts.append(derivative(term, symbol))
+                parts.append(self.slope(term, symbol))
                 continue
             name = symbol.name.rstrip("'")
             if name in self.coordinates:
                 order = len(symbol.name) - len(name)
-                parts.append(derivative(term, symbol) * MOTION[order + 1](name))
+                parts.append(self.slope(term, symbol) * MOTION[order + 1](name))
         return se.Add(*parts)

@@ -21,8 +21,11 @@ def read_outputs(draft: Draft, constants: Names) -> tuple[dict[str, Basic], dict
     units: dict[str, str] = {}
     declared = declarations(draft, draft.entries("outputs") or [], "output")
     members = by_name(draft, expanded(draft, declared, constants))
+    named: dict[int, list[str]] = {}
+    for name, member in members.items():
+        named.setdefault(id(member.declaration), []).append(name)
     for d in declared:
-        own = [name for name, member in members.items() if member.declaration is d]
+        own = named.get(id(d), [])
         taken = next((name for name in own if _taken(draft, name)), None)
         if taken is not None:
             draft.report.add(

@@ -20,7 +20,14 @@ from lagcli.model.indices import names_in
 from lagcli.model.members import family_of, there_is
 from lagcli.model.model import Parameter, Written
 from lagcli.model.names import Context, Names
-from lagcli.model.quantities import Quantity, constant, evaluate, read_quantity, unit_of
+from lagcli.model.quantities import (
+    Quantity,
+    constant,
+    evaluate,
+    formula_of,
+    read_quantity,
+    unit_of,
+)
 from lagcli.model.report import Broken
 from lagcli.model.source import Mapping as MappingNode
 from lagcli.model.source import Node, Scalar, Sequence, Source
@@ -85,7 +92,7 @@ class _Reader:
         self.overrides = {_plain(name): value for name, value in overrides.items()}
         self.jobs: dict[str, _Job] = {}
         self.found: dict[str, Parameter] = {}
-        self.formulas: dict[int, Formula] = {}
+        self.formulas: dict[int, Formula | None] = {}
         self.broken: set[str] = set()
         self.expanded = False
         self.known: dict[str, partial[Basic]] = {}
@@ -252,13 +259,13 @@ class _Reader:
                 "the number of members is a whole number, or an expression of whole numbers",
             )
             return None
-        formula = self.formulas.get(id(quantity))
-        if formula is None:
-            where = f"the parameter `{d.title}`"
+        where = f"the parameter `{d.title}`"
+        if id(quantity) not in self.formulas:
             context = Context(where, coordinates=False, definitions=False, time=False)
-            formula = Formula(self.draft, parsed, context, self.constants, d.index)
+            formula = formula_of(self.draft, quantity, context, self.constants, d.index)
             self.formulas[id(quantity)] = formula
-        value = evaluate(quantity, formula, job.member.indices)
+        formula = self.formulas[id(quantity)]
+        value = evaluate(self.draft, quantity, formula, where, job.member.indices)
         if value is None:
             return None
         written = Written(parsed.tree, quantity.factor, job.member.indices)

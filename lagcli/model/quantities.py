@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from fractions import Fraction
 
 import symengine as se
 from symengine import Basic
@@ -11,10 +12,11 @@ from symengine import Basic
 from lagcli.model.constants import number
 from lagcli.model.draft import NO_INDICES, Draft, Formula, Indices, Parsed
 from lagcli.model.grammar import parse
-from lagcli.model.names import Names
+from lagcli.model.names import Context, Names
 from lagcli.model.source import Node, Scalar
 from lagcli.model.spelling import shorten
 from lagcli.model.tokens import ExpressionError
+from lagcli.model.trees import Number, Sum
 from lagcli.model.units import UNIT_HELP, Factor, UnknownUnit, to_si
 
 _WITH_UNIT = re.compile(
@@ -31,6 +33,14 @@ class Quantity:
     parsed: Parsed
     factor: Factor
     unit: str | None
+
+    @property
+    def number(self) -> Fraction | None:
+        """The number as written; None for any other expression."""
+        sign, tree = 1, self.parsed.tree
+        if isinstance(tree, Sum) and len(tree.terms) == 1:
+            sign, tree = tree.terms[0]
+        return sign * tree.value if isinstance(tree, Number) else None
 
 
 def read_quantity(
@@ -125,19 +135,42 @@ def _is_unit(text: str) -> bool:
     return True
 
 
-def evaluate(quantity: Quantity, formula: Formula, indices: Indices = NO_INDICES) -> float | None:
+def formula_of(
+    draft: Draft, quantity: Quantity, context: Context, names: Names, index: str | None = None
+) -> Formula | None:
+    """Return the formula of a quantity; None for a plain number, which needs none."""
+    if quantity.number is not None:
+        return None
+    return Formula(draft, quantity.parsed, context, names, index)
+
+
+def evaluate(
+    draft: Draft,
+    quantity: Quantity,
+    formula: Formula | None,
+    what: str,
+    indices: Indices = NO_INDICES,
+) -> float | None:
     """Return the SI value of a quantity; report why it has none.
 
     Parameters
     ----------
+    draft : Draft
     quantity : Quantity
-    formula : Formula
+    formula : Formula or None
         Of the quantity's expression.
+    what : str
+        What has the value, for messages.
     indices : mapping of str to int
     """
-    value = formula.scalar(indices)
-    if value is None:
-        return None
+    if formula is None:
+        written = quantity.number
+        assert written is not None
+        value: Basic = se.Rational(written.numerator, written.denominator)
+    else:
+        value = formula.scalar(indices)
+        if value is None:
+            return None
     factor = quantity.factor
     if isinstance(factor, float) or not isinstance(value, se.Rational):
         scaled = value if factor == 1 else value * float(factor)
@@ -147,10 +180,11 @@ def evaluate(quantity: Quantity, formula: Formula, indices: Indices = NO_INDICES
     try:
         return number(scaled)
     except ValueError:
-        formula.good = False
-        formula.draft.report.add(
+        if formula is not None:
+            formula.good = False
+        draft.report.add(
             "not-a-number",
-            f"{formula.context.where} has no real, finite value",
+            f"{what} has no real, finite value",
             quantity.parsed.node.location,
             "the largest number is 1.8e308",
         )

@@ -22,6 +22,7 @@ class Report:
     def __init__(self, diagnostics: list[Diagnostic]):
         self.diagnostics = list(diagnostics)
         self.repeated: dict[tuple[str, str], list[Diagnostic]] = {}
+        self._bound()
 
     def add(
         self,
@@ -44,6 +45,9 @@ class Report:
             self.repeated.setdefault((kind, subject), []).append(diagnostic)
         else:
             self.diagnostics.append(diagnostic)
+        self._bound()
+
+    def _bound(self) -> None:
         if len(self.diagnostics) + len(self.repeated) > MAX_DIAGNOSTICS:
             last = Diagnostic(
                 "too-many", f"more than {MAX_DIAGNOSTICS} errors: the rest is not shown"

@@ -11,7 +11,7 @@ from lagcli.model import model as symbols
 from lagcli.model.indices import Indices, form_errors, names_in
 from lagcli.model.members import descending, family_of, there_is, with_indices
 from lagcli.model.names import MOTION, Context, Names
-from lagcli.model.report import Broken
+from lagcli.model.report import MAX_DIAGNOSTICS, Broken
 from lagcli.model.scoping import Sized
 from lagcli.model.tensors import Tensor
 from lagcli.model.tokens import ExpressionError
@@ -37,11 +37,17 @@ class ModelScope:
         self.values: dict[str, int] = {}
         self.indices = Indices(self.values, self._whole)
         self.missing: dict[int, ExpressionError] = {}
-        self._known: dict[Name, Sized] = {}
+        # names without indices, with their primes
+        self._good: set[tuple[str, int]] = set()
+        self._known: dict[tuple[str, int], Sized] = {}
 
     def derivative(self, expression: Basic) -> Basic:
         """Return the total time derivative."""
         return self.names.derivative(expression)
+
+    def note_kink(self) -> None:
+        """Take notice of a function with kinks or jumps."""
+        self.names.smooth = False
 
     def declared(self, text: str) -> bool:
         """Whether a name is declared."""
@@ -58,6 +64,13 @@ class ModelScope:
         Broken
             The name's own declaration is in error.
         """
+        if name.indices:
+            self._check(name)
+        elif (name.text, name.primes) not in self._good:
+            self._check(name)
+            self._good.add((name.text, name.primes))
+
+    def _check(self, name: Name) -> None:
         names = self.names
         if name.text in self.bound:
             if name.primes:
@@ -104,7 +117,7 @@ class ModelScope:
             text = name.text
             if text in names.broken:
                 raise Broken
-            if text in self.bound and not name.primes:
+            if (text in self.bound or text == "pi") and not name.primes:
                 continue
             whole = text in names.constants or "parameter" in names.families.get(text, ())
             if whole and not name.primes:
@@ -210,10 +223,11 @@ class ModelScope:
             return self._member(name, *self.named(name))
         if name.text in self.values:
             return Sized(se.Integer(self.values[name.text]), constant=True)
-        known = self._known.get(name)
+        known = self._known.get((name.text, name.primes))
         if known is None:
             self.check(name)
-            known = self._known[name] = self._single(name, *self.names.resolve(name))
+            known = self._single(name, *self.names.resolve(name))
+            self._known[name.text, name.primes] = known
         return known
 
     def _single(self, name: Name, text: str, primes: int) -> Sized:
@@ -248,18 +262,16 @@ class ModelScope:
             return Sized(value, constant=not value.free_symbols)
         if family_of(text) in names.broken or names.incomplete:
             raise Broken
-        base = text.partition("[")[0]
-        others = there_is(base, names.members(base))
-        self.missing.setdefault(
-            name.start,
-            self._error(
+        if name.start not in self.missing and len(self.missing) <= MAX_DIAGNOSTICS:
+            base = text.partition("[")[0]
+            others = there_is(base, names.members(base))
+            self.missing[name.start] = self._error(
                 "no-member",
                 name,
                 f"{self.context.where} uses `{text}`{self.at()}, but {others}",
                 "end the range where its neighbours end, or give a fixed member under"
                 f" `definitions`: `{text}: 0`",
-            ),
-        )
+            )
         return Sized(se.Symbol(text))
 
     def _whole(self, name: Name) -> int:

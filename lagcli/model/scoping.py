@@ -55,6 +55,10 @@ class Scope(Protocol):
         """Return the total time derivative."""
         ...
 
+    def note_kink(self) -> None:
+        """Take notice of a function with kinks or jumps."""
+        ...
+
     def check_series(self, tree: Series) -> Scope:
         """Return the scope of a sum's term, or raise ExpressionError for its index and range."""
         ...

@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from lagcli.model.draft import Draft, Formula
+from lagcli.model.draft import Draft
 from lagcli.model.families import members_of, read_key
 from lagcli.model.initial import canonical_name
 from lagcli.model.model import Settings
 from lagcli.model.names import Context, Names
 from lagcli.model.parameters import names_used
-from lagcli.model.quantities import evaluate, read_quantity
+from lagcli.model.quantities import evaluate, formula_of, read_quantity
 from lagcli.model.source import Mapping, Node, Scalar, Sequence
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 
@@ -125,4 +125,5 @@ def _number(draft: Draft, what: str, node: Node, constants: Names, needs: set[st
         return None
     needs.update(names_used(quantity.parsed.tree))
     context = Context(what, coordinates=False, definitions=False, time=False)
-    return evaluate(quantity, Formula(draft, quantity.parsed, context, constants))
+    formula = formula_of(draft, quantity, context, constants)
+    return evaluate(draft, quantity, formula, what)

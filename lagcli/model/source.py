@@ -48,7 +48,7 @@ class Source:
         return " ".join(p.strip() for p in parts)
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, slots=True)
 class Node:
     """A YAML node with its place: lines and columns count from 0."""
 
@@ -67,7 +67,7 @@ class Node:
         return _stretch(self.source, self.start, self.end)
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, slots=True)
 class Scalar(Node):
     """A scalar; ``value`` is its text, ``style`` one of YAML's ``' " | >`` or None (plain)."""
 
@@ -91,7 +91,7 @@ class Scalar(Node):
         """The place of the value; of its first line, if it has several."""
         if self.style in ("|", ">"):
             return self.span(0, len(self.value))
-        return super().location
+        return _stretch(self.source, self.start, self.end)
 
     def span(self, start: int, end: int) -> SourceLocation:
         """Return the place of ``value[start:end]`` in the file."""
@@ -107,7 +107,7 @@ class Scalar(Node):
         return _stretch(self.source, self._places[start], (last_line, last_column + 1))
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, slots=True)
 class Sequence(Node):
     """A YAML sequence."""
 
@@ -119,7 +119,7 @@ class Sequence(Node):
         return "a list"
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, slots=True)
 class Mapping(Node):
     """A YAML mapping with scalar keys, in the order of the file."""
 

@@ -6,7 +6,8 @@ import difflib
 import unicodedata
 from collections.abc import Iterable, Sequence
 
-_MANY = 500  # names to compare with; comparing is slow
+_MANY = 500  # names to compare with
+_LIKELY = 30  # of them, those to compare letter by letter, which is slow
 
 
 def shorten(text: str, width: int = 60) -> str:
@@ -21,10 +22,16 @@ def nearest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
     """Return the known names that look most like a name."""
     if len(known) > _MANY:
         known = [k for k in known if k[:1] == name[:1] and abs(len(k) - len(name)) <= 2][:_MANY]
+    wanted = _folded(name[:80])
     folded: dict[str, str] = {}
     for k in known:
         folded.setdefault(_folded(k), k)
-    close = difflib.get_close_matches(_folded(name[:80]), list(folded), n=count, cutoff=0.6)
+    likely = list(folded)
+    if len(likely) > _LIKELY:
+        pairs = _pairs(wanted)
+        likely.sort(key=lambda k: len(pairs ^ _pairs(k)))  # how many pairs of letters differ
+        del likely[_LIKELY:]
+    close = difflib.get_close_matches(wanted, likely, n=count, cutoff=0.6)
     return [folded[c] for c in close]
 
 
@@ -32,6 +39,11 @@ def did_you_mean(names: Iterable[str]) -> str | None:
     """Return the question, or None where there is nothing to propose."""
     shown = [n if n.startswith("`") else f"`{n}`" for n in names]
     return f"did you mean {' or '.join(shown)}?" if shown else None
+
+
+def _pairs(name: str) -> set[str]:
+    """Return the pairs of neighbouring letters in a name, its ends included."""
+    return {a + b for a, b in zip(f" {name}", f"{name} ", strict=True)}
 
 
 def _folded(name: str) -> str:

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import symengine as se
 from symengine import Basic
 
+from lagcli.model.expansion import is_zero
+
 Rows = tuple[tuple[Basic, ...], ...]
 Derivative = Callable[[Basic], Basic]
 
@@ -25,8 +27,8 @@ class Tensor:
     ----------
     rows : tuple of tuples of expressions
     factors : tuple of Turn
-        Where the matrix is a rotation: the elementary rotations whose product it is. `omega` uses
-        them, so that the angular velocity needs no product of matrices.
+        Of a rotation, or a product of 3×3 matrices: what was multiplied. `omega` uses the factors,
+        so that the angular velocity needs no product of matrices.
     """
 
     rows: Rows
@@ -59,20 +61,47 @@ class Tensor:
 
 
 class Turn(NamedTuple):
-    """An elementary rotation: about a constant axis by an angle, or a quaternion."""
+    """A factor of a product of rotations.
 
-    parameters: tuple[Basic, ...]  # (angle,) or (e0, e1, e2, e3)
-    axis: tuple[Basic, Basic, Basic] | None
+    Parameters
+    ----------
+    rows : 3 rows of 3 expressions
+    parameters : tuple of expressions
+        (angle,) of a rotation about a constant axis, (e0, e1, e2, e3) of a quaternion, () of a
+        matrix that is given by its entries.
+    axis : tuple of 3 expressions, or None
+        Of unit length.
+    """
+
+    rows: Rows
+    parameters: tuple[Basic, ...] = ()
+    axis: tuple[Basic, ...] | None = None
 
     def reversed(self) -> Turn:
         """Return the inverse rotation."""
+        rows = tuple(zip(*self.rows, strict=True))
         if self.axis is not None:
-            return Turn((-self.parameters[0],), self.axis)
-        e0, *rest = self.parameters
-        return Turn((e0, *[-e for e in rest]), None)
+            return Turn(rows, (-self.parameters[0],), self.axis)
+        return Turn(rows, (*self.parameters[:1], *[-e for e in self.parameters[1:]]))
+
+    @property
+    def certain(self) -> bool:
+        """Whether this is a rotation, RᵀR = 1 and det R = 1.
+
+        A quaternion counts as one: its constraint is the model's to state. A matrix is tried at
+        some points.
+        """
+        if self.parameters:
+            return True
+        columns = [Tensor(tuple((x,) for x in column)) for column in zip(*self.rows, strict=True)]
+        x, y, z = columns
+        pairs = [(x, x, 1), (y, y, 1), (z, z, 1), (x, y, 0), (y, z, 0), (cross(x, y), z, 1)]
+        return all(is_zero(dot(a, b) - value) for a, b, value in pairs)
 
     def rate(self, derivative: Derivative) -> tuple[Basic, ...]:
         """Return the body-frame angular velocity of this rotation alone."""
+        if not self.parameters:
+            return _from_matrix(self.rows, derivative)
         if self.axis is not None:
             rate = derivative(self.parameters[0])
             return tuple(n * rate for n in self.axis)
@@ -113,8 +142,12 @@ def multiply(a: Tensor, b: Tensor) -> Tensor:
         tuple(se.Add(*[x * y for x, y in zip(row, column, strict=True)]) for column in columns)
         for row in a.rows
     )
-    factors = a.factors + b.factors if a.factors and b.factors else ()
+    factors = _factors(a) + _factors(b) if a.shape == b.shape == (3, 3) else ()
     return Tensor(rows, factors)
+
+
+def _factors(a: Tensor) -> tuple[Turn, ...]:
+    return a.factors or (Turn(a.rows),)
 
 
 def transpose(a: Tensor) -> Tensor:
@@ -157,7 +190,8 @@ def rotation(axis: Tensor, angle: Basic) -> Tensor:
         (z * x * u - y * s, z * y * u + x * s, c + z * z * u),
     )
     # x*x*(1 - c) + c is 1 for a coordinate axis, and should read so
-    return Tensor(tuple(tuple(se.expand(e) for e in r) for r in rows), (Turn((angle,), n),))
+    shown = tuple(tuple(se.expand(e) for e in r) for r in rows)
+    return Tensor(shown, (Turn(shown, (angle,), n),))
 
 
 def quaternion(e0: Basic, e1: Basic, e2: Basic, e3: Basic) -> Tensor:
@@ -167,7 +201,7 @@ def quaternion(e0: Basic, e1: Basic, e2: Basic, e3: Basic) -> Tensor:
         (2 * (e1 * e2 + e0 * e3), e0**2 - e1**2 + e2**2 - e3**2, 2 * (e2 * e3 - e0 * e1)),
         (2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), e0**2 - e1**2 - e2**2 + e3**2),
     )
-    return Tensor(rows, (Turn((e0, e1, e2, e3), None),))
+    return Tensor(rows, (Turn(rows, (e0, e1, e2, e3)),))
 
 
 def angular_velocity(r: Tensor, derivative: Derivative) -> Tensor:
@@ -177,20 +211,24 @@ def angular_velocity(r: Tensor, derivative: Derivative) -> Tensor:
     """
     if r.shape != (3, 3):
         raise ShapeError(f"omega needs a rotation (a 3×3 matrix), not {r.kind}")
-    if not r.factors:
-        spin = multiply(transpose(r), r.map(derivative)).rows
-        half = se.Rational(1, 2)
-        return vector(
-            half * (spin[2][1] - spin[1][2]),
-            half * (spin[0][2] - spin[2][0]),
-            half * (spin[1][0] - spin[0][1]),
-        )
-    omega = vector(*r.factors[0].rate(derivative))
-    for turn in r.factors[1:]:
-        matrix = (
-            rotation(vector(*turn.axis), *turn.parameters)
-            if turn.axis
-            else quaternion(*turn.parameters)
-        )
-        omega = add(multiply(transpose(matrix), omega), vector(*turn.rate(derivative)))
+    if len(r.factors) < 2 or not all(turn.certain for turn in r.factors):
+        single = r.factors[0] if len(r.factors) == 1 else Turn(r.rows)
+        return vector(*single.rate(derivative))
+    first, *others = r.factors
+    omega = vector(*first.rate(derivative))
+    for turn in others:
+        turned = multiply(transpose(Tensor(turn.rows)), omega)
+        omega = add(turned, vector(*turn.rate(derivative)))
     return omega
+
+
+def _from_matrix(rows: Rows, derivative: Derivative) -> tuple[Basic, ...]:
+    """Return ω of a rotation from its matrix."""
+    r = Tensor(rows)
+    spin = multiply(transpose(r), r.map(derivative)).rows
+    half = se.Rational(1, 2)
+    return (
+        half * (spin[2][1] - spin[1][2]),
+        half * (spin[0][2] - spin[2][0]),
+        half * (spin[1][0] - spin[0][1]),
+    )

@@ -55,11 +55,13 @@ def _first_foreign(text: str) -> int | None:
     return None
 
 
-_NUMBER = re.compile(r"(?:[0-9]++(?:\.(?!\.)[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?")
-_WORD = re.compile(r"[^\W\d_]\w*(?:\.[^\W\d_]\w*)*")
+_NUMBER = r"(?:[0-9]++(?:\.(?!\.)[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
+_WORD = r"[^\W\d_]\w*(?:\.[^\W\d_]\w*)*"
 #: after a member of a family, Qc.rod[2].x[3] and x[3]_dot go on
 _AFTER_MEMBER = r"(?<=\])\.(?=[^\W\d_])|(?<=\])_d?dot(?!\w)"
-_MARK = re.compile(rf"\*\*|<=|>=|==|!=|\.\.|[-+*/^()\[\],<>=']|{_AFTER_MEMBER}")
+_MARK = rf"\*\*|<=|>=|==|!=|\.\.|[-+*/^()\[\],<>=']|{_AFTER_MEMBER}"
+_TOKEN = re.compile(rf"\s*+(?:(?P<number>{_NUMBER})|(?P<name>{_WORD})|(?P<mark>{_MARK}))")
+_BLANK = re.compile(r"\s*")
 _MINUS = "use the plain hyphen `-` for minus"
 _PRIME = "use the plain apostrophe `'` for a time derivative"
 _PRODUCT = "write a product as `a*b`"
@@ -115,23 +117,19 @@ def tokenize(text: str, start: int = 0) -> list[Token]:
         At the first character that belongs to no token.
     """
     tokens, position = [], start
-    while position < len(text):
-        if text[position].isspace():
-            position += 1
-            continue
-        if match := _NUMBER.match(text, position):
-            kind = "number"
-        elif match := _WORD.match(text, position):
-            kind = "name"
-            foreign = _first_foreign(match[0].replace(".", "_"))
+    while match := _TOKEN.match(text, position):
+        kind = match.lastgroup
+        assert kind is not None
+        token, position = match[kind], match.end()
+        if kind == "name" and not token.isascii():
+            foreign = _first_foreign(token.replace(".", "_"))
             if foreign is not None:
-                raise _unexpected(text, position + foreign)
-        elif match := _MARK.match(text, position):
-            kind = "mark"
-        else:
-            raise _unexpected(text, position)
-        tokens.append(Token(kind, match[0], position, match.end()))
-        position = match.end()
+                raise _unexpected(text, match.start(kind) + foreign)
+        tokens.append(Token(kind, token, position - len(token), position))
+    rest = _BLANK.match(text, position)
+    assert rest is not None
+    if rest.end() < len(text):
+        raise _unexpected(text, rest.end())
     tokens.append(Token("end", "", len(text), len(text)))
     return tokens
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Tree:
     """A piece of an expression, from ``start`` to ``end`` of its text."""
 
@@ -20,14 +20,14 @@ class Tree:
         return ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Number(Tree):
     """A number, exactly as written."""
 
     value: Fraction
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Name(Tree):
     """A name with its primes; ``text`` may be dotted (``lambda.guide``).
 
@@ -39,7 +39,7 @@ class Name(Tree):
     indices: tuple[Tree, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Call(Tree):
     """A function applied to arguments."""
 
@@ -52,7 +52,7 @@ class Call(Tree):
         return self.arguments
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Sum(Tree):
     """Terms with their signs, +1 or -1."""
 
@@ -64,7 +64,7 @@ class Sum(Tree):
         return tuple(term for _, term in self.terms)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Range(Tree):
     """``first..last``, both included."""
 
@@ -72,7 +72,7 @@ class Range(Tree):
     last: Tree
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Series(Tree):
     """``sum(term, index = first..last)``."""
 
@@ -86,7 +86,7 @@ class Series(Tree):
         return (self.term,)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Product(Tree):
     """Factors with their exponents, +1 or -1, from left to right."""
 
@@ -98,7 +98,7 @@ class Product(Tree):
         return tuple(factor for _, factor in self.factors)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Power(Tree):
     """Base and exponent."""
 
@@ -111,7 +111,7 @@ class Power(Tree):
         return (self.base, self.exponent)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Comparison(Tree):
     """A chain of comparisons: a < b <= c."""
 
@@ -124,7 +124,7 @@ class Comparison(Tree):
         return self.operands
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Logical(Tree):
     """``and``, ``or``, ``not`` and what they join."""
 
@@ -137,7 +137,7 @@ class Logical(Tree):
         return self.operands
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Vector(Tree):
     """A vector of scalars, or a matrix of rows."""
 
