@@ -42,6 +42,8 @@ class Diagnostic(NamedTuple):
         How to mend it; may have several lines.
     notes : tuple of (text, SourceLocation or None)
         Other places that belong to it.
+    severity : str
+        ``error``, or ``warning`` where the command goes on.
     """
 
     kind: str
@@ -49,15 +51,16 @@ class Diagnostic(NamedTuple):
     location: SourceLocation | None = None
     help: str | None = None
     notes: tuple[tuple[str, SourceLocation | None], ...] = ()
+    severity: str = "error"
 
     def render(self) -> str:
         """Return the diagnostic in the shape that the documentation shows."""
         loc = self.location
         if loc is None:
-            lines = [f"error[{self.kind}]: {self.message}"]
+            lines = [f"{self.severity}[{self.kind}]: {self.message}"]
         else:
             where = f"{loc.path}:{loc.line}:{loc.column}" if loc.line else loc.path
-            lines = [f"{where}: error[{self.kind}]: {self.message}"]
+            lines = [f"{where}: {self.severity}[{self.kind}]: {self.message}"]
             lines += _excerpt(loc)
         for text, elsewhere in self.notes:
             if elsewhere is None:

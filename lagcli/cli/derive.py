@@ -61,6 +61,7 @@ def derive(
     """
     from lagcli.equations.lagrange import derive as derive_equations
     from lagcli.equations.render import render
+    from lagcli.equations.render.names import refused_signs
     from lagcli.model.loader import load
     from lagcli.results.atomic import check_writable, whole_file
 
@@ -69,6 +70,9 @@ def derive(
     if target is not None:
         check_writable(target, force)
     loaded = load(model, set=assignments("--set", set))
+    if not quiet:
+        for warning in refused_signs(loaded):
+            print(warning.render(), file=sys.stderr)
     text = render(
         derive_equations(loaded),
         format="json" if json else format.value,
