@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
+from collections.abc import Sequence
 from typing import NamedTuple
 
 
@@ -109,9 +110,12 @@ class LagcliError(Exception):
     ----------
     exit_status : int
         What the process returns when the error reaches the command line.
+    diagnostics : sequence of Diagnostic
+        What is wrong and where, if that is known.
     """
 
     exit_status = 2
+    diagnostics: Sequence[Diagnostic] = ()
 
 
 class UsageError(LagcliError):
@@ -127,9 +131,21 @@ class ModelError(LagcliError):
 
 
 class NumericalError(LagcliError):
-    """The model is right and the numbers failed."""
+    """The model is right and the numbers failed.
+
+    Parameters
+    ----------
+    problem : str or Diagnostic
+        What failed; a Diagnostic where it concerns a place in the model file.
+    """
 
     exit_status = 3
+
+    def __init__(self, problem: str | Diagnostic):
+        if isinstance(problem, Diagnostic):
+            self.diagnostics = [problem]
+            problem = problem.render()
+        super().__init__(problem)
 
 
 class FileError(LagcliError):

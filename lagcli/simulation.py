@@ -22,7 +22,7 @@ from lagcli.interruption import Interruption
 from lagcli.model.model import DEFAULTS, Model, SettingError, Settings
 from lagcli.model.units import si_notation
 from lagcli.samples import Record, Samples
-from lagcli.start import describe_undefined, find_start
+from lagcli.start import find_start, undefined_at
 from lagcli.version import __version__
 
 if TYPE_CHECKING:
@@ -252,7 +252,7 @@ class Simulation:
         if not columns.samples:
             take(_no_samples(self.system))
         if run.undefined is not None:
-            run.message += "; " + describe_undefined(self.equations, *run.undefined)
+            run.message += "; " + undefined_at(self.equations, *run.undefined).with_line
         settings = dataclasses.asdict(self.settings)
         if run.methods:
             settings["method"] = ", ".join(run.methods)  # what `auto` was

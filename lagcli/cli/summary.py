@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.errors import LagcliError, ModelError
+from lagcli.errors import LagcliError
 from lagcli.extremes import Extremes, known
 from lagcli.samples import Array, Record
 
@@ -94,7 +94,7 @@ def error_object(error: LagcliError) -> dict[str, Any]:
         "status": "failed" if error.exit_status == 3 else "error",
         "message": str(error),
     }
-    if isinstance(error, ModelError):
+    if error.diagnostics:
         found["diagnostics"] = [
             {
                 "kind": d.kind,
