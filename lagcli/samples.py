@@ -115,6 +115,10 @@ class Record:
         Time spent by phase.
     initial_correction : mapping of str to (float, float)
         What the consistent start moved: name → (value before, value after).
+    freedom : mapping
+        The degrees of freedom at the start: ``coordinates``, ``constraints``, ``rank`` of B,
+        ``degrees_of_freedom``, and ``redundant``, the sets of ``constraints`` that depend on each
+        other and how many of each (``surplus``) follow from the others. Empty where not recorded.
     """
 
     scale_position: Array
@@ -129,4 +133,5 @@ class Record:
     counts: Mapping[str, int] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     initial_correction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    freedom: Mapping[str, Any] = field(default_factory=dict)
     lagcli_version: str = ""

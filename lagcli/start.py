@@ -14,10 +14,12 @@ from lagcli.engine.initial import (
     UndefinedStart,
     consistent_state,
 )
-from lagcli.engine.system import System
+from lagcli.engine.redundancy import dependent_sets
+from lagcli.engine.system import System, compile_system
+from lagcli.equations.freedom import Freedom, Redundant
 from lagcli.equations.lagrange import Equations
-from lagcli.errors import Diagnostic, ModelError, NumericalError
-from lagcli.model.model import InitialValue, Model, Settings, velocity
+from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError
+from lagcli.model.model import DEFAULTS, InitialValue, Model, Settings, velocity
 
 if TYPE_CHECKING:
     from lagcli.undefined import Undefined
@@ -49,6 +51,38 @@ def find_start(equations: Equations, system: System, settings: Settings) -> Cons
     if not start.elimination:
         _check_inertia(equations, system, t, start)
     return start
+
+
+def freedom_at(equations: Equations, system: System, t: float, start: ConsistentState) -> Freedom:
+    """Return the degrees of freedom at a consistent state."""
+    sets = dependent_sets(system, t, start.q, start.v, start.rank)
+    names = system.constraints
+    redundant = (Redundant(tuple(names[i] for i in found), surplus) for found, surplus in sets)
+    return Freedom(len(equations.q), len(names), start.rank, tuple(redundant))
+
+
+def degrees_of_freedom(equations: Equations) -> Freedom:
+    """Count the degrees of freedom of a model by the rank of B at its consistent start.
+
+    Parameters
+    ----------
+    equations : Equations
+
+    Returns
+    -------
+    Freedom
+        Its rank is None where there is no consistent start.
+    """
+    k, r = len(equations.q), len(equations.constraints)
+    if not r:
+        return Freedom(k, 0, 0)
+    settings = equations.model.settings.over(DEFAULTS)
+    system = compile_system(equations)
+    try:
+        start = find_start(equations, system, settings)
+    except LagcliError:
+        return Freedom(k, r)
+    return freedom_at(equations, system, settings.t_start or 0.0, start)
 
 
 def _initial(model: Model, table: Any) -> tuple[Array, Flags]:

@@ -64,6 +64,7 @@ def derive(
     from lagcli.equations.render.names import refused_signs
     from lagcli.model.loader import load
     from lagcli.results.atomic import check_writable, whole_file
+    from lagcli.start import degrees_of_freedom
 
     refuse_same_file(model, output)
     target = None if output in (None, "-") else output
@@ -73,13 +74,15 @@ def derive(
     if not quiet:
         for warning in refused_signs(loaded):
             print(warning.render(), file=sys.stderr)
+    equations = derive_equations(loaded)
     text = render(
-        derive_equations(loaded),
+        equations,
         format="json" if json else format.value,
         steps=steps,
         numeric=numeric,
         width=width or _terminal_width(),
         fragment=fragment,
+        freedom=degrees_of_freedom(equations),
     )
     if not text.endswith("\n"):
         text += "\n"

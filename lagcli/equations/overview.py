@@ -37,11 +37,6 @@ def kind_of(c: ConstraintEquation, equations: Equations) -> str:
     return f"nonholonomic, {time}" + (" (integrability not tested)" if found is None else "")
 
 
-def degrees_of_freedom(equations: Equations) -> int:
-    """Return k − r."""
-    return len(equations.q) - len(equations.constraints)
-
-
 def convention(f: Formulas) -> Step:
     """Return the equations in general, which fix the sign of λ (8.85)."""
     lines = [general.law(f.model), *general.coefficients(f.equations)]
@@ -83,12 +78,21 @@ def _freedom(f: Formulas) -> Step:
     k, r = len(f.coordinates), len(f.equations.constraints)
     if not r:
         return Step("Degrees of freedom", (Line((Sign("k", "k"), whole(k))),))
+    freedom = f.freedom
+    less, subtracted = Sign("r", "r"), r
+    note = "the constraints are independent at the start"
+    if freedom.rank is None:
+        note = "for independent constraints"
+    elif freedom.rank < r:
+        less, subtracted = Sign("rank B", r"\operatorname{rank} B"), freedom.rank
+        note = f"at the start; r = {r}"
     sides = (
-        sum_of([(1, Sign("k", "k")), (-1, Sign("r", "r"))]),
-        sum_of([(1, whole(k)), (-1, whole(r))]),
-        whole(degrees_of_freedom(f.equations)),
+        sum_of([(1, Sign("k", "k")), (-1, less)]),
+        sum_of([(1, whole(k)), (-1, whole(subtracted))]),
+        whole(freedom.degrees),
     )
-    return Step("Degrees of freedom", (Line(sides, note="for independent constraints"),))
+    remark = " ".join(freedom.remarks) or None
+    return Step("Degrees of freedom", (Line(sides, note=note),), remark)
 
 
 def _equations(f: Formulas) -> Step:

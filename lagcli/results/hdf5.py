@@ -270,7 +270,7 @@ class Hdf5Reader:
             "constraint": len(self.constraints),
         }
         metadata = {name: root.attrs[name] for name in TEXTS}
-        metadata |= {name: json.loads(root.attrs[name]) for name in MAPPINGS}
+        metadata |= {name: json.loads(root.attrs[name]) for name in MAPPINGS if name in root.attrs}
         self.record = Record(
             scale_position=self._array("scale_position"),
             scale_velocity=self._array("scale_velocity"),

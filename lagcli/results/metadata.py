@@ -17,7 +17,7 @@ KIND = "trajectory"
 TEXTS = ("lagcli_version", "status", "message", "model_sha256", "model")
 
 #: Fields of `Record` that are mappings; `to_metadata` makes JSON values of theirs.
-MAPPINGS = ("units", "parameters", "options", "counts", "seconds", "initial_correction")
+MAPPINGS = ("units", "parameters", "options", "counts", "seconds", "initial_correction", "freedom")
 
 
 def to_metadata(record: Record) -> dict[str, Any]:
@@ -72,7 +72,7 @@ def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
     fields: dict[str, Any] = {name: str(metadata.get(name, "")) for name in TEXTS}
     for name in ("parameters", "seconds"):
         fields[name] = {k: from_number(v) for k, v in metadata.get(name, {}).items()}
-    for name in ("units", "options", "counts"):
+    for name in ("units", "options", "counts", "freedom"):
         fields[name] = dict(metadata.get(name, {}))
     fields["initial_correction"] = {
         k: (from_number(before), from_number(after))

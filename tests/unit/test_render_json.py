@@ -98,7 +98,7 @@ def test_schema():
     assert content["schema"] == "lagcli-derivation-1"
     assert list(content) == [
         *("schema", "name", "description", "numeric", "coordinates", "parameters", "constraints"),
-        *("degrees_of_freedom", "kinetic", "potential", "lagrangian", "mass_matrix", "forcing"),
+        *("rank", "degrees_of_freedom", "redundant", "kinetic", "potential", "lagrangian", "mass_matrix", "forcing"),
         *("applied_forces", "equations", "sign_convention", "steps"),
     ]
     assert content["degrees_of_freedom"] == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lagcli.equations.formulas import Formulas
+from lagcli.equations.freedom import Freedom
 from lagcli.equations.lagrange import Equations
 from lagcli.equations.overview import convention, overview
 from lagcli.equations.steps import steps as derivation
@@ -18,6 +19,7 @@ def render(
     numeric: bool = False,
     width: int = 100,
     fragment: bool = False,
+    freedom: Freedom | None = None,
 ) -> str:
     """Return the equations of motion for a reader.
 
@@ -34,6 +36,9 @@ def render(
         Columns of text, 40 or more.
     fragment : bool
         Of LaTeX: the body only, to be included in a document that loads amsmath.
+    freedom : Freedom, optional
+        The degrees of freedom by B's rank at the start, from `lagcli.degrees_of_freedom`; without
+        it they are counted as if the constraints were independent.
 
     Returns
     -------
@@ -51,7 +56,7 @@ def render(
 
     if format not in FORMATS:
         raise UsageError(f"there is no format `{format}`; known are {', '.join(FORMATS)}")
-    f = Formulas(equations, numeric)
+    f = Formulas(equations, numeric, freedom=freedom)
     if format == "json":
         from lagcli.equations.render.json import render_json
 

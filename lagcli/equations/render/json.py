@@ -14,7 +14,10 @@ grammar, which `lagcli.model.grammar` reads back, and LaTeX.
                     ``variation``: coordinate → b_i (8.79); ``row``: the b_i by index, and
                     ``drift`` b_0 of the velocity form Σ b_i v_i + b_0 = 0; ``gamma``: the right
                     side of Σ b_i a_i = γ
-``degrees_of_freedom``  k − r
+``rank``            of B at the consistent start; null where there is none, or not looked for
+``degrees_of_freedom``  k − rank; k − r where the rank is not known
+``redundant``       sets of ``constraints`` that depend on each other there, and their ``surplus``:
+                    how many of them follow from the others
 ``kinetic``, ``potential``, ``lagrangian``
 ``mass_matrix``     nonzero entries ``[i, j, formula]``
 ``forcing``         f of M a = f + Bᵀλ
@@ -36,7 +39,6 @@ from symengine import Basic
 from lagcli.equations.formulas import Formulas, Line
 from lagcli.equations.integrability import integrable
 from lagcli.equations.lagrange import ConstraintEquation
-from lagcli.equations.overview import degrees_of_freedom
 from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.grammar import grammar_text
 from lagcli.equations.render.names import Names
@@ -62,7 +64,7 @@ def render_json(f: Formulas, steps: bool) -> str:
     steps : bool
         Whether to add the derivation step by step.
     """
-    plain = Formulas(f.equations, bool(f.values), named=False)
+    plain = Formulas(f.equations, bool(f.values), named=False, freedom=f.freedom)
     writer = _Writer(plain)
     content = writer.content()
     if steps:
@@ -116,7 +118,11 @@ class _Writer:
             ],
             "parameters": model.parameter_values,
             "constraints": [self.constraint(c) for c in e.constraints],
-            "degrees_of_freedom": degrees_of_freedom(e),
+            **{
+                key: value
+                for key, value in self.f.freedom.to_mapping().items()
+                if key in ("rank", "degrees_of_freedom", "redundant")
+            },
             "kinetic": self.formula(e.kinetic),
             "potential": self.formula(e.potential),
             "lagrangian": self.formula(e.lagrangian),

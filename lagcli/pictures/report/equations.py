@@ -9,7 +9,7 @@ from html import escape
 from lagcli.equations.formulas import Formulas, Line
 from lagcli.equations.general import Signs, force
 from lagcli.equations.lagrange import ConstraintEquation
-from lagcli.equations.overview import convention, degrees_of_freedom, kind_of
+from lagcli.equations.overview import convention, kind_of
 from lagcli.equations.render.formula_mathml import MathmlFormula
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.html import equation, inline
@@ -165,14 +165,19 @@ class System:
     def freedom(self) -> str:
         """Return a sentence on the degrees of freedom."""
         k, r = len(self.equations.q), len(self.equations.constraints)
-        freedom = degrees_of_freedom(self.equations)
+        freedom = self.formulas.freedom
         coordinates, constraints = _number_of(k, "coordinate"), _number_of(r, "constraint")
         if not r:
             return f"<p>{coordinates}, no constraint: {_number_of(k, 'degree')} of freedom.</p>"
+        counted, condition = f"{k} − {r}", ", if the constraints are independent"
+        if freedom.rank is not None:
+            counted = f"{k} − {freedom.rank}"
+            condition = "" if freedom.rank == r else f": the rank of B is {freedom.rank} at the start"
+        remarks = "".join(f"<p>{escape(x)}</p>" for x in freedom.remarks)
         return (
-            f"<p>{coordinates}, {constraints}: {k} − {r} ="
-            f" <strong>{_number_of(freedom, 'degree')} of freedom</strong>, if the constraints are"
-            " independent.</p>"
+            f"<p>{coordinates}, {constraints}: {counted} ="
+            f" <strong>{_number_of(freedom.degrees, 'degree')} of freedom</strong>{condition}.</p>"
+            + remarks
         )
 
     def motion(self) -> str:
