@@ -39,6 +39,12 @@ def derive(
     fragment: Annotated[
         bool, typer.Option("--fragment", help="LaTeX without preamble, to be included.")
     ] = False,
+    full: Annotated[
+        bool,
+        typer.Option(
+            "--full", help="Write everything out: of a large model thousands of lines, in minutes."
+        ),
+    ] = False,
     width: Annotated[
         int | None,
         typer.Option(
@@ -83,6 +89,7 @@ def derive(
         width=width or _terminal_width(),
         fragment=fragment,
         freedom=degrees_of_freedom(equations),
+        full=full,
     )
     if not text.endswith("\n"):
         text += "\n"

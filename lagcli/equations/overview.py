@@ -2,28 +2,78 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from lagcli.equations import general
+from lagcli.equations.extent import ROOM, is_large, prefers_matrices, shortened, size
 from lagcli.equations.formulas import Formulas, Line, Step
 from lagcli.equations.integrability import integrable
 from lagcli.equations.lagrange import ConstraintEquation, Equations
 from lagcli.equations.typeset import Sign, sum_of, whole
 
 
-def overview(f: Formulas) -> tuple[Step, ...]:
+def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
     """Return what a reader wants to know of a system first.
 
     Parameters
     ----------
     f : Formulas
         Of the system.
+    full : bool
+        Whether everything is written out, however long it is; see `lagcli.equations.extent`.
 
     Returns
     -------
     tuple of Step
         Coordinates, constraints, degrees of freedom, equations of motion and their convention.
     """
+    if in_matrices(f, full):
+        return in_short(f)
+    found = _written_out(f)
+    return tuple(found if full else shortened(found))
+
+
+def in_matrices(f: Formulas, full: bool = False) -> bool:
+    """Whether the equations are given as matrices with abbreviations, not written out."""
+    if full:
+        return False
+    if is_large(f.equations):
+        return True
+    whole = size(_written_out(f))
+    return whole > ROOM and prefers_matrices(whole, size(_before(f)), f.matrices)
+
+
+def in_short(f: Formulas, remark: str = "") -> tuple[Step, ...]:
+    """Return the overview with M, f, B and γ as matrices of entries with abbreviations."""
+    before, last = shortened(_before(f), _BEFORE), convention(f)
+    matrices = f.matrices.steps(ROOM - size(before) - size([last]))
+    said = f"{matrices[0].remark} {remark or 'Written out, the equations are long: --full does.'}"
+    return (*before, replace(matrices[0], remark=said), *matrices[1:], last)
+
+
+_BEFORE = 150  # lines of what stands before the matrices, at most
+
+
+def _before(f: Formulas) -> list[Step]:
+    found = [_coordinates(f), _all_definitions(f), _energies(f), _constraints(f, False), _freedom(f)]
+    return [step for step in found if step is not None]
+
+
+def _written_out(f: Formulas) -> list[Step]:
     found = [_coordinates(f), _definitions(f), _constraints(f), _freedom(f), _equations(f)]
-    return (*(step for step in found if step is not None), convention(f))
+    return [*(step for step in found if step is not None), convention(f)]
+
+
+def _all_definitions(f: Formulas) -> Step | None:
+    lines = f.all_definition_lines()
+    return Step("Definitions", lines) if lines else None
+
+
+def _energies(f: Formulas) -> Step:
+    signs, trees = general.Signs(f.model), f.model.trees
+    stated = {"T": signs.kinetic, "V": signs.potential, "L": signs.lagrangian}
+    lines = [Line((sign, f.written(trees[key]))) for key, sign in stated.items() if key in trees]
+    return Step("Energies", tuple(lines))
 
 
 def kind_of(c: ConstraintEquation, equations: Equations) -> str:
@@ -62,7 +112,7 @@ def _definitions(f: Formulas) -> Step | None:
     return Step("Definitions used below", lines) if lines else None
 
 
-def _constraints(f: Formulas) -> Step | None:
+def _constraints(f: Formulas, variations: bool = True) -> Step | None:
     constraints = f.equations.constraints
     if not constraints:
         return None
@@ -70,7 +120,8 @@ def _constraints(f: Formulas) -> Step | None:
     for c in constraints:
         note = kind_of(c, f.equations)
         lines.append(Line(f.constraint_line(c).sides, c.constraint.name, note))
-        lines.append(f.variation_line(c))
+        if variations:
+            lines.append(f.variation_line(c))
     return Step(f"Constraints: r = {len(constraints)}", tuple(lines))
 
 

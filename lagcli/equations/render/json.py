@@ -54,7 +54,7 @@ SIGN_CONVENTION = (
 )
 
 
-def render_json(f: Formulas, steps: bool) -> str:
+def render_json(f: Formulas, steps: bool, full: bool) -> str:
     """Return the equations as JSON in the schema of this module.
 
     Parameters
@@ -63,6 +63,8 @@ def render_json(f: Formulas, steps: bool) -> str:
         Of the system.
     steps : bool
         Whether to add the derivation step by step.
+    full : bool
+        Whether everything is written out, however long it is.
     """
     plain = Formulas(f.equations, bool(f.values), named=False, freedom=f.freedom)
     writer = _Writer(plain)

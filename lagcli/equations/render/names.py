@@ -89,7 +89,7 @@ class Names:
 
     def latex_multiplier(self, constraint: str) -> str:
         """Return λ in LaTeX."""
-        return r"\lambda" if self._single else rf"\lambda_{{{_latex_word(constraint)}}}"
+        return r"\lambda" if self._single else rf"\lambda_{{{latex_word(constraint)}}}"
 
     def mathml(self, name: str, dots: int = 0) -> tuple[str, str]:
         """Return a name with its dots in MathML: its letter, and its subscript or nothing."""
@@ -204,7 +204,7 @@ def _latex_letter(text: str, font: str = r"\mathit") -> str:
     return f"{font}{{{latex_ascii(text)}}}"
 
 
-def _latex_word(name: str) -> str:
+def latex_word(name: str) -> str:
     """Return a constraint's name as a subscript: rod_1 with its own subscript."""
     name = name.replace("[", "_").removesuffix("]")
     first, *rest = [p for p in name.split("_") if p]
