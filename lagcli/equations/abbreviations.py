@@ -56,8 +56,8 @@ def abbreviate(
     count = 0
     for symbol, part in parts:
         if known:
-            whole[symbol] = part.xreplace(whole)
-        value = part.xreplace(replaced)
+            whole[symbol] = _replaced(part, whole)
+        value = _replaced(part, replaced)
         definition = known.get(whole.get(symbol, symbol))
         if definition is not None and definition not in named:
             named[definition] = value
@@ -69,7 +69,12 @@ def abbreviate(
             name = f"{letter}_{count}"
             named[name] = value
             replaced[symbol] = se.Symbol(name)
-    return _needed(named, tuple(x.xreplace(replaced) for x in shortened))
+    return _needed(named, tuple(_replaced(x, replaced) for x in shortened))
+
+
+def _replaced(expression: Basic, values: Mapping[Basic, Basic]) -> Basic:
+    """Return an expression with values for symbols; SymEngine copies all that it is given."""
+    return expression.xreplace({s: values[s] for s in expression.free_symbols if s in values})
 
 
 def _needed(named: Mapping[str, Basic], expressions: tuple[Basic, ...]) -> Abbreviations:

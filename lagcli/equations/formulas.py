@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
-from typing import TYPE_CHECKING
 
 from lagcli.equations import general
 from lagcli.equations.arrange import Arranger
@@ -15,9 +13,6 @@ from lagcli.equations.lagrange import ConstraintEquation, Equations
 from lagcli.equations.typeset import ZERO, Node, Symbol, Variation, product_of, sum_of, symbols_in
 from lagcli.equations.written import named_in, sides_built, written
 from lagcli.model.grammar import Tree
-
-if TYPE_CHECKING:
-    from lagcli.equations.matrices import Matrices
 
 
 @dataclass(frozen=True)
@@ -87,13 +82,6 @@ class Formulas:
             values = self.model.parameter_values
             self.values = {name: Fraction(repr(value)) for name, value in values.items()}
         self.arrange = Arranger(self.model, self.values, named).arrange
-
-    @cached_property
-    def matrices(self) -> Matrices:
-        """M, f, B and γ with abbreviations."""
-        from lagcli.equations.matrices import Matrices
-
-        return Matrices(self)
 
     @property
     def coordinates(self) -> tuple[Symbol, ...]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from lagcli.equations import general
-from lagcli.equations.extent import ROOM, is_large, prefers_matrices, shortened, size
+from lagcli.equations.extent import ROOM, Extent, abridged, is_large
 from lagcli.equations.formulas import Formulas, Line, Step
 from lagcli.equations.integrability import integrable
 from lagcli.equations.lagrange import ConstraintEquation, Equations
+from lagcli.equations.matrices import Matrices
 from lagcli.equations.typeset import Sign, sum_of, whole
 
 
@@ -30,7 +31,7 @@ def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
     if in_matrices(f, full):
         return in_short(f)
     found = _written_out(f)
-    return tuple(found if full else shortened(found))
+    return tuple(found if full else Extent(f).shortened(found))
 
 
 def in_matrices(f: Formulas, full: bool = False) -> bool:
@@ -39,18 +40,28 @@ def in_matrices(f: Formulas, full: bool = False) -> bool:
         return False
     if is_large(f.equations):
         return True
-    whole = size(_written_out(f))
-    return whole > ROOM and prefers_matrices(whole, size(_before(f)), f.matrices)
+    extent = Extent(f)
+    whole = extent.size(_written_out(f))
+    if whole <= ROOM:
+        return False
+    return extent.size(_before(f)) + Matrices(f).size < _SHORTER * whole
 
 
 def in_short(f: Formulas, remark: str = "") -> tuple[Step, ...]:
     """Return the overview with M, f, B and γ as matrices of entries with abbreviations."""
-    before, last = shortened(_before(f), _BEFORE), convention(f)
-    matrices = f.matrices.steps(ROOM - size(before) - size([last]))
-    said = f"{matrices[0].remark} {remark or 'Written out, the equations are long: --full does.'}"
-    return (*before, replace(matrices[0], remark=said), *matrices[1:], last)
+    extent, last = Extent(f), convention(f)
+    before = extent.shortened(_before(f), _BEFORE)
+    room = ROOM - extent.size([*before, last])
+    matrices = Matrices(f)
+    if matrices.size > room:
+        matrices = Matrices(f, ("M", "f", "B"))
+    law, *others = matrices.steps(room)
+    said = remark or "Written out, the equations are long: --full does."
+    return (*before, replace(law, remark=f"{law.remark} {said}"), *others, last)
 
 
+#: The part of the lines that matrices must save to be preferred.
+_SHORTER = 0.5
 _BEFORE = 150  # lines of what stands before the matrices, at most
 
 
@@ -72,7 +83,9 @@ def _all_definitions(f: Formulas) -> Step | None:
 def _energies(f: Formulas) -> Step:
     signs, trees = general.Signs(f.model), f.model.trees
     stated = {"T": signs.kinetic, "V": signs.potential, "L": signs.lagrangian}
-    lines = [Line((sign, f.written(trees[key]))) for key, sign in stated.items() if key in trees]
+    lines = [
+        Line((sign, abridged(f.written(trees[key])))) for key, sign in stated.items() if key in trees
+    ]
     return Step("Energies", tuple(lines))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lagcli.equations.extent import shortened
+from lagcli.equations.extent import Extent
 from lagcli.equations.formulas import Formulas, Step
 from lagcli.equations.freedom import Freedom
 from lagcli.equations.lagrange import Equations
@@ -91,4 +91,4 @@ def _derivation(f: Formulas, full: bool) -> tuple[Step, ...]:
     if in_matrices(f, full):
         return in_short(f, "Term by term, the derivation is long: --full gives it.")
     found = [*derivation(f), convention(f)]
-    return tuple(found if full else shortened(found))
+    return tuple(found if full else Extent(f).shortened(found))

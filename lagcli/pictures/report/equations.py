@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from html import escape
 
+from lagcli.equations.extent import abridged
 from lagcli.equations.formulas import Formulas, Line
 from lagcli.equations.general import Signs, force
 from lagcli.equations.lagrange import ConstraintEquation
@@ -15,7 +16,7 @@ from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.html import equation, inline
 from lagcli.equations.render.names import Names
 from lagcli.equations.render.numbers import written_decimals
-from lagcli.equations.typeset import Node, Product, Sign, Sum, Symbol
+from lagcli.equations.typeset import Symbol
 from lagcli.pictures.report.writing import chosen, elided, number, table, unit
 from lagcli.pictures.run_file import Run
 from lagcli.samples import Array
@@ -27,8 +28,6 @@ _ROWS, _PARAMETERS, _LISTED, _FEW = 24, 60, 12, 6
 _NODES = 200_000
 #: Letters of a formula from which its sums are abridged, and from which it is not printed.
 _LONG, _LETTERS = 700, 4000
-#: Terms of a sum that stand before and after the dots.
-_FIRST, _LAST = 5, 1
 
 
 class System:
@@ -208,7 +207,7 @@ class System:
     def _limited(self, line: Line) -> str:
         """Return a formula, or how long it is."""
         if self._letters(line) > _LONG:
-            line = Line(tuple(map(_abridged, line.sides)))
+            line = Line(tuple(map(abridged, line.sides)))
         letters = self._letters(line)
         return _too_long(f"{letters} letters") if letters > _LETTERS else self._equation(line)
 
@@ -217,19 +216,6 @@ class System:
 
     def _equation(self, line: Line) -> str:
         return equation(line, self.mathml, self.text)
-
-
-def _abridged(node: Node) -> Node:
-    """Return a formula whose long sums have dots in their middle, and a count of their terms."""
-    if isinstance(node, Product):
-        return Product(tuple(map(_abridged, node.factors)))
-    if not isinstance(node, Sum):
-        return node
-    terms = tuple((sign, _abridged(term)) for sign, term in node.terms)
-    if len(terms) <= _FIRST + _LAST + 2:
-        return Sum(terms)
-    dots = Sign(f"⋯ ({len(terms)} terms)", rf"\cdots_{{\text{{{len(terms)} terms}}}}")
-    return Sum((*terms[:_FIRST], (1, dots), *terms[-_LAST:]))
 
 
 def _nodes(expression: object, most: int) -> int:
