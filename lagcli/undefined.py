@@ -23,7 +23,6 @@ from lagcli.model.grammar import Tree
 from lagcli.model.model import NO_INDICES, TIME
 from lagcli.model.places import Places
 from lagcli.model.scoping import Value
-from lagcli.model.source import Node
 from lagcli.model.tensors import Tensor
 
 _NAMED = 8  # coordinates whose values a message lists
@@ -51,7 +50,9 @@ class _Written(NamedTuple):
     indices: Mapping[str, int] = NO_INDICES
 
 
-def undefined_expression(equations: Equations, t: float, q: list[float], v: list[float]) -> Undefined:
+def undefined_expression(
+    equations: Equations, t: float, q: list[float], v: list[float]
+) -> Undefined:
     """Say which expression of the model is not finite at a state, and what the state is.
 
     Parameters
@@ -172,7 +173,9 @@ class _Search:
 
     # the culprit
 
-    def described(self, part: _Written, bad: Callable[[Value | None], bool], what: str) -> Undefined:
+    def described(
+        self, part: _Written, bad: Callable[[Value | None], bool], what: str
+    ) -> Undefined:
         """Describe the smallest part that is bad inside one that is."""
         used_by = part
         while True:

@@ -81,11 +81,11 @@ def _needed(named: Mapping[str, Basic], expressions: tuple[Basic, ...]) -> Abbre
     """Drop abbreviations that nothing uses."""
     used = {s.name for x in expressions for s in x.free_symbols}
     kept: dict[str, Basic] = {}
-    for name, value in reversed(named.items()):
+    for name, value in reversed(list(named.items())):
         if name in used:
             kept[name] = value
             used.update(s.name for s in value.free_symbols)
-    return Abbreviations(dict(reversed(kept.items())), expressions)
+    return Abbreviations(dict(reversed(list(kept.items()))), expressions)
 
 
 def _uses(parts: Sequence[Basic], expressions: Sequence[Basic]) -> Counter[Basic]:

@@ -31,7 +31,6 @@ _TITLE = 2.0  # lines: the title and a blank one
 _LINE = 80.0
 
 
-
 def is_large(equations: Equations) -> bool:
     """Whether it would take long to write the equations out."""
     total = 0

@@ -92,7 +92,7 @@ class Matrices:
 
     @cached_property
     def _letters(self) -> Callable[[Basic], float]:
-        """How many letters a formula takes; of many formulas, estimated before they are arranged."""
+        """How many letters a formula takes; estimated where many would have to be arranged."""
         parts = (*self.short.named.values(), *self.short.expressions)
         if sum(map(se.count_ops, parts)) > _ESTIMATED:
             return lambda value: self._operation * float(se.count_ops(value))
@@ -128,8 +128,7 @@ class Matrices:
                 same.setdefault(value, []).append(place)
         shown = first_part(list(same.items()), lambda x: self._alone(x[0]), share)
         return [
-            Line((*self.names(places), self.formulas.arrange(value)))
-            for value, places in shown
+            Line((*self.names(places), self.formulas.arrange(value))) for value, places in shown
         ]
 
     def names(self, places: list[Place]) -> list[Node]:
@@ -167,8 +166,8 @@ class Matrices:
         found = [Step("Equations of motion, in matrices", tuple(law), remark)]
         if self.short.named:
             lines, count = self.abbreviations(share), len(self.short.named)
-            remark = cut_short(len(lines), count)
-            found.append(Step("Abbreviations", tuple(lines), remark, packed=True))
+            said = cut_short(len(lines), count)
+            found.append(Step("Abbreviations", tuple(lines), said, packed=True))
         for matrix, title in _TITLES.items():
             values = [
                 value
@@ -185,7 +184,9 @@ _REMARK = (
     "Entries are named by the coordinates and constraints that they belong to. M is symmetric, its"
     " upper triangle is listed; entries that are not listed are zero."
 )
-_WITHOUT_GAMMA = f"{_REMARK} γ = −(∂ψ/∂q) q̇ − ∂ψ/∂t is left out for its length; --format json gives it."
+_WITHOUT_GAMMA = (
+    f"{_REMARK} γ = −(∂ψ/∂q) q̇ − ∂ψ/∂t is left out for its length; --format json gives it."
+)
 _TITLES = {
     "M": "Mass matrix M",
     "f": "Forces f",
@@ -214,4 +215,6 @@ def first_part(items: list[T], cost: Callable[[T], float], share: float) -> list
 
 def cut_short(shown: int, count: int) -> str | None:
     """Say that a list is not whole."""
-    return None if shown == count else f"The first {shown} of {count}; --full writes everything out."
+    return (
+        None if shown == count else f"The first {shown} of {count}; --full writes everything out."
+    )

@@ -290,7 +290,8 @@ class Expansion:
         value = self._number(base)
         if value is None and isinstance(base, se.Add) and (power < 0 or power.denominator > 1):
             hidden = constant_value(base)
-            value = None if hidden is None else Fraction(exact(hidden))
+            if hidden is not None and exact(hidden) > 0:
+                return self.polynomial(hidden**exponent)
         if value is not None:
             if power.denominator == 1 and (value != 0 or power > 0) and abs(power) <= 20:
                 return {UNIT: value ** int(power)} if value else {}

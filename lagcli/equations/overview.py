@@ -66,7 +66,13 @@ _BEFORE = 150  # lines of what stands before the matrices, at most
 
 
 def _before(f: Formulas) -> list[Step]:
-    found = [_coordinates(f), _all_definitions(f), _energies(f), _constraints(f, False), _freedom(f)]
+    found = [
+        _coordinates(f),
+        _all_definitions(f),
+        _energies(f),
+        _constraints(f, False),
+        _freedom(f),
+    ]
     return [step for step in found if step is not None]
 
 
@@ -84,7 +90,9 @@ def _energies(f: Formulas) -> Step:
     signs, trees = general.Signs(f.model), f.model.trees
     stated = {"T": signs.kinetic, "V": signs.potential, "L": signs.lagrangian}
     lines = [
-        Line((sign, abridged(f.written(trees[key])))) for key, sign in stated.items() if key in trees
+        Line((sign, abridged(f.written(trees[key]))))
+        for key, sign in stated.items()
+        if key in trees
     ]
     return Step("Energies", tuple(lines))
 

@@ -38,7 +38,7 @@ def constant_value(expression: Basic) -> Basic | None:
 
 
 def _without_squares(expression: Basic, angle: Basic) -> Basic:
-    """Return a sum with cos^n a as (1 − sin² a)^(n/2), for even n and with one cosine left for odd."""
+    """Return a sum with 1 − sin² a for each cos² a."""
     cosine, rest = se.cos(angle), 1 - se.sin(angle) ** 2
     powers = {
         p: rest ** (int(p.args[1]) // 2) * cosine ** (int(p.args[1]) % 2)

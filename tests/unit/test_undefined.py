@@ -63,7 +63,10 @@ def test_undefined_expressions_are_shown_as_written(body, text, place, line) -> 
     ("body", "text"),
     [
         # V = k/2 (|r| − l)² is finite at r = 0, its derivative is not
-        ("definitions: {d: 'sqrt(x^2 + y^2)'}\nT: x'^2 + y'^2\nV: k/2*(d - l)^2\n", "sqrt(x^2 + y^2)"),
+        (
+            "definitions: {d: 'sqrt(x^2 + y^2)'}\nT: x'^2 + y'^2\nV: k/2*(d - l)^2\n",
+            "sqrt(x^2 + y^2)",
+        ),
         ("definitions: {r: '[x, y]'}\nT: x'^2 + y'^2\nV: k*norm(r)\n", "norm(r)"),
         # φ̈ needs the second derivative, which x^(3/2) has not at 0
         ("T: x'^2 + y'^2\nV: 0\nconstraints: {c: y = x^1.5}\n", "x^1.5"),

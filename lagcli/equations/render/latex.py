@@ -163,9 +163,7 @@ def _item(line: Line, formula: LatexFormula) -> str:
     return rf"\item ${formula.latex(line.sides[0])}${note}"
 
 
-def displays(
-    group: Sequence[Line], formula: LatexFormula, width: float = TEXT_WIDTH
-) -> list[str]:
+def displays(group: Sequence[Line], formula: LatexFormula, width: float = TEXT_WIDTH) -> list[str]:
     """Return formulas as the rows of alignments at the equality sign, broken to fit the page.
 
     A display of many rows is set as several ones: TeX holds each of them in memory as a whole.
@@ -197,9 +195,7 @@ def displays(
             head = ""
     # broken equations stand a little apart
     apart = " \\\\[1ex]\n" if any(len(found) > 1 for found in equations) else " \\\\\n"
-    pieces = [
-        found[i : i + _ROWS] for found in equations for i in range(0, len(found), _ROWS)
-    ]
+    pieces = [found[i : i + _ROWS] for found in equations for i in range(0, len(found), _ROWS)]
     parts: list[list[list[str]]] = [[]]
     for piece in pieces:
         if parts[-1] and sum(map(len, parts[-1])) + len(piece) > _ROWS:

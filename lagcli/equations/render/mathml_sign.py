@@ -66,7 +66,9 @@ def _mathml(part: Part) -> str:
             tag = "msubsup" if len(scripts) == 2 else "msub" if part.below is not None else "msup"
             return f"<{tag}>{_mathml(part.base)}{''.join(scripts)}</{tag}>"
         case Row():
-            shown = [_mathml(x) for x in part.parts if x not in map(Symbol, _STYLES)]
+            shown = [
+                _mathml(x) for x in part.parts if not (isinstance(x, Symbol) and x.text in _STYLES)
+            ]
             return shown[0] if len(shown) == 1 else f"<mrow>{''.join(shown)}</mrow>"
 
 

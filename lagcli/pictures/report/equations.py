@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from functools import cached_property
 from html import escape
 
-from lagcli.equations.extent import abridged
-from lagcli.equations.formulas import Formulas, Line
+from lagcli.equations.extent import abridged, is_large
+from lagcli.equations.formulas import Formulas, Line, Step
 from lagcli.equations.general import Signs, force
 from lagcli.equations.lagrange import ConstraintEquation
-from lagcli.equations.overview import convention, kind_of
+from lagcli.equations.matrices import Matrices
+from lagcli.equations.overview import convention, in_matrices, kind_of
 from lagcli.equations.render.formula_mathml import MathmlFormula
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.html import equation, inline
@@ -24,6 +25,8 @@ from lagcli.samples import Array
 #: Coordinates, parameters, constraints and equations that are listed one by one; of more than
 #: these, about so many constraints and equations.
 _ROWS, _PARAMETERS, _LISTED, _FEW = 24, 60, 12, 6
+#: Lines of text that matrices of a large system take on the page, about.
+_LINES = 150
 #: Nodes of an equation above which it is not arranged.
 _NODES = 200_000
 #: Letters of a formula from which its sums are abridged, and from which it is not printed.
@@ -112,8 +115,32 @@ class System:
         return {i: every[i] for i in chosen(self.run.constraints, _LISTED, _FEW)}
 
     @cached_property
+    def _matrices(self) -> list[Step]:
+        """M, f, B and γ with abbreviations, where `derive` gives them; else nothing."""
+        # of many equations that are short a few are listed
+        many = len(self.equations.q) > _LISTED
+        if not (is_large(self.equations) if many else in_matrices(self.formulas)):
+            return []
+        matrices = Matrices(self.formulas)
+        if matrices.size > _LINES:
+            matrices = Matrices(self.formulas, ("M", "f", "B"))
+        return matrices.steps(_LINES)
+
+    def _step(self, step: Step) -> str:
+        lines = [self._equation(line) for line in step.lines]
+        remark = escape(step.remark or "").replace(
+            "--full writes everything out.", "<code>lagcli derive</code> prints more."
+        )
+        shown = "".join(lines)
+        if step.packed:
+            shown = f'<div class="packed">{shown}</div>'
+        return f"<h4>{escape(step.title)}</h4>{shown}<p class='note'>{remark}</p>"
+
+    @cached_property
     def _motion(self) -> dict[int, Line | str]:
         """The equations that are listed, by their places, or how long they are."""
+        if self._matrices:
+            return {}
         return {i: self._assembled(i) for i in chosen(self.run.coordinates, _LISTED, _FEW)}
 
     def definitions(self) -> str:
@@ -171,7 +198,9 @@ class System:
         counted, condition = f"{k} − {r}", ", if the constraints are independent"
         if freedom.rank is not None:
             counted = f"{k} − {freedom.rank}"
-            condition = "" if freedom.rank == r else f": the rank of B is {freedom.rank} at the start"
+            condition = (
+                "" if freedom.rank == r else f": the rank of B is {freedom.rank} at the start"
+            )
         remarks = "".join(f"<p>{escape(x)}</p>" for x in freedom.remarks)
         return (
             f"<p>{coordinates}, {constraints}: {counted} ="
@@ -181,6 +210,8 @@ class System:
 
     def motion(self) -> str:
         """Return the equations of motion, those that are too long by their size."""
+        if self._matrices:
+            return "".join(map(self._step, self._matrices))
         items = []
         for i, line in self._motion.items():
             shown = line if isinstance(line, str) else self._limited(line)
