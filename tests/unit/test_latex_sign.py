@@ -91,7 +91,15 @@ def attacks() -> list[str]:
         "\\",
         "x\\\\y",
     ]
-    pieces = [*HARMLESS, *MARKS, *"ab1{}_^ \n\\%$&#~", "^^5c", "\\input", "\\def", "@"]
+    pieces = [
+        *sorted(HARMLESS),
+        *sorted(MARKS),
+        *"ab1{}_^ \n\\%$&#~",
+        "^^5c",
+        "\\input",
+        "\\def",
+        "@",
+    ]
     found += ["".join(source.choices(pieces, k=source.randint(1, 9))) for _ in range(3000)]
     return found
 
@@ -115,14 +123,13 @@ def test_no_forbidden_command_reaches_a_sign():
     assert allowed > 100  # the list is not made of refusals alone
 
 
-@pytest.mark.parametrize("attack", attacks()[:: len(attacks()) // 25])
-def test_no_forbidden_command_reaches_an_output(attack):
-    if "\x00" in attack or "\x1c" in attack:
-        return  # YAML refuses it
-    equations = derive(model_with(attack))
-    for form, plain in PLAIN.items():
-        found = commands(render(equations, form, steps=True))
-        assert found <= plain | HARMLESS, (attack, found - plain)
+def test_no_forbidden_command_reaches_an_output():
+    printable = [x for x in attacks() if not {"\x00", "\x1c"} & set(x)]  # YAML refuses the others
+    for attack in printable[:: len(printable) // 25]:
+        equations = derive(model_with(attack))
+        for form, plain in PLAIN.items():
+            found = commands(render(equations, form, steps=True))
+            assert found <= plain | HARMLESS, (attack, found - plain)
 
 
 @pytest.mark.parametrize("path", HOSTILE, ids=lambda p: p.stem)
