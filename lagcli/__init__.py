@@ -21,11 +21,13 @@ if TYPE_CHECKING:
     from lagcli.pictures.report import report
     from lagcli.results import read, write
     from lagcli.simulation import simulate
+    from lagcli.start import degrees_of_freedom
     from lagcli.sweeps.run import sweep
 
 __all__ = [
     "__version__",
     "animate",
+    "degrees_of_freedom",
     "derive",
     "load",
     "load_text",
@@ -41,6 +43,7 @@ __all__ = [
 # imported when first asked for: the command line must not pay for what a command does not use
 _PLACES = {
     "animate": "lagcli.pictures.animate",
+    "degrees_of_freedom": "lagcli.start",
     "derive": "lagcli.equations.lagrange",
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
+from collections.abc import Sequence
 from typing import NamedTuple
 
 
@@ -42,6 +43,8 @@ class Diagnostic(NamedTuple):
         How to mend it; may have several lines.
     notes : tuple of (text, SourceLocation or None)
         Other places that belong to it.
+    severity : str
+        ``error``, or ``warning`` where the command goes on.
     """
 
     kind: str
@@ -49,15 +52,16 @@ class Diagnostic(NamedTuple):
     location: SourceLocation | None = None
     help: str | None = None
     notes: tuple[tuple[str, SourceLocation | None], ...] = ()
+    severity: str = "error"
 
     def render(self) -> str:
         """Return the diagnostic in the shape that the documentation shows."""
         loc = self.location
         if loc is None:
-            lines = [f"error[{self.kind}]: {self.message}"]
+            lines = [f"{self.severity}[{self.kind}]: {self.message}"]
         else:
             where = f"{loc.path}:{loc.line}:{loc.column}" if loc.line else loc.path
-            lines = [f"{where}: error[{self.kind}]: {self.message}"]
+            lines = [f"{where}: {self.severity}[{self.kind}]: {self.message}"]
             lines += _excerpt(loc)
         for text, elsewhere in self.notes:
             if elsewhere is None:
@@ -106,9 +110,12 @@ class LagcliError(Exception):
     ----------
     exit_status : int
         What the process returns when the error reaches the command line.
+    diagnostics : sequence of Diagnostic
+        What is wrong and where, if that is known.
     """
 
     exit_status = 2
+    diagnostics: Sequence[Diagnostic] = ()
 
 
 class UsageError(LagcliError):
@@ -124,9 +131,21 @@ class ModelError(LagcliError):
 
 
 class NumericalError(LagcliError):
-    """The model is right and the numbers failed."""
+    """The model is right and the numbers failed.
+
+    Parameters
+    ----------
+    problem : str or Diagnostic
+        What failed; a Diagnostic where it concerns a place in the model file.
+    """
 
     exit_status = 3
+
+    def __init__(self, problem: str | Diagnostic):
+        if isinstance(problem, Diagnostic):
+            self.diagnostics = [problem]
+            problem = problem.render()
+        super().__init__(problem)
 
 
 class FileError(LagcliError):

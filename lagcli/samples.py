@@ -120,6 +120,10 @@ class Record:
         The absolute tolerance of each coordinate and velocity (``phi'``) at the end of the run.
     warnings : tuple of str
         Why the result may not be trusted, one sentence each.
+    freedom : mapping
+        The degrees of freedom at the start: ``coordinates``, ``constraints``, ``rank`` of B,
+        ``degrees_of_freedom``, and ``redundant``, the sets of ``constraints`` that depend on each
+        other and how many of each (``surplus``) follow from the others. Empty where not recorded.
     """
 
     scale_position: Array
@@ -136,4 +140,5 @@ class Record:
     initial_correction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     tolerances: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    freedom: Mapping[str, Any] = field(default_factory=dict)
     lagcli_version: str = ""

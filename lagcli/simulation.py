@@ -6,6 +6,7 @@ import dataclasses
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +17,14 @@ from lagcli.derived import DerivedColumns
 from lagcli.engine.initial import ConsistentState
 from lagcli.engine.run import Block, Engine, Interrupted, Request
 from lagcli.engine.system import System, compile_system
+from lagcli.equations.freedom import Freedom
 from lagcli.equations.lagrange import Equations, derive
 from lagcli.errors import UsageError
 from lagcli.interruption import Interruption
 from lagcli.model.model import DEFAULTS, Model, SettingError, Settings
 from lagcli.model.units import si_notation
 from lagcli.samples import Record, Samples
-from lagcli.start import describe_undefined, find_start, negative_inertia
+from lagcli.start import find_start, freedom_at, negative_inertia, undefined_at
 from lagcli.threads import one_thread
 from lagcli.trust import Trust
 from lagcli.version import __version__
@@ -211,6 +213,11 @@ class Simulation:
         state = [*self.start.q.tolist(), *self.start.v.tolist()]
         return dict(zip([*names, *(f"{q}'" for q in names)], state, strict=True))
 
+    @cached_property
+    def freedom(self) -> Freedom:
+        """The degrees of freedom at the start."""
+        return freedom_at(self.equations, self.system, self.settings.t_start or 0.0, self.start)
+
     def run(
         self,
         sink: Callable[[Samples], None],
@@ -260,7 +267,7 @@ class Simulation:
         if not columns.samples:
             take(_no_samples(self.system))
         if run.undefined is not None:
-            run.message += "; " + describe_undefined(self.equations, *run.undefined)
+            run.message += "; " + undefined_at(self.equations, *run.undefined).with_line
         settings = dataclasses.asdict(self.settings)
         if run.methods:
             settings["method"] = ", ".join(run.methods)  # what `auto` was
@@ -292,6 +299,7 @@ class Simulation:
             },
             seconds={**self.seconds, "integrate": self.seconds["integrate"] + integrating},
             initial_correction=dict(self.start.moved),
+            freedom=self.freedom.to_mapping(),
             lagcli_version=__version__,
         )
 

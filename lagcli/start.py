@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,15 @@ from lagcli.engine.initial import (
     UndefinedStart,
     consistent_state,
 )
-from lagcli.engine.system import System
+from lagcli.engine.redundancy import dependent_sets
+from lagcli.engine.system import System, compile_system
+from lagcli.equations.freedom import Freedom, Redundant
 from lagcli.equations.lagrange import Equations
-from lagcli.errors import Diagnostic, ModelError, NumericalError
-from lagcli.model.model import InitialValue, Model, Settings
+from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError
+from lagcli.model.model import DEFAULTS, InitialValue, Model, Settings, velocity
+
+if TYPE_CHECKING:
+    from lagcli.undefined import Undefined
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -40,10 +45,7 @@ def find_start(equations: Equations, system: System, settings: Settings) -> Cons
     try:
         start = consistent_state(system, t, q, v, fixed_q, fixed_v)
     except UndefinedStart as error:
-        at, q0, v0 = error.state
-        raise NumericalError(
-            "no start: " + describe_undefined(equations, at, q0, v0) + "; change the initial values"
-        ) from None
+        raise _undefined_start(equations, *error.state) from None
     except NoConsistentState as error:
         raise _no_start(model, error) from None
     if not start.elimination:
@@ -51,16 +53,60 @@ def find_start(equations: Equations, system: System, settings: Settings) -> Cons
     return start
 
 
+def freedom_at(equations: Equations, system: System, t: float, start: ConsistentState) -> Freedom:
+    """Return the degrees of freedom at a consistent state."""
+    sets = dependent_sets(system, t, start.q, start.v, start.rank)
+    names = system.constraints
+    redundant = (Redundant(tuple(names[i] for i in found), surplus) for found, surplus in sets)
+    return Freedom(len(equations.q), len(names), start.rank, tuple(redundant))
+
+
+def degrees_of_freedom(equations: Equations) -> Freedom:
+    """Count the degrees of freedom of a model by the rank of B at its consistent start.
+
+    Parameters
+    ----------
+    equations : Equations
+
+    Returns
+    -------
+    Freedom
+        Its rank is None where there is no consistent start.
+    """
+    k, r = len(equations.q), len(equations.constraints)
+    if not r:
+        return Freedom(k, 0, 0)
+    settings = equations.model.settings.over(DEFAULTS)
+    system = compile_system(equations)
+    try:
+        start = find_start(equations, system, settings)
+    except LagcliError:
+        return Freedom(k, r)
+    return freedom_at(equations, system, settings.t_start or 0.0, start)
+
+
 def _initial(model: Model, table: Any) -> tuple[Array, Flags]:
     entries: list[InitialValue] = [table[name] for name in model.coordinate_names]
     return np.array([e.value for e in entries]), np.array([e.fixed for e in entries])
 
 
-def describe_undefined(equations: Equations, t: float, q: Array, v: Array) -> str:
+def undefined_at(equations: Equations, t: float, q: Array, v: Array) -> Undefined:
     """Say which expression of the model has no finite value at a state."""
     from lagcli.undefined import undefined_expression
 
     return undefined_expression(equations, t, q.tolist(), v.tolist())
+
+
+def _undefined_start(equations: Equations, t: float, q: Array, v: Array) -> NumericalError:
+    found = undefined_at(equations, t, q, v)
+    return NumericalError(
+        Diagnostic(
+            "undefined-start",
+            f"no start: {found.clause}",
+            found.location,
+            "change the initial values, or write the expression so that it is smooth there",
+        )
+    )
 
 
 def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalError:
@@ -102,9 +148,13 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
             ]
         )
     return NumericalError(
-        f"no consistent initial state was found near the guesses: the constraint{plural} {names}"
-        f"{level} do{'' if plural else 'es'} not hold\n{residuals}\n"
-        "   help: guess values nearer to a solution"
+        Diagnostic(
+            "no-start",
+            "no consistent initial state was found near the guesses: the"
+            f" constraint{plural} {names}{level} do{'' if plural else 'es'} not hold\n{residuals}",
+            first.location,
+            "guess values nearer to a solution",
+        )
     )
 
 
@@ -112,11 +162,7 @@ def _check_inertia(equations: Equations, system: System, t: float, start: Consis
     """Refuse a motion that the constraints allow and no inertia resists."""
     d = Evaluator(system).dynamics(t, start.q, start.v)
     if not d.finite:
-        raise NumericalError(
-            "no start: "
-            + describe_undefined(equations, t, start.q, start.v)
-            + "; change the initial values"
-        )
+        raise _undefined_start(equations, t, start.q, start.v)
     nq = len(start.q)
     free = np.eye(nq)
     if len(d.jacobian):
@@ -135,15 +181,34 @@ def _check_inertia(equations: Equations, system: System, t: float, start: Consis
     if abs(values[weakest]) > 1e-12:
         return
     direction = np.abs(size * (basis @ vectors[:, weakest]))
-    names = [
-        f"`{n}`"
-        for n, x in zip(system.coordinates, direction, strict=True)
-        if x > 1e-6 * direction.max()
-    ]
+    moving = [i for i, x in enumerate(direction) if x > 1e-6 * direction.max()]
+    raise _no_inertia(equations.model, [system.coordinates[i] for i in moving])
+
+
+def _no_inertia(model: Model, coordinates: list[str]) -> NumericalError:
+    from lagcli.model.places import Places
+
+    names = [f"`{name}`" for name in coordinates]
     what = f"coordinate {names[0]} has" if len(names) == 1 else f"motion of {', '.join(names)} has"
-    raise NumericalError(
-        f"the {what} no inertia: `T` does not resist it and no constraint determines it, so that"
-        " its acceleration is undetermined; give it a mass, or a constraint"
+    key = "L" if model.kinetic is None else "T"
+    massless = _vanishing_in(model, coordinates)
+    reason = f"`{key}` does not resist it"
+    if massless:
+        reason += f" ({' and '.join(f'`{p}` is 0' for p in massless)})"
+    declared = {c.name: c.location for c in model.coordinates}
+    notes = [(f"`{coordinates[0]}` is declared here", declared[coordinates[0]])]
+    notes += [(f"`{p}` is given here", model.parameters[p].location) for p in massless[:1]]
+    places = Places(model)
+    return NumericalError(
+        Diagnostic(
+            "no-inertia",
+            f"the {what} no inertia: {reason} and no constraint determines it, so that its"
+            " acceleration is undetermined",
+            places.location(places.entry(key)),
+            "give it a mass, or a constraint"
+            + (f", for instance `--set {massless[0]}=1`" if massless else ""),
+            tuple(notes),
+        )
     )
 
 
@@ -184,3 +249,15 @@ def negative_inertia(system: System, t: float, start: ConsistentState) -> list[s
         f"the inertia of {', '.join(names[:6])}{', …' if len(names) > 6 else ''} is negative:"
         " `T` falls as the velocity grows; check the signs of masses and of `T`"
     ]
+
+
+def _vanishing_in(model: Model, coordinates: list[str]) -> list[str]:
+    """Return the parameters that are zero and by which the velocities of coordinates enter T."""
+    kinetic = -model.potential if model.kinetic is None else model.kinetic
+    found: dict[str, None] = {}
+    for name in coordinates:
+        for symbol in kinetic.diff(velocity(name)).free_symbols:
+            p = model.parameters.get(symbol.name)
+            if p is not None and p.value == 0:
+                found[p.name] = None
+    return sorted(found)

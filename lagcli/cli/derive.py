@@ -39,6 +39,12 @@ def derive(
     fragment: Annotated[
         bool, typer.Option("--fragment", help="LaTeX without preamble, to be included.")
     ] = False,
+    full: Annotated[
+        bool,
+        typer.Option(
+            "--full", help="Write everything out: of a large model thousands of lines, in minutes."
+        ),
+    ] = False,
     width: Annotated[
         int | None,
         typer.Option(
@@ -61,21 +67,29 @@ def derive(
     """
     from lagcli.equations.lagrange import derive as derive_equations
     from lagcli.equations.render import render
+    from lagcli.equations.render.names import refused_signs
     from lagcli.model.loader import load
     from lagcli.results.atomic import check_writable, whole_file
+    from lagcli.start import degrees_of_freedom
 
     refuse_same_file(model, output)
     target = None if output in (None, "-") else output
     if target is not None:
         check_writable(target, force)
     loaded = load(model, set=assignments("--set", set))
+    if not quiet:
+        for warning in refused_signs(loaded):
+            print(warning.render(), file=sys.stderr)
+    equations = derive_equations(loaded)
     text = render(
-        derive_equations(loaded),
+        equations,
         format="json" if json else format.value,
         steps=steps,
         numeric=numeric,
         width=width or _terminal_width(),
         fragment=fragment,
+        freedom=degrees_of_freedom(equations),
+        full=full,
     )
     if not text.endswith("\n"):
         text += "\n"

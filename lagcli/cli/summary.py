@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 import sys
+import textwrap
 from collections.abc import Mapping
 from itertools import islice
 from typing import Any
 
 import numpy as np
 
-from lagcli.errors import LagcliError, ModelError
+from lagcli.errors import LagcliError
 from lagcli.extremes import Extremes, known
 from lagcli.samples import Array, Record
 
@@ -63,8 +64,15 @@ def summarize(
         "initial": dict(initial),
         "initial_correction": {k: list(v) for k, v in record.initial_correction.items()},
         "coordinates": len(initial) // 2,
+        **_freedom(record),
         "seconds": dict(seconds),
     }
+
+
+def _freedom(record: Record) -> dict[str, Any]:
+    """Return the rank of B at the start, what is left free, and what is redundant."""
+    names = ("constraints", "rank", "degrees_of_freedom", "redundant")
+    return {name: record.freedom[name] for name in names}
 
 
 def _worst(residual: Array, scale: Array) -> float | None:
@@ -98,7 +106,7 @@ def error_object(error: LagcliError) -> dict[str, Any]:
         "status": "failed" if error.exit_status == 3 else "error",
         "message": str(error),
     }
-    if isinstance(error, ModelError):
+    if error.diagnostics:
         found["diagnostics"] = [
             {
                 "kind": d.kind,
@@ -148,6 +156,8 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
             f"    {k:<{width}}  {before:.10g} → {after:.10g}"
             for k, (before, after) in moved.items()
         ]
+    if s["redundant"]:
+        lines += _redundancy(s)
     residuals = [
         f"{what} {s[f'residual_{what}']:.1e}"
         for what in ("position", "velocity")
@@ -180,3 +190,23 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     else:
         lines.append(f"  {'written':<12}nothing (-o run.h5 keeps the trajectory)")
     return "\n".join(lines)
+
+
+def _redundancy(summary: Mapping[str, Any]) -> list[str]:
+    """Say that constraints are redundant, and which."""
+    surplus = sum(x["surplus"] for x in summary["redundant"])
+    freedom = summary["degrees_of_freedom"]
+    text = (
+        f"{surplus} of {summary['constraints']} redundant (rank of B {summary['rank']},"
+        f" {freedom} degree{'s' * (freedom != 1)} of freedom): "
+    )
+    sets = []
+    for found in summary["redundant"]:
+        names = ", ".join(found["constraints"][:_LISTED])
+        more = len(found["constraints"]) - _LISTED
+        names += f" and {more} more" if more > 0 else ""
+        follow = "follows" if found["surplus"] == 1 else "follow"
+        sets.append(f"{found['surplus']} of {names} {follow} from the others")
+    text += "; ".join(sets) + "; their multipliers are not unique, the constraint forces are"
+    first, *rest = textwrap.wrap(text, 86)
+    return [f"  {'constraints':<12}{first}", *(f"  {'':<12}{line}" for line in rest)]

@@ -35,7 +35,6 @@ from lagcli.equations.monomials import (
     Monomial,
     Polynomial,
     TooLarge,
-    content_of,
 )
 from lagcli.equations.ordering import writing_order
 from lagcli.equations.typeset import (
@@ -392,7 +391,7 @@ def _without_content(node: Node) -> tuple[Fraction, Node]:
     for _, term in node.terms:
         first = term.factors[0] if isinstance(term, Product) else term
         numbers.append(first.value if isinstance(first, Number) else Fraction(1))
-    content = content_of(numbers)
+    content = presentable_content(numbers, "whole")
     if content == 1:
         return content, node
     scale = Number(1 / content)

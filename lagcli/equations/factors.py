@@ -35,6 +35,10 @@ MULTIPLIER, PARAMETER, POSITION, BRACKET = range(4)
 ACCELERATION, VELOCITY, FUNCTION, SQUARE, LAST = range(4, 9)
 
 
+#: Of a number that is written as a fraction; a larger one makes it a decimal.
+LARGEST_DENOMINATOR = 12
+
+
 @dataclass(frozen=True)
 class Factor:
     """A factor base^exponent and its place among the others."""
@@ -146,8 +150,8 @@ def presentable_content(values: Iterable[Exact], style: ContentStyle) -> Fractio
     listed = [Fraction(v) for v in values]
     if len({abs(v) for v in listed}) == 1:
         return abs(listed[0])
-    if style == "decimal":
-        return Fraction(1)
+    if style == "decimal" or any(v.denominator > LARGEST_DENOMINATOR for v in listed):
+        return Fraction(1)  # 0.0589 x − 0.0076 y, not 0.0001 (589 x − 76 y)
     content = content_of(listed)
     if style == "whole":
         return content
@@ -160,7 +164,7 @@ def _signs(value: Fraction) -> int:
     """Count the signs that a coefficient takes."""
     if abs(value) == 1:
         return 0
-    return len(str(abs(value.numerator))) + (value.denominator > 12) * 2
+    return len(str(abs(value.numerator))) + (value.denominator > LARGEST_DENOMINATOR) * 2
 
 
 def square_root(terms: Mapping[Monomial, Exact]) -> Polynomial | None:

@@ -8,6 +8,7 @@ from fractions import Fraction
 
 from lagcli.equations import general
 from lagcli.equations.arrange import Arranger
+from lagcli.equations.freedom import Freedom
 from lagcli.equations.lagrange import ConstraintEquation, Equations
 from lagcli.equations.typeset import ZERO, Node, Symbol, Variation, product_of, sum_of, symbols_in
 from lagcli.equations.written import named_in, sides_built, written
@@ -42,11 +43,14 @@ class Step:
     lines : tuple of Line
     remark : str or None
         A sentence on what was done, or where it comes from.
+    packed : bool
+        Whether short lines may stand side by side.
     """
 
     title: str
     lines: tuple[Line, ...]
     remark: str | None = None
+    packed: bool = False
 
 
 class Formulas:
@@ -59,11 +63,20 @@ class Formulas:
         Whether the parameters stand for their values.
     named : bool
         Whether roots that the model defines go by the names of their definitions.
+    freedom : Freedom, optional
+        The degrees of freedom, if B's rank at the start is known.
     """
 
-    def __init__(self, equations: Equations, numeric: bool = False, named: bool = True):
+    def __init__(
+        self,
+        equations: Equations,
+        numeric: bool = False,
+        named: bool = True,
+        freedom: Freedom | None = None,
+    ):
         self.equations = equations
         self.model = equations.model
+        self.freedom = freedom or Freedom(len(equations.q), len(equations.constraints))
         self.values: Mapping[str, Fraction] = {}
         if numeric:
             values = self.model.parameter_values

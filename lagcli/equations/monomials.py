@@ -17,6 +17,7 @@ from typing import Literal
 import symengine as se
 from symengine import Basic
 
+from lagcli.model.identities import constant_value
 from lagcli.model.model import Model, acceleration, multiplier, velocity
 
 Exact = int | Fraction
@@ -287,6 +288,10 @@ class Expansion:
             return self._one(Generator("power", "", (base, exponent)))
         power = Fraction(exact(exponent))
         value = self._number(base)
+        if value is None and isinstance(base, se.Add) and (power < 0 or power.denominator > 1):
+            hidden = constant_value(base)
+            if hidden is not None and exact(hidden) > 0:
+                return self.polynomial(hidden**exponent)
         if value is not None:
             if power.denominator == 1 and (value != 0 or power > 0) and abs(power) <= 20:
                 return {UNIT: value ** int(power)} if value else {}

@@ -2,28 +2,99 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from lagcli.equations import general
+from lagcli.equations.extent import ROOM, Extent, abridged, is_large
 from lagcli.equations.formulas import Formulas, Line, Step
 from lagcli.equations.integrability import integrable
 from lagcli.equations.lagrange import ConstraintEquation, Equations
+from lagcli.equations.matrices import Matrices
 from lagcli.equations.typeset import Sign, sum_of, whole
 
 
-def overview(f: Formulas) -> tuple[Step, ...]:
+def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
     """Return what a reader wants to know of a system first.
 
     Parameters
     ----------
     f : Formulas
         Of the system.
+    full : bool
+        Whether everything is written out, however long it is; see `lagcli.equations.extent`.
 
     Returns
     -------
     tuple of Step
         Coordinates, constraints, degrees of freedom, equations of motion and their convention.
     """
+    if in_matrices(f, full):
+        return in_short(f)
+    found = _written_out(f)
+    return tuple(found if full else Extent(f).shortened(found))
+
+
+def in_matrices(f: Formulas, full: bool = False) -> bool:
+    """Whether the equations are given as matrices with abbreviations, not written out."""
+    if full:
+        return False
+    if is_large(f.equations):
+        return True
+    extent = Extent(f)
+    whole = extent.size(_written_out(f))
+    if whole <= ROOM:
+        return False
+    return extent.size(_before(f)) + Matrices(f).size < _SHORTER * whole
+
+
+def in_short(f: Formulas, remark: str = "") -> tuple[Step, ...]:
+    """Return the overview with M, f, B and γ as matrices of entries with abbreviations."""
+    extent, last = Extent(f), convention(f)
+    before = extent.shortened(_before(f), _BEFORE)
+    room = ROOM - extent.size([*before, last])
+    matrices = Matrices(f)
+    if matrices.size > room:
+        matrices = Matrices(f, ("M", "f", "B"))
+    law, *others = matrices.steps(room)
+    said = remark or "Written out, the equations are long: --full does."
+    return (*before, replace(law, remark=f"{law.remark} {said}"), *others, last)
+
+
+#: The part of the lines that matrices must save to be preferred.
+_SHORTER = 0.5
+_BEFORE = 150  # lines of what stands before the matrices, at most
+
+
+def _before(f: Formulas) -> list[Step]:
+    found = [
+        _coordinates(f),
+        _all_definitions(f),
+        _energies(f),
+        _constraints(f, False),
+        _freedom(f),
+    ]
+    return [step for step in found if step is not None]
+
+
+def _written_out(f: Formulas) -> list[Step]:
     found = [_coordinates(f), _definitions(f), _constraints(f), _freedom(f), _equations(f)]
-    return (*(step for step in found if step is not None), convention(f))
+    return [*(step for step in found if step is not None), convention(f)]
+
+
+def _all_definitions(f: Formulas) -> Step | None:
+    lines = f.all_definition_lines()
+    return Step("Definitions", lines) if lines else None
+
+
+def _energies(f: Formulas) -> Step:
+    signs, trees = general.Signs(f.model), f.model.trees
+    stated = {"T": signs.kinetic, "V": signs.potential, "L": signs.lagrangian}
+    lines = [
+        Line((sign, abridged(f.written(trees[key]))))
+        for key, sign in stated.items()
+        if key in trees
+    ]
+    return Step("Energies", tuple(lines))
 
 
 def kind_of(c: ConstraintEquation, equations: Equations) -> str:
@@ -35,11 +106,6 @@ def kind_of(c: ConstraintEquation, equations: Equations) -> str:
     if found:
         return f"nonholonomic in form, but integrable by itself; {time}"
     return f"nonholonomic, {time}" + (" (integrability not tested)" if found is None else "")
-
-
-def degrees_of_freedom(equations: Equations) -> int:
-    """Return k − r."""
-    return len(equations.q) - len(equations.constraints)
 
 
 def convention(f: Formulas) -> Step:
@@ -67,7 +133,7 @@ def _definitions(f: Formulas) -> Step | None:
     return Step("Definitions used below", lines) if lines else None
 
 
-def _constraints(f: Formulas) -> Step | None:
+def _constraints(f: Formulas, variations: bool = True) -> Step | None:
     constraints = f.equations.constraints
     if not constraints:
         return None
@@ -75,7 +141,8 @@ def _constraints(f: Formulas) -> Step | None:
     for c in constraints:
         note = kind_of(c, f.equations)
         lines.append(Line(f.constraint_line(c).sides, c.constraint.name, note))
-        lines.append(f.variation_line(c))
+        if variations:
+            lines.append(f.variation_line(c))
     return Step(f"Constraints: r = {len(constraints)}", tuple(lines))
 
 
@@ -83,12 +150,21 @@ def _freedom(f: Formulas) -> Step:
     k, r = len(f.coordinates), len(f.equations.constraints)
     if not r:
         return Step("Degrees of freedom", (Line((Sign("k", "k"), whole(k))),))
+    freedom = f.freedom
+    less, subtracted = Sign("r", "r"), r
+    note = "the constraints are independent at the start"
+    if freedom.rank is None:
+        note = "for independent constraints"
+    elif freedom.rank < r:
+        less, subtracted = Sign("rank B", r"\operatorname{rank} B"), freedom.rank
+        note = f"at the start; r = {r}"
     sides = (
-        sum_of([(1, Sign("k", "k")), (-1, Sign("r", "r"))]),
-        sum_of([(1, whole(k)), (-1, whole(r))]),
-        whole(degrees_of_freedom(f.equations)),
+        sum_of([(1, Sign("k", "k")), (-1, less)]),
+        sum_of([(1, whole(k)), (-1, whole(subtracted))]),
+        whole(freedom.degrees),
     )
-    return Step("Degrees of freedom", (Line(sides, note="for independent constraints"),))
+    remark = " ".join(freedom.remarks) or None
+    return Step("Degrees of freedom", (Line(sides, note=note),), remark)
 
 
 def _equations(f: Formulas) -> Step:

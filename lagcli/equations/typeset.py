@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
-SymbolKind = Literal["name", "multiplier", "force", "constant"]
+SymbolKind = Literal["name", "multiplier", "force", "constant", "constraint"]
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,17 @@ class Sign(Node):
 
     text: str
     latex: str
+
+
+@dataclass(frozen=True)
+class Entry(Node):
+    """An entry of a matrix or vector, by what its row and column belong to: M[φ, ψ], γ[rod].
+
+    An index is a coordinate, or a constraint as a Symbol of kind ``constraint``.
+    """
+
+    matrix: Sign
+    indices: tuple[Symbol, ...]
 
 
 @dataclass(frozen=True)
@@ -250,6 +261,8 @@ def children(node: Node) -> tuple[Node, ...]:
             return (node.of, node.by)
         case Rate() | Variation():
             return (node.of,)
+        case Entry():
+            return node.indices
     return ()
 
 

@@ -52,7 +52,7 @@ def written(
 
 def named_in(tree: Tree, model: Model, indices: Indices = _NONE) -> tuple[str, ...]:
     """Return the definitions that a tree uses, each after those that it needs itself."""
-    scope = _scope(model)
+    scope = scope_of(model)
     found: dict[str, None] = {}
     stack: list[tuple[Tree | str, Indices, bool]] = [(tree, indices, False)]
     while stack:
@@ -80,13 +80,13 @@ def named_in(tree: Tree, model: Model, indices: Indices = _NONE) -> tuple[str, .
 
 def sides_built(constraint: Constraint, model: Model) -> tuple[Basic, ...]:
     """Return the sides of a constraint as expressions, definitions written out."""
-    scope = _scope(model)
+    scope = scope_of(model)
     scope.values.update(constraint.indices)
     sides = (constraint.left, constraint.right)
     return tuple(build(side, scope).value for side in sides if side is not None)
 
 
-def _scope(model: Model) -> ModelScope:
+def scope_of(model: Model) -> ModelScope:
     """Return the names of a model, definitions standing for what they are written out."""
     families: dict[str, set[str]] = {}
     for kind, known in (
@@ -111,7 +111,7 @@ def _scope(model: Model) -> ModelScope:
 class _Writer:
     def __init__(self, model: Model, values: dict[str, Exact], indices: Indices):
         self.model, self.values = model, values
-        self.scope = _scope(model)
+        self.scope = scope_of(model)
         self.scope.values.update(indices)
 
     def node(self, tree: Tree) -> Node:

@@ -153,7 +153,8 @@ def _coordinate(draft: Draft, declaration: Declaration) -> Coordinate:
     fields = draft.fields(value, what, ("unit", "description", "latex"))
     texts = {f: draft.text(n, f"`{f}` of {what}") for f, n in fields.items()}
     unit = si_unit(draft, texts.get("unit"), fields["unit"]) if texts.get("unit") else None
-    return Coordinate(name, unit, texts.get("description"), texts.get("latex"), key.location)
+    latex = fields["latex"].location if "latex" in fields else None
+    return Coordinate(name, unit, texts.get("description"), texts.get("latex"), key.location, latex)
 
 
 def si_unit(draft: Draft, unit: str | None, node: Node) -> str | None:

@@ -69,6 +69,7 @@ class Coordinate(NamedTuple):
     description: str | None = None
     latex: str | None = None
     location: SourceLocation | None = None
+    latex_location: SourceLocation | None = None
 
 
 class Written(NamedTuple):

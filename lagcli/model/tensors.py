@@ -10,6 +10,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model.expansion import is_zero
+from lagcli.model.identities import constant_value
 
 Rows = tuple[tuple[Basic, ...], ...]
 Derivative = Callable[[Basic], Basic]
@@ -180,7 +181,8 @@ def rotation(axis: Tensor, angle: Basic) -> Tensor:
     """Return the rotation about a constant axis (normalized here) by an angle (Rodrigues)."""
     if axis.shape != (3, 1):
         raise ShapeError(f"the axis of a rotation is a vector of 3, not {axis.kind}")
-    length = norm(axis)
+    square = dot(axis, axis)
+    length = se.sqrt(constant_value(square) or square)  # [sin(a), 0, cos(a)] has the length 1
     x, y, z = n = tuple(e / length for e in axis.entries)
     s, c = se.sin(angle), se.cos(angle)
     u = 1 - c

@@ -230,12 +230,13 @@ class Catalogue:
     def _look(self, name: str, dots: int = 0) -> str:
         """Return a name as matplotlib shows it: in TeX, if it is a letter with a subscript."""
         letter, _ = split(name)
-        names = self._names
-        if names is None or not (
-            len(letter) == 1 or letter in GREEK or name in names.with_own_latex
-        ):
-            return _raw(name + _RATES[dots][0])
-        return f"${names.latex(name, dots)}$"
+        names, raw = self._names, _raw(name + _RATES[dots][0])
+        if names is None:
+            return raw
+        label = f"${names.latex(name, dots)}$"
+        if name in names.with_own_latex:
+            return label if _drawable(label) else raw
+        return label if len(letter) == 1 or letter in GREEK else raw
 
     def _multiplier(self, constraint: str) -> str:
         if self._names is None:
@@ -299,6 +300,17 @@ def pretty_unit(unit: str) -> str:
     for plain, shown in (("^2", "²"), ("^3", "³"), ("*", "·")):
         unit = unit.replace(plain, shown)
     return unit
+
+
+def _drawable(label: str) -> bool:
+    """Return whether matplotlib can draw a label: its mathtext lacks some of LaTeX's commands."""
+    from matplotlib.mathtext import MathTextParser
+
+    try:
+        MathTextParser("path").parse(label)
+    except ValueError:
+        return False
+    return True
 
 
 def _raw(text: str) -> str:

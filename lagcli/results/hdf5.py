@@ -63,7 +63,7 @@ _AXES = {quantity.name: quantity.axes for quantity in QUANTITIES}
 _OUTPUTS = "outputs/"
 
 #: Attributes that files of earlier versions lack.
-_LATER = ("tolerances", WARNINGS)
+_LATER = ("tolerances", "freedom", WARNINGS)
 
 
 def write_hdf5(trajectory: Trajectory, path: str | os.PathLike[str], force: bool = False) -> None:

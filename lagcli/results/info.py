@@ -135,6 +135,7 @@ def format_info(info: Mapping[str, Any]) -> str:
         for n, (before, after) in info["initial_correction"].items()
     ]
     lines += _entry("start moved", ", ".join(moved))
+    lines += _entry("freedom", _freedom(info["freedom"]))
     lines += _entry("energy balance", f"{_number(balance['max'], 3)} J at worst")
     lines += _entry("  relative", _number(balance["relative"], 3))
     lines += _entry("equation residual", f"{_number(info['residual_equation'], 3)} at worst")
@@ -194,6 +195,16 @@ def _size(count: int) -> str:
             return f"{size:.3g} {symbol}"
         size /= 1000
     return f"{size:.3g} GB"
+
+
+def _freedom(found: Mapping[str, Any]) -> str:
+    """Say how many degrees of freedom there are, and which constraints are redundant."""
+    if not found:
+        return ""
+    text = f"{found['degrees_of_freedom']}, rank of B {found['rank']}"
+    for x in found["redundant"]:
+        text += f"; {x['surplus']} of {', '.join(x['constraints'])} redundant"
+    return text
 
 
 def _pairs(values: Mapping[str, Any], units: Mapping[str, str] | None = None) -> str:

@@ -25,6 +25,7 @@ MAPPINGS = (
     "seconds",
     "initial_correction",
     "tolerances",
+    "freedom",
 )
 
 #: The field of `Record` that is a list of texts.
@@ -85,7 +86,7 @@ def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
     fields[WARNINGS] = tuple(str(x) for x in metadata.get(WARNINGS, ()))
     for name in ("parameters", "seconds", "tolerances"):
         fields[name] = {k: from_number(v) for k, v in metadata.get(name, {}).items()}
-    for name in ("units", "options", "counts"):
+    for name in ("units", "options", "counts", "freedom"):
         fields[name] = dict(metadata.get(name, {}))
     fields["initial_correction"] = {
         k: (from_number(before), from_number(after))

@@ -15,7 +15,7 @@ from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.measures import read_measures
 from lagcli.model.model import InitialValue, Model
 from lagcli.simulation import Simulation, engine_of, ready, sample_times
-from lagcli.start import describe_undefined
+from lagcli.start import undefined_at
 from lagcli.sweeps.reductions import Grid, Measuring
 from lagcli.sweeps.signals import Signals, kept_signals
 from lagcli.variants import Values, Variants
@@ -198,7 +198,7 @@ class Group:
             equations = dataclasses.replace(
                 self.variants.equations, model=self._model(place, values)
             )
-            run.message += "; " + describe_undefined(equations, *run.undefined)
+            run.message += "; " + undefined_at(equations, *run.undefined).with_line
         return run
 
     # one by one

@@ -29,6 +29,7 @@ SUMMARY_KEYS = {
     *("evaluations", "engine", "method", "formulation", "residual_position", "residual_velocity"),
     *("energy_balance", "energy_scale", "multipliers", "parameters", "initial"),
     *("initial_correction", "coordinates", "seconds"),
+    *("constraints", "rank", "degrees_of_freedom", "redundant"),
 }
 
 

@@ -95,10 +95,19 @@ def test_formulas_read_back(path):
 def test_schema():
     e = equations_of(next(p for p in MODELS if p.stem == "slider_crank_textbook"))
     content = json.loads(render(e, "json", steps=True))
-    assert content["schema"] == "lagcli-derivation-1"
+    assert content["schema"] == "lagcli-derivation-2"
     assert list(content) == [
         *("schema", "name", "description", "numeric", "coordinates", "parameters", "constraints"),
-        *("degrees_of_freedom", "kinetic", "potential", "lagrangian", "mass_matrix", "forcing"),
+        *(
+            "rank",
+            "degrees_of_freedom",
+            "redundant",
+            "kinetic",
+            "potential",
+            "lagrangian",
+            "mass_matrix",
+            "forcing",
+        ),
         *("applied_forces", "equations", "sign_convention", "steps"),
     ]
     assert content["degrees_of_freedom"] == 1

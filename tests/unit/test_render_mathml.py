@@ -16,10 +16,11 @@ from lagcli.equations.overview import overview
 from lagcli.equations.render.formula_mathml import MathmlFormula, width
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.html import equation
-from lagcli.equations.render.mathml_sign import Unknown, sign_mathml
+from lagcli.equations.render.mathml_sign import sign_mathml
 from lagcli.equations.render.names import Names
 from lagcli.equations.render.numbers import written_decimals
 from lagcli.equations.typeset import Call, Number, Power, Product, Quotient, Sum, Symbol, whole
+from lagcli.model.latex_sign import NotASign
 
 APPLY, TIMES = "\u2061", "\u2062"
 
@@ -270,7 +271,7 @@ def test_own_signs(latex: str, text: str, tags: list[str]) -> None:
     [r"\href{x}{y}", r"\frac{a}{b}", "a}", "{a", r"x_1_2", "_", r"\mathrm{<b>}", "a" + "{" * 50],
 )
 def test_what_is_more_than_a_sign_is_refused(latex: str) -> None:
-    with pytest.raises(Unknown):
+    with pytest.raises(NotASign):
         sign_mathml(latex)
 
 

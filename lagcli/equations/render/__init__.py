@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from lagcli.equations.formulas import Formulas
+from lagcli.equations.extent import Extent
+from lagcli.equations.formulas import Formulas, Step
+from lagcli.equations.freedom import Freedom
 from lagcli.equations.lagrange import Equations
-from lagcli.equations.overview import convention, overview
+from lagcli.equations.overview import convention, in_matrices, in_short, overview
 from lagcli.equations.steps import steps as derivation
 from lagcli.errors import UsageError
 
@@ -18,6 +20,8 @@ def render(
     numeric: bool = False,
     width: int = 100,
     fragment: bool = False,
+    freedom: Freedom | None = None,
+    full: bool = False,
 ) -> str:
     """Return the equations of motion for a reader.
 
@@ -34,6 +38,11 @@ def render(
         Columns of text, 40 or more.
     fragment : bool
         Of LaTeX: the body only, to be included in a document that loads amsmath.
+    freedom : Freedom, optional
+        The degrees of freedom by B's rank at the start, from `lagcli.degrees_of_freedom`; without
+        it they are counted as if the constraints were independent.
+    full : bool
+        Whether everything is written out, however long it is.
 
     Returns
     -------
@@ -51,12 +60,12 @@ def render(
 
     if format not in FORMATS:
         raise UsageError(f"there is no format `{format}`; known are {', '.join(FORMATS)}")
-    f = Formulas(equations, numeric)
+    f = Formulas(equations, numeric, freedom=freedom)
     if format == "json":
         from lagcli.equations.render.json import render_json
 
-        return render_json(f, steps)
-    shown = (*derivation(f), convention(f)) if steps else overview(f)
+        return render_json(f, steps, full)
+    shown = _derivation(f, full) if steps else overview(f, full)
     names = Names(f.model)
     if format == "text":
         from lagcli.equations.render.text import NARROWEST, render_text
@@ -75,3 +84,11 @@ def render(
     from lagcli.equations.render.latex import render_latex
 
     return render_latex(f.model, shown, latex, numbered=steps, fragment=fragment)
+
+
+def _derivation(f: Formulas, full: bool) -> tuple[Step, ...]:
+    """Return the derivation step by step; of a large system, what it comes to."""
+    if in_matrices(f, full):
+        return in_short(f, "Term by term, the derivation is long: --full gives it.")
+    found = [*derivation(f), convention(f)]
+    return tuple(found if full else Extent(f).shortened(found))

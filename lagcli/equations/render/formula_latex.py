@@ -8,7 +8,7 @@ from fractions import Fraction
 from lagcli.equations import typeset as t
 from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
 from lagcli.equations.render.formula import FormulaWriter
-from lagcli.equations.render.names import latex_ascii, letter
+from lagcli.equations.render.names import latex_ascii, latex_word, letter
 from lagcli.equations.render.numbers import decimal, rounded
 from lagcli.equations.typeset import Node
 
@@ -51,6 +51,9 @@ class LatexFormula(FormulaWriter):
     def _write_sign(self, node: t.Sign, depth: int) -> list[Token]:
         return [node.latex]
 
+    def _write_entry(self, node: t.Entry, depth: int) -> list[Token]:
+        return [f"{node.matrix.latex}_{{{', '.join(map(self._symbol, node.indices))}}}"]
+
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         return [rf"\frac{{{self.latex(node.numerator)}}}{{{self.latex(node.denominator)}}}"]
 
@@ -89,6 +92,8 @@ class LatexFormula(FormulaWriter):
                 return f"Q_{{{self.names.latex(node.name)}}}"
             case "constant":
                 return r"\pi"
+            case "constraint":
+                return latex_word(node.name)
         return self.names.latex(node.name, node.dots)
 
     def _write_product(self, node: t.Product, depth: int) -> list[Token]:

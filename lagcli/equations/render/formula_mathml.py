@@ -69,6 +69,11 @@ class MathmlFormula(FormulaWriter):
     def _write_sign(self, node: t.Sign, depth: int) -> list[Token]:
         return [sign_mathml(node.latex)]
 
+    def _write_entry(self, node: t.Entry, depth: int) -> list[Token]:
+        comma = '<mo separator="true">,</mo>'
+        below = comma.join(map(self._symbol, node.indices))
+        return [f"<msub>{sign_mathml(node.matrix.latex)}{_row(below)}</msub>"]
+
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         top, bottom = self.mathml(node.numerator), self.mathml(node.denominator)
         return [f"<mfrac>{top}{bottom}</mfrac>"]
@@ -127,6 +132,8 @@ class MathmlFormula(FormulaWriter):
                 return "<mi>Q</mi>", f"<msub>{base}{below}</msub>" if below else base
             case "constant":
                 return "<mi>π</mi>", ""
+            case "constraint":
+                return f"<mi>{escape(node.name)}</mi>", ""
         return self.names.mathml(node.name, node.dots)
 
     def _write_product(self, node: t.Product, depth: int) -> list[Token]:

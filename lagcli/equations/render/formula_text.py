@@ -53,6 +53,9 @@ class TextFormula(FormulaWriter):
     def _write_sign(self, node: t.Sign, depth: int) -> list[Token]:
         return [node.text]
 
+    def _write_entry(self, node: t.Entry, depth: int) -> list[Token]:
+        return [f"{node.matrix.text}[{', '.join(map(self._symbol, node.indices))}]"]
+
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         top = self._tight(node.numerator, depth, product=True)
         return [*top, "/", *self._tight(node.denominator, depth)]
@@ -96,6 +99,8 @@ class TextFormula(FormulaWriter):
         return f"{top}⁄{str(value.denominator).translate(SUBSCRIPTS)}"
 
     def _symbol(self, node: t.Symbol) -> str:
+        if node.kind == "constraint":
+            return node.name
         if node.kind == "multiplier":
             return self.names.multiplier(node.name)
         if node.kind == "force":

@@ -1,11 +1,15 @@
 """The equations as JSON, for programs.
 
-Schema ``lagcli-derivation-1``. Every formula is ``{"text": …, "latex": …}``: text of the model
+Schema ``lagcli-derivation-2``. Every formula is ``{"text": …, "latex": …}``: text of the model
 grammar, which `lagcli.model.grammar` reads back, and LaTeX.
 
 ==================  ==========================================================================
-``schema``          ``"lagcli-derivation-1"``
+``schema``          ``"lagcli-derivation-2"``
 ``name``            of the model; ``description`` with it
+``form``            ``"written-out"``; of a large model without ``--full`` ``"matrices"``: the
+                    formulas then hold abbreviations
+``abbreviations``   objects ``name, text, latex``, each after those that it uses; definitions of
+                    the model among them
 ``numeric``         whether the parameters are replaced by their values
 ``coordinates``     objects ``name, unit, description, latex``, in the model's order
 ``parameters``      name → value in SI
@@ -14,12 +18,15 @@ grammar, which `lagcli.model.grammar` reads back, and LaTeX.
                     ``variation``: coordinate → b_i (8.79); ``row``: the b_i by index, and
                     ``drift`` b_0 of the velocity form Σ b_i v_i + b_0 = 0; ``gamma``: the right
                     side of Σ b_i a_i = γ
-``degrees_of_freedom``  k − r
+``rank``            of B at the consistent start; null where there is none, or not looked for
+``degrees_of_freedom``  k − rank; k − r where the rank is not known
+``redundant``       sets of ``constraints`` that depend on each other there, and their ``surplus``:
+                    how many of them follow from the others
 ``kinetic``, ``potential``, ``lagrangian``
 ``mass_matrix``     nonzero entries ``[i, j, formula]``
 ``forcing``         f of M a = f + Bᵀλ
 ``applied_forces``  Q
-``equations``       objects ``coordinate, lhs, rhs``: (8.85), assembled
+``equations``       objects ``coordinate, lhs, rhs``: (8.85), assembled; null in matrix form
 ``sign_convention`` a sentence
 ``steps``           with ``--steps``: objects ``title, remark, lines``; a line has ``latex``,
                     ``label`` and ``note``
@@ -36,15 +43,16 @@ from symengine import Basic
 from lagcli.equations.formulas import Formulas, Line
 from lagcli.equations.integrability import integrable
 from lagcli.equations.lagrange import ConstraintEquation
-from lagcli.equations.overview import degrees_of_freedom
+from lagcli.equations.matrices import PARTS, Matrices
+from lagcli.equations.overview import in_matrices
 from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.grammar import grammar_text
 from lagcli.equations.render.names import Names
 from lagcli.equations.render.numbers import written_decimals
 from lagcli.equations.steps import steps as derivation
-from lagcli.equations.typeset import Node
+from lagcli.equations.typeset import ZERO, Node, Symbol
 
-SCHEMA = "lagcli-derivation-1"
+SCHEMA = "lagcli-derivation-2"
 SIGN_CONVENTION = (
     "d/dt dL/dq' - dL/dq = Q + sum of lambda*b over the constraints, with b = dphi/dq of a"
     " holonomic constraint phi = 0 and b = dpsi/dq' of a nonholonomic one psi = 0; of an equation"
@@ -52,7 +60,7 @@ SIGN_CONVENTION = (
 )
 
 
-def render_json(f: Formulas, steps: bool) -> str:
+def render_json(f: Formulas, steps: bool, full: bool) -> str:
     """Return the equations as JSON in the schema of this module.
 
     Parameters
@@ -61,11 +69,14 @@ def render_json(f: Formulas, steps: bool) -> str:
         Of the system.
     steps : bool
         Whether to add the derivation step by step.
+    full : bool
+        Whether everything is written out, however long it is.
     """
-    plain = Formulas(f.equations, bool(f.values), named=False)
-    writer = _Writer(plain)
+    plain = Formulas(f.equations, bool(f.values), named=False, freedom=f.freedom)
+    matrices = Matrices(plain, PARTS) if in_matrices(f, full) else None
+    writer = _Writer(plain, matrices)
     content = writer.content()
-    if steps:
+    if steps and matrices is None:
         content["steps"] = [
             {
                 "title": step.title,
@@ -78,14 +89,19 @@ def render_json(f: Formulas, steps: bool) -> str:
 
 
 class _Writer:
-    def __init__(self, f: Formulas):
-        self.f = f
+    def __init__(self, f: Formulas, matrices: Matrices | None):
+        self.f, self.matrices = f, matrices
+        self.entries = matrices.formulas_of() if matrices is not None else {}
         names = Names(f.model)
         self.latex = LatexFormula(names, written_decimals(f.model), bool(f.values)).latex
         self.names = names
 
-    def formula(self, expression: Basic) -> dict[str, str]:
-        return self.node(self.f.arrange(expression))
+    def formula(self, expression: Basic, part: str, i: int, j: int = 0) -> dict[str, str]:
+        """Return an entry: with abbreviations, if there are any."""
+        if self.matrices is None:
+            return self.node(self.f.arrange(expression))
+        place = (part, min(i, j), max(i, j)) if part == "M" else (part, i, j)
+        return self.node(self.entries.get(place, ZERO))
 
     def node(self, node: Node) -> dict[str, str]:
         return {"text": grammar_text(node), "latex": self.latex(node)}
@@ -115,19 +131,27 @@ class _Writer:
                 for c in model.coordinates
             ],
             "parameters": model.parameter_values,
-            "constraints": [self.constraint(c) for c in e.constraints],
-            "degrees_of_freedom": degrees_of_freedom(e),
-            "kinetic": self.formula(e.kinetic),
-            "potential": self.formula(e.potential),
-            "lagrangian": self.formula(e.lagrangian),
+            "form": "written-out" if self.matrices is None else "matrices",
+            "abbreviations": self.abbreviations(),
+            "constraints": [self.constraint(i, c) for i, c in enumerate(e.constraints)],
+            **{
+                key: value
+                for key, value in self.f.freedom.to_mapping().items()
+                if key in ("rank", "degrees_of_freedom", "redundant")
+            },
+            "kinetic": self.formula(e.kinetic, "energy", 0),
+            "potential": self.formula(e.potential, "energy", 1),
+            "lagrangian": self.formula(e.lagrangian, "energy", 2),
             "mass_matrix": [
-                [i, j, self.formula(m)]
+                [i, j, self.formula(m, "M", i, j)]
                 for i, row in enumerate(e.mass_matrix)
                 for j, m in sorted(row.items())
             ],
-            "forcing": [self.formula(x) for x in e.forcing],
-            "applied_forces": [self.formula(x) for x in e.applied_forces],
-            "equations": [self.equation(i) for i in range(len(e.q))],
+            "forcing": [self.formula(x, "f", i) for i, x in enumerate(e.forcing)],
+            "applied_forces": [self.formula(x, "Q", i) for i, x in enumerate(e.applied_forces)],
+            "equations": None
+            if self.matrices is not None
+            else [self.equation(i) for i in range(len(e.q))],
             "sign_convention": SIGN_CONVENTION,
         }
 
@@ -136,18 +160,27 @@ class _Writer:
         name = self.f.model.coordinates[i].name
         return {"coordinate": name, "lhs": self.node(left), "rhs": self.node(right)}
 
-    def constraint(self, c: ConstraintEquation) -> dict[str, Any]:
+    def abbreviations(self) -> list[dict[str, str]]:
+        if self.matrices is None:
+            return []
+        return [
+            {"name": side.name, **self.node(value)}
+            for side, value in (line.sides for line in self.matrices.abbreviations())
+            if isinstance(side, Symbol)
+        ]
+
+    def constraint(self, i: int, c: ConstraintEquation) -> dict[str, Any]:
         names = self.f.model.coordinate_names
-        row = {j: self.formula(b) for j, b in sorted(c.row.items())}
+        row = {j: self.formula(b, "B", i, j) for j, b in sorted(c.row.items())}
         return {
             "name": c.constraint.name,
             "kind": c.constraint.kind,
             "rheonomic": c.rheonomic,
             "integrable": None if c.position is not None else integrable(c, self.f.equations),
-            "expression": self.formula(c.constraint.expression),
+            "expression": self.formula(c.constraint.expression, "expression", i),
             "written": " = ".join(map(self.latex, self.f.constraint_line(c).sides)),
             "variation": {names[j]: b for j, b in row.items()},
             "row": [[j, b] for j, b in row.items()],
-            "drift": self.formula(c.drift),
-            "gamma": self.formula(c.rhs),
+            "drift": self.formula(c.drift, "drift", i),
+            "gamma": self.formula(c.rhs, "gamma", i),
         }

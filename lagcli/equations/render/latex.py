@@ -14,6 +14,7 @@ from lagcli.equations.render.names import LATEX_GREEK
 from lagcli.model.model import Model
 
 TEXT_WIDTH = 455.0  # points: 160 mm
+_ROWS = 60  # of one display: more than a page
 _INDENT = 20.0  # points: \quad and the alignment
 
 _PREAMBLE = r"""\documentclass[11pt,a4paper]{article}
@@ -131,6 +132,11 @@ def paragraphs(group: Sequence[Line]) -> list[tuple[Line | None, list[Line]]]:
 
 
 def _body(step: Step, formula: LatexFormula) -> list[str]:
+    if step.packed:
+        # TeX breaks formulas within a text by itself
+        inline = [" = ".join(map(formula.latex, line.sides)) for line in step.lines]
+        body = ";\n\\quad ".join(f"${text}$" for text in inline)
+        return [f"\\begin{{flushleft}}\n{body}\n\\end{{flushleft}}"]
     found = []
     for alone, group in groupby(step.lines, key=lambda line: len(line.sides) == 1):
         if alone:
@@ -138,7 +144,10 @@ def _body(step: Step, formula: LatexFormula) -> list[str]:
             found.append("\\begin{itemize}\n" + "\n".join(items) + "\n\\end{itemize}")
             continue
         for named, belonging in paragraphs(list(group)):
-            display = f"\\begin{{align*}}\n{rows(belonging, formula)}\n\\end{{align*}}"
+            display = "\n".join(
+                f"\\begin{{align*}}\n{part}\n\\end{{align*}}"
+                for part in displays(belonging, formula)
+            )
             if named is not None:
                 note = f" ({escape(named.note)})" if named.note else ""
                 label = rf"\textit{{{escape(str(named.label))}}}"
@@ -154,8 +163,11 @@ def _item(line: Line, formula: LatexFormula) -> str:
     return rf"\item ${formula.latex(line.sides[0])}${note}"
 
 
-def rows(group: Sequence[Line], formula: LatexFormula, width: float = TEXT_WIDTH) -> str:
-    """Return formulas as the rows of an alignment at the equality sign, broken to fit the page."""
+def displays(group: Sequence[Line], formula: LatexFormula, width: float = TEXT_WIDTH) -> list[str]:
+    """Return formulas as the rows of alignments at the equality sign, broken to fit the page.
+
+    A display of many rows is set as several ones: TeX holds each of them in memory as a whole.
+    """
     left = [measure(_flat(formula.tokens(line.sides[0]))) for line in group]
     aligned = max(left, default=0.0)
     flush = aligned > width / 4  # a left side is long: all lines begin at the margin
@@ -182,8 +194,14 @@ def rows(group: Sequence[Line], formula: LatexFormula, width: float = TEXT_WIDTH
             found += [f"{head} &= {broken[0]}", *(rf"&\qquad {x}" for x in broken[1:])]
             head = ""
     # broken equations stand a little apart
-    apart = "[1ex]" if any(len(found) > 1 for found in equations) else ""
-    return f" \\\\{apart}\n".join(" \\\\\n".join(found) for found in equations)
+    apart = " \\\\[1ex]\n" if any(len(found) > 1 for found in equations) else " \\\\\n"
+    pieces = [found[i : i + _ROWS] for found in equations for i in range(0, len(found), _ROWS)]
+    parts: list[list[list[str]]] = [[]]
+    for piece in pieces:
+        if parts[-1] and sum(map(len, parts[-1])) + len(piece) > _ROWS:
+            parts.append([])
+        parts[-1].append(piece)
+    return [apart.join(" \\\\\n".join(found) for found in part) for part in parts]
 
 
 def _flat(tokens: Sequence[Token]) -> str:

@@ -8,7 +8,7 @@ from itertools import groupby
 
 from lagcli.equations.formulas import Line, Step
 from lagcli.equations.render.formula_latex import LatexFormula
-from lagcli.equations.render.latex import paragraphs, rows
+from lagcli.equations.render.latex import displays, paragraphs
 from lagcli.model.model import Model
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]<>#|$~])")
@@ -44,6 +44,9 @@ def render_markdown(
 
 
 def _body(step: Step, formula: LatexFormula) -> list[str]:
+    if step.packed:
+        inline = [" = ".join(map(formula.latex, line.sides)) for line in step.lines]
+        return ["\n".join(f"${text}$;" for text in inline)]
     found = []
     for alone, group in groupby(step.lines, key=lambda line: len(line.sides) == 1):
         if alone:
@@ -53,8 +56,10 @@ def _body(step: Step, formula: LatexFormula) -> list[str]:
             if named is not None:
                 note = f" ({escape(named.note)})" if named.note else ""
                 found.append(f"*{escape(str(named.label))}*{note}:")
-            aligned = rows(belonging, formula)
-            found.append(f"$$\n\\begin{{aligned}}\n{aligned}\n\\end{{aligned}}\n$$")
+            found += [
+                f"$$\n\\begin{{aligned}}\n{part}\n\\end{{aligned}}\n$$"
+                for part in displays(belonging, formula)
+            ]
             found += [escape(x.note) for x in belonging if x.note and x is not named]
     return found
 

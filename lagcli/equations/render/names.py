@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import re
 import unicodedata
+from contextlib import suppress
 from html import escape
 
+from lagcli.errors import Diagnostic
+from lagcli.model.latex_sign import NotASign, parse, to_latex
 from lagcli.model.model import Model
 
 _LETTERS = """
@@ -60,9 +62,7 @@ class Names:
         self._text = _distinct({name: _text(name) for name in declared})
         self._latex = _distinct({name: _latex(name) for name in declared})
         self._mathml = _distinct({name: _mathml(name) for name in declared})
-        self._own = {
-            c.name: c.latex for c in model.coordinates if c.latex and _presentable(c.latex)
-        }
+        self._own = _own_signs(model)
         self.with_own_latex = frozenset(self._own)
         self.declared = frozenset(declared)
         self._single = len(model.constraints) == 1 and "lambda" not in self.declared
@@ -89,17 +89,14 @@ class Names:
 
     def latex_multiplier(self, constraint: str) -> str:
         """Return λ in LaTeX."""
-        return r"\lambda" if self._single else rf"\lambda_{{{_latex_word(constraint)}}}"
+        return r"\lambda" if self._single else rf"\lambda_{{{latex_word(constraint)}}}"
 
     def mathml(self, name: str, dots: int = 0) -> tuple[str, str]:
         """Return a name with its dots in MathML: its letter, and its subscript or nothing."""
         if name in self._own:
-            from lagcli.equations.render.mathml_sign import Unknown, sign_mathml
+            from lagcli.equations.render.mathml_sign import sign_mathml
 
-            try:
-                return dotted(sign_mathml(self._own[name]), dots), ""
-            except Unknown:  # more than a sign: it looks as if it had no LaTeX of its own
-                pass
+            return dotted(sign_mathml(self._own[name]), dots), ""
         letter, subscript = self._mathml.get(name) or _mathml(name)
         if letter == name:  # raw, so as not to look like another one
             letter = f"<mi>{escape(name)}</mi>"
@@ -108,6 +105,40 @@ class Names:
     def mathml_multiplier(self, constraint: str) -> str:
         """Return the subscript of λ in MathML; nothing where it has none."""
         return "" if self._single else _mathml_row(constraint)
+
+
+def _own_signs(model: Model) -> dict[str, str]:
+    """Return the LaTeX that coordinates state, written anew; without what is not a sign."""
+    found = {}
+    for c in model.coordinates:
+        if c.latex:
+            with suppress(NotASign):
+                found[c.name] = to_latex(parse(c.latex))
+    return found
+
+
+def refused_signs(model: Model) -> list[Diagnostic]:
+    """Return warnings of coordinates whose LaTeX is not a sign: their names are written instead."""
+    found: dict[object, Diagnostic] = {}
+    for c in model.coordinates:
+        if not c.latex:
+            continue
+        try:
+            parse(c.latex)
+        except NotASign as error:
+            place = c.latex_location or c.location
+            found.setdefault(
+                place or c.name,
+                Diagnostic(
+                    "latex-sign",
+                    f"`latex` of the coordinate `{c.name}`: {error}; its name is written instead",
+                    place,
+                    "write letters, Greek (\\varphi), accents (\\vec{r}), \\boldsymbol{r},"
+                    " \\mathrm{word},\nsubscripts and superscripts; docs/model-file.md lists all",
+                    severity="warning",
+                ),
+            )
+    return list(found.values())
 
 
 def _distinct(looks: dict[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
@@ -173,7 +204,7 @@ def _latex_letter(text: str, font: str = r"\mathit") -> str:
     return f"{font}{{{latex_ascii(text)}}}"
 
 
-def _latex_word(name: str) -> str:
+def latex_word(name: str) -> str:
     """Return a constraint's name as a subscript: rod_1 with its own subscript."""
     name = name.replace("[", "_").removesuffix("]")
     first, *rest = [p for p in name.split("_") if p]
@@ -194,27 +225,6 @@ def latex_ascii(text: str) -> str:
         elif not unicodedata.combining(char):
             parts.append(f"u{ord(char):04X}")
     return "".join(parts)
-
-
-# a name is a sign: it has no business with files, definitions or environments
-_FORBIDDEN = re.compile(
-    r"\\(input|include|read|write|open|def|let|catcode|csname|immediate|begin|end|loop|special)"
-)
-
-
-def _presentable(text: str) -> bool:
-    """Whether a coordinate's own LaTeX is balanced and harmless."""
-    return _balanced(text) and not _FORBIDDEN.search(text)
-
-
-def _balanced(text: str) -> bool:
-    depth = 0
-    for i, char in enumerate(text):
-        if char in "{}" and (i == 0 or text[i - 1] != "\\"):
-            depth += 1 if char == "{" else -1
-        if depth < 0 or (char in "%#$&~" and (i == 0 or text[i - 1] != "\\")):
-            return False
-    return depth == 0 and not text.endswith("\\") and "\n" not in text
 
 
 def display_width(text: str) -> int:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+from lagcli.equations.factors import LARGEST_DENOMINATOR
 from lagcli.model.model import Model
 from lagcli.model.trees import Number, walk
 
-LARGEST_DENOMINATOR = 12  # of a fraction that is written as one although it has a short decimal
 DIGITS = 6
 
 

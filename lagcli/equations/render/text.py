@@ -13,6 +13,7 @@ from lagcli.model.model import Model
 
 NARROWEST = 40
 _INDENT = "  "
+_APART = ";  "  # between short formulas side by side
 _UNEVEN = 8  # columns by which left sides may differ and still be aligned
 _CONTINUED = 4  # columns by which the lines of a broken equation are set in
 
@@ -36,7 +37,8 @@ def render_text(
     for i, step in enumerate(steps, 1):
         title = f"{i}. {step.title}" if numbered else step.title
         block = _paragraph(title, width)
-        block += _group(step.lines, formula, width)
+        write = _packed if step.packed else _group
+        block += write(step.lines, formula, width)
         block += [_INDENT + x for x in _paragraph(step.remark or "", width - len(_INDENT))]
         blocks.append(block)
     return "\n\n".join("\n".join(block) for block in blocks) + "\n"
@@ -79,6 +81,22 @@ def _group(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]
     return found
 
 
+def _packed(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]:
+    """Return lines side by side, as many as fit."""
+    found: list[str] = []
+    room = width - len(_INDENT)
+    for line in group:
+        text = " = ".join(map(formula.text, line.sides))
+        if display_width(text) > room:
+            broken = lines(_whole(line, formula), display_width, room, room - _CONTINUED)
+            found += [broken[0], *(" " * _CONTINUED + x for x in broken[1:])]
+        elif found and display_width(found[-1]) + len(_APART) + display_width(text) <= room:
+            found[-1] += _APART + text
+        else:
+            found.append(text)
+    return [_INDENT + text for text in found]
+
+
 def _label(line: Line, formula: TextFormula) -> str:
     if line.label is None:
         return ""
@@ -96,9 +114,7 @@ def _with_note(body: list[str], note: str | None, room: int) -> list[str]:
 def _formula(line: Line, formula: TextFormula, room: int, aligned: int, alike: bool) -> list[str]:
     """Return a formula on as many lines as it takes."""
     first, *others = [formula.tokens(side) for side in line.sides]
-    whole = list(first)
-    for side in others:
-        whole += [Break(-1), "= ", *side]
+    whole = _whole(line, formula)
     lhs = display_width(_flat(first))
     if not others or lhs > aligned:
         broken = lines(whole, display_width, room, room - _CONTINUED)
@@ -116,6 +132,15 @@ def _formula(line: Line, formula: TextFormula, room: int, aligned: int, alike: b
         found.append(f"{head} = {broken[0]}")
         found += [" " * (aligned + 5) + x for x in broken[1:]]
         head = " " * aligned
+    return found
+
+
+def _whole(line: Line, formula: TextFormula) -> list[Token]:
+    """Return a line that may be broken before each equality sign."""
+    first, *others = [formula.tokens(side) for side in line.sides]
+    found = list(first)
+    for side in others:
+        found += [Break(-1), "= ", *side]
     return found
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.equations.formulas import Formulas
+from lagcli.equations.freedom import Freedom
 from lagcli.equations.lagrange import derive
 from lagcli.extremes import Extreme, Extremes
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, script_data
@@ -62,7 +63,8 @@ def assembled(run: Run, title: str | None = None) -> str:
         See `lagcli.pictures.report.report`.
     """
     model = run.model
-    system = System(run, Formulas(derive(model)))
+    recorded = Freedom.of_mapping(run.record.freedom) if run.record.freedom else None
+    system = System(run, Formulas(derive(model), freedom=recorded))
     found = sections(run, system.names) if run.count else []
     plots = [plot for section in found for plot in section.plots]
     extremes = {curve: Extreme() for curve in _looked_at(run, system)}

@@ -6,16 +6,18 @@ from collections.abc import Sequence
 from functools import cached_property
 from html import escape
 
-from lagcli.equations.formulas import Formulas, Line
+from lagcli.equations.extent import abridged, is_large
+from lagcli.equations.formulas import Formulas, Line, Step
 from lagcli.equations.general import Signs, force
 from lagcli.equations.lagrange import ConstraintEquation
-from lagcli.equations.overview import convention, degrees_of_freedom, kind_of
+from lagcli.equations.matrices import Matrices
+from lagcli.equations.overview import convention, in_matrices, kind_of
 from lagcli.equations.render.formula_mathml import MathmlFormula
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.html import equation, inline
 from lagcli.equations.render.names import Names
 from lagcli.equations.render.numbers import written_decimals
-from lagcli.equations.typeset import Node, Product, Sign, Sum, Symbol
+from lagcli.equations.typeset import Symbol
 from lagcli.pictures.report.writing import chosen, elided, number, table, unit
 from lagcli.pictures.run_file import Run
 from lagcli.samples import Array
@@ -23,12 +25,12 @@ from lagcli.samples import Array
 #: Coordinates, parameters, constraints and equations that are listed one by one; of more than
 #: these, about so many constraints and equations.
 _ROWS, _PARAMETERS, _LISTED, _FEW = 24, 60, 12, 6
+#: Lines of text that matrices of a large system take on the page, about.
+_LINES = 150
 #: Nodes of an equation above which it is not arranged.
 _NODES = 200_000
 #: Letters of a formula from which its sums are abridged, and from which it is not printed.
 _LONG, _LETTERS = 700, 4000
-#: Terms of a sum that stand before and after the dots.
-_FIRST, _LAST = 5, 1
 
 
 class System:
@@ -113,8 +115,32 @@ class System:
         return {i: every[i] for i in chosen(self.run.constraints, _LISTED, _FEW)}
 
     @cached_property
+    def _matrices(self) -> list[Step]:
+        """M, f, B and γ with abbreviations, where `derive` gives them; else nothing."""
+        # of many equations that are short a few are listed
+        many = len(self.equations.q) > _LISTED
+        if not (is_large(self.equations) if many else in_matrices(self.formulas)):
+            return []
+        matrices = Matrices(self.formulas)
+        if matrices.size > _LINES:
+            matrices = Matrices(self.formulas, ("M", "f", "B"))
+        return matrices.steps(_LINES)
+
+    def _step(self, step: Step) -> str:
+        lines = [self._equation(line) for line in step.lines]
+        remark = escape(step.remark or "").replace(
+            "--full writes everything out.", "<code>lagcli derive</code> prints more."
+        )
+        shown = "".join(lines)
+        if step.packed:
+            shown = f'<div class="packed">{shown}</div>'
+        return f"<h4>{escape(step.title)}</h4>{shown}<p class='note'>{remark}</p>"
+
+    @cached_property
     def _motion(self) -> dict[int, Line | str]:
         """The equations that are listed, by their places, or how long they are."""
+        if self._matrices:
+            return {}
         return {i: self._assembled(i) for i in chosen(self.run.coordinates, _LISTED, _FEW)}
 
     def definitions(self) -> str:
@@ -165,18 +191,27 @@ class System:
     def freedom(self) -> str:
         """Return a sentence on the degrees of freedom."""
         k, r = len(self.equations.q), len(self.equations.constraints)
-        freedom = degrees_of_freedom(self.equations)
+        freedom = self.formulas.freedom
         coordinates, constraints = _number_of(k, "coordinate"), _number_of(r, "constraint")
         if not r:
             return f"<p>{coordinates}, no constraint: {_number_of(k, 'degree')} of freedom.</p>"
+        counted, condition = f"{k} − {r}", ", if the constraints are independent"
+        if freedom.rank is not None:
+            counted = f"{k} − {freedom.rank}"
+            condition = (
+                "" if freedom.rank == r else f": the rank of B is {freedom.rank} at the start"
+            )
+        remarks = "".join(f"<p>{escape(x)}</p>" for x in freedom.remarks)
         return (
-            f"<p>{coordinates}, {constraints}: {k} − {r} ="
-            f" <strong>{_number_of(freedom, 'degree')} of freedom</strong>, if the constraints are"
-            " independent.</p>"
+            f"<p>{coordinates}, {constraints}: {counted} ="
+            f" <strong>{_number_of(freedom.degrees, 'degree')} of freedom</strong>{condition}.</p>"
+            + remarks
         )
 
     def motion(self) -> str:
         """Return the equations of motion, those that are too long by their size."""
+        if self._matrices:
+            return "".join(map(self._step, self._matrices))
         items = []
         for i, line in self._motion.items():
             shown = line if isinstance(line, str) else self._limited(line)
@@ -203,7 +238,7 @@ class System:
     def _limited(self, line: Line) -> str:
         """Return a formula, or how long it is."""
         if self._letters(line) > _LONG:
-            line = Line(tuple(map(_abridged, line.sides)))
+            line = Line(tuple(map(abridged, line.sides)))
         letters = self._letters(line)
         return _too_long(f"{letters} letters") if letters > _LETTERS else self._equation(line)
 
@@ -212,19 +247,6 @@ class System:
 
     def _equation(self, line: Line) -> str:
         return equation(line, self.mathml, self.text)
-
-
-def _abridged(node: Node) -> Node:
-    """Return a formula whose long sums have dots in their middle, and a count of their terms."""
-    if isinstance(node, Product):
-        return Product(tuple(map(_abridged, node.factors)))
-    if not isinstance(node, Sum):
-        return node
-    terms = tuple((sign, _abridged(term)) for sign, term in node.terms)
-    if len(terms) <= _FIRST + _LAST + 2:
-        return Sum(terms)
-    dots = Sign(f"⋯ ({len(terms)} terms)", rf"\cdots_{{\text{{{len(terms)} terms}}}}")
-    return Sum((*terms[:_FIRST], (1, dots), *terms[-_LAST:]))
 
 
 def _nodes(expression: object, most: int) -> int:

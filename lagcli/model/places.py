@@ -1,0 +1,67 @@
+"""Where the expressions of a checked model stand in its file."""
+
+from __future__ import annotations
+
+from lagcli.errors import SourceLocation
+from lagcli.model.composer import compose
+from lagcli.model.model import Model
+from lagcli.model.source import Mapping, Node, Scalar, Sequence, Source
+from lagcli.model.spelling import shorten
+from lagcli.model.trees import Tree
+
+
+class Places:
+    """The places of a model's entries, found in its text when they are asked for.
+
+    Parameters
+    ----------
+    model : Model
+    """
+
+    def __init__(self, model: Model):
+        self._root, _ = compose(Source(model.text, model.path))
+
+    def entry(self, block: str, name: str | None = None) -> Node | None:
+        """Return the node of an expression: of a key, or of an entry of a block.
+
+        Parameters
+        ----------
+        block : str
+            ``T``, ``definitions``, …
+        name : str, optional
+            Of the entry; a member of a family stands in the entry of its family, unless it has
+            one of its own.
+        """
+        found = self._root.entries.get(block)
+        node = found[1] if found else None
+        if name is not None and isinstance(node, Mapping):
+            family = name.partition("[")[0]
+            keys = [k for k in node.entries if k == name]
+            keys += [k for k in node.entries if k.startswith(f"{family}[") and "[" in name]
+            node = node.entries[keys[0]][1] if keys else None
+        if isinstance(node, Mapping) and "expr" in node.entries:
+            node = node.entries["expr"][1]
+        return node
+
+    def location(self, node: Node | None, tree: Tree | None = None) -> SourceLocation | None:
+        """Return the place of an entry, or of a part of its expression."""
+        if node is None:
+            return None
+        if tree is None or not (scalar := _text_of(node)):
+            return node.location
+        return scalar.span(tree.start, tree.end)
+
+    def text(self, node: Node | None, tree: Tree) -> str | None:
+        """Return a part of an expression as it is written, shortened."""
+        scalar = _text_of(node)
+        if scalar is None:
+            return None
+        return shorten(" ".join(scalar.value[tree.start : tree.end].split()))
+
+
+def _text_of(node: Node | None) -> Scalar | None:
+    """Return the text of an expression; of a YAML list, the text of the vector."""
+    if isinstance(node, Sequence):
+        text = node.source.between(node.start, node.end)
+        return Scalar(node.source, node.start, node.end, text)
+    return node if isinstance(node, Scalar) else None
