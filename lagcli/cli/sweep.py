@@ -228,6 +228,8 @@ def _run(
 
     with RowProgress(enabled=not quiet, color=color) as progress:
         summary = run_sweep(model, vary, output, progress=progress, **options)
+    for note in summary.notes:
+        print(f"note: {note}", file=sys.stderr)
     if json:
         from lagcli.cli.summary import to_json
 
@@ -235,16 +237,22 @@ def _run(
     elif not quiet:
         print(_text(summary))
     if summary.status == "interrupted":
-        print(
-            f"error: interrupted; {summary.done} of {summary.rows} rows are kept in"
-            f" {summary.output}\n   help: the same command with --resume goes on",
-            file=sys.stderr,
-        )
+        print(f"error: interrupted; {_kept(summary)}", file=sys.stderr)
         return INTERRUPTED_STATUS
     if summary.ok < summary.rows:
         print(f"error: {summary.rows - summary.ok} of {summary.rows} rows failed", file=sys.stderr)
         return FAILED_STATUS
     return 0
+
+
+def _kept(summary: Any) -> str:
+    """Say what an interrupted sweep leaves."""
+    if summary.output is None:
+        return "the journal was removed while the sweep ran, so that no rows are kept"
+    return (
+        f"{summary.done} of {summary.rows} rows are kept in {summary.output}\n"
+        "   help: the same command with --resume goes on"
+    )
 
 
 def _text(summary: Any) -> str:
