@@ -1,9 +1,9 @@
 """The journal of a sweep: what is known of its rows while it runs.
 
-A file that only grows, record by record. Each record has its length and a checksum over all records
-up to it, so that it is valid only in its place. A process that is killed leaves whole records and at
-most a part of one; a power failure may leave zeros. The next reader cuts the file after the last
-record that is whole.
+A file that only grows, record by record. Each record has its length and a checksum over all
+records up to it, so that it is valid only in its place. A process that is killed leaves whole
+records and at most a part of one; a power failure may leave zeros. The next reader cuts the file
+after the last record that is whole.
 """
 
 from __future__ import annotations

@@ -138,9 +138,7 @@ def test_a_record_counts_in_its_place_only(tmp_path: Path, ends: list[int]) -> N
     path = tmp_path / "j"
     whole = path.read_bytes()
     magic = whole.index(b"\n") + 1
-    header, first, second, third = (
-        whole[a:b] for a, b in zip([magic, *ends], ends, strict=False)
-    )
+    header, first, second, third = (whole[a:b] for a, b in zip([magic, *ends], ends, strict=False))
     start = whole[:magic] + header
     for data, records in (
         (start + first + header + second + third, 1),
@@ -183,7 +181,7 @@ def test_a_damaged_header_before_rows_is_refused(tmp_path: Path, ends: list[int]
         data = bytearray(whole)
         data[place] ^= 16
         path.write_bytes(data)
-        with pytest.raises(FileError, match="not a journal|damaged at its beg|another version"):
+        with pytest.raises(FileError, match=r"not a journal|damaged at its beg|another version"):
             Journal(str(path), HEADER, resume=True)
         assert path.read_bytes() == bytes(data)  # the rows are left for --force or an expert
     Journal(str(path), HEADER).close()
