@@ -38,6 +38,7 @@ from lagcli.cli.settings import (
     Timeout,
     settings_of,
 )
+from lagcli.cli.streams import tell
 from lagcli.errors import LagcliError, UsageError
 
 FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
@@ -121,7 +122,7 @@ def simulate(
         if json:
             from lagcli.cli.summary import error_object, to_json
 
-            typer.echo(to_json(error_object(error)))
+            tell(to_json(error_object(error)))
         raise
 
 
@@ -196,10 +197,15 @@ def _run(
     written = output if extremes.samples else None
     result = summary.summarize(record, extremes, simulation.initial, written, seconds)
     if json:
-        typer.echo(summary.to_json(result))
+        print(summary.to_json(result))
     elif not quiet:
-        stream = sys.stderr if output == "-" else sys.stdout
-        print(summary.format_summary(result, loaded.name), file=stream)
+        text = summary.format_summary(result, loaded.name)
+        if output == "-":
+            print(text, file=sys.stderr)
+        elif written:
+            tell(text)
+        else:
+            print(text)
     if record.status == "completed":
         return 0
     print(f"error: {record.message}", file=sys.stderr)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from lagcli.cli.streams import visible_json
 from lagcli.errors import LagcliError, ModelError
 from lagcli.extremes import Extremes, known
 from lagcli.samples import Array, Record
@@ -75,7 +76,7 @@ def to_json(value: Mapping[str, Any]) -> str:
     file of JSON lines.
     """
     indent = 2 if sys.stdout.isatty() else None
-    return json.dumps(_finite(value), indent=indent, ensure_ascii=False)
+    return visible_json(json.dumps(_finite(value), indent=indent, ensure_ascii=False))
 
 
 def _finite(value: Any) -> Any:

@@ -38,6 +38,7 @@ from lagcli.cli.settings import (
     Timeout,
     settings_of,
 )
+from lagcli.cli.streams import tell, visible
 from lagcli.errors import LagcliError, UsageError
 
 FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
@@ -188,7 +189,7 @@ def sweep(
         if json:
             from lagcli.cli.summary import error_object, to_json
 
-            typer.echo(to_json(error_object(error)))
+            tell(to_json(error_object(error)))
         raise
 
 
@@ -207,7 +208,7 @@ def _workers(scheduler: str | None, jobs: int | None, quiet: bool) -> Iterator[A
 
     def say(text: str) -> None:
         if not quiet:
-            print(f"note: {text}", file=sys.stderr)
+            print(f"note: {visible(text)}", file=sys.stderr)  # the bar may stand in for the stream
 
     with Cluster(scheduler, say) as cluster:
         yield cluster.run
@@ -233,9 +234,9 @@ def _run(
     if json:
         from lagcli.cli.summary import to_json
 
-        typer.echo(to_json(summary.as_dict()))
+        print(to_json(summary.as_dict()))
     elif not quiet:
-        print(_text(summary))
+        tell(_text(summary))
     if summary.status == "interrupted":
         print(f"error: interrupted; {_kept(summary)}", file=sys.stderr)
         return INTERRUPTED_STATUS

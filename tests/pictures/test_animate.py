@@ -1,5 +1,8 @@
 """Animations: their times, films, pages, and the command."""
 
+import base64
+import hashlib
+import re
 import warnings
 from base64 import b64decode
 from dataclasses import replace
@@ -267,6 +270,19 @@ def test_a_run_in_memory_is_animated(tmp_path):
     model = lagcli.load(Path(__file__).parents[2] / "models" / "atwood.yaml")
     made = lagcli.animate(lagcli.simulate(model), tmp_path / "run.html")
     assert made.frames == 101
+
+
+def test_the_page_runs_its_own_script_alone(result, tmp_path):
+    lagcli.animate(result("atwood"), tmp_path / "run.html")
+    text = (tmp_path / "run.html").read_text(encoding="utf-8")
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1]
+    for kind, element in (("script", "script"), ("style", "style")):
+        (content,) = re.findall(rf"<{element}>(.*?)</{element}>", text, re.DOTALL)
+        digest = base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()
+        assert f"{kind}-src 'sha256-{digest}'" in policy
+    assert policy.startswith("default-src 'none'; ")
+    assert "unsafe" not in policy
+    assert "base-uri 'none'; form-action 'none'" in policy
 
 
 def test_trails_are_what_can_be_followed():
