@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import lagcli
 from lagcli.derived import DerivedColumns
 from lagcli.engine.initial import ConsistentState
-from lagcli.engine.run import Block, Engine, Interrupted, Request
+from lagcli.engine.run import Block, Engine, Event, Interrupted, Reaction, Request
 from lagcli.engine.system import System, compile_system
 from lagcli.equations.lagrange import Equations, derive
 from lagcli.errors import UsageError
@@ -157,6 +157,8 @@ class Simulation:
         Time spent so far, by phase.
     prepared : Prepared, optional
         As in `lagcli.engine.run.Request`.
+    on_event : callable, optional
+        As in `lagcli.engine.run.Request`.
     """
 
     model: Model
@@ -166,6 +168,7 @@ class Simulation:
     start: ConsistentState
     seconds: dict[str, float]
     prepared: Prepared | None = None
+    on_event: Callable[[Event], Reaction] | None = None
 
     @property
     def request(self) -> Request:
@@ -199,6 +202,7 @@ class Simulation:
             block_rows=_block_rows(self.system),
             elimination=self.start.elimination,
             prepared=self.prepared,
+            on_event=self.on_event,
         )
 
     @property

@@ -146,7 +146,7 @@ def _run(
     from lagcli.interruption import Interruption
     from lagcli.model.loader import load
     from lagcli.results import check_target, open_writer
-    from lagcli.samples import Samples
+    from lagcli.samples import ENDED, Samples
     from lagcli.simulation import compiled_available, prepare
 
     if output == "-" and json:
@@ -206,7 +206,7 @@ def _run(
             tell(text)
         else:
             print(text)
-    if record.status == "completed":
+    if record.status in ENDED:
         return 0
     print(f"error: {record.message}", file=sys.stderr)
     if output is not None:

@@ -14,7 +14,7 @@ import numpy as np
 from lagcli.cli.streams import visible_json
 from lagcli.errors import LagcliError, ModelError
 from lagcli.extremes import Extremes, known
-from lagcli.samples import Array, Record
+from lagcli.samples import ENDED, Array, Record
 
 _LISTED = 20  # multipliers that a person reads
 
@@ -121,7 +121,7 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
         f"{name}: {s['status']}, t = {s['t_start']:.6g}{end}, {s['samples']} samples",
         *([f"{method} {counts}"] if fits else [method, f"  {'':<12}{counts}"]),
     ]
-    if s["status"] == "completed" and s["message"]:
+    if s["status"] in ENDED and s["message"]:
         lines.append(f"  {'':<12}{s['message']}")
     moved = s["initial_correction"]
     if moved:

@@ -16,7 +16,7 @@ from lagcli.pictures.panels import Panel, asked, usual
 from lagcli.pictures.run_file import Run
 from lagcli.pictures.thinning import thin
 from lagcli.pictures.ticks import decades, plain_ticks
-from lagcli.samples import Array
+from lagcli.samples import ENDED, Array
 
 WIDTH = 7.0  # inches
 _TIME, _PHASE = 1.7, 4.2  # inches, of panels
@@ -104,7 +104,7 @@ def _title(runs: Sequence[Run]) -> str:
     from lagcli.results.metadata import model_name
 
     name = model_name(runs[0].record.model) or ""
-    bad = [run.record.status for run in runs if run.record.status not in ("completed", "")]
+    bad = [run.record.status for run in runs if run.record.status not in (*ENDED, "")]
     if not bad:
         return name
     return f"{name} ({bad[0]})" if name else bad[0]
