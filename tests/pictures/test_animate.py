@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import re
+import shutil
 import warnings
 from base64 import b64decode
 from dataclasses import replace
@@ -221,7 +222,10 @@ def test_films_that_cannot_be_made(suffix, frames, size, fps, message):
         check_film(suffix, frames, size, fps)
 
 
-@pytest.mark.parametrize("suffix", ["gif", "mp4"])
+FFMPEG = pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
+
+
+@pytest.mark.parametrize("suffix", ["gif", pytest.param("mp4", marks=FFMPEG)])
 def test_an_interrupted_film_leaves_no_file(suffix, result, tmp_path):
     from contextlib import contextmanager
 
