@@ -15,7 +15,7 @@ from lagcli.pictures.figure_file import check_resolution, new_figure, write_figu
 from lagcli.pictures.panels import Panel, asked, usual
 from lagcli.pictures.run_file import Run
 from lagcli.pictures.thinning import thin
-from lagcli.pictures.ticks import decades, plain_ticks
+from lagcli.pictures.ticks import decades, drawable, plain_ticks
 from lagcli.samples import ENDED, Array
 
 WIDTH = 7.0  # inches
@@ -190,11 +190,11 @@ class PanelDrawing:
 
     def drawn(self, values: Values, curve: Curve, over: Curve | None) -> tuple[Array, Array]:
         """Return what is drawn of a curve."""
-        y, time = values[curve.name], values["t"]
+        y, time = drawable(values[curve.name]), values["t"]
         if over is None:
             kept = thin(time, y, self.columns)
             return time[kept], y[kept]
-        x = values[over.name]
+        x = drawable(values[over.name])
         kept = thin(time, np.stack((x, y), axis=1), _PORTRAIT)
         return x[kept], y[kept]
 
