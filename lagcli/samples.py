@@ -23,6 +23,8 @@ SIGN_CONVENTION = (
 
 #: The values of ``Record.status``.
 STATUSES = ("completed", "stopped-by-event", "failed", "interrupted")
+#: Those of a run that ended as it was meant to.
+ENDED = STATUSES[:2]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lagcli.derived import DerivedColumns
 from lagcli.engine.initial import ConsistentState
-from lagcli.engine.run import Block, Engine, Interrupted, Request
+from lagcli.engine.run import Block, Engine, Event, Interrupted, Reaction, Request
 from lagcli.engine.system import System, compile_system
 from lagcli.equations.freedom import Freedom
 from lagcli.equations.lagrange import Equations, derive
@@ -162,6 +162,8 @@ class Simulation:
         Time spent so far, by phase.
     prepared : Prepared, optional
         As in `lagcli.engine.run.Request`.
+    on_event : callable, optional
+        As in `lagcli.engine.run.Request`.
     """
 
     model: Model
@@ -171,6 +173,7 @@ class Simulation:
     start: ConsistentState
     seconds: dict[str, float]
     prepared: Prepared | None = None
+    on_event: Callable[[Event], Reaction] | None = None
 
     @property
     def request(self) -> Request:
@@ -204,6 +207,7 @@ class Simulation:
             block_rows=_block_rows(self.system),
             elimination=self.start.elimination,
             prepared=self.prepared,
+            on_event=self.on_event,
         )
 
     @property
@@ -356,13 +360,7 @@ def compiled_available() -> bool:
 def _check_engine(settings: Settings) -> None:
     if settings.engine != "compiled":
         if settings.method in ("Taylor", "Rodas5P"):
-            other = "DOP853" if settings.method == "Taylor" else "Radau"
-            raise SettingError(
-                "method",
-                f"only the compiled engine has {settings.method}, and not with Baumgarte's"
-                " stabilization",
-                f"give --method {other}, or --formulation projection with the compiled engine",
-            )
+            raise _only_compiled(settings)
         return
     if settings.method not in COMPILED_METHODS:
         raise SettingError(
@@ -382,6 +380,30 @@ def _check_engine(settings: Settings) -> None:
             "the compiled engine was not built: there was no C compiler at installation",
             "install one and lagcli again, or give --engine scipy",
         )
+
+
+def _only_compiled(settings: Settings) -> SettingError:
+    """Return the error for a method of the compiled engine that cannot be had."""
+    method = settings.method
+    other = "DOP853" if method == "Taylor" else "Radau"
+    if settings.formulation == "baumgarte":
+        return SettingError(
+            "formulation",
+            f"{method} has no Baumgarte stabilization",
+            f"give --formulation projection, or --method {other}",
+        )
+    if not compiled_available():
+        return SettingError(
+            "method",
+            f"{method} needs the compiled engine, which was not built: there was no C compiler at"
+            " installation",
+            f"install one and lagcli again, or give --method {other}",
+        )
+    return SettingError(
+        "method",
+        f"only the compiled engine has {method}",
+        f"give --engine compiled, or --method {other}",
+    )
 
 
 def sample_times(settings: Settings) -> Array:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from lagcli.cli.options import Force, NoColor, Quiet
+from lagcli.cli.streams import tell
 from lagcli.errors import UsageError
 
 
@@ -84,7 +85,7 @@ def animate(
     for note in made.notes:
         print(f"note: {note}", file=sys.stderr)
     if not quiet:
-        print(made.summary)
+        tell(made.summary)
 
 
 def _size(text: str) -> tuple[int, int]:

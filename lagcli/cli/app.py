@@ -7,12 +7,12 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
+from lagcli.cli import streams
 from lagcli.errors import LagcliError
 from lagcli.threads import limit_process
 from lagcli.version import __version__
@@ -72,7 +72,7 @@ def _command(function: Callable[..., int | None]) -> Callable[..., int | None]:
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"lagcli {__version__}")
+        print(f"lagcli {__version__}")
         raise typer.Exit
 
 
@@ -97,9 +97,7 @@ def main() -> None:
 
     def die_of_interrupt() -> None:
         if status == INTERRUPTED_STATUS:
-            for stream in (sys.stdout, sys.stderr):
-                with suppress(OSError, ValueError):
-                    stream.flush()
+            _flush()
             signal.signal(signal.SIGINT, signal.SIG_DFL)
             os.kill(os.getpid(), signal.SIGINT)
 
@@ -112,10 +110,7 @@ def main() -> None:
     # a reader that closes the pipe (`lagcli derive … | head`) ends us as it ends any other filter
     if hasattr(signal, "SIGPIPE"):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
-    for stream in (sys.stdout, sys.stderr):
-        # a terminal without Greek letters shows ? in their place, which beats a traceback
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")
+    streams.set_up()
     status = run(sys.argv[1:])
     # and so would a last look at exit, when the memory is handed back as a whole
     gc.freeze()
@@ -128,23 +123,28 @@ def run(arguments: list[str]) -> int:
         result = program(arguments).main(arguments, prog_name="lagcli", standalone_mode=False)
         sys.stdout.flush()
     except LagcliError as error:
+        _flush()
         _say(_rendered(error))
         return error.exit_status
     except (_Interrupted, KeyboardInterrupt):
         _say("interrupted")
         return INTERRUPTED_STATUS
-    except OSError as error:  # standard output itself cannot be written
-        _say(f"error: {error.strerror or error}")
-        # what Python still holds for it cannot be written either
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 4
     except Exception as error:
         return _other(error)
     return result if isinstance(result, int) else 0
 
 
+def _flush() -> None:
+    """Print what standard output still holds; where it cannot be written, drop it."""
+    try:
+        sys.stdout.flush()
+    except (LagcliError, OSError):
+        streams.discard()
+
+
 def _other(error: Exception) -> int:
     """Report a usage error of the command line itself, or a bug."""
+    _flush()
     if hasattr(error, "show") and hasattr(error, "exit_code"):
         error.show()
         return int(error.exit_code)

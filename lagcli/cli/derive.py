@@ -16,6 +16,7 @@ from lagcli.cli.options import (
     assignments,
     refuse_same_file,
 )
+from lagcli.cli.streams import visible_json
 
 
 class Format(StrEnum):
@@ -94,7 +95,7 @@ def derive(
     if not text.endswith("\n"):
         text += "\n"
     if target is None:
-        sys.stdout.write(text)
+        sys.stdout.write(visible_json(text) if json or format == Format.json else text)
         return
     with whole_file(target, force) as file:
         file.write(text.encode())

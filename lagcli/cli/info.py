@@ -18,9 +18,9 @@ def info(
     if json:
         from lagcli.cli.summary import to_json
 
-        typer.echo(to_json(description))
+        print(to_json(description))
     else:
-        typer.echo(text)
+        print(text)
 
 
 def _described(file: str) -> tuple[dict[str, Any], str]:

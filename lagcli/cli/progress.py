@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from types import TracebackType
@@ -31,18 +32,22 @@ class _Bar:
     ) -> None:
         if self.bar is not None:
             self.bar.stop()
+            self.file.close()
 
     def open(self, doing: str, *texts: str, **task: Any) -> None:
         """Show it: what is under way, the bar, texts of rich's fields, the time left."""
         from rich import progress
         from rich.console import Console
 
+        stream = sys.stderr
+        self.file = os.fdopen(stream.fileno(), "w", encoding=stream.encoding, closefd=False)
         self.bar = progress.Progress(
             progress.TextColumn(doing),
             progress.BarColumn(),
             *map(progress.TextColumn, texts),
             progress.TimeRemainingColumn(),
-            console=Console(stderr=True, no_color=not self.color or None),
+            # a file of its own: the stream shows the bar's commands to the terminal as text
+            console=Console(file=self.file, no_color=not self.color or None),
             transient=True,
         )
         self.task = self.bar.add_task("", **task)

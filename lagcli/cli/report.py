@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from lagcli.cli.options import Force, Quiet
+from lagcli.cli.streams import tell
 
 
 def report(
@@ -32,4 +33,4 @@ def report(
     for note in made.notes:
         print(f"note: {note}", file=sys.stderr)
     if not quiet:
-        print(made.summary)
+        tell(made.summary)

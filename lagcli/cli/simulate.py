@@ -38,6 +38,7 @@ from lagcli.cli.settings import (
     Timeout,
     settings_of,
 )
+from lagcli.cli.streams import tell
 from lagcli.errors import LagcliError, UsageError
 
 FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
@@ -126,7 +127,7 @@ def simulate(
         if json:
             from lagcli.cli.summary import error_object, to_json
 
-            typer.echo(to_json(error_object(error)))
+            tell(to_json(error_object(error)))
         raise
 
 
@@ -151,7 +152,7 @@ def _run(
     from lagcli.interruption import Interruption
     from lagcli.model.loader import load
     from lagcli.results import check_target, open_writer
-    from lagcli.samples import Samples
+    from lagcli.samples import ENDED, Samples
     from lagcli.simulation import compiled_available, prepare
 
     if output == "-" and json:
@@ -202,11 +203,16 @@ def _run(
     written = output if extremes.samples else None
     result = summary.summarize(record, extremes, simulation.initial, written, seconds)
     if json:
-        typer.echo(summary.to_json(result))
+        print(summary.to_json(result))
     elif not quiet:
-        stream = sys.stderr if output == "-" else sys.stdout
-        print(summary.format_summary(result, loaded.name), file=stream)
-    if record.status == "completed":
+        text = summary.format_summary(result, loaded.name)
+        if output == "-":
+            print(text, file=sys.stderr)
+        elif written:
+            tell(text)
+        else:
+            print(text)
+    if record.status in ENDED:
         for warning in record.warnings:
             print(f"{'error' if strict else 'warning'}: {warning}", file=sys.stderr)
         return FAILED_STATUS if strict and record.warnings else 0

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.errors import LagcliError
+from lagcli.cli.streams import visible_json
+from lagcli.errors import LagcliError, ModelError
 from lagcli.extremes import Extremes, known
-from lagcli.samples import Array, Record
+from lagcli.samples import ENDED, Array, Record
 
 _LISTED = 20  # multipliers that a person reads
 
@@ -87,7 +88,7 @@ def to_json(value: Mapping[str, Any]) -> str:
     file of JSON lines.
     """
     indent = 2 if sys.stdout.isatty() else None
-    return json.dumps(_finite(value), indent=indent, ensure_ascii=False)
+    return visible_json(json.dumps(_finite(value), indent=indent, ensure_ascii=False))
 
 
 def _finite(value: Any) -> Any:
@@ -146,7 +147,7 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     ]
     lines += [f"  {'warning':<12}{warning}" for warning in s["warnings"]]
     lines.append(f"  {'tolerance':<12}rtol {s['rtol']:g}, atol {_absolute(s)}")
-    if s["status"] == "completed" and s["message"]:
+    if s["status"] in ENDED and s["message"]:
         lines.append(f"  {'':<12}{s['message']}")
     moved = s["initial_correction"]
     if moved:

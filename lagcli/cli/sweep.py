@@ -38,6 +38,7 @@ from lagcli.cli.settings import (
     Timeout,
     settings_of,
 )
+from lagcli.cli.streams import tell, visible
 from lagcli.errors import LagcliError, UsageError
 
 FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
@@ -188,7 +189,7 @@ def sweep(
         if json:
             from lagcli.cli.summary import error_object, to_json
 
-            typer.echo(to_json(error_object(error)))
+            tell(to_json(error_object(error)))
         raise
 
 
@@ -207,7 +208,7 @@ def _workers(scheduler: str | None, jobs: int | None, quiet: bool) -> Iterator[A
 
     def say(text: str) -> None:
         if not quiet:
-            print(f"note: {text}", file=sys.stderr)
+            print(f"note: {visible(text)}", file=sys.stderr)  # the bar may stand in for the stream
 
     with Cluster(scheduler, say) as cluster:
         yield cluster.run
@@ -228,23 +229,31 @@ def _run(
 
     with RowProgress(enabled=not quiet, color=color) as progress:
         summary = run_sweep(model, vary, output, progress=progress, **options)
+    for note in summary.notes:
+        print(f"note: {note}", file=sys.stderr)
     if json:
         from lagcli.cli.summary import to_json
 
-        typer.echo(to_json(summary.as_dict()))
+        print(to_json(summary.as_dict()))
     elif not quiet:
-        print(_text(summary))
+        tell(_text(summary))
     if summary.status == "interrupted":
-        print(
-            f"error: interrupted; {summary.done} of {summary.rows} rows are kept in"
-            f" {summary.output}\n   help: the same command with --resume goes on",
-            file=sys.stderr,
-        )
+        print(f"error: interrupted; {_kept(summary)}", file=sys.stderr)
         return INTERRUPTED_STATUS
     if summary.ok < summary.rows:
         print(f"error: {summary.rows - summary.ok} of {summary.rows} rows failed", file=sys.stderr)
         return FAILED_STATUS
     return 0
+
+
+def _kept(summary: Any) -> str:
+    """Say what an interrupted sweep leaves."""
+    if summary.output is None:
+        return "the journal was removed while the sweep ran, so that no rows are kept"
+    return (
+        f"{summary.done} of {summary.rows} rows are kept in {summary.output}\n"
+        "   help: the same command with --resume goes on"
+    )
 
 
 def _text(summary: Any) -> str:

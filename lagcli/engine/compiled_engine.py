@@ -35,6 +35,7 @@ from lagcli.engine.run import (
     Run,
     State,
     Stop,
+    Stopped,
     Undefined,
     outcome,
 )
@@ -367,14 +368,15 @@ class Integration:
         self.motion.lengths = np.maximum(self.motion.lengths, self.core.lengths)
 
     def react(self) -> bool:
-        """Do what an event asks for; return whether the run is complete."""
+        """Do what an event asks for; return whether the end of the run is reached."""
         core = self.core
         number, direction, at, y = core.event
         q, v = self.split(y)
         assert self.request.on_event is not None
-        reaction = self.request.on_event(Event(number, direction, at, q.copy(), v.copy()))
+        event = Event(number, direction, at, q.copy(), v.copy())
+        reaction = self.request.on_event(event)
         if reaction == "stop":
-            return True
+            raise Stopped(event)
         if reaction != "go on":
             core.move(at, np.concatenate([*reaction, y[-1:]]), core.times_next)
             return self.heed(core.start())

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 State = tuple[float, Array, Array]  # t, q, v
-Status = Literal["completed", "failed", "interrupted"]
+Status = Literal["completed", "stopped-by-event", "failed", "interrupted"]
 
 
 class Event(NamedTuple):
@@ -76,7 +76,7 @@ class Request:
         What a run with other values was made ready by: it is taken where this one needs the same.
         Compiled engine only.
     on_event : callable, optional
-        Event → Reaction; without it, events are not looked for. Compiled engine only.
+        Event → Reaction; without it, events are not looked for.
     """
 
     q: Array
@@ -187,6 +187,18 @@ class Undefined(Stop):
         super().__init__(f"the equations have no finite value at t = {t:.9g} s", state)
 
 
+class Stopped(Exception):
+    """Ends a run where an event asks for it.
+
+    Parameters
+    ----------
+    event : Event
+    """
+
+    def __init__(self, event: Event):
+        super().__init__(f"event {event.number} stopped the run at t = {event.time:.9g} s")
+
+
 class Interrupted(Exception):
     """Ends a run at the user's wish; raised by what an engine is given as ``progress``."""
 
@@ -223,6 +235,8 @@ def outcome(integrate: Callable[[], None]) -> tuple[Status, str, State | None]:
         integrate()
     except Stop as stop:
         return "failed", str(stop), stop.undefined
+    except Stopped as stopped:
+        return "stopped-by-event", str(stopped), None
     except Interrupted:
         return "interrupted", "interrupted; the samples so far are kept", None
     return "completed", "", None

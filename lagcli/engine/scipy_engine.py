@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from scipy.integrate import BDF, DOP853, LSODA, RK23, RK45, OdeSolver, Radau
 
 from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.events import EventSearch
 from lagcli.engine.index1 import Index1
 from lagcli.engine.passage import Crossing
 from lagcli.engine.projection import Projection
-from lagcli.engine.run import Block, Limits, Request, Run, Undefined, outcome
+from lagcli.engine.run import Block, Event, Limits, Request, Run, Stopped, Undefined, outcome
 from lagcli.engine.singular import Ahead, RankWatch
 from lagcli.engine.sizes import Sizes
 from lagcli.engine.system import System
@@ -83,6 +84,7 @@ class _Integration:
         self.motion = Index1(evaluator, request.rank)
         self.projection = Projection(evaluator, request.rank)
         self.watch = RankWatch(self.motion)
+        self.events = EventSearch(system) if request.on_event is not None else None
         self.steps = self.rejected = 0
         self.rows: list[Array] = []  # t, q, v, a, λ, W
         self.sizes: Sizes | None = None
@@ -94,11 +96,8 @@ class _Integration:
 
     def integrate(self) -> None:
         request, watch = self.request, self.watch
-        t, y = request.t_start, np.concatenate([request.q, request.v, [0.0]])
-        self.motion.measure(t, *self.motion.split(y))
-        y = self.project(t, y)
-        if not np.isfinite(self.motion.rate(t, y)).all():
-            raise Undefined(t, *self.motion.split(y))
+        t = request.t_start
+        y = self.begin(t, np.concatenate([request.q, request.v, [0.0]]))
         watch.check_start(t, *self.motion.split(y), self.projection)
         self.check_redundancy(t, y)
         for at in self.due(t):
@@ -112,8 +111,15 @@ class _Integration:
             self.limits.check(t, self.steps)
             solver.max_step = min(request.max_step, watch.largest_step())  # LSODA: has no effect
             self.step(solver, t)
-            t, y = self.accept(solver, t, y)
-            solver = self.go_on(solver, t, y)
+            t, y, moved = self.accept(solver, t, y)
+            if moved:
+                if t >= request.t_end:
+                    return
+                y = self.begin(t, y)
+                solver = self.solver(t, y)
+                watch.restart()
+            else:
+                solver = self.go_on(solver, t, y)
             watch.add(t, y)
             ahead = watch.ahead()
             if ahead is not None:
@@ -122,10 +128,21 @@ class _Integration:
                 t, y = self.pass_singular(ahead)
                 if t >= request.t_end:
                     return
+                y = self.begin(t, y)
                 solver = self.solver(t, y)
                 watch.restart()
                 watch.add(t, y)
             self.progress(t)
+
+    def begin(self, t: float, y: Array) -> Array:
+        """Return the consistent state next to one from which the integration begins."""
+        self.motion.measure(t, *self.motion.split(y))
+        y = self.project(t, y)
+        if not np.isfinite(self.motion.rate(t, y)).all():
+            raise Undefined(t, *self.motion.split(y))
+        if self.events is not None:
+            self.events.start(t, y)
+        return y
 
     def solver(self, t: float, y: Array) -> OdeSolver:
         """Return an integrator that starts at a state."""
@@ -169,8 +186,11 @@ class _Integration:
         remark = f" ({message})" if message else ""
         raise self.watch.floor(t, solver.y, self.request.method, remark)
 
-    def accept(self, solver: OdeSolver, t_old: float, y_old: Array) -> tuple[float, Array]:
-        """Sample the last step, and return the state at its end, on the constraints."""
+    def accept(self, solver: OdeSolver, t_old: float, y_old: Array) -> tuple[float, Array, bool]:
+        """Sample the last step, and return the state at its end, on the constraints.
+
+        Where an event moves the state, the step ends there; the last value says so.
+        """
         t, reached = solver.t, solver.y
         made: list[Callable[[float], Array]] = []
 
@@ -184,14 +204,38 @@ class _Integration:
         over = None
         if not self.request.through_singular:
             over = self.watch.stepped_over(inside, t_old, y_old, t, reached)
-        for at in self.due(t if over is None else over):
+        end = t if over is None else over
+        moved = self.react(inside, t_old, t, end)
+        if moved is not None:
+            return (*moved, True)
+        for at in self.due(end):
             self.sample(at, inside(at))
         if over is not None:
             raise self.watch.stop(over, *self.motion.split(inside(over)))
         y = self.project(t, reached)
         self.motion.measure(t, *self.motion.split(y))
         self.check_redundancy(t, y)
-        return t, y
+        return t, y, False
+
+    def react(
+        self, inside: Callable[[float], Array], t_old: float, t: float, end: float
+    ) -> tuple[float, Array] | None:
+        """Do what the events of a step ask for; return the state from which one continues."""
+        if self.events is None:
+            return None
+        assert self.request.on_event is not None
+        while (found := self.events.first(inside, t_old, t, end)) is not None:
+            for at in self.due(found.time):
+                self.sample(at, inside(at))
+            y = self.project(found.time, inside(found.time))
+            q, v = self.motion.split(y)
+            event = Event(found.number, found.direction, found.time, q.copy(), v.copy())
+            reaction = self.request.on_event(event)
+            if reaction == "stop":
+                raise Stopped(event)
+            if reaction != "go on":
+                return found.time, np.concatenate([*reaction, y[-1:]])
+        return None
 
     def go_on(self, solver: OdeSolver, t: float, y: Array) -> OdeSolver:
         """Let the integrator go on from the projected state, with the damping of this step."""

@@ -205,12 +205,19 @@ def _check_film_options(suffix: str, fps: float | None, size: tuple[int, int] | 
             )
 
 
+_ENDINGS = {
+    "failed": "failed",
+    "interrupted": "was interrupted",
+    "stopped-by-event": "was stopped by an event",
+}
+
+
 def _notes(run: Run, last: float, known: bool, view: bool) -> tuple[str, ...]:
     """Return what the reader should know of the run."""
     status, message = run.record.status, run.record.message
     notes: tuple[str, ...] = ()
     if status not in ("completed", ""):
-        what = {"failed": "failed", "interrupted": "was interrupted"}.get(status, status)
+        what = _ENDINGS.get(status, f"is marked {status}")
         notes = (f"the run {what} at t = {last:.6g} s{f': {message}' if message else ''}",)
     if view:
         return notes

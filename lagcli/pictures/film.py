@@ -53,12 +53,12 @@ def check_film(suffix: str, frames: int, size: tuple[int, int], fps: float) -> N
             " a page needs nothing more: -o run.html"
         )
     if suffix == ".mp4":
-        _ffmpeg()
         if width % 2 or height % 2:
             raise UsageError(
                 f"MP4 wants even numbers of pixels, not {width}x{height};"
                 f" give --size {width + width % 2}x{height + height % 2}"
             )
+        _ffmpeg()
         return
     if fps > GIF_FASTEST:
         raise UsageError(

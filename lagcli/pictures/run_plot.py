@@ -15,8 +15,8 @@ from lagcli.pictures.figure_file import check_resolution, new_figure, write_figu
 from lagcli.pictures.panels import Panel, asked, usual
 from lagcli.pictures.run_file import Run
 from lagcli.pictures.thinning import thin
-from lagcli.pictures.ticks import decades, plain_ticks
-from lagcli.samples import Array
+from lagcli.pictures.ticks import decades, drawable, plain_ticks
+from lagcli.samples import ENDED, Array
 
 WIDTH = 7.0  # inches
 _TIME, _PHASE = 1.7, 4.2  # inches, of panels
@@ -104,7 +104,7 @@ def _title(runs: Sequence[Run]) -> str:
     from lagcli.results.metadata import model_name
 
     name = model_name(runs[0].record.model) or ""
-    bad = [run.record.status for run in runs if run.record.status not in ("completed", "")]
+    bad = [run.record.status for run in runs if run.record.status not in (*ENDED, "")]
     if not bad:
         return name
     return f"{name} ({bad[0]})" if name else bad[0]
@@ -190,11 +190,11 @@ class PanelDrawing:
 
     def drawn(self, values: Values, curve: Curve, over: Curve | None) -> tuple[Array, Array]:
         """Return what is drawn of a curve."""
-        y, time = values[curve.name], values["t"]
+        y, time = drawable(values[curve.name]), values["t"]
         if over is None:
             kept = thin(time, y, self.columns)
             return time[kept], y[kept]
-        x = values[over.name]
+        x = drawable(values[over.name])
         kept = thin(time, np.stack((x, y), axis=1), _PORTRAIT)
         return x[kept], y[kept]
 

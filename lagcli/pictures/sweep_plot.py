@@ -13,7 +13,7 @@ from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures import style
 from lagcli.pictures.curves import pretty_unit
 from lagcli.pictures.figure_file import check_resolution, new_figure, write_figure
-from lagcli.pictures.ticks import plain_ticks
+from lagcli.pictures.ticks import drawable, plain_ticks
 from lagcli.samples import Array
 
 _WIDTH, _CURVE, _MAP = 6.0, 2.4, 4.0  # inches
@@ -104,7 +104,7 @@ class Table:
 def _quantity(column: Any, values: Array, measured: bool) -> Quantity:
     unit = "" if column.unit == "not stated" else pretty_unit(column.unit)
     name = column.name.replace("$", r"\$")
-    return Quantity(column.name, f"{name} [{unit}]" if unit else name, values, measured)
+    return Quantity(column.name, f"{name} [{unit}]" if unit else name, drawable(values), measured)
 
 
 class _Panel(NamedTuple):

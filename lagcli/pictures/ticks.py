@@ -13,6 +13,14 @@ from lagcli.samples import Array
 _RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
+_LARGEST = 1e300  # the numbers of an axis overflow before its values do
+
+
+def drawable(values: Array) -> Array:
+    """Return values with NaN in place of those that are too large for an axis."""
+    return np.where(np.abs(values) <= _LARGEST, values, np.nan)
+
+
 def power(exponent: int) -> str:
     """Return a power of ten: 10⁻⁹."""
     return f"10{str(exponent).translate(_RAISED)}"

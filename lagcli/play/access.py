@@ -66,7 +66,8 @@ class Access:
         """Return 200 for a request that is answered, else the status of its refusal."""
         if request.headers.getall("Host", []) not in [[host] for host in self._hosts]:
             return 403
-        given = request.path.split("/")[1]
+        # OPTIONS may ask for *, and CONNECT for no path at all
+        given = request.path.removeprefix("/").partition("/")[0]
         if not secrets.compare_digest(given.encode(), self.token.encode()):
             return 404
         origin = request.headers.get("Origin")

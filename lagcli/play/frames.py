@@ -27,7 +27,8 @@ def encode(value: Mapping[str, Any]) -> bytes:
         JSON values and one-dimensional arrays. A number that is not finite is null, but in arrays.
     """
     arrays: list[Array] = []
-    header = json.dumps(_plain(value, arrays, [0]), ensure_ascii=False, allow_nan=False).encode()
+    text = json.dumps(_plain(value, arrays, [0]), ensure_ascii=False, allow_nan=False)
+    header = text.encode(errors="replace")  # a message of a page may hold halves of characters
     header += b" " * (-(4 + len(header)) % 8)
     body = b"".join(np.ascontiguousarray(a, dtype="<f8").tobytes() for a in arrays)
     return struct.pack("<I", len(header)) + header + body

@@ -90,7 +90,7 @@ def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
                 os.unlink(hidden)
     except OSError as error:
         raise reasons.write_failure(path, error) from error
-    _sync_folder(folder)
+    sync_folder(folder)
 
 
 def abandon(opened: ExitStack, error: BaseException | None) -> None:
@@ -202,8 +202,8 @@ def _name_hidden(hidden: str, target: str, force: bool) -> None:
             raise
 
 
-def _sync_folder(folder: str) -> None:
-    """Bring the new name to the disk too."""
+def sync_folder(folder: str) -> None:
+    """Bring new names in a folder to the disk, where the system can."""
     # The file is in place and synced; a folder that cannot be synced (some network file
     # systems, Windows) is nothing that the reader of a message could mend.
     with suppress(OSError):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagcli.errors import FileError, UsageError
+from lagcli.errors import UsageError
 from lagcli.results.atomic import abandon, check_writable, whole_file
 from lagcli.results.layout import QUANTITIES
 from lagcli.results.reasons import write_failure
@@ -240,8 +240,6 @@ def _lines(samples: Samples) -> Iterator[bytes]:
 def _standard_output() -> Callable[[bytes], object]:
     """Return what writes to standard output; no buffer is left that could fail at exit."""
     stream = sys.stdout
-    if stream is None:
-        raise FileError("cannot write to standard output: it is closed; name a file: -o run.csv")
     try:
         stream.flush()
     except BrokenPipeError:

@@ -33,6 +33,8 @@ def write_failure(path: str, error: OSError) -> FileError:
             reason = f"there is no folder {folder}; create it with: mkdir -p {shlex.quote(folder)}"
         case errno.ENOTDIR:
             reason = f"{folder} is not a folder; choose another name"
+        case errno.EBADF:
+            reason = "it is closed; lead it to a terminal or a file, or write with -o"
         case errno.EISDIR:
             reason = "it is a folder; give the name of a file in it"
         case errno.ENAMETOOLONG:

@@ -1,33 +1,38 @@
 """The journal of a sweep: what is known of its rows while it runs.
 
-A file that only grows, record by record, each with its length and checksum. A process that is
-killed leaves whole records and at most a part of one, which the next reader cuts off.
+A file that only grows, record by record. Each record has its length and a checksum over all
+records up to it, so that it is valid only in its place. A process that is killed leaves whole
+records and at most a part of one; a power failure may leave zeros. The next reader cuts the file
+after the last record that is whole.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import stat
 import struct
 import time
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from typing import Any
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from lagcli.errors import FileError, UsageError
+from lagcli.results.atomic import sync_folder
 from lagcli.results.reasons import read_failure, write_failure
+from lagcli.sweeps.records import decode, encode
 from lagcli.sweeps.rows import Results
 
 try:
     import fcntl
-except ImportError:  # a system without POSIX locks: nobody is kept out
+except ImportError:  # without POSIX locks, nothing keeps a second process out
     fcntl = None  # type: ignore[assignment]
 
-_MAGIC = b"lagcli sweep journal 1\n"
-_HEAD = struct.Struct("<QI")  # bytes of the record, and their CRC-32
+_NAME = b"lagcli sweep journal "
+_MAGIC = _NAME + b"2\n"
+_HEAD = struct.Struct("<QI")  # bytes of the record; CRC-32 of all lengths and records so far
+_LENGTH = struct.Struct("<Q")
 _SYNC = 1.0  # s between two syncs: what a power failure may cost
 
 
@@ -36,51 +41,66 @@ def journal_of(output: str) -> str:
     return f"{output}.journal"
 
 
+class Mark(NamedTuple):
+    """The end of a record: its place in the file, and the checksum up to there."""
+
+    place: int
+    checksum: int
+
+
 class Journal:
     """An open journal, which no other process can open.
 
     Parameters
     ----------
     path : str
-    header : mapping, optional
-        What the sweep is, as JSON values; without it the journal must exist.
+    header : mapping
+        What the sweep is, as JSON values.
+    resume : bool
+        Go on with the journal that is there. One that ends before its first row (an empty file, a
+        header cut short, zeros) is begun anew; otherwise the file is emptied first.
 
     Attributes
     ----------
     header : dict
-        What it was begun with.
+        What the journal was begun with.
+    damage : int
+        Bytes that `recover` cut off.
 
     Raises
     ------
     FileError
-        It cannot be read or written, or is no journal.
+        The file cannot be read or written, is no journal, or its beginning is damaged.
     UsageError
         Another process has it open.
     """
 
-    def __init__(self, path: str, header: Mapping[str, Any] | None = None):
+    def __init__(self, path: str, header: Mapping[str, Any], resume: bool = False):
         self.path = path
+        self.damage = 0
         self._synced = time.monotonic()
-        self._file = self._open(os.O_RDWR | (os.O_CREAT if header is not None else 0))
+        self._file = self._open()
         try:
-            if header is not None:
-                self._attempt(self._begin, header)
-            records = self._records()
-            first = next(records, None)
-            if first is None:
-                raise FileError(f"{path} is not a journal of a sweep; remove it, or give --force")
-            self.header: dict[str, Any] = json.loads(first)
+            if resume and self._holds_rows(header):
+                self.header = self._read_header()
+            else:
+                self.header = dict(header)
+                self._begin()
+            self._start = self._end
         except BaseException:
             os.close(self._file)
             raise
 
-    def _open(self, flags: int) -> int:
+    def _open(self) -> int:
         while True:
             try:
-                file = os.open(self.path, flags, 0o666)
+                file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
             except OSError as error:
                 raise write_failure(self.path, error) from error
             try:
+                if not stat.S_ISREG(os.fstat(file).st_mode):
+                    os.close(file)
+                    raise FileError(f"cannot write {self.path}: it is not a regular file")
                 if fcntl is not None:
                     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 with suppress(FileNotFoundError):
@@ -95,24 +115,68 @@ class Journal:
             os.close(file)  # finished and removed by its owner in between
 
     def close(self) -> None:
-        """Sync and close it; it stays."""
+        """Sync and close the file, which stays."""
         with suppress(OSError):
             os.fsync(self._file)
         os.close(self._file)
 
     def remove(self) -> None:
-        """Remove it, when all it holds is in the result file."""
+        """Remove the file, when all it holds is in the result file."""
         with suppress(FileNotFoundError):
             os.unlink(self.path)
         os.close(self._file)
 
-    # records
+    @property
+    def lost(self) -> bool:
+        """Whether the name no longer leads to this file: it was removed or replaced."""
+        try:
+            return not os.path.samestat(os.fstat(self._file), os.stat(self.path))
+        except OSError:
+            return True
 
-    def _begin(self, header: Mapping[str, Any]) -> None:
-        os.ftruncate(self._file, 0)
+    # the beginning
+
+    def _begin(self) -> None:
+        self._end = Mark(0, 0)
         self._write(_MAGIC)
-        self._write(_framed(json.dumps(header).encode()))
-        os.fsync(self._file)
+        self._end = Mark(len(_MAGIC), 0)
+        self._add(json.dumps(self.header).encode())
+        self._sync()
+        sync_folder(os.path.dirname(self.path) or ".")
+
+    def _holds_rows(self, header: Mapping[str, Any]) -> bool:
+        """Return whether rows may follow the header; raise if the file is something else.
+
+        A power failure during the first writes leaves a part of the beginning, or zeros.
+        """
+        head = self._read(0, len(_MAGIC))
+        if not head.startswith(_NAME) and not _NAME.startswith(head.rstrip(b"\0")):
+            raise FileError(f"{self.path} is not a journal of a sweep; remove it, or give --force")
+        if self._record(Mark(len(_MAGIC), 0)) is not None:
+            return True
+        first_row = len(_MAGIC) + _HEAD.size + len(json.dumps(header).encode())
+        return bool(self._read(first_row, self._size() - first_row).strip(b"\0"))
+
+    def _read_header(self) -> dict[str, Any]:
+        magic = self._read(0, len(_MAGIC))
+        if magic != _MAGIC and magic[len(_NAME) :].strip().isdigit():
+            raise FileError(
+                f"{self.path} was written by another version of lagcli; finish the sweep with that"
+                " version, or give --force to begin anew"
+            )
+        found = self._record(Mark(len(_MAGIC), 0)) if magic == _MAGIC else None
+        if found is not None:
+            self._end, record = found
+            with suppress(ValueError):
+                header = json.loads(record)
+                if isinstance(header, dict) and isinstance(header.get("sweep"), dict):
+                    return header
+        raise FileError(
+            f"{self.path} is damaged at its beginning, which says to what sweep its rows belong;"
+            " give --force to begin anew"
+        )
+
+    # records
 
     def append(self, results: Results) -> None:
         """Add the results of some rows; later ones of a row replace earlier ones.
@@ -122,105 +186,107 @@ class Journal:
         FileError
             The disk is full, or refuses; the journal is as it was.
         """
-        self._attempt(self._write, _framed(_encoded(results)))
+        self._add(encode(results))
 
-    def results(self) -> Iterator[Results]:
-        """Yield all results, in the order in which they came; cut off what is not whole."""
-        records = self._records()
-        next(records)
-        for record in records:
-            yield _decoded(record)
+    def recover(self, rows: int, measures: int) -> Iterator[Results]:
+        """Yield all results, in the order in which they came; cut off what is damaged.
 
-    def _records(self) -> Iterator[bytes]:
-        """Yield the records, and end the file after the last whole one."""
-        place = len(_MAGIC)
-        if os.pread(self._file, place, 0) != _MAGIC:
-            return
-        while True:
-            head = os.pread(self._file, _HEAD.size, place)
-            if len(head) < _HEAD.size:
+        Parameters
+        ----------
+        rows, measures : int
+            The sweep's; a record of others counts as damaged.
+        """
+        self._end = self._start
+        while (found := self._record(self._end)) is not None:
+            try:
+                results = decode(found[1], rows, measures)
+            except ValueError:
                 break
-            size, checksum = _HEAD.unpack(head)
-            if place + _HEAD.size + size > os.fstat(self._file).st_size:
-                break
-            record = _read(self._file, size, place + _HEAD.size)
-            if zlib.crc32(record) != checksum:
-                break
-            place += _HEAD.size + size
-            yield record
-        os.ftruncate(self._file, place)
+            self._end = found[0]
+            yield results
+        self.damage = self._size() - self._end.place
+        if self.damage:
+            try:
+                os.ftruncate(self._file, self._end.place)
+            except OSError as error:
+                raise write_failure(self.path, error) from error
 
-    def _attempt(self, action: Any, argument: Any) -> None:
-        """Write something; if that fails, leave the file as it was."""
-        before = os.fstat(self._file).st_size
+    def results(self, rows: int, measures: int) -> Iterator[Results]:
+        """Yield all results that were recovered or appended.
+
+        Raises
+        ------
+        FileError
+            The file no longer holds them.
+        """
+        mark = self._start
+        while mark.place < self._end.place:
+            found = self._record(mark)
+            if found is None:
+                raise FileError(
+                    f"cannot read {self.path}: it was damaged while the sweep ran; the same"
+                    " command with --resume runs the rows again that are lost"
+                )
+            mark, record = found
+            yield decode(record, rows, measures)
+
+    def _record(self, before: Mark) -> tuple[Mark, bytes] | None:
+        """Return the record that follows a mark, and its end; None where there is no valid one."""
+        head = self._read(before.place, _HEAD.size)
+        if len(head) < _HEAD.size:
+            return None
+        size, checksum = _HEAD.unpack(head)
+        if not 0 < size <= self._size() - before.place - _HEAD.size:
+            return None
+        record = self._read(before.place + _HEAD.size, size)
+        end = _following(before, record)
+        return (end, record) if end.checksum == checksum else None
+
+    def _add(self, record: bytes) -> None:
+        end = _following(self._end, record)
+        self._write(_HEAD.pack(len(record), end.checksum) + record)
+        self._end = end
+
+    def _size(self) -> int:
+        return os.fstat(self._file).st_size
+
+    def _read(self, place: int, size: int) -> bytes:
+        parts = []
         try:
-            action(argument)
+            while size > 0 and (part := os.pread(self._file, min(size, 1 << 24), place)):
+                parts.append(part)
+                size, place = size - len(part), place + len(part)
+        except OSError as error:
+            raise read_failure(self.path, error) from error
+        return b"".join(parts)
+
+    def _write(self, data: bytes) -> None:
+        """Write at the end; if that fails, leave the file as it was."""
+        place, view = self._end.place, memoryview(data)
+        try:
+            os.ftruncate(self._file, place)
+            while view:
+                written = os.pwrite(self._file, view, place)
+                place, view = place + written, view[written:]
             if time.monotonic() - self._synced > _SYNC:
                 os.fsync(self._file)
                 self._synced = time.monotonic()
         except OSError as error:
             with suppress(OSError):
-                os.ftruncate(self._file, before)
+                os.ftruncate(self._file, self._end.place)
             raise write_failure(self.path, error) from error
 
-    def _write(self, data: bytes) -> None:
-        place, view = os.fstat(self._file).st_size, memoryview(data)
-        while view:
-            written = os.pwrite(self._file, view, place)
-            place, view = place + written, view[written:]
+    def _sync(self) -> None:
+        try:
+            os.fsync(self._file)
+        except OSError as error:
+            raise write_failure(self.path, error) from error
 
 
-def _read(file: int, size: int, place: int) -> bytes:
-    parts = []
-    while size:
-        part = os.pread(file, min(size, 1 << 24), place)
-        if not part:
-            break
-        parts.append(part)
-        size, place = size - len(part), place + len(part)
-    return b"".join(parts)
-
-
-def _framed(record: bytes) -> bytes:
-    return _HEAD.pack(len(record), zlib.crc32(record)) + record
-
-
-def _encoded(results: Results) -> bytes:
-    """Return results as bytes: sizes and messages as JSON, then the arrays."""
-    n, nt, columns = results.kept.shape
-    said = {str(i): text for i, text in enumerate(results.messages) if text}
-    sizes = [n, results.measures.shape[1], nt, columns]
-    head = json.dumps({"sizes": sizes, "messages": said}).encode()
-    arrays = [
-        np.ascontiguousarray(results.numbers, "<i8"),
-        np.ascontiguousarray(results.status, "<i1"),
-        np.ascontiguousarray(results.counts, "<i8"),
-        np.ascontiguousarray(results.measures, "<f8"),
-        np.ascontiguousarray(results.kept, "<f8"),
-    ]
-    return b"".join([struct.pack("<Q", len(head)), head, *(a.tobytes() for a in arrays)])
-
-
-def _decoded(record: bytes) -> Results:
-    (length,) = struct.unpack_from("<Q", record)
-    head = json.loads(record[8 : 8 + length])
-    n, measures, nt, columns = head["sizes"]
-    place = 8 + length
-
-    def array(kind: str, *shape: int) -> Any:
-        nonlocal place
-        found = np.frombuffer(record, kind, int(np.prod(shape)), place).reshape(shape)
-        place += found.nbytes
-        return found
-
-    return Results(
-        array("<i8", n),
-        array("<i1", n),
-        [head["messages"].get(str(i), "") for i in range(n)],
-        array("<i8", n, 3),
-        array("<f8", n, measures),
-        array("<f8", n, nt, columns),
-    )
+def _following(before: Mark, record: bytes) -> Mark:
+    """Return the end of a record that follows a mark."""
+    checksum = zlib.crc32(record, zlib.crc32(_LENGTH.pack(len(record)), before.checksum))
+    return Mark(before.place + _HEAD.size + len(record), checksum)
 
 
 def check_no_journal(output: str) -> None:

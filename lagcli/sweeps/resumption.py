@@ -22,6 +22,7 @@ class State(NamedTuple):
     journal: Journal | None
     ledger: Ledger
     replace: bool  # whether the result file may be there
+    notes: list[str]  # what was wrong with the journal
 
 
 @contextmanager
@@ -35,7 +36,7 @@ def opened(
     ledger = Ledger(ready.spec.plan.length)
     described = ready.spec.described()
     if resume and not os.path.exists(journal_path) and os.path.exists(path):
-        yield State(_reopened(ready, path, ledger, retry_failed), ledger, True)
+        yield State(_reopened(ready, path, ledger, retry_failed), ledger, True, [])
         return
     going_on = resume and os.path.exists(journal_path)
     if not going_on:
@@ -43,18 +44,30 @@ def opened(
         if not force:
             check_no_journal(path)
     header = {"sweep": described, "replace": force}
-    journal = Journal(journal_path, None if going_on else header)
+    journal = Journal(journal_path, header, resume=going_on)
+    notes = []
     try:
         if going_on:
             refuse_difference(journal.header["sweep"], described, journal_path)
-            for results in journal.results():
+            for results in journal.recover(*ready.spec.size):
                 ledger.enter(results)
+            if journal.damage:
+                notes.append(_cut(journal, ledger))
             if retry_failed:
                 ledger.forget_failures()
-        yield State(journal, ledger, force or bool(journal.header["replace"]))
+        replace = force or bool(journal.header.get("replace"))
+        yield State(journal, ledger, replace, notes)
     except BaseException:
         journal.close()
         raise
+
+
+def _cut(journal: Journal, ledger: Ledger) -> str:
+    missing = len(ledger.status) - ledger.done
+    return (
+        f"{journal.path} was damaged or incomplete at its end: {journal.damage} bytes were cut off;"
+        f" {ledger.done} rows are kept, the other {missing} are run"
+    )
 
 
 def _reopened(ready: Ready, path: str, ledger: Ledger, retry_failed: bool) -> Journal | None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lagcli.engine.run import Run
 from lagcli.errors import LagcliError
 from lagcli.model.units import si_notation, to_si
+from lagcli.samples import ENDED
 from lagcli.sweeps.group import Ended, Group
 from lagcli.sweeps.spec import Spec
 from lagcli.threads import one_thread
@@ -208,7 +209,7 @@ class _Collected:
 
 def _outcome(run: Run | LagcliError) -> tuple[int, str]:
     if isinstance(run, Run):
-        return (COMPLETED if run.status == "completed" else FAILED), run.message
+        return (COMPLETED if run.status in ENDED else FAILED), run.message
     return (FAILED if run.exit_status == 3 else ERROR), str(run)
 
 

@@ -16,7 +16,7 @@ from lagcli.model.model import Model, Settings
 from lagcli.model.reading import read_text
 from lagcli.results.formats import format_of
 from lagcli.sweeps.layout import named_measure
-from lagcli.sweeps.ledger import Ledger, Missing
+from lagcli.sweeps.ledger import Missing
 from lagcli.sweeps.preparation import Asked, Ready, prepare_sweep
 from lagcli.sweeps.resumption import State, opened
 from lagcli.sweeps.rows import COMPLETED, Results
@@ -36,8 +36,9 @@ class Summary:
     ----------
     status : str
         ``completed`` (every row has a result, good or bad) or ``interrupted``.
-    output : str
-        The file; of an interrupted sweep the journal from which ``resume`` goes on.
+    output : str or None
+        The file; of an interrupted sweep the journal from which ``resume`` goes on, None where
+        that was removed while the sweep ran.
     rows, done, ok : int
         All rows, those with a result, and those that were completed.
     failed : dict of str to int
@@ -49,10 +50,12 @@ class Summary:
     seconds : float
     keep : str
     measures : list of str
+    notes : list of str
+        What was wrong with the journal of a resumed sweep.
     """
 
     status: str
-    output: str
+    output: str | None
     rows: int
     done: int
     ok: int
@@ -62,6 +65,7 @@ class Summary:
     seconds: float
     keep: str
     measures: list[str]
+    notes: list[str]
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as JSON values."""
@@ -152,7 +156,7 @@ def sweep(
     ready = prepare_sweep(text, name, set or {}, set_initial or {}, settings, asked, path)
     with opened(ready, path, resume, retry_failed, force) as state:
         if state.journal is None:
-            return _summary(ready, state.ledger, "completed", path, 0, began)
+            return _summary(ready, state, "completed", path, 0, began)
         return _Sweep(ready, state, path, jobs, progress, executor, began).run()
 
 
@@ -170,6 +174,7 @@ class _Sweep:
         began: float,
     ):
         assert state.journal is not None
+        self.state = state
         self.ready, self.path, self.began = ready, path, began
         self.journal, self.ledger, self.replace = state.journal, state.ledger, state.replace
         self.jobs = jobs or _processors()
@@ -197,25 +202,38 @@ class _Sweep:
                     self.progress(done, all_)
                     heed()
             except (Interrupted, KeyboardInterrupt):
+                kept = None if self.journal.lost else self.journal.path
                 self.journal.close()
-                path = self.journal.path
-                return _summary(
-                    self.ready, self.ledger, "interrupted", path, done - before, self.began
-                )
+                return self._summary("interrupted", kept, done - before)
         seconds = time.monotonic() - self.began
         self._write(seconds)
         self.journal.remove()
-        return _summary(self.ready, self.ledger, "completed", self.path, done - before, self.began)
+        return self._summary("completed", self.path, done - before)
+
+    def _summary(self, status: str, output: str | None, run: int) -> Summary:
+        return _summary(self.ready, self.state, status, output, run, self.began)
 
     def _keep(self, results: Results) -> None:
+        folder = os.path.dirname(self.journal.path) or "."
+        if self.journal.lost and not os.path.isdir(folder):
+            raise FileError(
+                f"cannot write {self.journal.path}: the folder {folder} was removed while the sweep"
+                f" ran, and with it {self.ledger.done} rows; run the sweep again"
+            )
         try:
             self.journal.append(results)
         except FileError as error:
-            raise FileError(
-                f"{error}\n   note: {self.ledger.done} rows are kept; the same command with"
-                " --resume goes on"
-            ) from error
+            raise self._noted(error, f"{self.ledger.done} rows are kept", "goes on") from error
         self.ledger.enter(results)
+
+    def _noted(self, error: FileError, kept: str, does: str) -> FileError:
+        """Return an error with what it leaves of the rows."""
+        path = self.journal.path
+        if self.journal.lost:
+            note = f"{path} was removed while the sweep ran, and its rows with it; run it again"
+        else:
+            note = f"{kept} in {path}; the same command with --resume {does}"
+        return FileError(f"{error}\n   note: {note}")
 
     def _write(self, seconds: float) -> None:
         try:
@@ -224,10 +242,7 @@ class _Sweep:
             else:
                 self._write_hdf5(self.path, seconds, self.replace)
         except FileError as error:
-            raise FileError(
-                f"{error}\n   note: all rows are kept in {self.journal.path}; the same command with"
-                " --resume writes the file"
-            ) from error
+            raise self._noted(error, "all rows are kept", "writes the file") from error
 
     def _write_hdf5(self, path: str, seconds: float, force: bool) -> None:
         from lagcli.sweeps.store import write_sweep
@@ -239,7 +254,7 @@ class _Sweep:
             "failures": self.ledger.failures(),
             "seconds": {"total": seconds},
         }
-        results = self.journal.results()
+        results = self.journal.results(*ready.spec.size)
         write_sweep(
             path,
             ready.spec,
@@ -276,8 +291,9 @@ def _signals() -> list[Any]:
 
 
 def _summary(
-    ready: Ready, ledger: Ledger, status: str, output: str, run: int, began: float
+    ready: Ready, state: State, status: str, output: str | None, run: int, began: float
 ) -> Summary:
+    ledger = state.ledger
     seconds = time.monotonic() - began
     return Summary(
         status=status,
@@ -291,4 +307,5 @@ def _summary(
         seconds=seconds,
         keep=ready.spec.keep,
         measures=[name for name, _ in ready.spec.measures],
+        notes=state.notes,
     )

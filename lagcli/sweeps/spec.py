@@ -45,6 +45,11 @@ class Spec:
     measures: tuple[tuple[str, str], ...]
     keep: str
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """The numbers of rows and of measures."""
+        return self.plan.length, len(self.measures)
+
     def load(self, values: Mapping[str, object] | None = None) -> Model:
         """Return the model, with some parameters of other values.
 

@@ -266,11 +266,8 @@ RESUME = ("sweep", CRANK, *GRID, *PEAK, "-o", "s.h5", *SHORT, "--resume")
 
 def cut(path: str, records: int) -> None:
     """Cut a journal down to its first records."""
-    journal = Journal(path)
-    kept = []
-    for i, results in enumerate(journal.results()):
-        if i < records:
-            kept.append(results)
+    journal = Journal(path, {}, resume=True)
+    kept = list(journal.recover(6, 1))[:records]
     header = journal.header
     journal.close()
     journal = Journal(path, header)
@@ -364,7 +361,7 @@ def test_retry_failed_runs_the_failed_alone(here: Here) -> None:
 
 def test_two_sweeps_of_one_file_are_refused(journaled: Here) -> None:
     here = journaled
-    other = Journal("s.h5.journal")
+    other = Journal("s.h5.journal", {}, resume=True)
     assert here(*RESUME) == 2
     assert "another process is running this sweep" in here.err
     other.close()
@@ -386,6 +383,55 @@ def test_a_full_disk_loses_nothing(journaled: Here, monkeypatch: pytest.MonkeyPa
     assert here(*RESUME, "--json") == 0
     assert json.loads(here.out)["run"] == 0
     assert_same("s.h5", "whole.h5")
+
+
+def test_a_damaged_end_of_the_journal_is_cut_and_said(journaled: Here) -> None:
+    here = journaled
+    with open("s.h5.journal", "ab") as file:
+        file.write(bytes(24))
+    assert here(*RESUME, "--json") == 0
+    said = json.loads(here.out)
+    assert (said["run"], said["done"]) == (4, 6)
+    assert said["notes"] == [
+        "s.h5.journal was damaged or incomplete at its end: 24 bytes were cut off; 2 rows are kept,"
+        " the other 4 are run"
+    ]
+    assert f"note: {said['notes'][0]}" in here.err
+    assert_same("s.h5", "whole.h5")
+
+
+@pytest.mark.parametrize("when", ["keep", "write", "interrupted"])
+def test_a_folder_that_vanishes_keeps_nothing(
+    here: Here, monkeypatch: pytest.MonkeyPatch, when: str
+) -> None:
+    import shutil
+
+    from lagcli.sweeps import run as module
+
+    os.mkdir("gone")
+    sweep = module._Sweep
+    if when == "keep":
+        before = sweep._keep
+        monkeypatch.setattr(
+            sweep, "_keep", lambda self, x: (shutil.rmtree("gone"), before(self, x))
+        )
+    elif when == "write":
+        write = sweep._write
+        monkeypatch.setattr(
+            sweep, "_write", lambda self, x: (shutil.rmtree("gone"), write(self, x))
+        )
+    else:
+
+        def interrupted(self: object, results: object) -> None:
+            shutil.rmtree("gone")
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(sweep, "_keep", interrupted)
+    status = here("sweep", CRANK, *GRID, *PEAK, "-o", "gone/s.h5", *SHORT)
+    assert status == (130 if when == "interrupted" else 4)
+    assert "removed while the sweep ran" in here.err
+    assert "are kept in" not in here.err
+    assert "--resume" not in here.err
 
 
 # signals

@@ -1,5 +1,9 @@
 """Animations: their times, films, pages, and the command."""
 
+import base64
+import hashlib
+import re
+import shutil
 import warnings
 from base64 import b64decode
 from dataclasses import replace
@@ -218,7 +222,10 @@ def test_films_that_cannot_be_made(suffix, frames, size, fps, message):
         check_film(suffix, frames, size, fps)
 
 
-@pytest.mark.parametrize("suffix", ["gif", "mp4"])
+FFMPEG = pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
+
+
+@pytest.mark.parametrize("suffix", ["gif", pytest.param("mp4", marks=FFMPEG)])
 def test_an_interrupted_film_leaves_no_file(suffix, result, tmp_path):
     from contextlib import contextmanager
 
@@ -267,6 +274,19 @@ def test_a_run_in_memory_is_animated(tmp_path):
     model = lagcli.load(Path(__file__).parents[2] / "models" / "atwood.yaml")
     made = lagcli.animate(lagcli.simulate(model), tmp_path / "run.html")
     assert made.frames == 101
+
+
+def test_the_page_runs_its_own_script_alone(result, tmp_path):
+    lagcli.animate(result("atwood"), tmp_path / "run.html")
+    text = (tmp_path / "run.html").read_text(encoding="utf-8")
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1]
+    for kind, element in (("script", "script"), ("style", "style")):
+        (content,) = re.findall(rf"<{element}>(.*?)</{element}>", text, re.DOTALL)
+        digest = base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()
+        assert f"{kind}-src 'sha256-{digest}'" in policy
+    assert policy.startswith("default-src 'none'; ")
+    assert "unsafe" not in policy
+    assert "base-uri 'none'; form-action 'none'" in policy
 
 
 def test_trails_are_what_can_be_followed():

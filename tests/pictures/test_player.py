@@ -328,8 +328,8 @@ def test_what_is_not_finite_is_not_drawn(visit, tmp_path):
     path = tmp_path / "page.html"
     text = page(
         "</title><script>console.log('title')</script>",
-        '<div style="height: 400px"></div>',
-        styles=map(asset, PLAYER_STYLES),
+        '<div id="player"></div>',
+        styles=[*map(asset, PLAYER_STYLES), "#player { height: 400px }"],
         scripts=[asset(name) for name in PLAYER_SCRIPTS],
         start=start,
     )

@@ -318,3 +318,24 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_formats_that_are_none(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["plot", "slider_crank.h5", "-o", name]) == 2
     assert "is no format of plots" in capsys.readouterr().err
+
+
+def test_values_that_no_axis_can_show_are_left_out(tmp_path: Path) -> None:
+    model = lagcli.load_text(
+        "coordinates: [x]\nparameters: {m: 1}\nT: m*x'^2/2\n"
+        "initial: {x: 0, x': 1}\noutputs: {big: 1e308*(1 - 2*x), small: x}\n"
+    )
+    lagcli.write(lagcli.simulate(model, t_end=1, samples=5), tmp_path / "run.h5")
+    for names in (["big"], ["small:big"], ["big", "small"]):
+        lagcli.plot(tmp_path / "run.h5", tmp_path / "run.png", names, force=True)
+    lagcli.sweep(
+        model,
+        ["m=1,1e308"],
+        tmp_path / "s.h5",
+        measures={"big": "max(big)*m/m", "small": "max(x)"},
+        t_end=1,
+        samples=5,
+        jobs=1,
+    )
+    for names in (["big"], ["small"], ["small:big"]):
+        lagcli.plot(tmp_path / "s.h5", tmp_path / "s.png", names, force=True)

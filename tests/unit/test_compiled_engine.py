@@ -246,3 +246,16 @@ def test_damping_from_the_step_agrees_with_the_reference_engine():
     )
     # both are the motion up to the drift that damping leaves
     np.testing.assert_allclose(one.q, other.q, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize(("method", "other"), [("Taylor", "DOP853"), ("Rodas5P", "Radau")])
+def test_methods_of_the_compiled_engine_say_what_they_lack(monkeypatch, method, other):
+    with pytest.raises(UsageError, match=rf"has {method}; give --engine compiled, .* {other}"):
+        lagcli.simulate(PENDULUM, method=method, engine="scipy")
+    with pytest.raises(UsageError, match=f"{method} has no Baumgarte stab.*--method {other}"):
+        lagcli.simulate(PENDULUM, method=method, formulation="baumgarte")
+    from lagcli import simulation
+
+    monkeypatch.setattr(simulation, "compiled_available", lambda: False)
+    with pytest.raises(UsageError, match=f"{method} needs the compiled engine, which was not buil"):
+        lagcli.simulate(PENDULUM, method=method)

@@ -1,10 +1,12 @@
-"""Events of the compiled engine: located on the dense output, and what may follow them."""
+"""Events of both engines: located on the dense output, and what may follow them."""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,28 +14,36 @@ import pytest
 from scipy.special import ellipk, ellipkinc
 
 import lagcli
-from lagcli.engine import compiled_engine
+from lagcli import simulation
+from lagcli.cli.app import run as main
+from lagcli.engine import compiled_engine, scipy_engine
 from lagcli.engine.run import Block, Event, Reaction, Request, Run
 from lagcli.engine.system import System, compile_system
 from lagcli.engine.tape import Op, Tape
 from lagcli.equations.lagrange import derive
 
 G = 9.81
-METHODS = ("DOP853", "Taylor", "Rodas5P", "Radau")
+ENGINES = {"compiled": compiled_engine.run, "scipy": scipy_engine.run}
+METHODS = [
+    *(("compiled", method) for method in ("DOP853", "Taylor", "Rodas5P", "Radau")),
+    ("scipy", "DOP853"),  # the others of SciPy take long at this tolerance
+]
+both_engines = pytest.mark.parametrize("engine", ENGINES)
 
 
 def system(text: str, events: Tape) -> System:
     return replace(compile_system(derive(lagcli.load_text(text))), events=events)
 
 
-BALL = system(
-    """
+BALL_TEXT = """
 coordinates: [x, y]
 parameters: {g: 9.81}
 T: (x'^2 + y'^2)/2
 V: g*y
 initial: {x: 0, y: 1, x': 1, y': 0}
-""",
+"""
+BALL = system(
+    BALL_TEXT,
     # t x y u v g → y, and sin(10 x)
     Tape(6, (10.0,), ((Op.MUL, 7, 6, 1, 0), (Op.SIN, 8, 7, 0, 0)), (2, 8), 1),
 )
@@ -64,6 +74,7 @@ def run(
     q: list[float],
     v: list[float],
     on_event: Callable[[Event], Reaction],
+    engine: str = "compiled",
     **changes: Any,
 ) -> Found:
     request = Request(
@@ -86,13 +97,13 @@ def run(
         on_event=on_event,
     )
     blocks: list[Block] = []
-    ended = compiled_engine.run(what, replace(request, **changes), blocks.append)
+    ended = ENGINES[engine](what, replace(request, **changes), blocks.append)
     columns = zip(*((b.time, b.q) for b in blocks), strict=True)
     return Found(ended, *map(np.concatenate, columns))
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_bouncing_ball(method: str) -> None:
+@pytest.mark.parametrize(("engine", "method"), METHODS)
+def test_bouncing_ball(engine: str, method: str) -> None:
     restitution = 0.8
     hits: list[Event] = []
 
@@ -103,7 +114,7 @@ def test_bouncing_ball(method: str) -> None:
         hits.append(event)
         return event.q, event.v * [1, -restitution]
 
-    found = run(BALL, [0, 1], [1, 0], bounce, method=method)
+    found = run(BALL, [0, 1], [1, 0], bounce, engine, method=method)
     assert found.run.status == "completed"
     # √(2/g), then flights of 2 e^k √(2/g)
     flight = math.sqrt(2 / G)
@@ -125,15 +136,15 @@ def test_bouncing_ball(method: str) -> None:
         assert y == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_pendulum_passes_a_line(method: str) -> None:
+@pytest.mark.parametrize(("engine", "method"), METHODS)
+def test_pendulum_passes_a_line(engine: str, method: str) -> None:
     events: list[Event] = []
 
     def watch(event: Event) -> Reaction:
         events.append(event)
         return "go on"
 
-    found = run(PENDULUM, [1, 0], [0, 0], watch, method=method)
+    found = run(PENDULUM, [1, 0], [0, 0], watch, engine, method=method)
     # released at the horizontal, m = 1/2: sn(K − √g t) = √2 sin(θ/2)
     K, rate = ellipk(0.5), math.sqrt(G)
     turned = ellipkinc(math.asin(math.sqrt(2) * math.sin(math.pi / 12)), 0.5)
@@ -153,15 +164,17 @@ def test_pendulum_passes_a_line(method: str) -> None:
     assert len(found.time) == 31
 
 
-def test_events_do_not_change_the_motion() -> None:
-    options: dict[str, Any] = {"q": [1, 0], "v": [0, 0]}
+@both_engines
+def test_events_do_not_change_the_motion(engine: str) -> None:
+    options: dict[str, Any] = {"q": [1, 0], "v": [0, 0], "engine": engine}
     watched = run(PENDULUM, on_event=lambda event: "go on", **options)
     plain = run(replace(PENDULUM, events=None), on_event=lambda event: "stop", **options)
     np.testing.assert_array_equal(watched.q, plain.q)
     assert watched.run.steps == plain.run.steps
 
 
-def test_several_events_in_one_step() -> None:
+@both_engines
+def test_several_events_in_one_step(engine: str) -> None:
     seen: list[Event] = []
 
     def record(event: Event) -> Reaction:
@@ -169,7 +182,7 @@ def test_several_events_in_one_step() -> None:
         return "go on" if event.number else "stop"
 
     # a free flight is exact whatever its step: sin(10 x) changes sign at x = k π/10
-    found = run(BALL, [0.05, 1], [1, 0], record, max_step=math.inf)
+    found = run(BALL, [0.05, 1], [1, 0], record, engine, max_step=math.inf)
     crossings = [e for e in seen if e.number == 1]
     expected = np.arange(1, 3) * math.pi / 10 - 0.05
     expected = expected[expected < math.sqrt(2 / G)]
@@ -177,18 +190,86 @@ def test_several_events_in_one_step() -> None:
     assert [e.direction for e in crossings] == [-1, 1][: len(expected)]
     assert seen[-1].number == 0
     # stopped at the ground: the samples end there
-    assert found.run.status == "completed"
+    assert found.run.status == "stopped-by-event"
+    assert found.run.message == f"event 0 stopped the run at t = {math.sqrt(2 / G):.9g} s"
     assert found.time[-1] <= math.sqrt(2 / G) < found.time[-1] + 0.1
 
 
-def test_samples_come_in_blocks_with_events() -> None:
+@both_engines
+def test_samples_come_in_blocks_with_events(engine: str) -> None:
+    count = 20_001 if engine == "compiled" else 2_001
     bounced = run(
         BALL,
         [0, 1],
         [1, 0],
         lambda e: "go on" if e.number else (e.q, e.v * [1, -1]),
-        times=np.linspace(0, 3, 20_001),
+        engine,
+        times=np.linspace(0, 3, count),
+        block_rows=500,
     )
-    assert len(bounced.time) == 20_001
+    assert len(bounced.time) == count
     assert (np.diff(bounced.time) > 0).all()
     assert bounced.q[:, 1].min() > -1e-12
+
+
+@both_engines
+def test_both_engines_meet_the_same_events(engine: str) -> None:
+    """A pendulum whose bob is turned back at a wall, where x = 1/2, twice; then it is let go."""
+    events: list[Event] = []
+
+    def turn_back(event: Event) -> Reaction:
+        events.append(event)
+        return "stop" if len(events) == 3 else (event.q, -event.v)
+
+    found = run(PENDULUM, [1, 0], [0, 0], turn_back, engine)
+    # back and forth between the horizontal and the wall: T, 3 T and 5 T
+    rate = math.sqrt(G)
+    fall = (ellipk(0.5) - ellipkinc(math.asin(math.sqrt(2) * math.sin(math.pi / 12)), 0.5)) / rate
+    np.testing.assert_allclose(
+        [e.time for e in events], [fall, 3 * fall, 5 * fall], rtol=0, atol=1e-10
+    )
+    assert [e.direction for e in events] == [-1, -1, -1]
+    assert found.run.status == "stopped-by-event"
+    assert found.time[-1] == pytest.approx(math.floor(50 * fall) / 10)
+
+
+@both_engines
+def test_a_stop_is_told_to_the_user(
+    engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The model language has no events yet: the ball's are given to the simulation."""
+    prepare = simulation.prepare
+
+    def with_events(*arguments: Any) -> simulation.Simulation:
+        made = prepare(*arguments)
+        return replace(
+            made,
+            system=replace(made.system, events=BALL.events),
+            on_event=lambda event: "go on" if event.number else "stop",
+        )
+
+    monkeypatch.setattr(simulation, "prepare", with_events)
+    (tmp_path / "ball.yaml").write_text(BALL_TEXT)
+    options = ["simulate", str(tmp_path / "ball.yaml"), "--engine", engine, "--t-end", "3"]
+    said = "event 0 stopped the run at t = 0.451523641 s"
+    for suffix in ("h5", "csv"):
+        path = tmp_path / f"run.{suffix}"
+        assert main([*options, "-o", str(path), "--meta"][: None if suffix == "csv" else -1]) == 0
+        out = capsys.readouterr().out
+        assert out.startswith("ball: stopped-by-event, t = 0 to 0.45 s,")
+        assert said in out
+        read = lagcli.read(path)
+        assert (read.status, read.message) == ("stopped-by-event", said)
+        assert 0.45 <= read.time[-1] <= 0.451523641
+    assert main([*options, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["status"], found["message"]) == ("stopped-by-event", said)
+    assert main(["info", str(tmp_path / "run.h5")]) == 0
+    assert "stopped-by-event" in capsys.readouterr().out
+    ran = lagcli.simulate(lagcli.load(tmp_path / "ball.yaml"), t_end=3, engine=engine)
+    assert (ran.status, ran.message) == ("stopped-by-event", said)
+    report, animation = tmp_path / "r.html", tmp_path / "a.html"
+    assert main(["report", str(tmp_path / "run.h5"), "-o", str(report), "-q"]) == 0
+    assert "The run was stopped by an event." in report.read_text(encoding="utf-8")
+    assert main(["animate", str(tmp_path / "run.h5"), "-o", str(animation), "-q"]) == 0
+    assert "the run was stopped by an event at t = 0.45" in capsys.readouterr().err

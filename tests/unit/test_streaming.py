@@ -148,7 +148,7 @@ def test_no_sample_is_one_empty_block() -> None:
     assert run.status == "failed"
     assert run.time.shape == (0,)
     assert run.constraint_force_by.shape == (0, 1, 2)
-    assert list(run.outputs) == ["slider", "guide_force", "rod_tension"]
+    assert list(run.outputs) == ["slider", "rod_tension"]
 
 
 # writers

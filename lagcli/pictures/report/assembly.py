@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from collections.abc import Mapping
 from html import escape
 from string import Template
@@ -15,7 +13,7 @@ from lagcli.equations.formulas import Formulas
 from lagcli.equations.freedom import Freedom
 from lagcli.equations.lagrange import derive
 from lagcli.extremes import Extreme, Extremes
-from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, script_data
+from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, content_policy, script_data
 from lagcli.pictures.report import tables
 from lagcli.pictures.report.curves import (
     POWERS,
@@ -85,7 +83,7 @@ def assembled(run: Run, title: str | None = None) -> str:
     script = "\n".join([f"/*\n{asset(_UPLOT + 'LICENSE')}\n*/", *map(asset, _SCRIPTS)])
     style = "\n".join(map(asset, _STYLES))
     return Template(asset("report.html")).substitute(
-        policy=_policy(script, style),
+        policy=content_policy(script, style),
         title=name,
         style=style,
         script=script,
@@ -118,18 +116,6 @@ _MOTION = """<aside id="motion" aria-label="Animation">
 <p class="hint">Pass over a plot, or click on it: the animation shows that time.</p>
 <div class="strip" aria-hidden="true"></div>
 </aside>"""
-
-
-def _policy(script: str, style: str) -> str:
-    """Return the policy by which the page runs this script and style and fetches nothing."""
-
-    def digest(text: str) -> str:
-        return base64.b64encode(hashlib.sha256(f"\n{text}\n".encode()).digest()).decode()
-
-    return (
-        f"default-src 'none'; script-src 'sha256-{digest(script)}';"
-        f" style-src 'sha256-{digest(style)}'; base-uri 'none'; form-action 'none'"
-    )
 
 
 def _scene(run: Run) -> dict[str, Any] | None:

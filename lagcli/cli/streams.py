@@ -1,0 +1,113 @@
+"""Standard streams that may be closed or full, and text that may hold commands to the terminal."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from lagcli.errors import FileError
+
+#: What a terminal obeys or hides instead of showing it: control characters, marks that change the
+#: direction of text, separators of lines, halves of characters.
+_UNSEEN = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+
+
+def visible(text: str) -> str:
+    r"""Return a text with escapes such as ``\x1b`` in place of what a terminal would not show."""
+    return _UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def visible_json(text: str) -> str:
+    """Return JSON with JSON's own escapes in place of what a terminal would not show."""
+    return _UNSEEN.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+class _Text(io.TextIOWrapper):
+    def write(self, text: str) -> int:
+        super().write(visible(text))
+        return len(text)
+
+
+class _Bytes(io.RawIOBase):
+    """A stream by its number; what becomes of a failure is for `fail` to say."""
+
+    def __init__(self, number: int, fail: Callable[[OSError], None]):
+        self._file = io.FileIO(number, "w", closefd=False)
+        self._fail = fail
+
+    def writable(self) -> bool:
+        return True
+
+    def fileno(self) -> int:
+        return self._file.fileno()
+
+    def isatty(self) -> bool:
+        return self._file.isatty()
+
+    def write(self, data: Any) -> int:
+        try:
+            return self._file.write(data) or 0
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            self._fail(error)
+            return len(data)
+
+
+def set_up() -> None:
+    """Make the standard streams such that they can be used, whatever they lead to.
+
+    One that is closed is opened to nowhere, so that no file of ours gets its number. What standard
+    error refuses is dropped: the exit status says the same. What standard output refuses raises
+    `FileError`.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            # closed output stays output that fails: this file cannot be written
+            os.open(os.devnull, os.O_WRONLY if number == 2 else os.O_RDONLY)
+    sys.stdout = _opened(1, sys.stdout, _refuse)
+    sys.stderr = _opened(2, sys.stderr, lambda error: None)
+
+
+def _opened(number: int, before: Any, fail: Callable[[OSError], None]) -> io.TextIOWrapper:
+    stream = _Bytes(number, fail)
+    return _Text(
+        io.BufferedWriter(stream),
+        encoding=getattr(before, "encoding", None) or "utf-8",
+        # a terminal without Greek letters shows ? in their place, which beats a traceback
+        errors="replace",
+        line_buffering=number == 2 or stream.isatty(),
+    )
+
+
+def _refuse(error: OSError) -> None:
+    # what is heavy to import stays out of the start
+    from lagcli.results.reasons import write_failure
+
+    raise write_failure("standard output", error) from error
+
+
+def tell(text: str) -> None:
+    """Print what follows from a result file or an exit status; it may be lost."""
+    try:
+        print(text)
+        sys.stdout.flush()
+    except (FileError, OSError):
+        discard()
+
+
+def discard() -> None:
+    """Let standard output lead nowhere, so that what it still holds cannot fail again."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
