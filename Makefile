@@ -9,6 +9,8 @@ DEMO := demo
 BENCH := .venv-bench
 PEERS := casadi scikit-sundae heyoka exudyn pydy numba
 WORKERS ?= 2
+# mutants, or random models, that each long test of `make fuzz` tries
+FUZZ_COUNT ?= 1000
 
 #: What runs the core: its own tests and those of both engines.
 CORE_TESTS := tests/unit/test_compiled_engine.py tests/unit/test_engines.py tests/unit/test_tape.py \
@@ -16,7 +18,7 @@ CORE_TESTS := tests/unit/test_compiled_engine.py tests/unit/test_engines.py test
               tests/unit/test_starts.py tests/unit/test_events.py tests/property/test_property_elimination.py \
               tests/physics/test_stiff.py
 
-.PHONY: help install demo test lint bench gallery docs-check sanitize valgrind clean
+.PHONY: help install demo test fuzz lint bench gallery docs-check sanitize valgrind clean
 
 help: ## Show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -39,6 +41,9 @@ demo: install ## Derive the slider-crank's equations, simulate it, and look at t
 
 test: install ## Run the tests
 	$(BIN)/python -m pytest -n $(WORKERS)
+
+fuzz: install ## Try many damaged files and random models: make fuzz FUZZ_COUNT=10000
+	LAGCLI_FUZZ_COUNT=$(FUZZ_COUNT) $(BIN)/python -m pytest -n $(WORKERS) -m fuzz tests/fuzz
 
 $(BIN)/.lint: $(BIN)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check '.[lint]'
