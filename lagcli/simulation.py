@@ -386,8 +386,8 @@ def engine_of(settings: Settings) -> Engine:
 def _block_rows(system: System) -> int:
     """Return how many samples may be under way at once, by the memory and the time they take."""
     nq, nc = len(system.coordinates), len(system.constraints)
-    stored = 3 * nq + (3 + nq) * nc + len(system.outputs)
-    held = max(system.dynamics.registers, system.report.registers, nq * nc)
+    stored = 3 * nq + 3 * nc + len(system.jacobian_pattern) + len(system.outputs)
+    held = max(system.dynamics.registers, system.report.registers)
     in_time = max(_BLOCK_NUMBERS // (stored + 10), _LEAST_ROWS)
     return max(1, min(in_time, _BLOCK_REGISTERS // held))
 

@@ -24,7 +24,7 @@ MODULES = {".".join(f.relative_to(ROOT).with_suffix("").parts): f for f in FILES
 #: What each room may import of lagcli, beside itself. `cli` knows everything; nothing knows it.
 ROOMS = {
     "errors": set(),
-    "samples": set(),
+    "samples": {"errors"},
     "trajectory": {"samples"},
     "model": {"errors"},
     "equations": {"errors", "model"},
