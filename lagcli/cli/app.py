@@ -131,6 +131,12 @@ def run(arguments: list[str]) -> int:
     except (_Interrupted, KeyboardInterrupt):
         _say("interrupted")
         return INTERRUPTED_STATUS
+    except MemoryError:
+        _say(
+            "error: there is not enough memory for this; ask for fewer samples, close other"
+            " programs, or raise the limit (ulimit -v)"
+        )
+        return 3
     except OSError as error:  # standard output itself cannot be written
         _say(f"error: {error.strerror or error}")
         # what Python still holds for it cannot be written either

@@ -184,9 +184,7 @@ def _terms(
     pairs = [(name.rpartition(".")[0], name.rpartition(".")[2]) for name in names]
     if not all(c in rows and q in places for c, q in pairs):
         return None
-    terms = Terms.of(
-        ((rows[c], places[q]) for c, q in pairs), (len(constraints), len(coordinates))
-    )
+    terms = Terms.of(((rows[c], places[q]) for c, q in pairs), (len(constraints), len(coordinates)))
     try:
         terms.check()
     except ValueError:

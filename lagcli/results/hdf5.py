@@ -316,7 +316,7 @@ class Hdf5Reader:
         """Yield columns of consecutive samples, by name."""
         lengths = self._length
         sizes = [math.prod(lengths[a] for a in _AXES[n][1:]) for n in names if n in _AXES]
-        rows = max(1, _SLAB // (8 * max(1, *sizes)))
+        rows = max(1, _SLAB // (8 * max([1, *sizes])))
         for start in range(0, self._length["time"], rows):
             yield {name: self._array(name, slice(start, start + rows)) for name in names}
 

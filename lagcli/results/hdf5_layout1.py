@@ -1,8 +1,8 @@
 """Copies of files of layout 1, which have texts in HDF5's global heap and no checksum.
 
 Layout 1 keeps texts with a variable length, and ``constraint_force_by`` of trajectories as
-(nt, nc, nq). A damaged heap can make the HDF5 library loop, so that this module runs as a process of
-its own: ``python -m lagcli.results.hdf5_layout1 FILE COPY``; see `lagcli.results.hdf5_open`.
+(nt, nc, nq). A damaged heap can make the HDF5 library loop, so that this module runs as a process
+of its own: ``python -m lagcli.results.hdf5_layout1 FILE COPY``; see `lagcli.results.hdf5_open`.
 """
 
 from __future__ import annotations
@@ -145,7 +145,9 @@ def _copy_trajectory(root: h5py.File, target: str) -> None:
                     **arrays,
                 )
             )
-        scales = {n: read(n, ("constraint",)) for n in ("scale_position", "scale_velocity")}
+        scales: dict[str, Any] = {
+            n: read(n, ("constraint",)) for n in ("scale_position", "scale_velocity")
+        }
         writer.finish(Record(**scales, **fields))
 
 

@@ -103,7 +103,9 @@ def damage(path: str, error: Exception) -> FileError:
             f"cannot read {path}: its contents do not fit into the memory; close other programs,"
             " raise the limit (ulimit -v), or read it piece by piece with h5py"
         )
-    reason = str(error).strip("'\"") or type(error).__name__
+    reason = str(error) or type(error).__name__
+    if isinstance(error, KeyError):  # whose text is the repr of its reason
+        reason = str(error.args[0])
     return FileError(
         f"cannot read {path}: the file is cut short or damaged ({reason}); copy it again, or run"
         " lagcli again"

@@ -111,9 +111,7 @@ def shared_unit(names: Sequence[str], units: Mapping[str, str]) -> str:
     return found.pop() if len(found) == 1 else MIXED_OUTPUTS
 
 
-def term_names(
-    terms: Terms, coordinates: Sequence[str], constraints: Sequence[str]
-) -> list[str]:
+def term_names(terms: Terms, coordinates: Sequence[str], constraints: Sequence[str]) -> list[str]:
     """Return ``CONSTRAINT.COORDINATE`` for each term."""
     pairs = zip(terms.constraint.tolist(), terms.coordinate.tolist(), strict=True)
     return [f"{constraints[i]}.{coordinates[j]}" for i, j in pairs]

@@ -52,7 +52,7 @@ def to_metadata(record: Record) -> dict[str, Any]:
         "kind": KIND,
         "schema_version": SCHEMA_VERSION,
         "sign_convention": SIGN_CONVENTION,
-        **{name: _storable(getattr(record, name)) for name in TEXTS},
+        **{name: storable(getattr(record, name)) for name in TEXTS},
         **mappings,
     }
 
@@ -86,9 +86,7 @@ def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
     for name, kind in (("units", str), ("counts", int), ("initial_correction", list)):
         for key, value in fields[name].items():
             _of_type(kind, value, f"{name} of {key}")
-    fields["initial_correction"] = {
-        k: _pair(v) for k, v in fields["initial_correction"].items()
-    }
+    fields["initial_correction"] = {k: _pair(v) for k, v in fields["initial_correction"].items()}
     if fields["status"] not in ("", *STATUSES):
         raise ValueError(f"status is {shortened(fields['status'])}")
     check_model(fields["model"], fields["model_sha256"])
@@ -143,10 +141,10 @@ def to_json(value: object, indent: int | None = None) -> str:
     str
         Non-ASCII characters stand as they are.
     """
-    return _storable(json.dumps(value, ensure_ascii=False, indent=indent, default=_plain))
+    return storable(json.dumps(value, ensure_ascii=False, indent=indent, default=_plain))
 
 
-def _storable(text: str) -> str:
+def storable(text: str) -> str:
     """Return the text without what UTF-8 or HDF5 refuse: no run is lost over an odd file name."""
     # The bytes of a file name that are not UTF-8 are lone surrogates in Python; HDF5 ends a text
     # at NUL. A model file has neither.

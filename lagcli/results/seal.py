@@ -1,9 +1,9 @@
 """The checksum at the end of an HDF5 result file: no damaged byte reaches the HDF5 library.
 
-HDF5 has checksums for some of its structures and none for numbers and texts, and damage where it has
-none can make the library loop. A sealed file ends with one line of `LENGTH` bytes behind what HDF5
-calls its end, ``lagcli sha256 DIGEST``: the SHA-256 of all bytes before that line. Programs that know
-nothing of it read the file as any other.
+HDF5 has checksums for some of its structures and none for numbers and texts, and damage where it
+has none can make the library loop. A sealed file ends with one line of `LENGTH` bytes behind what
+HDF5 calls its end, ``lagcli sha256 DIGEST``: the SHA-256 of all bytes before that line. Programs
+that know nothing of it read the file as any other.
 """
 
 from __future__ import annotations
