@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import json
 import math
+import mmap
+import struct
 import sys
 from typing import Any
 
@@ -24,6 +26,8 @@ from lagcli.results.metadata import KIND, MAPPINGS, TEXTS, from_metadata
 from lagcli.samples import Array, Record, Samples, Terms
 
 _VERSION = "1"
+#: How a heap of texts begins.
+_HEAP = b"GCOL\1\0\0\0"
 #: Numbers that are read together.
 _SLAB = 1 << 20
 #: The datasets of a sweep that hold whole numbers.
@@ -43,6 +47,7 @@ def copy(path: str, target: str) -> None:
         The file has another layout, is damaged, or not of lagcli.
     """
     try:
+        _check_heaps(path)
         with h5py.File(path, "r", locking=False) as root:
             kind = _check_origin(path, root)
             if kind == KIND:
@@ -53,6 +58,33 @@ def copy(path: str, target: str) -> None:
         raise damage(path, error) from error
     except (ArithmeticError, MemoryError) as error:
         raise damage(path, error) from error
+
+
+def _check_heaps(path: str) -> None:
+    """Raise ValueError if the library would not come to the end of a heap of texts."""
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        start = data.find(_HEAP)
+        while start >= 0:
+            if start + 16 <= len(data):
+                (size,) = struct.unpack_from("<Q", data, start + 8)
+                if not 16 < size <= len(data) - start:
+                    raise ValueError("the size of a heap of texts is wrong")
+                _check_heap(data[start : start + size])
+            start = data.find(_HEAP, start + 1)
+
+
+def _check_heap(heap: bytes) -> None:
+    """Raise ValueError unless the texts of a heap, and its free room, fill it."""
+    place = 16
+    while place + 16 <= len(heap):
+        number, size = struct.unpack_from("<H6xQ", heap, place)
+        if number == 0:  # the free room, which is last
+            if place + size != len(heap):
+                raise ValueError("the free room of a heap of texts is wrong")
+            return
+        place += 16 + (size + 7) // 8 * 8
+    if place > len(heap):
+        raise ValueError("a text is longer than its heap")
 
 
 def _check_origin(path: str, root: h5py.File) -> str:
