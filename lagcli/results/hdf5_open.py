@@ -6,6 +6,7 @@ none; another process, which may loop or crash without harm, copies them into th
 
 from __future__ import annotations
 
+import atexit
 import os
 import struct
 import subprocess
@@ -160,11 +161,17 @@ class _Copies:
         found = os.stat(path)
         key = (path, found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns)
         if self._folder is None or key != self._key:
-            self._key = None
+            self.close()
             self._folder = tempfile.TemporaryDirectory(prefix="lagcli-")
             _copy(path, self._name, _SECONDS + found.st_size / _RATE)
             self._key = key
         return self._name
+
+    def close(self) -> None:
+        """Remove the copy."""
+        if self._folder is not None:
+            self._folder.cleanup()
+        self._folder = self._key = None
 
     @property
     def _name(self) -> str:
@@ -173,6 +180,7 @@ class _Copies:
 
 
 _copies = _Copies()
+atexit.register(_copies.close)
 
 
 def _copy(path: str, copy: str, seconds: float) -> None:

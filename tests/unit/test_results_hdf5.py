@@ -207,7 +207,7 @@ def test_values_that_json_lacks_are_no_obstacle(tmp_path: Path) -> None:
 
 def test_outputs_of_a_family_share_a_dataset(tmp_path: Path) -> None:
     members = tuple(f"tension[{i},{j}]" for i in range(3) for j in range(2))
-    run = make(outputs=("first", *members, "last"), units={m: "N" for m in members})
+    run = make(outputs=("first", *members, "last"), units=dict.fromkeys(members, "N"))
     path = _written(tmp_path, run)
     assert_same(run, read_hdf5(path))
     with xr.open_dataset(path, engine="h5netcdf", group="outputs") as data:
