@@ -15,6 +15,7 @@ import typer
 
 from lagcli import __version__
 from lagcli.errors import LagcliError
+from lagcli.memory import check_address_space
 
 #: The commands, in the order of the help; each is a function in the module of its name.
 COMMANDS = (
@@ -61,6 +62,7 @@ def _command(function: Callable[..., int | None]) -> Callable[..., int | None]:
 
     @functools.wraps(function)
     def command(*arguments: Any, **options: Any) -> int | None:
+        check_address_space()
         try:
             return function(*arguments, **options)
         except KeyboardInterrupt:

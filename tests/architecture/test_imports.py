@@ -33,10 +33,11 @@ ROOMS = {
     "derived": {"engine", "samples"},
     "extremes": {"samples"},
     "interruption": set(),
+    "memory": {"errors"},
     "results": {"errors", "extremes", "samples", "trajectory", "lagcli"},
     "simulation": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "derived"),
-        *("start", "interruption", "lagcli"),
+        *("start", "interruption", "memory", "lagcli"),
     },
     "start": {"errors", "model", "equations", "engine", "undefined"},
     "sweeps": {
@@ -66,6 +67,7 @@ FOREIGN = {
     "engine": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "os", "pathlib", "io"},
     "derived": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "extremes": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "memory": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "interruption": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
     "simulation": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
