@@ -8,7 +8,7 @@ from lagcli.engine.evaluator import Batch
 from lagcli.engine.run import Block
 from lagcli.engine.scales import least_scales_of_entries, usable
 from lagcli.engine.system import System
-from lagcli.samples import Array, Samples
+from lagcli.samples import Array, Samples, Terms
 
 
 class DerivedColumns:
@@ -31,6 +31,11 @@ class DerivedColumns:
     def __init__(self, system: System):
         self.system = system
         self.samples = 0
+        shape = (len(system.constraints), len(system.coordinates))
+        order = sorted(system.jacobian_pattern)
+        self._terms = Terms.of(order, shape)
+        places = {pair: place for place, pair in enumerate(order)}
+        self._places = [places[pair] for pair in system.jacobian_pattern]
         self._energy_before = 0.0  # of the system and of what works on it, at the first sample
         self._position_scale = np.zeros(len(system.holonomic))
         self._velocity_scale = np.zeros(len(system.constraints))
@@ -60,13 +65,15 @@ class DerivedColumns:
             np.ascontiguousarray(x.T) for x in (block.v, block.a, block.multipliers)
         )
 
-        by = np.zeros((count, nc, nq))
+        by = np.empty((count, len(system.jacobian_pattern)))
         forces, velocity = np.zeros((nq, count)), np.zeros((nc, count))
-        for (i, j), entry in zip(system.jacobian_pattern, e.jacobian, strict=True):
+        for (i, j), entry, place in zip(
+            system.jacobian_pattern, e.jacobian, self._places, strict=True
+        ):
             velocity[i] += entry * v[j]
             force = entry * multipliers[i]
             forces[j] += force
-            by[:, i, j] = force
+            by[:, place] = force
         power = np.zeros(count)
         for i in range(nc):
             power += multipliers[i] * velocity[i]
@@ -96,6 +103,7 @@ class DerivedColumns:
         return Samples(
             coordinates=system.coordinates,
             constraints=system.constraints,
+            terms=self._terms,
             time=block.time,
             q=block.q,
             v=block.v,

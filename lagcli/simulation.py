@@ -21,6 +21,7 @@ from lagcli.equations.freedom import Freedom
 from lagcli.equations.lagrange import Equations, derive
 from lagcli.errors import UsageError
 from lagcli.interruption import Interruption
+from lagcli.memory import check_fits
 from lagcli.model.model import DEFAULTS, Model, SettingError, Settings
 from lagcli.model.units import si_notation
 from lagcli.samples import Record, Samples
@@ -46,6 +47,8 @@ _BLOCK_NUMBERS = 1 << 16
 _LEAST_ROWS = 16
 #: Intermediate results of a block's samples: 16 MB.
 _BLOCK_REGISTERS = 1 << 21
+#: How often the numbers of a block are held while it is completed and written.
+_COPIES = 4
 
 
 def simulate(
@@ -91,6 +94,7 @@ def simulate(
     from lagcli.trajectory import complete, joined
 
     simulation = prepare(model, settings)
+    simulation.check_memory(kept=True)
     blocks: list[Samples] = []
     with Interruption() as interruption:
         record = simulation.run(blocks.append, progress, interruption)
@@ -221,6 +225,26 @@ class Simulation:
     def freedom(self) -> Freedom:
         """The degrees of freedom at the start."""
         return freedom_at(self.equations, self.system, self.settings.t_start or 0.0, self.start)
+
+
+    def check_memory(self, kept: bool = False) -> None:
+        """Raise NumericalError if the run would take more memory than there is.
+
+        Parameters
+        ----------
+        kept : bool
+            Whether all samples are to be kept in memory; otherwise they are written as they come.
+        """
+        count = sample_count(self.settings)
+        rows = min(count, _block_rows(self.system))
+        numbers = 3 * count + _COPIES * rows * _stored(self.system)
+        if kept:
+            numbers += 2 * count * _stored(self.system)
+        check_fits(
+            8 * numbers,
+            f"a run of {count} samples",
+            "ask for fewer samples" + (", or write them to a file: lagcli simulate -o" * kept),
+        )
 
     def run(
         self,
@@ -414,9 +438,7 @@ def sample_times(settings: Settings) -> Array:
     assert start is not None
     assert end is not None
     if settings.dt is not None:
-        # the last multiple of dt within rounding of the end counts as the end
-        count = int(np.floor((end - start) / settings.dt * (1 + 1e-12) + 1e-9))
-        return np.minimum(start + settings.dt * np.arange(count + 1), end)
+        return np.minimum(start + settings.dt * np.arange(sample_count(settings)), end)
     assert settings.samples is not None
     return np.array([end]) if settings.samples == 1 else np.linspace(start, end, settings.samples)
 
@@ -432,12 +454,24 @@ def engine_of(settings: Settings) -> Engine:
     return scipy_engine.run
 
 
+def sample_count(settings: Settings) -> int:
+    """Return the number of samples that complete settings ask for."""
+    if settings.times is not None:
+        return len(settings.times)
+    if settings.dt is None:
+        assert settings.samples is not None
+        return settings.samples
+    start, end = settings.t_start, settings.t_end
+    assert start is not None
+    assert end is not None
+    # the last multiple of dt within rounding of the end counts as the end
+    return int(np.floor((end - start) / settings.dt * (1 + 1e-12) + 1e-9)) + 1
+
+
 def _block_rows(system: System) -> int:
     """Return how many samples may be under way at once, by the memory and the time they take."""
-    nq, nc = len(system.coordinates), len(system.constraints)
-    stored = 3 * nq + (3 + nq) * nc + len(system.outputs)
-    held = max(system.dynamics.registers, system.report.registers, nq * nc)
-    in_time = max(_BLOCK_NUMBERS // (stored + 10), _LEAST_ROWS)
+    held = max(system.dynamics.registers, system.report.registers)
+    in_time = max(_BLOCK_NUMBERS // _stored(system), _LEAST_ROWS)
     return max(1, min(in_time, _BLOCK_REGISTERS // held))
 
 
@@ -456,6 +490,12 @@ def _kinds(model: Model) -> tuple[int, ...]:
     numbers: dict[str, int] = {}
     units = [si_notation(c.unit) if c.unit else "" for c in model.coordinates]
     return tuple(numbers.setdefault(unit, len(numbers)) for unit in units)
+
+
+def _stored(system: System) -> int:
+    """Return how many numbers are stored of each sample."""
+    nq, nc = len(system.coordinates), len(system.constraints)
+    return 3 * nq + 3 * nc + len(system.jacobian_pattern) + len(system.outputs) + 10
 
 
 def _units(model: Model) -> dict[str, str]:

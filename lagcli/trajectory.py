@@ -38,11 +38,15 @@ def joined(blocks: Sequence[Samples]) -> Samples:
     arrays = {
         f.name: column(f.name)
         for f in fields(Samples)
-        if f.name not in ("coordinates", "constraints", "outputs")
+        if f.name not in ("coordinates", "constraints", "terms", "outputs")
     }
     outputs = {n: np.concatenate([block.outputs[n] for block in blocks]) for n in first.outputs}
     return Samples(
-        coordinates=first.coordinates, constraints=first.constraints, outputs=outputs, **arrays
+        coordinates=first.coordinates,
+        constraints=first.constraints,
+        terms=first.terms,
+        outputs=outputs,
+        **arrays,
     )
 
 

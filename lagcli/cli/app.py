@@ -14,6 +14,7 @@ import typer
 
 from lagcli.cli import streams
 from lagcli.errors import LagcliError
+from lagcli.memory import check_address_space
 from lagcli.threads import limit_process
 from lagcli.version import __version__
 
@@ -62,6 +63,7 @@ def _command(function: Callable[..., int | None]) -> Callable[..., int | None]:
 
     @functools.wraps(function)
     def command(*arguments: Any, **options: Any) -> int | None:
+        check_address_space()
         try:
             return function(*arguments, **options)
         except KeyboardInterrupt:
@@ -129,6 +131,12 @@ def run(arguments: list[str]) -> int:
     except (_Interrupted, KeyboardInterrupt):
         _say("interrupted")
         return INTERRUPTED_STATUS
+    except MemoryError:
+        _say(
+            "error: there is not enough memory for this; ask for fewer samples, close other"
+            " programs, or raise the limit (ulimit -v)"
+        )
+        return 3
     except Exception as error:
         return _other(error)
     return result if isinstance(result, int) else 0

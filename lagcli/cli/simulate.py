@@ -165,6 +165,7 @@ def _run(
         refuse_same_file(model, output)
         check_target(output, force=force, meta=meta)
     simulation = prepare(loaded, settings)
+    simulation.check_memory()
     if settings.engine is None and not compiled_available() and not quiet:
         print(
             "note: the compiled engine was not built (no C compiler at installation); running on"

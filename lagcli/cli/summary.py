@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.cli.streams import visible_json
-from lagcli.errors import LagcliError, ModelError
+from lagcli.errors import LagcliError
 from lagcli.extremes import Extremes, known
 from lagcli.samples import ENDED, Array, Record
 

@@ -43,7 +43,8 @@ class Curve(NamedTuple):
     field : str
         Of `Samples`; an output is ``outputs/NAME``.
     place : tuple of int
-        Where it is in the field after the time.
+        Where it is in the field after the time; of ``constraint_force_by``, constraint and
+        coordinate.
     group : str
         What curves that share a panel are together.
     unit : str
@@ -271,6 +272,8 @@ def _values(run: Run, curve: Curve, values: Array) -> Array:
         known = ~np.isnan(values).all(axis=0) if len(values) else np.ones(len(scale), dtype=bool)
         relative = np.abs(values[:, known]) / np.where(np.isnan(scale[known]), 1.0, scale[known])
         return np.asarray(relative.max(axis=1, initial=0.0))
+    if curve.field == "constraint_force_by":
+        return run.terms.column(values, *curve.place)
     chosen = values.T[curve.place[::-1]]
     return np.abs(chosen) if curve.log else np.array(chosen)
 

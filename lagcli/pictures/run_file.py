@@ -37,6 +37,7 @@ class Run:
     name : str
         What messages call it.
     coordinates, constraints, outputs : tuples of str
+    terms : Terms
     count : int
         Number of samples.
     record : Record
@@ -59,14 +60,15 @@ class Run:
         if isinstance(source, Trajectory):
             self.name = "the run"
             self.coordinates, self.constraints = source.coordinates, source.constraints
-            self.outputs = tuple(source.outputs)
+            self.outputs, self.terms = tuple(source.outputs), source.terms
             self.record: Record = source
             self.count = len(source.time)
             return
         self.name = os.fspath(source)
         with open_reader(source) as reader:
             self.coordinates, self.constraints = reader.coordinates, reader.constraints
-            self.outputs, self.record = reader.outputs, reader.record
+            self.outputs, self.terms = reader.outputs, reader.terms
+            self.record = reader.record
             self.count = reader.count()
 
     def columns(self, names: Iterable[str], samples: Indices | None = None) -> dict[str, Array]:

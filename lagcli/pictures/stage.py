@@ -26,7 +26,7 @@ from lagcli.model.model import (
 from lagcli.pictures.run_file import Run
 from lagcli.pictures.scene import DrawnDisc, DrawnVector, Scene, extent_of, scaled
 from lagcli.pictures.standing import StandingForce, standing_force
-from lagcli.samples import Array
+from lagcli.samples import Array, Terms
 
 Indices = NDArray[np.intp]
 
@@ -53,7 +53,7 @@ def scene_of(run: Run, samples: Indices | None = None) -> Scene | None:
     if run.model.view is None:
         return None
     stage = Stage(run.model)
-    return stage.scene(run.columns(stage.needs, samples))
+    return stage.scene(run.columns(stage.needs, samples), run.terms)
 
 
 class Stage:
@@ -122,7 +122,10 @@ class Stage:
         return [name for name, needed in found.items() if needed]
 
     def scene(
-        self, columns: Mapping[str, Array], parameters: Mapping[str, float] | None = None
+        self,
+        columns: Mapping[str, Array],
+        terms: Terms,
+        parameters: Mapping[str, float] | None = None,
     ) -> Scene:
         """Return the scene at some samples.
 
@@ -130,6 +133,8 @@ class Stage:
         ----------
         columns : mapping of str to arrays
             The fields of `Samples` that ``needs`` names.
+        terms : Terms
+            Of ``constraint_force_by``.
         parameters : mapping of str to float, optional
             In SI; by default those of the model. Structural ones must be the model's.
 
@@ -139,7 +144,7 @@ class Stage:
             The force of a constraint cannot stand where the view wants it.
         """
         view, model = self._view, self._model
-        values = self._values(columns, parameters or model.parameter_values)
+        values = self._values(columns, terms, parameters or model.parameter_values)
         points = {name: tuple(values[i] for i in at) for name, at in self._points.items()}
         discs = tuple(
             DrawnDisc(
@@ -160,8 +165,8 @@ class Stage:
                 vectors.append(DrawnVector(arrow.name, arrow.quantity, at, components, unit))
                 continue
             standing, slots = force
-            by = columns["constraint_force_by"]
-            work = by[:, model.constraint_names.index(str(arrow.constraint))]
+            place = model.constraint_names.index(str(arrow.constraint))
+            work = terms.dense(columns["constraint_force_by"], place)
             vectors += [
                 DrawnVector(arrow.name, arrow.quantity, at, components, unit)
                 for at, components in standing.at(work, [values[i] for i in slots])
@@ -192,7 +197,9 @@ class Stage:
         stated = any(c.unit for c in self._model.coordinates)
         return stated or any(p.unit for p in self._model.parameters.values())
 
-    def _values(self, columns: Mapping[str, Array], parameters: Mapping[str, float]) -> list[Any]:
+    def _values(
+        self, columns: Mapping[str, Array], terms: Terms, parameters: Mapping[str, float]
+    ) -> list[Any]:
         """Return the value of each expression, (nt,) or (1,) where it is constant."""
         count = len(columns["time"])
         given = [float(parameters[name]) for name in self._model.parameters]
@@ -200,11 +207,11 @@ class Stage:
         rows = max(1, _HELD // max(1, self._tape.registers))
         for start in range(0, count, rows):
             part = slice(start, min(count, start + rows))
-            inputs = [self._column(columns, s.name)[part] for s in self._moving]
+            inputs = [self._column(columns, terms, s.name)[part] for s in self._moving]
             found[:, part] = run_arrays(self._tape, [*inputs, *given], part.stop - start)
         return [row[:1] if steady else row for row, steady in zip(found, self._steady, strict=True)]
 
-    def _column(self, columns: Mapping[str, Array], name: str) -> Array:
+    def _column(self, columns: Mapping[str, Array], terms: Terms, name: str) -> Array:
         """Return the values of a symbol."""
         coordinates = self._model.coordinate_names
         if name == TIME.name:
@@ -214,10 +221,10 @@ class Stage:
             return columns["multipliers"][:, place]
         if name.startswith("Qc."):
             _, *constraint, q = name.split(".")
-            by = columns["constraint_force_by"][:, :, coordinates.index(q)]
+            by, place = columns["constraint_force_by"], coordinates.index(q)
             if not constraint:
-                return np.asarray(by.sum(axis=1))
-            return by[:, self._model.constraint_names.index(constraint[0])]
+                return terms.total(by)[:, place]
+            return terms.column(by, self._model.constraint_names.index(constraint[0]), place)
         field = ("q", "v", "a")[len(name) - len(name.rstrip("'"))]
         return columns[field][:, coordinates.index(name.rstrip("'"))]
 

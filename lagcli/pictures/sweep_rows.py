@@ -57,14 +57,10 @@ class Rows:
             good = np.flatnonzero(file.read("status") == _GOOD)
             if not len(good):
                 raise UsageError(f"{path}: no row was completed, so that there is nothing to plot")
-            root, facts = file.root, file.facts
-            self.names = {
-                name: tuple(root[name].asstr()[()].tolist())
-                for name in ("coordinate", "constraint")
-            }
-            self.outputs = tuple(root["outputs"])
-            self.fields = {name for name in root if not name.startswith("outputs")}
-            self.count = len(root["time"])
+            facts = file.facts
+            self.names = {name: file.names(name) for name in ("coordinate", "constraint")}
+            self.outputs, self.fields = file.outputs, file.fields
+            self.count = len(file.times)
             self.text, self.parameters = str(facts["model"]), dict(facts["parameters"])
             columns = file.columns
             values = np.stack([file.read(c.dataset)[good] for c in columns], axis=1)
@@ -119,9 +115,7 @@ class Row(Run):
 
         with open_sweep(self.name) as file:
             yield {
-                name: np.asarray(
-                    file.root[name][() if name == "time" else self._number], dtype=np.float64
-                )
+                name: file.times if name == "time" else file.read(name, self._number)
                 for name in names
             }
 

@@ -153,7 +153,7 @@ class Played:
             )
         simulation = dataclasses.replace(simulation, settings=settings)
         blocks: list[Samples] = []
-        record = simulation.run(lambda block: blocks.append(self._kept(block)), None, interruption)
+        record = simulation.run(blocks.append, None, interruption)
         answer = self._answer(request, simulation, joined(blocks), record)
         return answer if request.members == self.members else answer | self.description()
 
@@ -232,20 +232,10 @@ class Played:
             },
         }
 
-    def _kept(self, block: Samples) -> Samples:
-        """Return samples with constraint forces as if of one constraint, where none is drawn.
-
-        Those of each constraint on each coordinate are the one thing that grows like N squared.
-        """
-        if self._stage is not None and "constraint_force_by" in self._stage.needs:
-            return block
-        total = block.constraint_force[:, np.newaxis, :]
-        return dataclasses.replace(block, constraint_force_by=total)
-
     def _scene(self, model: Model, samples: Samples) -> dict[str, Any] | None:
         if self._stage is None or not len(samples.time):
             return None
-        scene = self._stage.scene(vars(samples), model.parameter_values)
+        scene = self._stage.scene(vars(samples), samples.terms, model.parameter_values)
         return scene.to_json(lambda values: values)
 
     # what is taken away from the page

@@ -17,7 +17,7 @@ import numpy as np
 
 from lagcli.errors import UsageError
 from lagcli.results.atomic import abandon, check_writable, whole_file
-from lagcli.results.layout import QUANTITIES
+from lagcli.results.layout import QUANTITIES, term_names
 from lagcli.results.reasons import write_failure
 from lagcli.results.sidecar import sidecar_path, sidecar_text
 from lagcli.samples import Record, Samples
@@ -30,7 +30,10 @@ _NUMBERS_WRITTEN = 1 << 14
 
 
 def columns(
-    coordinates: Sequence[str], constraints: Sequence[str], outputs: Iterable[str]
+    coordinates: Sequence[str],
+    constraints: Sequence[str],
+    terms: Sequence[str],
+    outputs: Iterable[str],
 ) -> dict[str, list[str]]:
     """Return the names of the columns of a CSV file.
 
@@ -38,6 +41,8 @@ def columns(
     ----------
     coordinates, constraints, outputs : sequence of str
         Names, in the model's order.
+    terms : sequence of str
+        Names of the terms of constraint force, ``CONSTRAINT.COORDINATE``.
 
     Returns
     -------
@@ -53,7 +58,7 @@ def columns(
         "a": [f"{q}_ddot" for q in coordinates],
         "multipliers": [f"lambda.{c}" for c in constraints],
         "constraint_force": [f"Qc.{q}" for q in coordinates],
-        "constraint_force_by": [f"Qc.{c}.{q}" for c in constraints for q in coordinates],
+        "constraint_force_by": [f"Qc.{term}" for term in terms],
     }
     for quantity in QUANTITIES:
         if "time" in quantity.axes and quantity.name not in named:
@@ -213,16 +218,22 @@ def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None
 
 def _header(samples: Samples) -> bytes:
     """Return the first line."""
-    titles = columns(samples.coordinates, samples.constraints, samples.outputs)
+    titles = _titles(samples)
     header = io.StringIO()
     csv.writer(header, lineterminator="\n").writerow(chain.from_iterable(titles.values()))
     return header.getvalue().encode()
 
 
+def _titles(samples: Samples) -> dict[str, list[str]]:
+    """Return the names of the columns of samples."""
+    q, constraints = samples.coordinates, samples.constraints
+    return columns(q, constraints, term_names(samples.terms, q, constraints), samples.outputs)
+
+
 def _lines(samples: Samples) -> Iterator[bytes]:
     """Yield the lines of samples, some at a time."""
     count = len(samples.time)
-    titles = columns(samples.coordinates, samples.constraints, samples.outputs)
+    titles = _titles(samples)
     arrays = [
         np.asarray(getattr(samples, name)).reshape(count, len(names))
         for name, names in titles.items()

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import islice
+from itertools import islice, takewhile
 from typing import Any, TextIO
 
 import numpy as np
 
 from lagcli.errors import FileError
 from lagcli.results.csv import columns
-from lagcli.results.layout import QUANTITIES
+from lagcli.results.layout import QUANTITIES, term_names
+from lagcli.results.metadata import check_times
 from lagcli.results.reasons import check_readable, read_failure
 from lagcli.results.sidecar import read_sidecar
-from lagcli.samples import Array
+from lagcli.samples import SCHEMA_VERSION, Array, Terms
 from lagcli.trajectory import Trajectory
 
 #: Numbers read in one go, where a file is read piece by piece.
@@ -70,7 +72,9 @@ class CsvReader:
     def __init__(self, path: str, file: TextIO):
         self._path, self._file = path, file
         self._header = next(csv.reader(file, strict=True), [])
-        self.coordinates, self.constraints, self.outputs = _names(path, self._header)
+        self.coordinates, self.constraints, self.terms, self.outputs = _names(path, self._header)
+        self.layout = SCHEMA_VERSION
+        self._reached = -math.inf  # the time of the last sample so far
         self.record = read_sidecar(path, len(self.constraints))
 
     def count(self) -> int:
@@ -93,6 +97,7 @@ class CsvReader:
         return Trajectory(
             coordinates=self.coordinates,
             constraints=self.constraints,
+            terms=self.terms,
             **columns,
             **vars(self.record),
         )
@@ -103,11 +108,13 @@ class CsvReader:
             "time": len(table),
             "coordinate": len(self.coordinates),
             "constraint": len(self.constraints),
+            "term": len(self.terms.constraint),
         }
         axes = {quantity.name: quantity.axes for quantity in QUANTITIES}
         fields: dict[str, Any] = {}
         position = 0
-        titles = columns(self.coordinates, self.constraints, self.outputs)
+        names = term_names(self.terms, self.coordinates, self.constraints)
+        titles = columns(self.coordinates, self.constraints, names, self.outputs)
         for name, of_name in titles.items():
             block = np.ascontiguousarray(table[:, position : position + len(of_name)])
             position += len(of_name)
@@ -115,7 +122,17 @@ class CsvReader:
                 fields[name] = {n: block[:, i].copy() for i, n in enumerate(self.outputs)}
             else:
                 fields[name] = block.reshape([length[axis] for axis in axes[name]])
+        self._check_times(fields["time"])
         return fields
+
+    def _check_times(self, time: Array) -> None:
+        try:
+            check_times(time, self._reached)
+        except ValueError as error:
+            raise FileError(
+                f"cannot read {self._path}: {error}; copy it again, or run the simulation again"
+            ) from None
+        self._reached = float(time[-1]) if len(time) else self._reached
 
 
 def _check_last_line(path: str) -> None:
@@ -135,20 +152,44 @@ def _check_last_line(path: str) -> None:
 
 def _names(
     path: str, header: list[str]
-) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Return the coordinates, constraints and outputs that the header names."""
+) -> tuple[tuple[str, ...], tuple[str, ...], Terms, tuple[str, ...]]:
+    """Return the coordinates, constraints, terms and outputs that the header names."""
     # Forces follow the accelerations; without a coordinate there are none, and energies follow.
     ends = [i for i, n in enumerate(header) if n.startswith(("lambda.", "Qc."))]
     ends += [i for i, n in enumerate(header) if n == "energy_kinetic"]
     coordinates = tuple(header[1 : 1 + (ends[0] - 1) // 3]) if ends else ()
     constraints = tuple(n.removeprefix("lambda.") for n in header if n.startswith("lambda."))
-    fixed = [n for block in columns(coordinates, constraints, ()).values() for n in block]
-    if header[: len(fixed)] != fixed:
+    first = 1 + 4 * len(coordinates) + len(constraints)
+    acting = list(takewhile(lambda name: name.startswith("Qc."), header[first:]))
+    terms = _terms([name.removeprefix("Qc.") for name in acting], coordinates, constraints)
+    named = [] if terms is None else term_names(terms, coordinates, constraints)
+    fixed = [n for block in columns(coordinates, constraints, named, ()).values() for n in block]
+    if terms is None or header[: len(fixed)] != fixed:
         raise FileError(
             f"cannot read {path}: it is CSV, but not of lagcli, whose columns are t, coordinates, "
             "their _dot and _ddot, lambda.CONSTRAINT, …; name a file of lagcli simulate"
         )
-    return coordinates, constraints, tuple(header[len(fixed) :])
+    for names in (coordinates, constraints, header[len(fixed) :]):
+        if len(set(names)) < len(names):
+            raise FileError(f"cannot read {path}: two of its columns have one name")
+    return coordinates, constraints, terms, tuple(header[len(fixed) :])
+
+
+def _terms(
+    names: list[str], coordinates: tuple[str, ...], constraints: tuple[str, ...]
+) -> Terms | None:
+    """Return the terms that columns name; None if they are not, or not in order."""
+    places = {q: j for j, q in enumerate(coordinates)}
+    rows = {c: i for i, c in enumerate(constraints)}
+    pairs = [(name.rpartition(".")[0], name.rpartition(".")[2]) for name in names]
+    if not all(c in rows and q in places for c, q in pairs):
+        return None
+    terms = Terms.of(((rows[c], places[q]) for c, q in pairs), (len(constraints), len(coordinates)))
+    try:
+        terms.check()
+    except ValueError:
+        return None
+    return terms
 
 
 def _table(path: str, lines: Iterable[str], header: list[str]) -> Array:

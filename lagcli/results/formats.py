@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 from lagcli.errors import UsageError
 from lagcli.results.atomic import check_writable
 from lagcli.results.csv import CsvWriter, check_csv_target, write_csv
-from lagcli.samples import Array, Record, Samples
+from lagcli.samples import Array, Record, Samples, Terms
 
 if TYPE_CHECKING:
     from lagcli.trajectory import Trajectory
@@ -36,6 +36,8 @@ class Reader(Protocol):
     coordinates: tuple[str, ...]
     constraints: tuple[str, ...]
     outputs: tuple[str, ...]
+    terms: Terms
+    layout: str
     record: Record
 
     def count(self) -> int:

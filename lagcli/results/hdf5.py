@@ -18,6 +18,7 @@ from lagcli.results.atomic import abandon
 from lagcli.results.hdf5_file import (
     add_array,
     add_growing,
+    add_indices,
     add_texts,
     append,
     attach_axes,
@@ -25,18 +26,21 @@ from lagcli.results.hdf5_file import (
     new_file,
     set_text,
 )
-from lagcli.results.layout import NOT_STATED, QUANTITIES, unit
+from lagcli.results.hdf5_open import Opened, not_of_lagcli, open_verified
+from lagcli.results.hdf5_outputs import OutputDatasets, OutputFamily, output_families
+from lagcli.results.hdf5_structure import numbers, read_texts, text_attribute
+from lagcli.results.layout import NOT_STATED, QUANTITIES, shared_unit, term_names, unit
 from lagcli.results.metadata import (
     KIND,
     MAPPINGS,
     TEXTS,
     WARNINGS,
+    check_times,
     from_metadata,
     to_json,
     to_metadata,
 )
-from lagcli.results.reasons import check_readable
-from lagcli.samples import SCHEMA_VERSION, Array, Record, Samples
+from lagcli.samples import SCHEMA_VERSION, Array, Record, Samples, Terms
 
 if TYPE_CHECKING:
     from lagcli.trajectory import Trajectory
@@ -49,8 +53,7 @@ _HELD = 1 << 23
 _CHUNK = 1 << 16
 
 # In a long run, and above this many values, an array of which at most a quarter is not zero is
-# compressed: a chain of 500 bodies has 250 000 terms of constraint force per sample, and 0.4 % of
-# them are not zero.
+# compressed: columns such as the power of forces that a model does not have.
 _LARGE = 1 << 18
 
 #: Bytes of each dataset that are looked at together.
@@ -63,7 +66,6 @@ _AXES = {quantity.name: quantity.axes for quantity in QUANTITIES}
 _OUTPUTS = "outputs/"
 
 #: Attributes that files of earlier versions lack.
-_LATER = ("tolerances", "freedom", WARNINGS)
 
 
 def write_hdf5(trajectory: Trajectory, path: str | os.PathLike[str], force: bool = False) -> None:
@@ -127,7 +129,7 @@ class Hdf5Writer:
     def append(self, samples: Samples) -> None:
         """Take the next samples."""
         self._held.append(samples)
-        self._held_bytes += sum(values.nbytes for values in _columns(samples).values())
+        self._held_bytes += samples.nbytes
         if len(self._held) > 1 and self._held_bytes > _HELD:
             self._write_held(growing=True)
 
@@ -140,7 +142,9 @@ class Hdf5Writer:
 
     def _begin(self, first: Samples) -> None:
         self._coordinates, self._constraints = first.coordinates, first.constraints
-        self._shapes = {name: values.shape[1:] for name, values in _columns(first).items()}
+        self._terms, self._families = first.terms, output_families(first.outputs)
+        columns = _columns(first, self._families)
+        self._shapes = {name: values.shape[1:] for name, values in columns.items()}
         self._rows = max(1, _CHUNK // sum(map(math.prod, self._shapes.values())))
         self._root, self._sink = self._opened.enter_context(new_file(self._path, self._force))
         # the model's order of outputs, not the alphabet
@@ -150,7 +154,7 @@ class Hdf5Writer:
         """Write the samples that wait, into datasets that grow or in one piece."""
         if self._root is None:
             self._begin(self._held[0])
-        held = [_columns(samples) for samples in self._held]
+        held = [_columns(samples, self._families) for samples in self._held]
         for name, shape in self._shapes.items():
             if math.prod(shape) == 0:
                 continue  # HDF5 has no chunks without numbers
@@ -179,15 +183,23 @@ class Hdf5Writer:
         for name in ("scale_position", "scale_velocity"):
             datasets[name] = add_array(root, name, getattr(record, name))
 
+        terms = self._terms
+        names = term_names(terms, self._coordinates, self._constraints)
         axes = {
             "time": datasets["time"],
             "coordinate": add_texts(root, "coordinate", self._coordinates),
             "constraint": add_texts(root, "constraint", self._constraints),
+            "term": add_texts(root, "term", names),
         }
         for name, axis in axes.items():
             make_axis(axis, name)
         _say(axes["coordinate"], "names of the coordinates", "none")
         _say(axes["constraint"], "names of the constraints", "none")
+        _say(axes["term"], "constraint and coordinate of each constraint_force_by", "none")
+        for name, places in (("constraint", terms.constraint), ("coordinate", terms.coordinate)):
+            dataset = add_indices(root, f"term_{name}", places)
+            attach_axes(dataset, [axes["term"]])
+            _say(dataset, f"number of the {name} of each term, from 0", "1")
         for quantity in QUANTITIES:
             dataset = datasets[quantity.name]
             if quantity.name not in axes:
@@ -200,17 +212,24 @@ class Hdf5Writer:
             attach_axes(dataset, [axes["coordinate"]])
             _say(dataset, "units of the coordinates", "none")
 
-        for place in self._shapes:
-            if place.startswith(_OUTPUTS):
-                name = place.removeprefix(_OUTPUTS)
-                attach_axes(datasets[place], [axes["time"]])
-                _say(datasets[place], name, record.units.get(name, NOT_STATED))
+        for family in self._families:
+            dataset, along = datasets[_OUTPUTS + family.dataset], [axes["time"]]
+            if family.axis:
+                along.append(add_texts(root["outputs"], family.axis, family.members))
+                make_axis(along[1], family.axis)
+                _say(along[1], f"names of the members of {family.dataset}", "none")
+            attach_axes(dataset, along)
+            _say(dataset, family.dataset, shared_unit(family.members, record.units))
 
 
-def _columns(samples: Samples) -> dict[str, Array]:
+def _columns(samples: Samples, families: Sequence[OutputFamily]) -> dict[str, Array]:
     """Return the datasets that have a value at each sample, by their place in the file."""
     columns = {quantity.name: getattr(samples, quantity.name) for quantity in _BY_TIME}
-    return columns | {_OUTPUTS + name: values for name, values in samples.outputs.items()}
+    for family in families:
+        values = [samples.outputs[name] for name in family.members]
+        together = np.stack(values, axis=1) if family.axis else values[0]
+        columns[_OUTPUTS + family.dataset] = together
+    return columns
 
 
 def _say(dataset: Any, long_name: str, units: str) -> None:
@@ -246,51 +265,53 @@ def read_hdf5(path: str | os.PathLike[str]) -> Trajectory:
 def open_hdf5(path: str | os.PathLike[str]) -> Iterator[Hdf5Reader]:
     """Open an HDF5 file, to look at some of its columns; raises, then and later, as `read_hdf5`."""
     path = os.fspath(path)
-    check_readable(path)
-    if not h5py.is_hdf5(path):
-        raise FileError(
-            f"cannot read {path}: it is not an HDF5 file; name a result file of lagcli simulate"
-        )
-    try:
-        # A file under its final name is whole and stays so: no lock is needed, and some network
-        # file systems have none.
-        with h5py.File(path, "r", locking=False) as root:
-            _check_origin(path, root)
-            yield Hdf5Reader(root)
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
-        # HDF5 reports damage by any of these, depending on where it lies.
-        reason = str(error).strip("'\"")
-        raise FileError(
-            f"cannot read {path}: the file is cut short or damaged ({reason}); "
-            "copy it again, or run the simulation again"
-        ) from error
+    with open_verified(path, SCHEMA_VERSION) as opened:
+        if opened.kind != KIND:
+            raise (
+                FileError(f"cannot read {path}: it holds a {opened.kind} and not one {KIND}")
+                if opened.kind
+                else not_of_lagcli(path)
+            )
+        yield Hdf5Reader(opened)
 
 
 class Hdf5Reader:
     """An open file; see `lagcli.results.formats.Reader`. Damage raises whatever HDF5 raises."""
 
-    def __init__(self, root: h5py.File):
-        self._root = root
+    def __init__(self, opened: Opened):
+        self._root, self.layout = opened.root, opened.layout
         self.coordinates, self.constraints = (
-            tuple(root[name].asstr()[()].tolist()) for name in ("coordinate", "constraint")
+            read_texts(self._root, name) for name in ("coordinate", "constraint")
         )
-        self.outputs = tuple(root["outputs"])
+        self._outputs = OutputDatasets(self._root, lead=1)
+        self.outputs = self._outputs.names
         self._length = {
-            "time": root["time"].shape[0],
+            "time": numbers(self._root, "time").shape[0],
             "coordinate": len(self.coordinates),
             "constraint": len(self.constraints),
         }
-        metadata = {name: root.attrs[name] for name in TEXTS}
-        metadata |= {
-            name: json.loads(root.attrs[name])
-            for name in (*MAPPINGS, WARNINGS)
-            if name in root.attrs or name not in _LATER
-        }
+        check_times(self._array("time"))
+        self.terms = self._read_terms()
+        self._length["term"] = len(self.terms.constraint)
+        metadata: dict[str, Any] = {n: text_attribute(self._root, n) for n in TEXTS}
+        for name in (*MAPPINGS, WARNINGS):
+            text = text_attribute(self._root, name)
+            if text is not None:
+                metadata[name] = json.loads(text)
         self.record = Record(
             scale_position=self._array("scale_position"),
             scale_velocity=self._array("scale_velocity"),
             **from_metadata(metadata),
         )
+
+    def _read_terms(self) -> Terms:
+        constraint, coordinate = (
+            np.asarray(numbers(self._root, f"term_{name}", "<i4")[()], dtype=np.intp)
+            for name in ("constraint", "coordinate")
+        )
+        terms = Terms(constraint, coordinate, (len(self.constraints), len(self.coordinates)))
+        terms.check()
+        return terms
 
     def count(self) -> int:
         """Return the number of samples."""
@@ -300,7 +321,7 @@ class Hdf5Reader:
         """Yield columns of consecutive samples, by name."""
         lengths = self._length
         sizes = [math.prod(lengths[a] for a in _AXES[n][1:]) for n in names if n in _AXES]
-        rows = max(1, _SLAB // (8 * max(1, *sizes)))
+        rows = max(1, _SLAB // (8 * max([1, *sizes])))
         for start in range(0, self._length["time"], rows):
             yield {name: self._array(name, slice(start, start + rows)) for name in names}
 
@@ -313,36 +334,22 @@ class Hdf5Reader:
         return Trajectory(
             coordinates=self.coordinates,
             constraints=self.constraints,
-            outputs={
-                name: np.asarray(self._root["outputs"][name][()], dtype=np.float64)
-                for name in self.outputs
-            },
+            terms=self.terms,
+            outputs=self._outputs.all(self._length["time"]),
             **arrays,
             **vars(self.record),
         )
 
     def _array(self, name: str, rows: slice = slice(None)) -> Array:
         """Return some rows of a quantity, or all, if it has the shape that it should have."""
-        dataset = self._root[name]
-        axes = ("time",) if name.startswith(_OUTPUTS) else _AXES[name]
-        expected = tuple(self._length[axis] for axis in axes)
-        if dataset.shape != expected:
-            raise ValueError(f"{name} has shape {dataset.shape}, not {expected}")
+        if name.startswith(_OUTPUTS):
+            output = name.removeprefix(_OUTPUTS)
+            shape, expected = self._outputs.shape(output), (self._length["time"],)
+        else:
+            dataset = numbers(self._root, name)
+            shape, expected = dataset.shape, tuple(self._length[axis] for axis in _AXES[name])
+        if shape != expected:
+            raise ValueError(f"{name} has shape {shape}, not {expected}")
+        if name.startswith(_OUTPUTS):
+            return self._outputs.read(output, rows)
         return np.asarray(dataset[rows], dtype=np.float64)
-
-
-def _check_origin(path: str, root: h5py.File) -> None:
-    """Raise unless the open file is a trajectory in a layout that this version knows."""
-    version, kind = root.attrs.get("schema_version"), root.attrs.get("kind")
-    if "lagcli_version" not in root.attrs or version is None or kind is None:
-        raise FileError(
-            f"cannot read {path}: it is an HDF5 file, but not one of lagcli; "
-            "name a result file of lagcli simulate"
-        )
-    if kind != KIND:
-        raise FileError(f"cannot read {path}: it holds a {kind} and not one {KIND}")
-    if version != SCHEMA_VERSION:
-        raise FileError(
-            f"cannot read {path}: its layout has version {version}, and this lagcli knows "
-            f"{SCHEMA_VERSION}; read it with lagcli {root.attrs['lagcli_version']}"
-        )

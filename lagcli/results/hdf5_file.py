@@ -13,12 +13,12 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 from h5py import h5a, h5d, h5ds, h5p, h5s, h5t
+from numpy.typing import NDArray
 
 from lagcli.results.atomic import whole_file
+from lagcli.results.seal import seal
 from lagcli.samples import Array
 
-_TEXT = h5py.string_dtype("utf-8")
-_TEXT_TYPE = h5t.py_create(_TEXT, logical=True)
 _SCALAR = h5s.create(h5s.SCALAR)
 _NAMES = h5p.create(h5p.LINK_CREATE)
 _NAMES.set_char_encoding(h5t.CSET_UTF8)
@@ -29,7 +29,7 @@ _CACHE = 1 << 20
 
 @contextmanager
 def new_file(path: str, force: bool) -> Iterator[tuple[h5py.File, Sink]]:
-    """Open an HDF5 file that gets its name when the block ends well; see `whole_file`.
+    """Open an HDF5 file that is sealed and named when the block ends well; see `whole_file`.
 
     Yields
     ------
@@ -45,6 +45,7 @@ def new_file(path: str, force: bool) -> Iterator[tuple[h5py.File, Sink]]:
                 yield root, sink
         finally:
             sink.check()
+        seal(file)
 
 
 class Sink:
@@ -136,15 +137,48 @@ def append(dataset: h5d.DatasetID, start: int, values: Array) -> None:
     dataset.write(h5s.create_simple(values.shape), space, values)
 
 
+def add_indices(group: h5py.Group, name: str, values: NDArray[np.intp]) -> h5d.DatasetID:
+    """Write a list of places in other lists."""
+    places = np.asarray(values, dtype="<i4")
+    space = h5s.create_simple(places.shape)
+    dataset = h5d.create(group.id, name.encode(), h5t.STD_I32LE, space, _creation(), _NAMES)
+    if places.size:
+        dataset.write(h5s.ALL, h5s.ALL, places)
+    return dataset
+
+
 def add_texts(group: h5py.Group, name: str, texts: Sequence[str]) -> h5d.DatasetID:
-    """Write a list of texts."""
-    return group.create_dataset(name, data=np.asarray(texts, dtype=_TEXT)).id
+    """Write a list of texts, all of the same length in bytes."""
+    encoded = [text.encode() for text in texts]
+    # xarray joins the texts of a list whose type has one byte
+    kind = text_type(max(map(len, encoded), default=0), least=2)
+    space = h5s.create_simple((len(encoded),))
+    dataset = h5d.create(group.id, name.encode(), kind, space, _creation(), _NAMES)
+    if encoded:
+        dataset.write(h5s.ALL, h5s.ALL, np.array(encoded, dtype=f"S{kind.get_size()}"), kind)
+    set_text(dataset, "_Encoding", "utf-8")  # by which xarray knows that they are no bytes
+    return dataset
 
 
 def set_text(place: Any, name: str, text: str) -> None:
     """Write an attribute of a dataset, or of a file."""
-    attribute = h5a.create(place, name.encode(), _TEXT_TYPE, _SCALAR)
-    attribute.write(np.array(text, dtype=_TEXT))
+    data = text.encode()
+    kind = text_type(len(data))
+    attribute = h5a.create(place, name.encode(), kind, _SCALAR)
+    attribute.write(np.array(data, dtype=f"S{kind.get_size()}"), kind)
+
+
+def text_type(length: int, least: int = 1) -> h5t.TypeStringID:
+    """Return the type of texts of so many bytes; shorter ones end with zeros.
+
+    Texts of variable length would lie in a heap of the file, which has no checksum: one changed
+    byte there makes the library loop.
+    """
+    kind = h5t.C_S1.copy()
+    kind.set_size(max(length, least))
+    kind.set_cset(h5t.CSET_UTF8)
+    kind.set_strpad(h5t.STR_NULLPAD)
+    return kind
 
 
 def make_axis(dataset: h5d.DatasetID, name: str) -> None:

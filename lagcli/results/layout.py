@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from lagcli.samples import Terms
+
 #: What `units` says where the model states none.
 NOT_STATED = "not stated"
 
 #: What `units` says where the coordinates differ.
 MIXED = "mixed: see coordinate_unit"
+
+
+#: What `units` says of a family of outputs whose members differ.
+MIXED_OUTPUTS = "mixed"
 
 
 class Quantity(NamedTuple):
@@ -20,7 +26,7 @@ class Quantity(NamedTuple):
     name : str
         Its name in the file and in `Trajectory`.
     axes : tuple of str
-        Among ``time``, ``coordinate``, ``constraint``.
+        Among ``time``, ``coordinate``, ``constraint``, ``term``.
     long_name : str
         What it is, for the reader of a file or a plot.
     unit : str
@@ -55,7 +61,7 @@ QUANTITIES = (
     ),
     Quantity(
         "constraint_force_by",
-        ("time", "constraint", "coordinate"),
+        ("time", "term"),
         "generalized constraint force lambda_beta b_beta of each constraint",
         "J/{u}",
     ),
@@ -97,6 +103,18 @@ QUANTITIES = (
         _CONSTRAINT_UNIT,
     ),
 )
+
+
+def shared_unit(names: Sequence[str], units: Mapping[str, str]) -> str:
+    """Return the unit of some outputs; where it differs between them, `MIXED_OUTPUTS`."""
+    found = {units.get(name, NOT_STATED) for name in names}
+    return found.pop() if len(found) == 1 else MIXED_OUTPUTS
+
+
+def term_names(terms: Terms, coordinates: Sequence[str], constraints: Sequence[str]) -> list[str]:
+    """Return ``CONSTRAINT.COORDINATE`` for each term."""
+    pairs = zip(terms.constraint.tolist(), terms.coordinate.tolist(), strict=True)
+    return [f"{constraints[i]}.{coordinates[j]}" for i, j in pairs]
 
 
 def unit(quantity: Quantity, coordinates: Sequence[str], units: Mapping[str, str]) -> str:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import re
 from collections.abc import Mapping
 from typing import Any
 
-from lagcli.samples import SCHEMA_VERSION, SIGN_CONVENTION, Record
+import numpy as np
+
+from lagcli.samples import SCHEMA_VERSION, SIGN_CONVENTION, STATUSES, Array, Record
 
 #: What kind of file it is, so that a reader can tell it from other files of lagcli.
 KIND = "trajectory"
+
+#: How JSON has infinities.
+_INFINITIES = ("inf", "-inf")
 
 #: Fields of `Record` that are text.
 TEXTS = ("lagcli_version", "status", "message", "model_sha256", "model")
@@ -58,7 +64,7 @@ def to_metadata(record: Record) -> dict[str, Any]:
         "kind": KIND,
         "schema_version": SCHEMA_VERSION,
         "sign_convention": SIGN_CONVENTION,
-        **{name: _storable(getattr(record, name)) for name in TEXTS},
+        **{name: storable(getattr(record, name)) for name in TEXTS},
         **mappings,
         WARNINGS: list(record.warnings),
     }
@@ -79,20 +85,60 @@ def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises
     ------
-    ValueError, TypeError, AttributeError
-        A value is not of the kind that `to_metadata` writes.
+    ValueError
+        A value is not of the kind that `to_metadata` writes, or the model's text does not have
+        the digest that stands beside it.
     """
-    fields: dict[str, Any] = {name: str(metadata.get(name, "")) for name in TEXTS}
-    fields[WARNINGS] = tuple(str(x) for x in metadata.get(WARNINGS, ()))
+    fields: dict[str, Any] = {}
+    for name in TEXTS:
+        fields[name] = _of_type(str, metadata.get(name, ""), name)
+    for name in MAPPINGS:
+        fields[name] = dict(_of_type(Mapping, metadata.get(name, {}), name))
     for name in ("parameters", "seconds", "tolerances"):
-        fields[name] = {k: from_number(v) for k, v in metadata.get(name, {}).items()}
-    for name in ("units", "options", "counts", "freedom"):
-        fields[name] = dict(metadata.get(name, {}))
-    fields["initial_correction"] = {
-        k: (from_number(before), from_number(after))
-        for k, (before, after) in metadata.get("initial_correction", {}).items()
-    }
+        fields[name] = {k: from_number(v) for k, v in fields[name].items()}
+    for name, kind in (("units", str), ("counts", int), ("initial_correction", list)):
+        for key, value in fields[name].items():
+            _of_type(kind, value, f"{name} of {key}")
+    fields["initial_correction"] = {k: _pair(v) for k, v in fields["initial_correction"].items()}
+    warnings = _of_type(list, metadata.get(WARNINGS, []), WARNINGS)
+    fields[WARNINGS] = tuple(_of_type(str, text, WARNINGS) for text in warnings)
+    if fields["status"] not in ("", *STATUSES):
+        raise ValueError(f"status is {shortened(fields['status'])}")
+    check_model(fields["model"], fields["model_sha256"])
     return fields
+
+
+def check_times(time: Array, after: float = -math.inf) -> None:
+    """Raise ValueError unless sample times, s, are finite and do not decrease."""
+    if not np.isfinite(time).all():
+        raise ValueError("time has values that are not finite")
+    if len(time) and (time[0] < after or (time[1:] < time[:-1]).any()):
+        raise ValueError("time decreases")
+
+
+def check_model(text: str, sha256: str) -> None:
+    """Raise ValueError if a model's text does not have the digest that stands beside it."""
+    if (text or sha256) and hashlib.sha256(text.encode()).hexdigest() != sha256:
+        raise ValueError("the model's text does not have the digest model_sha256")
+
+
+def shortened(value: object) -> str:
+    """Return a value for a message, in at most some 60 characters."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:60]}…"
+
+
+def _of_type(kind: type, value: Any, name: str) -> Any:
+    """Return the value, which must be of a type; True is not a number."""
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise ValueError(f"{name} is {shortened(value)}")
+    return value
+
+
+def _pair(values: list[Any]) -> tuple[float, float]:
+    if len(values) != 2:
+        raise ValueError(f"initial_correction has {shortened(values)}")
+    return from_number(values[0]), from_number(values[1])
 
 
 def to_json(value: object, indent: int | None = None) -> str:
@@ -110,10 +156,10 @@ def to_json(value: object, indent: int | None = None) -> str:
     str
         Non-ASCII characters stand as they are.
     """
-    return _storable(json.dumps(value, ensure_ascii=False, indent=indent, default=_plain))
+    return storable(json.dumps(value, ensure_ascii=False, indent=indent, default=_plain))
 
 
-def _storable(text: str) -> str:
+def storable(text: str) -> str:
     """Return the text without what UTF-8 or HDF5 refuse: no run is lost over an odd file name."""
     # The bytes of a file name that are not UTF-8 are lone surrogates in Python; HDF5 ends a text
     # at NUL. A model file has neither.
@@ -159,10 +205,14 @@ def from_number(value: float | str | None) -> float:
 
     Raises
     ------
-    ValueError, TypeError
+    ValueError
         It is no number.
     """
-    return math.nan if value is None else float(value)
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not (isinstance(value, int | float) or value in _INFINITIES):
+        raise ValueError(f"{shortened(value)} is not a number")
+    return float(value)
 
 
 def model_name(text: str) -> str | None:

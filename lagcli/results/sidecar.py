@@ -60,14 +60,21 @@ def sidecar_text(record: Record, contents: Mapping[str, Any]) -> bytes:
     """
     metadata = to_metadata(record)
     model = metadata.pop("model")
-    about = {
+    about: dict[str, Any] = {
         **metadata,
         **contents,
         "scale_position": [to_number(x) for x in record.scale_position],
         "scale_velocity": [to_number(x) for x in record.scale_velocity],
         "model": model,  # last: it is long
     }
+    about["sidecar_sha256"] = _digest(json.loads(to_json(about)))
     return (to_json(about, indent=1) + "\n").encode()
+
+
+def _digest(about: Mapping[str, Any]) -> str:
+    """Return the digest of a sidecar's contents, whatever their spaces and line ends."""
+    others = {name: value for name, value in about.items() if name != "sidecar_sha256"}
+    return hashlib.sha256(json.dumps(others, sort_keys=True).encode()).hexdigest()
 
 
 def read_sidecar(path: str, constraints: int) -> Record:
@@ -97,19 +104,25 @@ def read_sidecar(path: str, constraints: int) -> Record:
     check_readable(sidecar)
     try:
         with open(sidecar, encoding="utf-8") as file:
-            about = json.load(file)
+            about = json.load(file, object_pairs_hook=_without_twins)
         with open(path, "rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise read_failure(sidecar, error) from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise FileError(f"cannot read {sidecar}: it is not JSON ({error}); {_MEND}") from error
     if not isinstance(about, Mapping) or about.get("kind") != KIND:
         raise FileError(f"cannot read {sidecar}: it is not the sidecar of a trajectory; {_MEND}")
-    if about.get("schema_version") != SCHEMA_VERSION:
+    if about.get("schema_version") not in ("1", SCHEMA_VERSION):  # 1 has no checksum of its own
         raise FileError(
             f"cannot read {sidecar}: its layout has version {about.get('schema_version')}, and "
             f"this lagcli knows {SCHEMA_VERSION}; {_MEND}"
+        )
+    own = about.get("sidecar_sha256")
+    if own != _digest(about) and (own is not None or about["schema_version"] == SCHEMA_VERSION):
+        raise FileError(
+            f"cannot read {sidecar}: it was changed after lagcli wrote it (its checksum does not"
+            f" fit); {_MEND}"
         )
     if about.get("csv_sha256") != digest:
         raise FileError(
@@ -121,6 +134,17 @@ def read_sidecar(path: str, constraints: int) -> Record:
             name: np.array([from_number(x) for x in about[name]], dtype=np.float64)
             for name in ("scale_position", "scale_velocity")
         }
+        for name, values in scales.items():
+            if values.shape != (constraints,):
+                raise ValueError(f"{name} has {len(values)} values for {constraints} constraints")
         return Record(**scales, **from_metadata(about))
-    except (KeyError, ValueError, TypeError, AttributeError) as error:
+    except (LookupError, ValueError, TypeError, ArithmeticError) as error:
         raise FileError(f"cannot read {sidecar}: it is damaged ({error!r}); {_MEND}") from error
+
+
+def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object, in which each name stands once."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a name stands twice")
+    return found

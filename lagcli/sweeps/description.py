@@ -50,10 +50,11 @@ def describe_sweep(path: str | os.PathLike[str]) -> dict[str, Any]:
                     *("rows", "failures"),
                 )
             },
+            "schema_version": file.layout,
             "columns": [_extremes(file, c) for c in file.columns],
             "measures": [_extremes(file, c) for c in file.measures],
             **{key: plan[key] for key in ("vary", "sample", "zip")},
-            "samples": len(file.root["time"]) if file.kept else 0,
+            "samples": len(file.times) if file.kept else 0,
             **{key: facts[key] for key in ("parameters", "options", "seconds")},
         }
 

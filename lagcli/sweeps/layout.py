@@ -15,7 +15,7 @@ from lagcli.results.layout import NOT_STATED, QUANTITIES
 
 KIND = "sweep"
 #: Version of the layout of sweep files.
-SCHEMA_VERSION = "1"
+SCHEMA_VERSION = "2"
 
 #: Datasets that a sweep file has beside the varied quantities and the measures.
 RESERVED = {
@@ -162,7 +162,10 @@ def default_measures(model: Model) -> tuple[tuple[str, str], ...]:
 
 
 def kept_layout(model: Model) -> list[tuple[str, tuple[str, ...], int]]:
-    """Return the datasets of kept trajectories: name, axes after ``run``, and how many numbers."""
+    """Return the datasets of kept trajectories: name, axes after ``run``, and how many numbers.
+
+    The outputs come after them, in the model's order.
+    """
     nq, nc = len(model.coordinates), len(model.constraints)
     axes: Any = ("time", "coordinate")
     found: list[tuple[str, tuple[str, ...], int]] = [(name, axes, nq) for name in ("q", "v", "a")]
@@ -170,4 +173,4 @@ def kept_layout(model: Model) -> list[tuple[str, tuple[str, ...], int]]:
     found.append(("constraint_force", axes, nq))
     for name in ("energy_kinetic", "energy_potential", "energy_total", "energy_balance"):
         found.append((name, ("time",), 1))
-    return found + [(f"outputs/{name}", ("time",), 1) for name in model.outputs]
+    return found

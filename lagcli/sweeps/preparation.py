@@ -91,7 +91,7 @@ def prepare_sweep(
     spec = Spec(text, name, set, set_initial, given, plan, asked.measures, "measures")
     trial = Runner(spec)
     base = trial.base()
-    widths = sum(width for _, _, width in kept_layout(model))
+    widths = sum(width for _, _, width in kept_layout(model)) + len(model.outputs)
     row_bytes = 8 * len(base.grid.times) * widths
     keep, measures = asked.keep, asked.measures
     if keep is None:

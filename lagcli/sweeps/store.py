@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -14,9 +15,12 @@ from numpy.typing import NDArray
 
 from lagcli.errors import FileError
 from lagcli.model.model import Model
-from lagcli.results.hdf5_file import make_axis, new_file
-from lagcli.results.layout import QUANTITIES, unit
-from lagcli.results.reasons import check_readable
+from lagcli.results.hdf5_file import add_texts, make_axis, new_file, set_text
+from lagcli.results.hdf5_open import Opened, open_verified
+from lagcli.results.hdf5_outputs import OutputDatasets, output_families
+from lagcli.results.hdf5_structure import numbers, read_texts, text_attribute, texts
+from lagcli.results.layout import QUANTITIES, shared_unit, unit
+from lagcli.results.metadata import check_model, check_times, shortened, storable, to_json
 from lagcli.samples import SIGN_CONVENTION
 from lagcli.sweeps.layout import COUNTS, KIND, SCHEMA_VERSION, Column, kept_layout
 from lagcli.sweeps.ledger import runs_of
@@ -27,10 +31,18 @@ from lagcli.version import __version__
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-_TEXT = h5py.string_dtype("utf-8")
+#: Bytes of messages at first, and of those that are stored together.
+_SHORT, _MESSAGES = 64, 1 << 16
 _QUANTITIES = {q.name: q for q in QUANTITIES}
 #: Rows that are looked at together.
 SLAB = 1 << 14
+_OUTPUTS = "outputs/"
+#: The root attributes that are read, and what each must be.
+_FACTS: dict[str, type] = {
+    **dict.fromkeys(("lagcli_version", "model", "model_sha256", "model_path"), str),
+    **dict.fromkeys(("sweep", "parameters", "options", "rows", "failures", "seconds"), dict),
+    **dict.fromkeys(("columns", "measures"), list),
+}
 
 
 def write_sweep(
@@ -76,6 +88,7 @@ def write_sweep(
             writer.enter(found)
             sink.check()
         writer.varied(spec, columns)
+        writer.describe_message()
         sink.check()
 
 
@@ -84,7 +97,7 @@ class _Writer:
         self.root, self.length = root, length
         self.axis = root.create_dataset("run", (length,), "<i8")
         make_axis(self.axis.id, "run")
-        self.axis.attrs["long_name"] = "number of the row, from 0"
+        set_text(self.axis.id, "long_name", "number of the row, from 0")
         self.kept: list[tuple[h5py.Dataset, int]] = []
 
     def attributes(
@@ -110,7 +123,7 @@ class _Writer:
             **facts,
         }
         for name, value in values.items():
-            self.root.attrs[name] = value if isinstance(value, str) else json.dumps(value)
+            set_text(self.root["/"].id, name, value if isinstance(value, str) else to_json(value))
 
     def add(
         self, name: str, kind: Any, column: tuple[str, str], *axes: h5py.Dataset
@@ -122,15 +135,36 @@ class _Writer:
             dataset.dims[i].attach_scale(axis)
         unit_, said = column
         if unit_:
-            dataset.attrs["units"] = unit_
-        dataset.attrs["long_name"] = said
+            set_text(dataset.id, "units", unit_)
+        set_text(dataset.id, "long_name", said)
         return dataset
+
+    def add_message(self, length: int) -> None:
+        """Make the dataset of messages of at most so many bytes, with those that there are."""
+        before = self.root.get("message")
+        kind = h5py.string_dtype("utf-8", length)
+        rows = max(1, min(self.length, _MESSAGES // length))
+        added = self.root.create_dataset(
+            "message_longer", (self.length,), kind, chunks=(rows,), compression=1
+        )
+        if before is not None:
+            for start in range(0, self.length, rows):
+                added[start : start + rows] = before[start : start + rows]
+            del self.root["message"]
+        self.root.move("message_longer", "message")
+        self.message, self.longest = added, length
+
+    def describe_message(self) -> None:
+        """Complete the dataset of messages, whose length is known at the end."""
+        self.message.dims[0].attach_scale(self.axis)
+        set_text(self.message.id, "long_name", "why the row failed, or what was noticed")
+        set_text(self.message.id, "_Encoding", "utf-8")
 
     def row_columns(self, measures: list[Column]) -> None:
         self.status = self.add("status", "i1", ("", "what became of the row"))
         self.status.attrs["flag_values"] = np.arange(3, dtype="i1")
-        self.status.attrs["flag_meanings"] = " ".join(STATUSES[:3])
-        self.message = self.add("message", _TEXT, ("", "why the row failed, or what was noticed"))
+        set_text(self.status.id, "flag_meanings", " ".join(STATUSES[:3]))
+        self.add_message(_SHORT)
         self.counts = [self.add(name, "<i8", ("1", f"{name} of the run")) for name in COUNTS]
         self.measures = [self.add(c.dataset, "<f8", (c.unit, c.long_name)) for c in measures]
 
@@ -138,26 +172,34 @@ class _Writer:
         root = self.root
         root.create_group("outputs", track_order=True)
         time = root.create_dataset("time", data=times)
-        time.attrs["units"], time.attrs["long_name"] = "s", "time"
+        set_text(time.id, "units", "s")
+        set_text(time.id, "long_name", "time")
         scales = {"time": time}
         for name, names in (
             ("coordinate", model.coordinate_names),
             ("constraint", model.constraint_names),
         ):
-            scales[name] = root.create_dataset(name, data=np.asarray(names, dtype=_TEXT))
+            scales[name] = h5py.Dataset(add_texts(root, name, names))
         for name, scale in scales.items():
             make_axis(scale.id, name)
         units = {c.name: c.unit for c in model.coordinates if c.unit}
         for name, axes, width in kept_layout(model):
-            if name.startswith("outputs/"):
-                said = name.removeprefix("outputs/"), model.output_units.get(name[8:], "")
-                column = (said[1] or "not stated", f"output {said[0]}")
-            else:
-                quantity = _QUANTITIES[name]
-                column = unit(quantity, model.coordinate_names, units), quantity.long_name
+            quantity = _QUANTITIES[name]
+            column = unit(quantity, model.coordinate_names, units), quantity.long_name
             if width:
                 added = self.add(name, "<f8", column, *(scales[axis] for axis in axes))
                 self.kept.append((added, width))
+        for family in output_families(model.outputs):
+            along = [time]
+            if family.axis:
+                along.append(h5py.Dataset(add_texts(root["outputs"], family.axis, family.members)))
+                make_axis(along[1].id, family.axis)
+            column = (
+                shared_unit(family.members, model.output_units),
+                f"output {family.dataset}",
+            )
+            added = self.add(f"outputs/{family.dataset}", "<f8", column, *along)
+            self.kept.append((added, len(family.members)))
 
     def enter(self, results: Results) -> None:
         """Write the results of some rows."""
@@ -169,9 +211,12 @@ class _Writer:
                 dataset[rows] = results.counts[mine, i]
             for i, dataset in enumerate(self.measures):
                 dataset[rows] = results.measures[mine, i]
-            messages = [results.messages[i] for i in mine]
-            if any(messages) or any(self.message[rows]):
-                self.message[rows] = messages
+            messages = [storable(results.messages[i]).encode() for i in mine]
+            longest = max(map(len, messages), default=0)
+            if longest > self.longest:
+                self.add_message(max(longest, 2 * self.longest))
+            if longest or any(self.message[rows]):
+                self.message[rows] = np.array(messages, dtype=self.message.dtype)
             first = 0
             for dataset, width in self.kept:
                 values = results.kept[mine, :, first : first + width]
@@ -195,39 +240,89 @@ class SweepFile:
     ----------
     length : int
         The number of rows.
+    layout : str
+        The version of the file's layout.
     columns, measures : lists of Column
         The varied quantities, and the measures.
+    outputs : tuple of str
+        The outputs whose samples were kept.
     facts : dict
         The root attributes; what is JSON is read.
     root : h5py.File
     """
 
-    def __init__(self, root: h5py.File):
-        self.root = root
-        self.length = len(root["run"])
-        self.facts = {name: _value(value) for name, value in root.attrs.items()}
-        self.columns = [Column(**x) for x in self.facts["columns"]]
-        self.measures = [Column(**x) for x in self.facts["measures"]]
+    def __init__(self, opened: Opened):
+        self.root, self.layout = opened.root, opened.layout
+        self.length = len(numbers(self.root, "run", "<i8"))
+        self.facts = {name: self._fact(name) for name in self.root.attrs}
+        check_model(self.facts["model"], self.facts["model_sha256"])
+        for name, kind in _FACTS.items():
+            _checked(kind, self.facts[name], name)
+        for name in ("rows", "failures"):
+            for key, count in self.facts[name].items():
+                _checked(int, count, f"{name} of {key}")
+        for name in ("parameters", "seconds"):
+            self.facts[name] = {
+                k: float(_checked((int, float), v, f"{name} of {k}"))
+                for k, v in self.facts[name].items()
+            }
+        _check_plan(self.facts["sweep"])
+        self.columns = [_column(x) for x in self.facts["columns"]]
+        self.measures = [_column(x) for x in self.facts["measures"]]
+        self.kept = "time" in self.root  # whether the samples of each row are there
+        self.outputs: tuple[str, ...] = ()
+        if self.kept:
+            check_times(self.times)
+            self._outputs = OutputDatasets(self.root, lead=2)
+            self.outputs = self._outputs.names
+        status = self.read("status")
+        if ((status < 0) | (status >= len(STATUSES))).any():
+            raise ValueError("status has numbers that stand for nothing")
 
     @property
-    def kept(self) -> bool:
-        """Whether the samples of each row are there."""
-        return "time" in self.root
+    def times(self) -> Array:
+        """The times of the kept samples, s."""
+        return np.asarray(numbers(self.root, "time")[()], dtype=np.float64)
 
-    def read(self, dataset: str, rows: slice = slice(None)) -> Any:
+    @property
+    def fields(self) -> set[str]:
+        """The names of the datasets, without those of outputs."""
+        return {name for name in self.root if name != "outputs"}
+
+    def names(self, axis: str) -> tuple[str, ...]:
+        """Return the names of the coordinates or constraints."""
+        return read_texts(self.root, axis)
+
+    def read(self, dataset: str, rows: int | slice = slice(None)) -> Any:
         """Return some rows of a dataset, or all."""
-        return self.root[dataset][rows]
+        if dataset.startswith(_OUTPUTS):
+            name = dataset.removeprefix(_OUTPUTS)
+            self._check_length(dataset, self._outputs.shape(name))
+            return self._outputs.read(name, rows)
+        kind = "i1" if dataset == "status" else "<i8" if dataset in COUNTS else "<f8"
+        found = numbers(self.root, dataset, kind)
+        self._check_length(dataset, found.shape)
+        return found[rows]
+
+    def _check_length(self, name: str, shape: tuple[int, ...]) -> None:
+        lengths = [self.length, len(self.times)] if len(shape) > 1 else [self.length]
+        if list(shape[:2]) != lengths:
+            raise ValueError(f"{name} has shape {shape} for {self.length} rows")
 
     def messages(self, rows: slice = slice(None)) -> list[str]:
         """Return the messages of some rows, or all."""
-        return [x.decode() for x in self.root["message"][rows].tolist()]
+        dataset = texts(self.root, "message")
+        self._check_length("message", dataset.shape)
+        return [x.decode() for x in dataset[rows].tolist()]
 
     def results(self) -> Iterator[Results]:
         """Yield the results of all rows, some at a time."""
         names = [c.dataset for c in self.measures]
-        kept = [name for name in _kept_names(self.root) if self.kept]
-        per_row = sum(int(np.prod(self.root[name].shape[1:])) for name in kept)
-        slab = max(1, min(SLAB, (1 << 22) // max(1, per_row)))
+        kept = self._kept_names()
+        slab = SLAB
+        if kept:
+            per_row = sum(math.prod(numbers(self.root, name).shape[1:]) for name in kept)
+            slab = max(1, min(SLAB, (1 << 22) // max(1, per_row)))
         for start in range(0, self.length, slab):
             rows = slice(start, min(start + slab, self.length))
             n = rows.stop - start
@@ -236,7 +331,7 @@ class SweepFile:
                 measures[:, i] = self.read(name, rows)
             samples = np.empty((n, 0, 0))
             if kept:
-                parts = [self.read(name, rows) for name in kept]
+                parts = [numbers(self.root, name)[rows] for name in kept]
                 samples = np.concatenate([x if x.ndim == 3 else x[..., None] for x in parts], 2)
             yield Results(
                 np.arange(start, rows.stop),
@@ -247,22 +342,49 @@ class SweepFile:
                 samples,
             )
 
+    def _kept_names(self) -> list[str]:
+        """Return the datasets of kept trajectories, in their order."""
+        if not self.kept:
+            return []
+        names = ["q", "v", "a", "multipliers", "constraint_force"]
+        names += ["energy_kinetic", "energy_potential", "energy_total", "energy_balance"]
+        outputs = [_OUTPUTS + family.dataset for family in self._outputs.families]
+        return [name for name in names if name in self.root] + outputs
 
-def _kept_names(root: h5py.File) -> list[str]:
-    """Return the datasets of kept trajectories, in their order."""
-    names = ["q", "v", "a", "multipliers", "constraint_force"]
-    names += ["energy_kinetic", "energy_potential", "energy_total", "energy_balance"]
-    outputs = [f"outputs/{name}" for name in root.get("outputs", ())]
-    return [name for name in names if name in root] + outputs
+    def _fact(self, name: str) -> Any:
+        """Return a root attribute; what is JSON is read."""
+        text = text_attribute(self.root, name)
+        assert text is not None
+        return json.loads(text) if name in _FACTS and _FACTS[name] is not str else text
 
 
-def _value(value: Any) -> Any:
-    if not isinstance(value, str) or value[:1] not in ("{", "["):
-        return value
-    try:
-        return json.loads(value)
-    except ValueError:
-        return value  # the model's text may begin with a brace
+def _check_plan(sweep: dict[str, Any]) -> None:
+    """Raise ValueError unless the plan of a sweep says what is shown of it."""
+    plan = _checked(dict, sweep.get("plan"), "the plan")
+    for text in _checked(list, plan.get("vary"), "vary"):
+        _checked(str, text, "vary")
+    for names, drawn in _checked(dict, plan.get("sample"), "sample").items():
+        missing = {"points", "kind", "seed"} - set(_checked(dict, drawn, f"sample of {names}"))
+        if missing:
+            raise ValueError(f"the sample of {names} has no {', '.join(sorted(missing))}")
+    if not isinstance(plan.get("zip"), bool):
+        raise ValueError(f"zip is {shortened(plan.get('zip'))}")
+
+
+def _checked(kind: type | tuple[type, ...], value: Any, name: str) -> Any:
+    """Return a value, which must be of a type."""
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise ValueError(f"{name} is {shortened(value)}")
+    return value
+
+
+def _column(value: Any) -> Column:
+    """Return the column that JSON describes."""
+    if not isinstance(value, dict) or set(value) != set(Column._fields):
+        raise ValueError(f"a column is {shortened(value)}")
+    if not all(isinstance(x, str) for x in value.values()):
+        raise ValueError(f"a column is {shortened(value)}")
+    return Column(**value)
 
 
 @contextmanager
@@ -275,32 +397,13 @@ def open_sweep(path: str | os.PathLike[str]) -> Iterator[SweepFile]:
         The file is missing, damaged, or not a sweep.
     """
     path = os.fspath(path)
-    check_readable(path)
-    if not is_sweep(path):
-        raise FileError(f"cannot read {path}: it is no sweep file; name one of lagcli sweep")
-    try:
-        with h5py.File(path, "r", locking=False) as root:
-            version = root.attrs.get("schema_version")
-            if version != SCHEMA_VERSION:
-                raise FileError(
-                    f"cannot read {path}: its layout has version {version}, and this lagcli knows"
-                    f" {SCHEMA_VERSION}; read it with lagcli {root.attrs.get('lagcli_version')}"
-                )
-            yield SweepFile(root)
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        reason = str(error).strip("'\"")
-        raise FileError(
-            f"cannot read {path}: the file is cut short or damaged ({reason}); copy it again, or"
-            " run the sweep again"
-        ) from error
+    with open_verified(path, SCHEMA_VERSION) as opened:
+        if opened.kind != KIND:
+            raise FileError(f"cannot read {path}: it is no sweep file; name one of lagcli sweep")
+        yield SweepFile(opened)
 
 
-def is_sweep(path: str) -> bool:
-    """Return whether a file is a sweep file, as far as its beginning says."""
-    try:
-        if not h5py.is_hdf5(path):
-            return False
-        with h5py.File(path, "r", locking=False) as root:
-            return bool(root.attrs.get("kind") == KIND)
-    except OSError:
-        return False
+def is_sweep(path: str | os.PathLike[str]) -> bool:
+    """Return whether an HDF5 file is a sweep file; for the errors see `open_sweep`."""
+    with open_verified(path, SCHEMA_VERSION) as opened:
+        return opened.kind == KIND

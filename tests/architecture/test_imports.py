@@ -25,7 +25,7 @@ MODULES = {".".join(f.relative_to(ROOT).with_suffix("").parts): f for f in FILES
 ROOMS = {
     "version": set(),
     "errors": set(),
-    "samples": set(),
+    "samples": {"errors"},
     "trajectory": {"samples"},
     "model": {"errors"},
     "equations": {"errors", "model"},
@@ -34,11 +34,12 @@ ROOMS = {
     "derived": {"engine", "samples"},
     "extremes": {"samples"},
     "interruption": set(),
+    "memory": {"errors"},
     "threads": set(),
     "results": {"errors", "extremes", "samples", "trajectory"},
     "simulation": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "derived"),
-        *("start", "interruption", "threads", "version"),
+        *("start", "interruption", "memory", "threads", "version"),
     },
     "start": {"errors", "model", "equations", "engine", "undefined"},
     "sweeps": {
@@ -70,6 +71,7 @@ FOREIGN = {
     "derived": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "extremes": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "threads": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "memory": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "interruption": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
     "simulation": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},

@@ -104,7 +104,7 @@ def test_formats_are_what_their_names_say_and_always_the_same(suffix: str, tmp_p
         ("slider_crank", "lambda.guide", lambda r: r.multipliers[:, 0]),
         ("slider_crank", "lambda", lambda r: r.multipliers[:, 0]),
         ("slider_crank", "Qc.psi", lambda r: r.constraint_force[:, 1]),
-        ("four_bar", "Qc.joint_y.theta_3", lambda r: r.constraint_force_by[:, 1, 2]),
+        ("four_bar", "Qc.joint_y.theta_3", lambda r: r.constraint_force_of("joint_y")[:, 2]),
         ("slider_crank", "energy_total", lambda r: r.energy_total),
         ("slider_crank", "power_applied", lambda r: r.power_applied),
         ("slider_crank", "slider", lambda r: r.outputs["slider"]),
@@ -118,7 +118,7 @@ def test_formats_are_what_their_names_say_and_always_the_same(suffix: str, tmp_p
         ("chain", "x_dot[3]", lambda r: r.v[:, 2]),
         ("chain", "x[3]'", lambda r: r.v[:, 2]),
         ("chain", "tension[2]", lambda r: r.outputs["tension[2]"]),
-        ("chain", "Qc.rod[2].y[1]", lambda r: r.constraint_force_by[:, 1, 20]),
+        ("chain", "Qc.rod[2].y[1]", lambda r: r.constraint_force_of("rod[2]")[:, 20]),
     ],
 )
 def test_names_are_the_columns_of_results(file: str, name: str, values: object) -> None:

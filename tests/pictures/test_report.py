@@ -127,7 +127,9 @@ def test_curves_are_those_of_the_run(crank, run):
     assert np.array_equal(time, run.time)
     assert np.array_equal(values, run.multipliers[:, 0])
     assert np.array_equal(series_of(crank, "phi_dot")[1], run.v[:, 0])
-    assert np.array_equal(series_of(crank, "Qc.guide.psi")[1], run.constraint_force_by[:, 0, 1])
+    assert np.array_equal(
+        series_of(crank, "Qc.guide.psi")[1], run.constraint_force_of("guide")[:, 1]
+    )
     assert np.array_equal(series_of(crank, "rod_tension")[1], run.outputs["rod_tension"])
     assert np.array_equal(series_of(crank, "energy_total")[1], run.energy_total)
     scaled = run.residual_position[:, 0] / run.scale_position[0]

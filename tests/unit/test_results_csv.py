@@ -60,8 +60,8 @@ def test_columns_and_numbers(tmp_path: Path) -> None:
     assert row["psi_ddot"] == run.a[1, 1]
     assert row["lambda.pin"] == run.multipliers[1, 1]
     assert row["Qc.psi"] == run.constraint_force[1, 1]
-    assert row["Qc.guide.psi"] == run.constraint_force_by[1, 0, 1]
-    assert row["Qc.pin.phi"] == run.constraint_force_by[1, 1, 0]
+    assert row["Qc.guide.psi"] == run.constraint_force_of("guide")[1, 1]
+    assert row["Qc.pin.phi"] == run.constraint_force_of("pin")[1, 0]
     assert row["residual_velocity.pin"] == run.residual_velocity[1, 1]
     assert row["a_first"] == run.outputs["a_first"][1]
 

@@ -7,6 +7,7 @@ import errno
 import io
 import json
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,16 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import csr_array
 from trajectories import MODEL, assert_same, make, random_trajectories
 
-from lagcli.errors import FileError
+from lagcli.errors import FileError, UsageError
+from lagcli.results import seal
+from lagcli.results.formats import open_reader
 from lagcli.results.hdf5 import read_hdf5, write_hdf5
-from lagcli.results.hdf5_file import Sink
+from lagcli.results.hdf5_file import Sink, set_text
 from lagcli.results.layout import MIXED, NOT_STATED, QUANTITIES
-from lagcli.samples import SIGN_CONVENTION
+from lagcli.samples import SIGN_CONVENTION, Terms
 from lagcli.trajectory import Trajectory
 
 # What results.md of the design and the docstring of Trajectory promise, by axes.
@@ -35,7 +39,8 @@ LAYOUT = {
     ("constraint",): "constraint scale_position scale_velocity",
     ("time", "coordinate"): "q v a constraint_force",
     ("time", "constraint"): "multipliers residual_position residual_velocity",
-    ("time", "constraint", "coordinate"): "constraint_force_by",
+    ("time", "term"): "constraint_force_by",
+    ("term",): "term term_constraint term_coordinate",
 }
 
 SIZES: dict[str, dict[str, Any]] = {
@@ -84,7 +89,8 @@ def test_every_dataset_has_axes_unit_and_description(tmp_path: Path, size: str) 
         for group in (root, root["outputs"]):
             for name, dataset in group.items():
                 if isinstance(dataset, h5py.Dataset):
-                    assert isinstance(dataset.attrs["units"], str), name
+                    assert isinstance(dataset.attrs["units"], bytes), name
+                    assert "vlen" not in repr(dataset.dtype.metadata), name
                     assert dataset.attrs["long_name"], name
                     assert dataset.attrs.get("NAME", name.encode()) == name.encode()  # netCDF-4
                     found[dataset.name[1:]] = (
@@ -104,14 +110,14 @@ def test_the_layout_names_every_field_of_a_trajectory() -> None:
 def test_root_attributes(tmp_path: Path) -> None:
     run = make()
     with h5py.File(_written(tmp_path, run)) as root:
-        attributes = dict(root.attrs)
+        attributes = {name: value.decode() for name, value in root.attrs.items()}
     assert attributes["status"] == "completed"
     assert attributes["message"] == "reached t_end"
     assert attributes["model"] == MODEL
     assert attributes["model_sha256"] == run.model_sha256
     assert attributes["sign_convention"] == SIGN_CONVENTION
     assert attributes["lagcli_version"] == "0.1.0"
-    assert attributes["schema_version"] == "1"
+    assert attributes["schema_version"] == "2"
     for name in ("parameters", "options", "counts", "seconds", "units"):
         assert json.loads(attributes[name]) == getattr(run, name)
     assert json.loads(attributes["initial_correction"])["psi"] == [0.1, 0.16057]
@@ -126,8 +132,9 @@ def test_xarray_opens_it_as_it_is(tmp_path: Path, size: str) -> None:
             "time": len(run.time),
             "coordinate": len(run.coordinates),
             "constraint": len(run.constraints),
+            "term": len(run.terms.constraint),
         }
-        assert data["constraint_force_by"].dims == ("time", "constraint", "coordinate")
+        assert data["constraint_force_by"].dims == ("time", "term")
         assert data["constraint"].values.tolist() == list(run.constraints)
         for name in run.coordinates:
             column = run.coordinates.index(name)
@@ -165,16 +172,16 @@ def test_an_output_may_have_the_name_of_an_axis(tmp_path: Path) -> None:
 def test_units(tmp_path: Path, units: dict[str, str], expected: dict[str, str]) -> None:
     with h5py.File(_written(tmp_path, make(units=units))) as root:
         for name, unit in {**expected, "time": "s", "energy_kinetic": "J"}.items():
-            assert root[name].attrs["units"] == unit, name
+            assert root[name].attrs["units"].decode() == unit, name
         assert ("coordinate_unit" in root) == bool(units)
         if units:
-            assert root["coordinate_unit"].asstr()[()].tolist() == list(units.values())
+            assert [u.decode() for u in root["coordinate_unit"][()]] == list(units.values())
 
 
 def test_units_of_outputs(tmp_path: Path) -> None:
     with h5py.File(_written(tmp_path, make())) as root:
-        assert root["outputs/rod_force"].attrs["units"] == "N"
-        assert root["outputs/a_first"].attrs["units"] == NOT_STATED
+        assert root["outputs/rod_force"].attrs["units"] == b"N"
+        assert root["outputs/a_first"].attrs["units"].decode() == NOT_STATED
 
 
 def test_a_model_of_a_megabyte_comes_back(tmp_path: Path) -> None:
@@ -198,15 +205,80 @@ def test_values_that_json_lacks_are_no_obstacle(tmp_path: Path) -> None:
     assert repr(back.parameters) == "{'m': 2.0, 'limit': inf, 'unknown': nan}"
 
 
-def test_sparse_constraint_forces_take_little_room(tmp_path: Path) -> None:
-    names = tuple(f"c{i}" for i in range(60))
-    forces = np.zeros((200, 60, 60))
-    forces[:, range(60), range(60)] = np.random.default_rng(1).normal(size=(200, 60))
-    run = make(200, names, names, constraint_force_by=forces)
+def test_outputs_of_a_family_share_a_dataset(tmp_path: Path) -> None:
+    members = tuple(f"tension[{i},{j}]" for i in range(3) for j in range(2))
+    run = make(outputs=("first", *members, "last"), units=dict.fromkeys(members, "N"))
     path = _written(tmp_path, run)
-    others = sum(getattr(run, q.name).nbytes for q in QUANTITIES) - forces.nbytes
-    assert path.stat().st_size - others < forces.nbytes / 10
     assert_same(run, read_hdf5(path))
+    with xr.open_dataset(path, engine="h5netcdf", group="outputs") as data:
+        assert list(data.data_vars) == ["first", "tension", "last"]
+        assert data["tension"].attrs["units"] == "N"
+        found = data["tension"].sel(member_of_tension="tension[2,0]")
+        np.testing.assert_array_equal(found, run.outputs["tension[2,0]"])
+    with open_reader(path) as file:
+        (columns,) = file.columns(["outputs/tension[1,1]", "outputs/last"])
+    for name, values in columns.items():
+        np.testing.assert_array_equal(values, run.outputs[name.removeprefix("outputs/")])
+
+
+@pytest.mark.parametrize(
+    "outputs", [("e", "e[1]", "e[2]"), ("e[1]", "x", "e[2]"), ("e[1]", "member_of_e"), ("e[1]",)]
+)
+def test_odd_names_of_outputs(tmp_path: Path, outputs: tuple[str, ...]) -> None:
+    run = make(outputs=outputs)
+    assert_same(run, read_hdf5(_written(tmp_path, run)))
+
+
+def test_many_outputs_take_little_time(tmp_path: Path) -> None:
+    """One dataset for each output took over two minutes for these."""
+    names = tuple(f"{family}[{i}]" for family in "abcdefghi" for i in range(10_000))
+    run = make(2, outputs=names)
+    began = time.process_time()
+    path = _written(tmp_path, run)
+    with open_reader(path) as file:
+        assert file.outputs == names
+    assert time.process_time() - began < 5
+
+
+def test_constraint_forces_are_stored_sparse(tmp_path: Path) -> None:
+    names = tuple(f"c{i}" for i in range(60))
+    terms = Terms.of(((i, i) for i in range(60)), (60, 60))
+    run = make(200, names, names, terms=terms)
+    path = _written(tmp_path, run)
+    assert path.stat().st_size < 1.2 * run.nbytes
+    assert_same(run, read_hdf5(path))
+    expected = np.zeros((200, 60))
+    expected[:, 7] = run.constraint_force_by[:, 7]
+    np.testing.assert_array_equal(run.constraint_force_of("c7"), expected)
+    np.testing.assert_array_equal(run.constraint_force, run.constraint_force_by)
+    with pytest.raises(UsageError, match="there is no constraint 'x'; the constraints are c0, c1"):
+        run.constraint_force_of("x")
+    with xr.open_dataset(path, engine="h5netcdf") as data:
+        of_one = data["constraint_force_by"].where(data["term_constraint"] == 7, drop=True)
+        assert of_one["term"].values.tolist() == ["c7.c7"]
+        matrix = csr_array(
+            (data["constraint_force_by"][3], (data["term_constraint"], data["term_coordinate"])),
+            shape=(60, 60),
+        )
+        np.testing.assert_array_equal(matrix.sum(axis=0), run.constraint_force[3])
+
+
+@given(
+    st.sets(st.tuples(st.integers(0, 3), st.integers(0, 4))),
+    st.integers(0, 2**32 - 1),
+)
+def test_sparse_and_dense_constraint_forces(pairs: set[tuple[int, int]], seed: int) -> None:
+    terms = Terms.of(sorted(pairs), (4, 5))
+    terms.check()
+    values = np.random.default_rng(seed).normal(size=(3, len(pairs)))
+    dense = np.zeros((3, 4, 5))
+    dense[:, terms.constraint, terms.coordinate] = values
+    np.testing.assert_array_equal(terms.total(values), dense.sum(axis=1))
+    for i in range(4):
+        np.testing.assert_array_equal(terms.dense(values, i), dense[:, i])
+        assert terms.acting(i).keys() == {j for k, j in pairs if k == i}
+        for j in range(5):
+            np.testing.assert_array_equal(terms.column(values, i, j), dense[:, i, j])
 
 
 @pytest.mark.parametrize("failure", [OSError(errno.ENOSPC, "full"), KeyboardInterrupt()])
@@ -256,30 +328,19 @@ def _foreign(path: Path) -> None:
         root["q"] = [1.0]
 
 
-def _newer(path: Path) -> None:
+def _unsealed(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: -seal.LENGTH])
+
+
+def _other_bit(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[data.index(b"reached t_end")] ^= 1
+    path.write_bytes(data)
+
+
+def _appended(path: Path) -> None:
     with h5py.File(path, "a") as root:
-        root.attrs["schema_version"] = "99"
-
-
-def _sweep(path: Path) -> None:
-    with h5py.File(path, "a") as root:
-        root.attrs["kind"] = "sweep"
-
-
-def _incomplete(path: Path) -> None:
-    with h5py.File(path, "a") as root:
-        del root["energy_total"]
-
-
-def _misshapen(path: Path) -> None:
-    with h5py.File(path, "a") as root:
-        del root["energy_total"]
-        root["energy_total"] = [1.0]
-
-
-def _bad_json(path: Path) -> None:
-    with h5py.File(path, "a") as root:
-        root.attrs["parameters"] = "{"
+        root.attrs["note"] = "mine"
 
 
 @pytest.mark.parametrize(
@@ -291,11 +352,9 @@ def _bad_json(path: Path) -> None:
         (_missing, "there is no such file"),
         (_folder, "it is a folder"),
         (_foreign, "not one of lagcli"),
-        (_newer, "layout has version 99.* knows 1"),
-        (_sweep, "holds a sweep and not one trajectory"),
-        (_incomplete, "energy_total"),
-        (_misshapen, r"energy_total has shape \(1,\), not \(5,\)"),
-        (_bad_json, "damaged"),
+        (_unsealed, "the checksum at its end is missing"),
+        (_other_bit, "its checksum does not fit"),
+        (_appended, "damaged, or was changed"),
     ],
 )
 def test_what_is_no_run_is_said(tmp_path: Path, spoil: Any, reason: str) -> None:
@@ -306,10 +365,103 @@ def test_what_is_no_run_is_said(tmp_path: Path, spoil: Any, reason: str) -> None
     assert str(path) in str(caught.value)
 
 
+def _set(name: str, text: str) -> Any:
+    def change(root: h5py.File) -> None:
+        del root.attrs[name]
+        set_text(root["/"].id, name, text)
+
+    return change
+
+
+def _replaced(name: str, **new: Any) -> Any:
+    def change(root: h5py.File) -> None:
+        del root[name]
+        if new:
+            root.create_dataset(name, **new)
+
+    return change
+
+
+def _linked(link: Any) -> Any:
+    def change(root: h5py.File) -> None:
+        root.move("q", "other")
+        root["q"] = link
+
+    return change
+
+
+def _external(root: h5py.File) -> None:
+    shape = root["q"].shape
+    del root["q"]
+    root.create_dataset("q", shape, "<f8", external=[("/etc/passwd", 0, h5py.h5f.UNLIMITED)])
+
+
+def _virtual(root: h5py.File) -> None:
+    shape = root["q"].shape
+    del root["q"]
+    layout = h5py.VirtualLayout(shape, "<f8")
+    layout[:] = h5py.VirtualSource("/tmp/other.h5", "q", shape)
+    root.create_virtual_dataset("q", layout)
+
+
+def _unknown_attribute(root: h5py.File) -> None:
+    del root.attrs["kind"]
+    root.attrs["kind"] = ["trajectory", "sweep"]
+
+
+FORGED: dict[str, tuple[Any, str]] = {
+    "newer": (_set("schema_version", "99"), "layout has version 99.* knows 2"),
+    "kind": (_set("kind", "sweep"), "holds a sweep and not one trajectory"),
+    "kinds": (_unknown_attribute, "attribute kind is not a text"),
+    "model": (_set("model", "T: 0"), "does not have the digest model_sha256"),
+    "JSON": (_set("parameters", "{"), "damaged"),
+    "number": (_set("parameters", '{"m": [1]}'), r"\[1\] is not a number"),
+    "count": (_set("counts", '{"steps": true}'), "counts of steps is True"),
+    "list": (_set("options", "[]"), r"options is \[\]"),
+    "start": (_set("initial_correction", '{"x": [1]}'), "initial_correction"),
+    "status": (_set("status", "done"), "status is 'done'"),
+    "missing": (_replaced("energy_total"), "energy_total is missing"),
+    "shape": (
+        _replaced("energy_total", data=np.array([1.0])),
+        r"energy_total has shape \(1,\), not \(5,\)",
+    ),
+    "scalar time": (_replaced("time", data=1.0), "damaged"),
+    "time of NaN": (_replaced("time", data=np.full(5, np.nan)), "values that are not finite"),
+    "time back": (_replaced("time", data=np.arange(5.0)[::-1]), "time decreases"),
+    "strings": (_replaced("q", data=np.full((5, 2), b"1.0")), "q holds .S3 and not float64"),
+    "texts": (_replaced("coordinate", data=np.arange(2.0)), "holds float64 and not texts"),
+    "heap": (
+        _replaced("coordinate", data=["phi", "psi"], dtype=h5py.string_dtype()),
+        "holds object and not texts",
+    ),
+    "large": (_replaced("q", shape=(10**9, 2), dtype="<f8"), "q declares 16000000000 bytes"),
+    "soft link": (_linked(h5py.SoftLink("/other")), "q is a soft link"),
+    "external link": (_linked(h5py.ExternalLink("/tmp/x.h5", "/q")), "q is an external link"),
+    "external storage": (_external, "q lies in another file"),
+    "virtual": (_virtual, "q is a view of other datasets"),
+    "group": (lambda root: (_replaced("q")(root), root.create_group("q")), "q is not a dataset"),
+    "terms": (_replaced("term_coordinate", data=np.array([1, 0], "<i4")), "not in order"),
+    "far terms": (_replaced("term_coordinate", data=np.array([1, 9], "<i4")), "there are not"),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_a_file_with_a_right_checksum_is_still_checked(tmp_path: Path, name: str) -> None:
+    change, reason = FORGED[name]
+    path = _written(tmp_path, make())
+    with h5py.File(path, "a") as root:
+        change(root)
+    with path.open("r+b") as file:
+        seal.seal(file)
+    with pytest.raises(FileError, match=reason) as caught:
+        read_hdf5(path)
+    assert str(path) in str(caught.value)
+
+
 def test_every_cut_is_noticed(tmp_path: Path) -> None:
     path = _written(tmp_path, make())
     whole = path.read_bytes()
-    for size in range(0, len(whole), 97):
+    for size in range(0, len(whole) - seal.LENGTH, 97):
         path.write_bytes(whole[:size])
         with pytest.raises(FileError):
             read_hdf5(path)

@@ -49,13 +49,13 @@ def test_everything_of_hdf5(tmp_path: Path) -> None:
         "format": "hdf5",
         "bytes": path.stat().st_size,
         "kind": "trajectory",
-        "schema_version": "1",
+        "schema_version": "2",
         "lagcli_version": "0.1.0",
         "sign_convention": found["sign_convention"],
         "status": "completed",
         "message": "reached t_end",
         "model_name": "slider-crank",
-        "model_sha256": "5e" * 32,
+        "model_sha256": run.model_sha256,
         "sizes": {"samples": 3, "coordinates": 2, "constraints": 2, "outputs": 2},
         "coordinates": ["phi", "psi"],
         "constraints": ["guide", "knife"],
@@ -130,10 +130,10 @@ def test_the_text(tmp_path: Path) -> None:
     text = format_info({**describe(tmp_path / "run.h5"), "path": "run.h5", "bytes": 20107})
     assert text == (
         """\
-file                run.h5: trajectory, HDF5, 20.1 kB, lagcli 0.1.0, layout 1
+file                run.h5: trajectory, HDF5, 20.1 kB, lagcli 0.1.0, layout 2
 status              completed
 message             reached t_end
-model               slider-crank (sha256 5e5e5e5e5e5e…)
+model               slider-crank (sha256 59357d64d278…)
 time                1 to 2 s, 3 samples
 coordinates         phi [rad], psi [rad]
 constraints         guide, knife

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from trajectories import all_terms
 
 import lagcli
 from lagcli.errors import UsageError
@@ -139,8 +140,9 @@ def test_one_stage_for_many_values() -> None:
             "time": np.zeros(1),
             "q": np.array([[np.pi / 2, 0.0]]),
             "v": np.array([[2.0, 0.0]]),
-            "constraint_force_by": np.zeros((1, 1, 2)),
+            "constraint_force_by": np.zeros((1, 2)),
         },
+        all_terms(1, 2),
         model.parameter_values | {"r": 3.0},
     )
     assert scene.at("A", 0) == pytest.approx((0, 3))
@@ -157,8 +159,9 @@ def test_a_force_at_a_dead_centre_is_that_beside_it() -> None:
             "time": np.arange(3.0),
             "q": np.stack((phi, psi), axis=1),
             "v": np.zeros((3, 2)),
-            "constraint_force_by": work[:, None],
-        }
+            "constraint_force_by": work,
+        },
+        all_terms(1, 2),
     )
     guide = next(v for v in scene.vectors if v.name == "guide")
     np.testing.assert_allclose(guide.components[0], 0, atol=1e-7)

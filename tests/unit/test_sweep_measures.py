@@ -60,7 +60,7 @@ MEASURES = {
             + r.parameters["l"] * np.sin(r.q[-1, 1]) * r.v[-1, 1]
         )
     ),
-    "min(Qc.guide.phi)": lambda r: r.constraint_force_by[:, 0, 0].min(),
+    "min(Qc.guide.phi)": lambda r: r.constraint_force_of("guide")[:, 0].min(),
     "max(Qc.psi)": lambda r: r.constraint_force[:, 1].max(),
     "final(energy_total)": lambda r: r.energy_total[-1],
     "max(energy_kinetic)": lambda r: r.energy_kinetic.max(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import math
 import os
 import sys
@@ -12,6 +13,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from lagcli.results.layout import QUANTITIES
+from lagcli.samples import Terms
 from lagcli.trajectory import Trajectory
 
 MODEL = """\
@@ -34,7 +36,9 @@ def make(
 ) -> Trajectory:
     """Return a trajectory of random numbers; ``changes`` replace its fields."""
     random = np.random.default_rng(seed)
+    terms = changes.pop("terms", None) or all_terms(len(constraints), len(coordinates))
     length = {"time": nt, "coordinate": len(coordinates), "constraint": len(constraints)}
+    length["term"] = len(terms.constraint)
     arrays = {}
     for quantity in QUANTITIES:
         if quantity.name in ARRAYS:
@@ -48,7 +52,6 @@ def make(
         "status": "completed",
         "message": "reached t_end",
         "model": MODEL,
-        "model_sha256": "5e" * 32,
         "parameters": {"m": 1.0, "r": 0.1, "tau": -0.0},
         "options": {"rtol": 1e-9, "method": "dop853", "times": [0.5, 1.0], "events": None},
         "counts": {"steps": 120, "rejected": 3, "evaluations": 1443},
@@ -56,8 +59,15 @@ def make(
         "initial_correction": {"psi": (0.1, 0.16057), "psi_dot": (0.0, 2.9)},
         "lagcli_version": "0.1.0",
     }
-    names = {"coordinates": coordinates, "constraints": constraints}
-    return Trajectory(**{**names, **arrays, **fields, **changes})
+    names = {"coordinates": coordinates, "constraints": constraints, "terms": terms}
+    all_fields = {**names, **arrays, **fields, **changes}
+    digest = hashlib.sha256(all_fields["model"].encode()).hexdigest()
+    return Trajectory(**{"model_sha256": digest, **all_fields})
+
+
+def all_terms(constraints: int, coordinates: int) -> Terms:
+    """Return the terms of constraints that act on every coordinate."""
+    return Terms.of(np.ndindex(constraints, coordinates), (constraints, coordinates))
 
 
 def make_for_csv(nt: int = 5, **changes: Any) -> Trajectory:
@@ -71,6 +81,7 @@ def assert_same_arrays(one: Trajectory, other: Trajectory) -> None:
     """Compare every number by its bits (so that NaN equals itself and 0 is not -0)."""
     assert (one.coordinates, one.constraints) == (other.coordinates, other.constraints)
     assert list(one.outputs) == list(other.outputs)
+    assert repr(one.terms) == repr(other.terms)
     pairs = {name: (getattr(one, name), getattr(other, name)) for name in ARRAYS}
     pairs |= {f"outputs/{n}": (one.outputs[n], other.outputs[n]) for n in one.outputs}
     for name, (a, b) in pairs.items():
@@ -83,7 +94,7 @@ def assert_same(one: Trajectory, other: Trajectory) -> None:
     """Compare every field; NaN equals NaN in the mappings too."""
     assert_same_arrays(one, other)
     for field in dataclasses.fields(Trajectory):
-        if field.name not in (*ARRAYS, "outputs"):
+        if field.name not in (*ARRAYS, "outputs", "terms"):
             a, b = getattr(one, field.name), getattr(other, field.name)
             assert repr(a) == repr(b), field.name
 
@@ -114,6 +125,10 @@ def random_trajectories(
         nt = draw(st.integers(0, 4))
         coordinates, constraints, outputs = draw(names), draw(names), draw(names)
         length = {"time": nt, "coordinate": len(coordinates), "constraint": len(constraints)}
+        pairs = list(np.ndindex(len(constraints), len(coordinates)))
+        acting = sorted(draw(st.sets(st.sampled_from(pairs)))) if pairs else []
+        terms = Terms.of(acting, (len(constraints), len(coordinates)))
+        length["term"] = len(acting)
 
         def array(axes: tuple[str, ...]) -> np.ndarray:
             shape = tuple(length[axis] for axis in axes)
@@ -124,7 +139,8 @@ def random_trajectories(
             nt,
             coordinates,
             constraints,
-            **{q.name: array(q.axes) for q in QUANTITIES if q.name in ARRAYS},
+            terms=terms,
+            **{q.name: array(q.axes) for q in QUANTITIES if q.name in ARRAYS[1:]},
             outputs={name: array(("time",)) for name in outputs},
             units=draw(st.dictionaries(st.sampled_from([*coordinates, *outputs, "m"]), texts)),
             message=draw(texts),

@@ -233,18 +233,20 @@ def _multipliers(run: Run, names: Names) -> list[Plot]:
 
 def _forces(run: Run, names: Names) -> Section:
     title = "Constraint forces"
-    if len(run.constraints) * len(run.coordinates) > _FORCES:
+    nq = len(run.coordinates)
+    if len(run.constraints) * nq > _FORCES:
         about = (
             "The generalized force Σ λ b of all constraints on each coordinate. Those of single"
             f" constraints are {len(run.constraints)} times as many, too many to be drawn."
         )
-        curves = _grouped(run, names, "Qc.", "constraint_force")
+        curves = _grouped(run, names, "Qc.", "constraint_force", {j: j for j in range(nq)})
         return Section(title, about, [_abridged(p) for p in _by_unit("", curves)])
     places = chosen(run.constraints, _CONSTRAINTS)
     plots = []
     for i in places:
         constraint = run.constraints[i]
-        curves = _grouped(run, names, f"Qc.{constraint}.", "constraint_force_by", (i,))
+        acting = run.terms.acting(i)
+        curves = _grouped(run, names, f"Qc.{constraint}.", "constraint_force_by", acting)
         plots += _by_unit(f"Force of {constraint}", curves)
     if len(places) < len(run.constraints):
         plots[0].note = f"{len(places)} of {len(run.constraints)} constraints are drawn."
@@ -253,12 +255,13 @@ def _forces(run: Run, names: Names) -> Section:
 
 
 def _grouped(
-    run: Run, names: Names, prefix: str, field: str, place: tuple[int, ...] = ()
+    run: Run, names: Names, prefix: str, field: str, places: Mapping[int, int]
 ) -> dict[str, list[Curve]]:
-    """Return the curves of forces on the coordinates, by unit."""
+    """Return the curves of forces on coordinates, whose places in the field are given, by unit."""
     groups: dict[str, list[Curve]] = {}
-    for j, q in enumerate(run.coordinates):
-        curve = Curve(f"{prefix}{q}", names.text(q), field, (*place, j))
+    for j, place in places.items():
+        q = run.coordinates[j]
+        curve = Curve(f"{prefix}{q}", names.text(q), field, (place,))
         groups.setdefault(unit(force_unit(run.record.units.get(q))), []).append(curve)
     return groups
 

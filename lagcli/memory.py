@@ -1,0 +1,86 @@
+"""How much memory there is, so that a run that cannot fit is refused before it starts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from lagcli.errors import NumericalError
+
+#: The files by which Linux tells the limit and the use of a group of processes, bytes.
+_GROUP = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory.current"))
+_SYSTEM, _PROCESS = Path("/proc/meminfo"), Path("/proc/self/status")
+#: Address space that imports and a small run take, bytes: below it, libraries end the process.
+_LEAST = 220_000_000
+
+
+def available() -> int | None:
+    """Return the bytes that this process may still take; None where the system does not tell.
+
+    The least of what the system has free, what the limit of the process leaves (``ulimit -v``),
+    and what the limit of its group of processes leaves.
+    """
+    return min(_limits(), default=None)
+
+
+def check_fits(needed: int, what: str, remedy: str) -> None:
+    """Raise NumericalError if more memory is needed than there is.
+
+    Parameters
+    ----------
+    needed : int
+        Bytes.
+    what, remedy : str
+        What needs it, and what to do about it.
+    """
+    free = available()
+    if free is not None and needed > free:
+        raise NumericalError(
+            f"{what} needs about {_size(needed)} of memory, and {_size(free)} are free; {remedy}"
+        )
+
+
+def check_address_space() -> None:
+    """Raise NumericalError if the limit of the process is too low for the libraries alone."""
+    limit = _address_space()
+    if limit is not None and limit < _LEAST:
+        raise NumericalError(
+            f"the memory of this process is limited to {_size(limit)} (ulimit -v), and lagcli needs"
+            f" {_size(_LEAST)}; raise the limit"
+        )
+
+
+def _limits() -> Iterator[int]:
+    with suppress(OSError, ValueError):
+        yield _entry(_SYSTEM, "MemAvailable")
+    with suppress(OSError, ValueError):
+        limit, used = (int(path.read_text()) for path in _GROUP)
+        yield max(0, limit - used)
+    with suppress(OSError, ValueError):
+        limit_ = _address_space()
+        if limit_ is not None:
+            yield max(0, limit_ - _entry(_PROCESS, "VmSize"))
+
+
+def _address_space() -> int | None:
+    """Return the limit of ``ulimit -v``, bytes; None without one."""
+    try:
+        import resource
+    except ImportError:  # not a POSIX system
+        return None
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if limit == resource.RLIM_INFINITY else limit
+
+
+def _entry(path: Path, name: str) -> int:
+    """Return an entry of a file in /proc, bytes."""
+    found = re.search(rf"^{name}:\s+(\d+) kB$", path.read_text(), re.MULTILINE)
+    if found is None:
+        raise ValueError(name)
+    return int(found[1]) * 1024
+
+
+def _size(count: int) -> str:
+    return f"{count / 1e9:.3g} GB" if count >= 1e9 else f"{count / 1e6:.3g} MB"

@@ -1,0 +1,138 @@
+"""Parts of an open HDF5 file, each checked before the library reads any of its contents.
+
+A file may come from anyone. What lies outside of it (external links, external storage, virtual
+datasets) is refused, and so is an array that is larger than the file can hold.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5d, h5z
+
+#: Bytes that a compressed byte stands for at most: DEFLATE gives no more.
+_DEFLATED = 1040
+_FILTERS = {h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE}
+
+
+def group(parent: h5py.Group, name: str) -> h5py.Group:
+    """Return a group of a file.
+
+    Raises
+    ------
+    ValueError
+        It is missing, is somewhere else, or is no group.
+    """
+    found = _own(parent, name)
+    if not isinstance(found, h5py.Group):
+        raise ValueError(f"{name} is not a group")
+    return found
+
+
+def numbers(parent: h5py.Group, name: str, kind: str = "<f8") -> h5py.Dataset:
+    """Return a dataset of numbers that lie in the file.
+
+    Parameters
+    ----------
+    parent : h5py.Group
+    name : str
+    kind : str
+        Their type, as NumPy writes it.
+
+    Raises
+    ------
+    ValueError
+        It is missing, is somewhere else, holds something else, or is larger than the file.
+    """
+    dataset = _dataset(parent, name)
+    if dataset.dtype != np.dtype(kind):
+        raise ValueError(f"{name} holds {dataset.dtype} and not {np.dtype(kind)}")
+    return dataset
+
+
+def texts(parent: h5py.Group, name: str) -> h5py.Dataset:
+    """Return a dataset of texts of a fixed length; for the errors see `numbers`."""
+    dataset = _dataset(parent, name)
+    if dataset.dtype.kind != "S":
+        raise ValueError(f"{name} holds {dataset.dtype} and not texts")
+    return dataset
+
+
+def is_texts(parent: h5py.Group, name: str) -> bool:
+    """Return whether a dataset holds texts of a fixed length; for the errors see `numbers`."""
+    return bool(_dataset(parent, name).dtype.kind == "S")
+
+
+def read_texts(parent: h5py.Group, name: str) -> tuple[str, ...]:
+    """Return a list of texts; for the errors see `numbers`."""
+    dataset = texts(parent, name)
+    if dataset.ndim != 1:
+        raise ValueError(f"{name} has shape {dataset.shape} and not one axis")
+    return tuple(x.decode() for x in dataset[()].tolist())
+
+
+def text_attribute(root: h5py.Group, name: str) -> str | None:
+    """Return a text attribute; None if there is none.
+
+    Raises
+    ------
+    ValueError
+        It is not one text of a fixed length.
+    """
+    if name not in root.attrs:
+        return None
+    attribute = root.attrs.get_id(name)
+    if attribute.dtype.kind != "S" or attribute.shape != ():
+        raise ValueError(f"the attribute {name} is not a text of a fixed length")
+    value: bytes = root.attrs[name]
+    return value.decode()
+
+
+def stored_within(dataset: h5py.Dataset, name: str) -> None:
+    """Raise ValueError unless all numbers of a dataset lie in its file, not compressed too much."""
+    creation = dataset.id.get_create_plist()
+    if creation.get_external_count():
+        raise ValueError(f"{name} lies in another file (external storage), which is not read")
+    if creation.get_layout() == h5d.VIRTUAL:
+        raise ValueError(f"{name} is a view of other datasets (virtual), which is not read")
+    filters = {creation.get_filter(i)[0] for i in range(creation.get_nfilters())}
+    if not filters <= _FILTERS:
+        raise ValueError(f"{name} has filters that lagcli does not use: {sorted(filters)}")
+    size = math.prod(dataset.shape) * dataset.dtype.itemsize
+    if creation.get_layout() == h5d.COMPACT:
+        return
+    stored = dataset.id.get_storage_size()
+    largest = os.path.getsize(dataset.file.filename)
+    room = min(stored, largest) * (_DEFLATED if h5z.FILTER_DEFLATE in filters else 1)
+    if stored > largest or size > room:
+        raise ValueError(
+            f"{name} declares {size} bytes, and the file holds {min(stored, largest)} of it"
+        )
+    chunk = dataset.chunks
+    if chunk and math.prod(chunk) * dataset.dtype.itemsize > max(room, 1 << 24):
+        raise ValueError(f"{name} has chunks that are larger than the file can hold")
+
+
+def _dataset(parent: h5py.Group, name: str) -> h5py.Dataset:
+    found = _own(parent, name)
+    if not isinstance(found, h5py.Dataset):
+        raise ValueError(f"{name} is not a dataset")
+    if found.shape is None:
+        raise ValueError(f"{name} is empty")
+    stored_within(found, name)
+    return found
+
+
+def _own(parent: h5py.Group, name: str) -> Any:
+    """Return an object to which a hard link leads; other links may lead out of the file."""
+    link = parent.get(name, getlink=True)
+    if link is None:
+        raise ValueError(f"{name} is missing")
+    if not isinstance(link, h5py.HardLink):
+        kind = "an external link" if isinstance(link, h5py.ExternalLink) else "a soft link"
+        raise ValueError(f"{name} is {kind}, which is not followed")
+    return parent[name]

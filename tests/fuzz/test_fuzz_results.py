@@ -1,0 +1,318 @@
+"""Whatever is done to a result file: it is read as it was written, or refused with status 4.
+
+A mutant of a file with a checksum that is read with status 0 must print what the original prints.
+Files of layout 1, CSV files without a sidecar, and files whose checksum was made anew hold numbers
+without a check: such a mutant is read or refused, with no traceback and in bounded time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import io
+import os
+import random
+import shutil
+import signal
+import warnings
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mutants import changed_bytes, changed_structure, changed_table
+
+import lagcli
+from lagcli.cli.app import run
+from lagcli.errors import LagcliError
+from lagcli.results import hdf5_layout1, hdf5_open, seal
+
+ROOT = Path(__file__).parents[2]
+MODEL = ROOT / "models" / "slider_crank.yaml"
+LAYOUT_1 = ROOT / "tests" / "found" / "layout1"
+#: Mutants of each kind in the normal suite.
+FEW = 25
+#: Seconds after which a mutant that is not read to its end stops the test.
+HANGS = 120
+SECRET = b"the contents of another file"
+
+
+def answer(*arguments: str) -> tuple[int, str]:
+    """Return the status of a command and what it prints."""
+    out, err = io.StringIO(), io.StringIO()
+    faulthandler.dump_traceback_later(HANGS, exit=True)
+    try:
+        with (
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+            warnings.catch_warnings(),
+        ):
+            warnings.simplefilter("error")  # a warning is a stray line on standard error
+            status = run(list(arguments))
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+    return status, out.getvalue() + err.getvalue()
+
+
+def commands(name: str, folder: Path) -> list[list[str]]:
+    """Return what is done with a mutant: information about it, and one of the other commands."""
+    picture, page = str(folder / "picture.svg"), str(folder / "page.html")
+    if name.endswith("sweep.h5"):
+        return [["info"], ["export-csv", "-o", str(folder / "table.csv"), "--force"]]
+    return [
+        ["info"],
+        ["info", "--json"],
+        ["animate", "-o", page, "--force", "--quiet"],
+        ["report", "-o", page, "--force", "--quiet"],
+        ["plot", "-o", picture, "--force"],
+    ]
+
+
+@pytest.fixture(scope="module")
+def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Return files by name, with the sidecars of CSV files beside them."""
+    folder = tmp_path_factory.mktemp("originals")
+    trajectory = lagcli.simulate(lagcli.load(MODEL), samples=21, t_end=0.5)
+    for name in ("run.h5", "run.csv", "alone.csv"):
+        lagcli.write(trajectory, folder / name, meta=name == "run.csv")
+    lagcli.sweep(
+        MODEL,
+        ["m=0,1,2"],
+        folder / "sweep.h5",
+        samples=11,
+        t_end=0.2,
+        keep="trajectories",
+        measures={"peak": "max(abs(lambda.guide))"},
+    )
+    found = {path.name: path.read_bytes() for path in folder.iterdir()}
+    return found | {f"1_{path.name}": path.read_bytes() for path in LAYOUT_1.glob("*.h5")}
+
+
+class Trial:
+    """Mutants of one file, in one folder."""
+
+    def __init__(
+        self,
+        folder: Path,
+        name: str,
+        original: bytes,
+        sidecar: bytes | None = None,
+        pictures: bool = True,
+    ):
+        self.folder, self.name, self.original = folder, name, original
+        self.path = folder / name
+        self.outside = folder / "outside.bin"
+        self.outside.write_bytes(SECRET * 40)
+        os.mkfifo(f"{self.outside}.fifo")
+        self.path.write_bytes(original)
+        if sidecar is not None:
+            self.sidecar = folder / f"{name}.json"
+            self.sidecar.write_bytes(sidecar)
+        self.commands = commands(name, folder)[: 5 if pictures else 2]
+        self.expected = [answer(c, str(self.path), *rest) for c, *rest in self.commands]
+        for status, text in self.expected:
+            assert status == 0, text
+        self.counts: Counter[str] = Counter()
+
+    def judge(self, r: random.Random, what: str, strict: bool) -> None:
+        """Read the file as it is now."""
+        other = 0 if len(self.commands) == 1 else r.randrange(1, len(self.commands))
+        for i in sorted({0, other if r.random() < 0.2 else 0}):
+            command, *rest = self.commands[i]
+            status, text = answer(command, str(self.path), *rest)
+            kept = self.folder / f"failed_{what.replace(' ', '_')}_{self.name}"
+            if status not in (0, 4) and not (status in (2, 3) and i and not strict):
+                shutil.copy(self.path, kept)
+                raise AssertionError(f"{what}: {command}: status {status}: {text} ({kept})")
+            if SECRET.decode() in text or "Traceback" in text or "bug in lagcli" in text:
+                shutil.copy(self.path, kept)
+                raise AssertionError(f"{what}: {command}: {text} ({kept})")
+            same = status == 0 and self._plain(text) == self._plain(self.expected[i][1])
+            if status == 0 and strict and not same:
+                shutil.copy(self.path, kept)
+                raise AssertionError(f"{what}: {command}: damage was accepted: {text} ({kept})")
+            self.counts["refused" if status else "as the original" if same else "other"] += 1
+        if r.random() < 0.1:
+            with contextlib.suppress(LagcliError):
+                lagcli.read(self.path)
+
+    def _plain(self, text: str) -> list[str]:
+        """Return the lines of a text without the size of the file."""
+        return [line for line in text.split("\n") if "trajectory, HDF5" not in line]
+
+
+@pytest.fixture
+def forked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Copy files of layout 1 in a fork of this process, which spares the start of another."""
+
+    def copy(path: str, target: str, seconds: float) -> None:
+        end, start = os.pipe()
+        child = os.fork()
+        if not child:
+            with contextlib.suppress(BaseException):
+                os.close(end)
+                signal.signal(signal.SIGALRM, signal.SIG_DFL)
+                signal.alarm(int(seconds) + 1)
+                text, status = "", 0
+                try:
+                    hdf5_layout1.copy(path, target)
+                except lagcli.errors.FileError as error:
+                    text, status = str(error), 4
+                except BaseException as error:
+                    text, status = repr(error), 1
+                os.write(start, text.encode(errors="replace")[:60_000])
+                os._exit(status)
+            os._exit(1)
+        os.close(start)
+        with os.fdopen(end, "rb") as pipe:
+            text = pipe.read().decode()
+        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        assert status != 1, text  # a traceback of the other process
+        if status == 4:
+            raise lagcli.errors.FileError(text)
+        if status:
+            raise hdf5_open.damage(path, RuntimeError(f"status {status}"))
+
+    monkeypatch.setattr(hdf5_open, "_copy", copy)
+
+
+SEALED = ("run.h5", "sweep.h5")
+OLD = ("1_run.h5", "1_sweep.h5")
+
+
+def _bytes(trial: Trial, r: random.Random, count: int, strict: bool) -> None:
+    for i in range(count):
+        trial.path.write_bytes(changed_bytes(trial.original, r))
+        trial.judge(r, f"bytes {i}", strict)
+
+
+def _structures(trial: Trial, r: random.Random, count: int, sealed: bool, strict: bool) -> None:
+    done = 0
+    while done < count:
+        trial.path.write_bytes(trial.original)
+        if not changed_structure(trial.path, r, str(trial.outside)):
+            continue
+        if sealed:
+            with trial.path.open("r+b") as file:
+                seal.seal(file)
+        trial.judge(r, f"structure {done}", strict)
+        done += 1
+
+
+def _tables(trial: Trial, r: random.Random, count: int, strict: bool) -> None:
+    for i in range(count):
+        change = changed_table if r.random() < 0.7 else changed_bytes
+        trial.path.write_bytes(change(trial.original, r))
+        trial.judge(r, f"table {i}", strict)
+
+
+def _sidecars(trial: Trial, r: random.Random, count: int) -> None:
+    original = trial.sidecar.read_bytes()
+    for i in range(count):
+        trial.sidecar.write_bytes(changed_bytes(original, r))
+        trial.judge(r, f"sidecar {i}", strict=True)
+
+
+def _values(folder: Path, r: random.Random, count: int) -> Counter[str]:
+    """Read mutants of a table of values for a sweep."""
+    from lagcli.sweeps.plan import make_plan
+
+    model, path = lagcli.load(MODEL), folder / "values.csv"
+    original = b"m,l [cm],phi_dot\n1,20,10\n1.5,30,11\n2,40,12\n"
+    counts: Counter[str] = Counter()
+    for i in range(count):
+        change = changed_table if i % 3 else changed_bytes
+        path.write_bytes(change(original, r))
+        try:
+            plan = make_plan(model, [f"@{path}"])
+        except LagcliError:
+            counts["refused"] += 1
+            continue
+        assert np.isfinite(plan.rows(np.arange(plan.length))).all()
+        counts["read"] += 1
+    return counts
+
+
+def _trial(folder: Path, name: str, originals: dict[str, bytes], pictures: bool = True) -> Trial:
+    return Trial(folder, name, originals[name], originals.get(f"{name}.json"), pictures)
+
+
+# in the normal suite
+
+
+@pytest.mark.parametrize("name", SEALED)
+def test_a_few_damaged_files(tmp_path: Path, originals: dict[str, bytes], name: str) -> None:
+    trial, r = _trial(tmp_path, name, originals, pictures=False), random.Random(1)
+    _bytes(trial, r, FEW, strict=True)
+    _structures(trial, r, FEW // 2, sealed=True, strict=False)
+
+
+def test_a_few_damaged_tables(tmp_path: Path, originals: dict[str, bytes]) -> None:
+    r = random.Random(2)
+    trial = _trial(tmp_path, "run.csv", originals, pictures=False)
+    _tables(trial, r, FEW, strict=True)
+    trial.path.write_bytes(trial.original)
+    _sidecars(trial, r, FEW)
+    _values(tmp_path, r, FEW)
+
+
+@pytest.mark.parametrize("name", OLD)
+def test_a_few_damaged_files_of_layout_1(
+    tmp_path: Path, originals: dict[str, bytes], name: str, forked: None
+) -> None:
+    trial, r = _trial(tmp_path, name, originals, pictures=False), random.Random(3)
+    _bytes(trial, r, FEW // 2, strict=False)
+    _structures(trial, r, FEW // 2, sealed=False, strict=False)
+
+
+# many: `make fuzz`
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("name", SEALED)
+@pytest.mark.parametrize("way", ["bytes", "structure", "forged"])
+def test_many_damaged_files(
+    tmp_path: Path, originals: dict[str, bytes], name: str, way: str, fuzz_count: int
+) -> None:
+    trial, r = _trial(tmp_path, name, originals), random.Random(f"{name} {way}")
+    if way == "bytes":
+        _bytes(trial, r, fuzz_count, strict=True)
+    else:
+        forged = way == "forged"
+        _structures(trial, r, fuzz_count, sealed=forged, strict=not forged)
+    print(f"{name}, {way}: {fuzz_count} mutants, {dict(trial.counts)}")
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("name", OLD)
+@pytest.mark.parametrize("way", ["bytes", "structure"])
+def test_many_damaged_files_of_layout_1(
+    tmp_path: Path,
+    originals: dict[str, bytes],
+    name: str,
+    way: str,
+    fuzz_count: int,
+    forked: None,
+) -> None:
+    trial, r = _trial(tmp_path, name, originals), random.Random(f"{name} {way}")
+    if way == "bytes":
+        _bytes(trial, r, fuzz_count, strict=False)
+    else:
+        _structures(trial, r, fuzz_count, sealed=False, strict=False)
+    print(f"{name}, {way}: {fuzz_count} mutants, {dict(trial.counts)}")
+
+
+@pytest.mark.fuzz
+def test_many_damaged_tables(tmp_path: Path, originals: dict[str, bytes], fuzz_count: int) -> None:
+    for name in ("run.csv", "alone.csv"):
+        (tmp_path / name.partition(".")[0]).mkdir()
+        trial = _trial(tmp_path / name.partition(".")[0], name, originals)
+        r = random.Random(name)
+        _tables(trial, r, fuzz_count, strict=name == "run.csv")
+        print(f"{name}: {fuzz_count} mutants, {dict(trial.counts)}")
+        if name == "run.csv":
+            trial.counts.clear()
+            trial.path.write_bytes(trial.original)
+            _sidecars(trial, r, fuzz_count)
+            print(f"{name}.json: {fuzz_count} mutants, {dict(trial.counts)}")
+    print(f"values.csv: {fuzz_count} mutants, {_values(tmp_path, r, fuzz_count)}")
