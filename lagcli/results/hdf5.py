@@ -65,7 +65,6 @@ _AXES = {quantity.name: quantity.axes for quantity in QUANTITIES}
 
 _OUTPUTS = "outputs/"
 
-#: Attributes that files of earlier versions lack.
 
 
 def write_hdf5(trajectory: Trajectory, path: str | os.PathLike[str], force: bool = False) -> None:
