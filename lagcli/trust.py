@@ -9,8 +9,8 @@ import numpy as np
 
 from lagcli.samples import Array, Samples
 
-#: Relative error of the energy per step, in relative tolerances: coordinates and velocities are held
-#: to rtol (|y| + 0.1 S) together, and an energy that is quadratic in them changes by twice that.
+#: Relative error of the energy per step, in relative tolerances: coordinates and velocities are
+#: held to rtol (|y| + 0.1 S) together, and an energy quadratic in them changes by twice that.
 _PER_STEP = 3.0
 #: Of the energy: beyond it no tolerance excuses an error, and rounding alone stays below it.
 _LARGEST = 0.01
@@ -45,7 +45,9 @@ class Trust:
         low, high = self._potential
         potential = samples.energy_potential
         self._potential = np.fmin(low, potential.min()), np.fmax(high, potential.max())
-        power = sum(np.abs(getattr(samples, f"power_{x}")) for x in ("applied", "constraint", "time"))
+        power = sum(
+            np.abs(getattr(samples, f"power_{x}")) for x in ("applied", "constraint", "time")
+        )
         time = samples.time
         if self._last is not None:
             time, power = np.append(self._last[0], time), np.append(self._last[1], power)
@@ -75,8 +77,8 @@ class Trust:
         if not self.balance <= allowed * scale:
             share = f", {self.balance / scale:.2g} of the energies involved" if scale else ""
             found.append(
-                f"the energy balance is off by {self.balance:.2g} J{share}, where the tolerance explains {allowed:.1g}: give a smaller"
-                " --rtol"
+                f"the energy balance is off by {self.balance:.2g} J{share}, where the tolerance"
+                f" explains {allowed:.1g}: give a smaller --rtol"
             )
         for level, largest in self._residuals.items():
             with np.errstate(invalid="ignore"):

@@ -55,7 +55,10 @@ RelativeTolerance = Annotated[
     float | None, typer.Option(help="Relative tolerance. [default: 1e-9]")
 ]
 AbsoluteTolerance = Annotated[
-    float | None, typer.Option(help="Absolute tolerance, for all coordinates and velocities. [default: by their size]")
+    float | None,
+    typer.Option(
+        help="Absolute tolerance, for all coordinates and velocities. [default: by their size]"
+    ),
 ]
 MethodOption = Annotated[
     Method | None,

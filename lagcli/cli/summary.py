@@ -127,9 +127,9 @@ def _absolute(summary: Mapping[str, Any]) -> str:
     given, reached = summary["atol"], summary["tolerances"].values()
     if isinstance(given, (int, float)):
         return f"{given:g}"
-    between = f" ({min(reached):.1e} to {max(reached):.1e} at the end)" if reached else ""
+    between = f": {min(reached):.1e} to {max(reached):.1e} at the end" if reached else ""
     if given is None:
-        return f"by the size of each coordinate and velocity{between}"
+        return f"by size{between}"
     listed = ", ".join(f"{name} {x:g}" for name, x in islice(given.items(), 4))
     return f"{listed}{', …' if len(given) > 4 else ''}, others by their size{between}"
 

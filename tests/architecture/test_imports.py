@@ -39,8 +39,9 @@ ROOMS = {
     "results": {"errors", "extremes", "samples", "trajectory"},
     "simulation": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "derived"),
-        *("start", "interruption", "memory", "threads", "version"),
+        *("start", "interruption", "memory", "threads", "trust", "version"),
     },
+    "trust": {"samples"},
     "start": {"errors", "model", "equations", "engine", "undefined"},
     "sweeps": {
         *("errors", "model", "equations", "engine", "results", "simulation", "start", "variants"),
@@ -72,6 +73,7 @@ FOREIGN = {
     "extremes": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "threads": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "memory": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "trust": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "interruption": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
     "simulation": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
@@ -110,7 +112,7 @@ HEAVY = {
     "scipy": {"engine"},
     "numpy": {
         *("engine", "results", "simulation", "samples", "trajectory", "derived", "extremes"),
-        *("start", "cli", "variants", "pictures", "play", "sweeps"),
+        *("start", "cli", "variants", "pictures", "play", "sweeps", "trust"),
     },
     "symengine": {"model", "equations", "engine", "undefined", "variants", "pictures", "sweeps"},
 }

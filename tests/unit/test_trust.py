@@ -1,0 +1,93 @@
+"""A result that cannot be trusted says so; one that can does not."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import lagcli
+from lagcli.results import read
+
+ROOT = Path(__file__).parents[2]
+MODELS = sorted((ROOT / "models").glob("*.yaml"))
+
+FAST = """
+name: a fast oscillator
+coordinates: [x]
+parameters: {w: 20}
+T: x'^2/2
+V: w^2*x^2/2
+initial: {x: 1, x': 0}
+simulation: {t_end: 20, samples: 101}
+"""
+NEGATIVE = """
+name: a sign is wrong
+coordinates: [x, y]
+T: x'^2/2 - y'^2/2
+V: x^2/2 - 2*y^2
+initial: {x: 1, y: 1, x': 0, y': 0}
+simulation: {t_end: 1, samples: 3}
+"""
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
+def test_shipped_models_are_trusted(path: Path) -> None:
+    end = 0.1 * (lagcli.load(path).settings.t_end or 10.0)
+    assert lagcli.simulate(lagcli.load(path), t_end=end, samples=21).warnings == ()
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("method", ["DOP853", "Rodas5P", "Radau"])
+def test_what_a_tolerance_explains_is_no_warning(method: str, rtol: float) -> None:
+    end = 0.5 if rtol < 1e-10 else 2.0
+    run = lagcli.simulate(lagcli.load_text(FAST), method=method, rtol=rtol, t_end=end, samples=21)
+    assert run.warnings == ()
+
+
+def test_lost_energy_is_said() -> None:
+    run = lagcli.simulate(lagcli.load_text(FAST), rtol=0.1)
+    assert run.status == "completed"
+    assert any("energy balance is off by" in warning for warning in run.warnings)
+
+
+def test_a_coarse_absolute_tolerance_is_said() -> None:
+    run = lagcli.simulate(lagcli.load_text(FAST), atol=0.1)
+    assert any("energy balance is off by" in warning for warning in run.warnings)
+
+
+def test_negative_inertia_is_said_with_its_coordinate() -> None:
+    (warning,) = lagcli.simulate(lagcli.load_text(NEGATIVE)).warnings
+    assert "inertia of `y` is negative" in warning
+
+
+def test_inertia_that_constraints_make_positive_is_no_warning() -> None:
+    model = NEGATIVE.replace("initial:", "constraints: {c: x = 2*y}\ninitial:")
+    model = model.replace("y: 1, x'", "y: 0.5, x'")
+    assert lagcli.simulate(lagcli.load_text(model)).warnings == ()
+
+
+@pytest.mark.parametrize("suffix", ["h5", "csv"])
+def test_a_warning_is_kept_and_strict_is_status_3(tmp_path: Path, suffix: str) -> None:
+    model, target = tmp_path / "negative.yaml", tmp_path / f"run.{suffix}"
+    model.write_text(NEGATIVE)
+    command = [sys.executable, "-m", "lagcli", "simulate", str(model), "-o", str(target), "--meta"]
+    if suffix == "h5":
+        command.pop()
+    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "warning: the inertia of `y`" in done.stderr
+    (warning,) = json.loads(done.stdout)["warnings"]
+    assert read(target).warnings == (warning,)
+    shown = subprocess.run(
+        [sys.executable, "-m", "lagcli", "info", str(target)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "warning" in shown.stdout
+    strict = subprocess.run([*command, "--strict", "--force"], capture_output=True, check=False)
+    assert strict.returncode == 3
