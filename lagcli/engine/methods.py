@@ -28,8 +28,8 @@ _MUCH_LONGER = 5.0
 #: Steps after which an implicit method must have proved itself.
 _TRIAL = 30
 #: Explicit steps after which an implicit method is tried all the same, if there are many more to
-#: come: at tight tolerances accuracy and stability limit them together. Before that, the path over so
-#: many steps, twice, must be as smooth as steps of that length need it.
+#: come: at tight tolerances accuracy and stability limit them together. Before that, the path over
+#: so many steps, twice, must be smooth enough for an implicit step of that length.
 _PATIENCE = 2000
 _MANY = 5000
 _STRETCH = 3

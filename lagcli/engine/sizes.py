@@ -1,7 +1,7 @@
 """Absolute tolerances that follow the size of each entry of the state, for the reference engine.
 
-The rules are those of core/sizes.h, which see; only A, what accelerations are made of, is found by a
-small change of the state instead of by rounding up and down.
+The rules are those of core/sizes.h; only A, what accelerations are made of, is found by a small
+change of the state instead of by rounding up and down.
 """
 
 from __future__ import annotations
