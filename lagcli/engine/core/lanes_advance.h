@@ -138,7 +138,7 @@ static void lanes_begin(lag_lanes *s, int lanes)
     lanes_copy(s->stages, f, n, lanes);
     EACH_LANE (l)
         if (HAS(lanes, l)) {
-            s->counts[3 * s->run[l] + 2] += 4;
+            s->counts[3 * s->run[l] + 2] += 3;
             if (s->watching)
                 lanes_watch_start(s, l);
             while (lanes_due(s, l, s->t[l]))

@@ -1,6 +1,4 @@
 /* All of the lanes for one instruction set: its file defines VEC_BYTES and NAME, and includes this. */
-#include <fenv.h>
-
 #include "dop853.h"
 #include "dop853_tableau.h"
 #include "lanes_vector.h"

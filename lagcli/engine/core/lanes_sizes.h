@@ -60,17 +60,17 @@ static void lanes_look_ahead(lag_lanes *s, int lanes)
     }
 }
 
-/* Find A and R in some lanes, where y' at y is the first stage: lag_sizes_start. */
+/* Find A and R in some lanes, where y' at y is the first stage: lag_sizes_start. sin and cos of the
+ * lanes rely on rounding to nearest; so a small change of the state shows A here. */
 static void lanes_sizes_start(lag_lanes *s, int lanes)
 {
-    const lag_system *system = s->system;
-    const int nq = system->nq, nearest = fegetround();
+    const int nq = s->system->nq;
     int at_rest = 0;
-    fesetround(FE_DOWNWARD);
-    memcpy(s->before, lanes_slope(s, s->t, s->y), (size_t)lag_size(system) * LAG_LANES * sizeof(double));
-    fesetround(FE_UPWARD);
-    const double *f = lanes_slope(s, s->t, s->y);
-    fesetround(nearest);
+    memcpy(s->before, s->y, (size_t)lag_size(s->system) * LAG_LANES * sizeof(double));
+    for (int i = 0; i < 2 * nq; ++i) /* no two entries alike, lest their changes cancel too */
+        EACH_PART (k)
+            AT(s->before + i * LAG_LANES + k) *= 1.0 + PERTURBATION * cos(1.0 + i);
+    const double *f = lanes_slope(s, s->t, s->before);
     memset(s->largest, 0, (size_t)s->single->kinds * LAG_LANES * sizeof(double));
     EACH_PART (k) {
         const mask chosen = lanes_of(lanes, k);
@@ -78,7 +78,7 @@ static void lanes_sizes_start(lag_lanes *s, int lanes)
             const int q = i * LAG_LANES + k, v = q + nq * LAG_LANES;
             double *largest = s->largest + s->single->kind[i] * LAG_LANES + k;
             const vec a = magnitude(READ(s->stages + v));
-            const vec noise = magnitude(READ(f + v) - READ(s->before + v)) / DBL_EPSILON;
+            const vec noise = magnitude(READ(f + v) - READ(s->stages + v)) / PERTURBATION;
             const vec gross = choose(noise <= DBL_MAX, larger(a, noise), a);
             AT(largest) = larger(gross, READ(largest));
             AT(s->later + q) = choose(chosen, all(0.0), READ(s->later + q));

@@ -33,6 +33,7 @@
 #define SUMMING (100.0 * DBL_EPSILON)
 #define TIMING (10.0 * DBL_EPSILON)
 #define NO_SIZE 1e-100      /* the tolerance of an entry that has no size at all yet */
+#define PERTURBATION 1e-7   /* of the state, which shows A in lanes */
 #define LOOKS 64            /* times in a run at which accelerations to come are looked at */
 
 /* What a first step is estimated with, in parts of the run's length, where nothing else says how
