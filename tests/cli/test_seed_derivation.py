@@ -37,15 +37,15 @@ m r² [φ̈ + (φ̈ + ψ̈) sin² φ + (φ̇² − ψ̇²) sin φ cos φ] + m g 
 m r² [(φ̈ + ψ̈) sin² φ + 2 (φ̇ + ψ̇) φ̇ sin φ cos φ] = −λ l cos ψ
 """
 
-# (8.87) and the energies, from the model that writes T without the constraint
+# (8.87) and the energies, from the model that writes T and V without the constraint
 ENERGIES = """\
 x_A = r cos φ
 y_A = r sin φ
 x_B = r cos φ + l cos ψ
 r sin φ = l sin ψ
 T = ½ m (ẋ_A² + ẏ_A²) + ½ m ẋ_B² = ½ m [r² φ̇² + (r φ̇ sin φ + l ψ̇ sin ψ)²]
-V = m g y_A = m g r sin φ
-L = T − V = ½ m [r² φ̇² + (r φ̇ sin φ + l ψ̇ sin ψ)²] − m g r sin φ
+V = m g (y_A + y_B) = m g (2 r sin φ − l sin ψ)
+L = T − V = ½ m [r² φ̇² + (r φ̇ sin φ + l ψ̇ sin ψ)²] − m g (2 r sin φ − l sin ψ)
 """
 
 

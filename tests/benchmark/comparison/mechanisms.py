@@ -64,11 +64,11 @@ def slider_crank(algebra: Any, q: Sequence[Expression], p: Parameters) -> Geomet
     phi, psi = q
     sin, cos = algebra.sin, algebra.cos
     y_a = p["r"] * sin(phi)
-    slider = p["r"] * cos(phi) + p["l"] * cos(psi)
+    slider, y_b = p["r"] * cos(phi) + p["l"] * cos(psi), y_a - p["l"] * sin(psi)
     return Geometry(
         inertias=[Inertia(p["m"], (p["r"] * cos(phi), y_a)), Inertia(p["m"], (slider,))],
-        potential=[p["m"] * p["g"] * y_a],
-        constraints=[y_a - p["l"] * sin(psi)],
+        potential=[p["m"] * p["g"] * (y_a + y_b)],
+        constraints=[y_b],
     )
 
 
