@@ -302,11 +302,9 @@ def _listed(names: list[str]) -> str:
 
 
 def _no_gradient(names: list[str]) -> str:
-    one = len(names) == 1
-    return (
-        f"the constraint{'' if one else 's'} {_listed(names)} {'has' if one else 'have'} no gradient"
-        f" there and {'does' if one else 'do'} not determine"
-    )
+    if len(names) == 1:
+        return f"the constraint {_listed(names)} has no gradient there and does not determine"
+    return f"the constraints {_listed(names)} have no gradient there and do not determine"
 
 
 def _start_stop(why: str) -> Stop:

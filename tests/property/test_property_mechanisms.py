@@ -21,7 +21,7 @@ def run(mechanism: Mechanism, **options: object) -> Trajectory:
 
 
 def turn_back(columns: np.ndarray, e: np.ndarray) -> np.ndarray:
-    """Return coordinates, velocities or forces of the turned mechanism in the space of the other."""
+    """Return coordinates, velocities or forces of the turned mechanism, turned back."""
     back = columns.copy()
     inverse = e * [1, -1, -1, -1]
     for first in range(0, columns.shape[1], 7):
@@ -43,8 +43,8 @@ def check(seed: int) -> None:
     assert one.status == other.status == "completed", (one.message, other.message)
     for trajectory in (one, other):
         assert worst_residual(trajectory) <= 1e-12
-    # the error of two runs at rtol = 1e-10, as the motion spreads it; lengths and masses are near 1,
-    # so that speeds are of some m/s and forces of 10 N
+    # the error of two runs at rtol = 1e-10, as the motion spreads it; lengths and masses are near
+    # 1, so that speeds are of some m/s and forces of 10 N
     exchanged = max(1.0, np.abs(one.energy_kinetic).max())
     for x, y, least in (
         (one.q, other.q, 1.0),

@@ -58,10 +58,12 @@ def test_units_change_scales_as_they_change_residuals(seed: int) -> None:
 
 
 def test_scales_of_entries_and_of_many_states() -> None:
-    inertia, jacobian, x = (np.array([a, b]) for a, b in zip(random_case(1), random_case(2)))
+    inertia, jacobian, x = (
+        np.array([a, b]) for a, b in zip(*map(random_case, (1, 2)), strict=True)
+    )
     pattern = tuple((i, j) for i in range(4) for j in range(6))
     entries = jacobian.reshape(2, -1).T
-    expected = [least_scales(*one) for one in zip(inertia, jacobian, x)]
+    expected = [least_scales(*one) for one in zip(inertia, jacobian, x, strict=True)]
     np.testing.assert_allclose(least_scales(inertia, jacobian, x), expected)
     found = least_scales_of_entries(inertia.T, pattern, entries, 4, x.T)
     np.testing.assert_allclose(found.T, expected, rtol=1e-14)
