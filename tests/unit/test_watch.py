@@ -16,7 +16,8 @@ FOUND = Path(__file__).parents[1] / "found"
 FOLDING = """
 parameters: {{N: {count}}}
 coordinates: [phi, theta, x[1..N], y[1..N]]
-T: phi'^2/2 + (phi'*cos(phi) - theta'*cos(theta))^2/2 + theta'^2/2 + sum(x[i]'^2/2 + y[i]'^2/2, i = 1..N)
+T: phi'^2/2 + (phi'*cos(phi) - theta'*cos(theta))^2/2 + theta'^2/2 + sum(s[i], i = 1..N)
+definitions: {{"s[i = 1..N]": x[i]'^2/2 + y[i]'^2/2}}
 V: 9.81*sum(y[i], i = 1..N)
 constraints:
   guide: sin(phi) - sin(theta) = 0
@@ -71,7 +72,7 @@ def test_redundant_constraints_need_no_decomposition_in_each_step(decompositions
 
 @pytest.mark.parametrize("count", [1, 30])
 def test_a_singular_configuration_is_seen_in_large_models_too(count):
-    """Of the rows of B the core orthogonalizes few; of many it estimates the least singular value."""
+    """Few rows of B are orthogonalized; of many the least singular value is estimated."""
     model = lagcli.load_text(FOLDING.format(count=count))
     found = lagcli.simulate(model, t_end=3, samples=31)
     assert found.status == "failed"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import datetime
 import json
 import os
 import sys
@@ -21,7 +22,26 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--case", action="append", help="this case alone; may be repeated")
     parser.add_argument("--program", action="append", help="lagcli and this program alone")
     parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--before", type=Path, help="checkout of an earlier revision, built")
+    parser.add_argument(
+        "--ported", action="store_true", help="measure the ported models alone, on the same page"
+    )
     return parser.parse_args()
+
+
+def ported_alone(options: argparse.Namespace) -> None:
+    """Replace the section of the ported models."""
+    from comparison import machine, table
+    from comparison.ported import measure_ported
+
+    found = measure_ported(options.before, 2, lambda text: print(text, file=sys.stderr, flush=True))
+    where = (
+        f"Measured {datetime.date.today().isoformat()} on {machine.processor()}, load average"
+        f" {machine.load():.1f}."
+    )
+    page = options.output.read_text(encoding="utf-8")
+    page = table.with_ported(page, table.ported_section(found, where))
+    options.output.write_text(page, encoding="utf-8")
 
 
 def main() -> None:
@@ -31,8 +51,11 @@ def main() -> None:
     from comparison import run, table
 
     options = arguments()
+    if options.ported:
+        ported_alone(options)
+        return
     options.raw.parent.mkdir(parents=True, exist_ok=True)
-    for report in run.measure_all(options.case, options.program, options.rounds):
+    for report in run.measure_all(options.case, options.program, options.rounds, options.before):
         # after each case: a run that is broken off keeps what it has
         options.output.write_text(table.render(report), encoding="utf-8")
         raw = json.dumps(dataclasses.asdict(report), indent=1) + "\n"

@@ -6,12 +6,14 @@ import datetime
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from comparison import deriving, machine, process
 from comparison.cases import CASES
 from comparison.measure import Effort, measure
 from comparison.methods import Method
 from comparison.peers import METHODS
+from comparison.ported import measure_ported
 from comparison.reference import reference
 from comparison.table import Report
 from comparison.verdicts import OURS
@@ -28,9 +30,15 @@ def available(programs: Sequence[str] | None) -> list[Method]:
 
 
 def measure_all(
-    cases: Sequence[str] | None = None, programs: Sequence[str] | None = None, rounds: int = 5
+    cases: Sequence[str] | None = None,
+    programs: Sequence[str] | None = None,
+    rounds: int = 5,
+    before: Path | None = None,
 ) -> Iterator[Report]:
-    """Measure cases (all if None) with programs (all if None); yield the report after each case."""
+    """Measure cases (all if None) with programs (all if None); yield the report after each case.
+
+    ``before`` is a checkout of an earlier revision, for the ported models.
+    """
     report = Report(
         datetime.date.today().isoformat(),
         machine.processor(),
@@ -49,6 +57,7 @@ def measure_all(
     if cases is None:
         say("the whole process")
         report.process = process.whole_process(rounds=2 * rounds)
+        report.ported = measure_ported(before, 2, say)
         say("deriving")
         report.derivation = deriving.derivation(timeout=120.0)
         say("growth")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from comparison.deriving import LINKS, Derivation, Growth
 from comparison.measure import Result
+from comparison.ported import PortedModels
 from comparison.process import IMPORTS, WholeProcess
 from comparison.verdicts import OURS, Verdict, best, judge
 
@@ -31,6 +32,7 @@ class Report:
     derivation: Derivation | None = None
     growth: list[Growth] = field(default_factory=list)
     process: WholeProcess | None = None
+    ported: PortedModels | None = None
 
 
 def seconds(value: float | None) -> str:
@@ -95,6 +97,41 @@ def _verdicts(verdicts: Sequence[Verdict]) -> list[str]:
     return _table(
         ["target", "measured", ""], [[v.target, v.measured, words[v.met]] for v in verdicts]
     )
+
+
+PORTED = "## Ported models"
+
+
+def ported_section(ported: PortedModels, where: str) -> list[str]:
+    """Return the section of the ported models."""
+
+    def cell(value: float | str | None) -> str:
+        return seconds(value) if value is None or isinstance(value, float) else value
+
+    earlier = f" Before: revision {ported.revision}." if ported.revision else ""
+    rows = [
+        [name, *map(cell, (row.now, row.before, row.scipy))] for name, row in ported.rows.items()
+    ]
+    return [
+        PORTED,
+        "",
+        "Seconds of processor time of the whole process with default options, start-up and"
+        f" writing included: `lagcli simulate` on models of `tests/found`, ported from textbooks"
+        f" and other tools, and `--engine scipy` on the same. {where}{earlier}",
+        "",
+        *_table(["model", "lagcli", "before", "reference engine (SciPy)"], rows),
+    ]
+
+
+def with_ported(page: str, section: Sequence[str]) -> str:
+    """Return a page with its section of ported models replaced, or added before the last."""
+    begin, found, rest = page.partition(PORTED + "\n")
+    if found:
+        _, _, rest = rest.partition("\n## ")
+    else:
+        begin, _, rest = page.partition(_NOTES[0] + "\n")
+        rest = _NOTES[0].removeprefix("## ") + "\n" + rest
+    return begin + "\n".join(section) + "\n## " + rest
 
 
 def render(report: Report) -> str:
@@ -164,6 +201,8 @@ def render(report: Report) -> str:
             f' `python -c "{IMPORTS}"` {seconds(p.imports)}: {p.simulate / p.imports:.3g} times.',
             "",
         ]
+    if report.ported:
+        lines += ported_section(report.ported, "Measured with the rest.")
     return "\n".join([*lines, *_NOTES])
 
 

