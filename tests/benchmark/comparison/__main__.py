@@ -34,14 +34,18 @@ def ported_alone(options: argparse.Namespace) -> None:
     from comparison import machine, table
     from comparison.ported import measure_ported
 
-    found = measure_ported(options.before, 2, lambda text: print(text, file=sys.stderr, flush=True))
     where = (
         f"Measured {datetime.date.today().isoformat()} on {machine.processor()}, load average"
         f" {machine.load():.1f}."
     )
-    page = options.output.read_text(encoding="utf-8")
-    page = table.with_ported(page, table.ported_section(found, where))
-    options.output.write_text(page, encoding="utf-8")
+
+    def say(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+    for found in measure_ported(options.before, min(options.rounds, 2), say):
+        page = options.output.read_text(encoding="utf-8")
+        page = table.with_ported(page, table.ported_section(found, where))
+        options.output.write_text(page, encoding="utf-8")
 
 
 def main() -> None:
