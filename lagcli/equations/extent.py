@@ -63,6 +63,10 @@ class Extent:
         """Return about how many lines steps take, titles included."""
         return sum(map(self._step, steps))
 
+    def longest(self, steps: Iterable[Step]) -> float:
+        """Return about how many lines the longest formula takes."""
+        return max((self._line(x, _margin(s)) for s in steps for x in s.lines), default=0.0)
+
     def shortened(self, steps: list[Step], room: float = _LISTS) -> list[Step]:
         """Return steps that fit into so many lines: of lists that are too long, the first items."""
         sizes = sorted(map(self._step, steps))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 from lagcli.equations import general
 from lagcli.equations.extent import ROOM, Extent, abridged, is_large
@@ -42,7 +43,8 @@ def in_matrices(f: Formulas, full: bool = False) -> bool:
         return True
     extent = Extent(f)
     whole = extent.size(_written_out(f))
-    if whole <= ROOM:
+    longest = extent.longest(_written_out(f))
+    if whole <= ROOM or longest <= _READABLE:
         return False
     return extent.size(_before(f)) + Matrices(f).size < _SHORTER * whole
 
@@ -62,6 +64,8 @@ def in_short(f: Formulas, remark: str = "") -> tuple[Step, ...]:
 
 #: The part of the lines that matrices must save to be preferred.
 _SHORTER = 0.5
+#: Lines of a formula that is read as it is.
+_READABLE = 8
 _BEFORE = 150  # lines of what stands before the matrices, at most
 
 
@@ -76,8 +80,11 @@ def _before(f: Formulas) -> list[Step]:
     return [step for step in found if step is not None]
 
 
+@lru_cache(maxsize=1)  # it is measured, and then printed
 def _written_out(f: Formulas) -> list[Step]:
-    found = [_coordinates(f), _definitions(f), _constraints(f), _freedom(f), _equations(f)]
+    constraints, equations = _constraints(f), _equations(f)
+    shown = [equations, *([constraints] if constraints else [])]
+    found = [_coordinates(f), _definitions(f, shown), constraints, _freedom(f), equations]
     return [*(step for step in found if step is not None), convention(f)]
 
 
@@ -126,9 +133,8 @@ def _coordinates(f: Formulas) -> Step:
     return Step(f"Coordinates: k = {len(lines)}", tuple(lines))
 
 
-def _definitions(f: Formulas) -> Step | None:
-    shown = [_equations(f), *([_constraints(f)] if f.equations.constraints else [])]
-    nodes = [side for step in shown if step for line in step.lines for side in line.sides]
+def _definitions(f: Formulas, shown: list[Step]) -> Step | None:
+    nodes = [side for step in shown for line in step.lines for side in line.sides]
     lines = f.definition_lines(f.equations.constraints, nodes)
     return Step("Definitions used below", lines) if lines else None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from fractions import Fraction
-from functools import partial
+from functools import lru_cache, partial
 
 import symengine as se
 from symengine import Basic
@@ -88,6 +88,11 @@ def sides_built(constraint: Constraint, model: Model) -> tuple[Basic, ...]:
 
 def scope_of(model: Model) -> ModelScope:
     """Return the names of a model, definitions standing for what they are written out."""
+    return ModelScope(_names(model), Context("the formula", accelerations=True, multipliers=True))
+
+
+@lru_cache(maxsize=2)  # a formula is written for each of many members
+def _names(model: Model) -> Names:
     families: dict[str, set[str]] = {}
     for kind, known in (
         ("coordinate", model.coordinate_names),
@@ -97,7 +102,7 @@ def scope_of(model: Model) -> ModelScope:
         for name in known:
             if name.endswith("]"):
                 families.setdefault(family_of(name), set()).add(kind)
-    names = Names(
+    return Names(
         coordinates=dict.fromkeys(model.coordinate_names),
         constraints=dict.fromkeys(model.constraint_names),
         parameters={name: partial(se.Symbol, name) for name in model.parameters},
@@ -105,7 +110,6 @@ def scope_of(model: Model) -> ModelScope:
         constants={n: partial(constant, p.value) for n, p in model.parameters.items()},
         families=families,
     )
-    return ModelScope(names, Context("the formula", accelerations=True, multipliers=True))
 
 
 class _Writer:
