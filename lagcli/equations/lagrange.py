@@ -200,9 +200,9 @@ def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
     quadratic = QuadraticPart(products, motion)
     mass, forces = quadratic.mass_matrix(), quadratic.forces()
     terms = motion.by_symbol(rest)
-    # what T has beside a form quadratic in v, such as the part of a given rotation, it has here too
+    # T may have terms without velocities, such as those of a given rotation: then it is not T + V
     squares = quadratic.homogeneous and terms.keys().isdisjoint(motion.v)
-    if squares and model.kinetic is not None and not forms.split(model.kinetic)[1]:
+    if squares and model.kinetic is not None and _same(rest, forms.split(-model.potential)[1]):
         energy = [model.kinetic, model.potential]  # as written, so that they are built once
     else:
         energy = [quadratic.energy(), *(-term for term in rest)]
@@ -222,6 +222,11 @@ def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
         se.Add(*energy),
         -motion.sum_diff(timed, symbols.TIME),
     )
+
+
+def _same(terms: list[Basic], others: list[Basic]) -> bool:
+    """Whether two sums are alike, term by term."""
+    return bool(se.Add(*terms) == se.Add(*others))
 
 
 def _slopes_by_velocity(p: Basic, motion: Motion) -> dict[int, Basic]:

@@ -62,8 +62,12 @@ _SAFE = {
 FUNCTIONS = frozenset(_SAFE)
 
 
+def applied(function: str, *arguments: Tree) -> Tree:
+    """Return the tree of a function of any arguments, by one of the patterns above."""
+    return _parsed(_SAFE[function], list(arguments))
+
+
 def _parsed(pattern: str, arguments: list[Tree]) -> Tree:
-    """Return the tree of one of the patterns above."""
     import ast
 
     names = [f"_{i}" for i in range(len(arguments))]
@@ -127,10 +131,7 @@ class RandomModel:
         terms = [("*", half, ("^", ("velocity", q), ("number", "2"))) for q in self.coordinates]
         for _ in range(self.random.randrange(4)):
             terms.append(self.energy_term())
-        total: Tree = terms[0]
-        for term in terms[1:]:
-            total = ("+", total, term)
-        return total
+        return _sum(*terms)
 
     def energy_term(self) -> Tree:
         kind = self.random.randrange(6)
@@ -226,7 +227,7 @@ class RandomModel:
             return ("sum", term, index, 1, chance.choice([1, 2, 3]))
         name = chance.choice(list(_SAFE))
         self.used.add(name)
-        return _parsed(_SAFE[name], [inner(), inner()])
+        return applied(name, inner(), inner())
 
     def condition(self, depth: int, velocities: bool) -> Tree:
         chance = self.random
@@ -353,6 +354,57 @@ class RandomModel:
         lines += [f"  {q}{prime}: {{guess: 0.5}}" for q in self.coordinates for prime in ("", "'")]
         lines += ["outputs:", *(f'  {n}: "{write(x)}"' for n, x in self.outputs.items())]
         return "\n".join(lines) + "\n"
+
+
+class EveryKey(RandomModel):
+    """A model that has one function in every key: of coordinates, of velocities and of t."""
+
+    def __init__(self, function: str):
+        def f(*arguments: Tree) -> Tree:
+            return applied(function, *arguments)
+
+        self.random = random.Random(function)
+        self.family = False
+        self.coordinates = ["x", "y"]
+        self.parameters = {"m": "1.3"}
+        x, y, t = ("coordinate", "x"), ("coordinate", "y"), ("time",)
+        vx, vy = ("velocity", "x"), ("velocity", "y")
+        moved = ("+", x, t)
+        self.definitions = {"d": f(moved, y), "r": ("vector", f(y, t), ("*", x, y))}
+        self.shapes = {"d": "scalar", "r": "plane"}
+        d, rate = ("name", "d"), ("rate", "d", 1)
+        square = ("^", vx, ("number", "2"))
+        self.kinetic = _sum(
+            ("*", ("name", "m"), ("+", square, ("^", vy, ("number", "2")))),
+            ("*", f(("*", x, t), y), square),
+            ("*", f(vy, vx), f(x, y)),
+            ("*", d, ("*", rate, vy)),
+        )
+        self.potential = _sum(f(("-", x, t), y), ("*", f(("*", t, y), x), vy), d)
+        self.dissipation = ("*", f(vx, y), ("^", vy, ("number", "2")))
+        self.forces = {
+            "x": f(("*", vx, t), y),
+            "d": f(rate, x),
+            "r": ("vector", f(t, vx), f(vy, y)),
+        }
+        holonomic = ("+", x, f(("*", y, t), x))
+        nonholonomic = _sum(("*", f(moved, t), vx), ("*", ("number", "5"), vy))
+        other = ("+", f(y, t), ("*", f(t, x), vy))
+        self.constraints = {
+            "c0": ("holonomic", holonomic, f(t, y)),
+            "c1": ("nonholonomic", nonholonomic, other),
+        }
+        self.outputs = {
+            "o0": f(("acceleration", "x"), ("multiplier", "c0")),
+            "o1": ("*", f(("reaction", "y"), t), ("rate", "d", 2)),
+        }
+
+
+def _sum(*terms: Tree) -> Tree:
+    total = terms[0]
+    for term in terms[1:]:
+        total = ("+", total, term)
+    return total
 
 
 def _by_hand(angle: Tree) -> Tree:

@@ -29,6 +29,25 @@ initial: {x: 1.1, y: 0.5, phi: 0.3, x': 0, y': 0, phi': 0}
 """
 
 
+#: Every function that can have a slope of its own, in energies, forces and constraints.
+FUNCTIONS = """
+coordinates: [x, y, z]
+parameters: {a: 0.7}
+definitions:
+  u: abs(x*y) + floor(3*x) + cbrt(y - z) + max(x, y^2, t) + step(x - t)*z^2
+  w: if(x > y*t and not (z > 2), sin(x)*z, cos(y)) + ceil(y*t) + sign(x - a)*y + min(x, z)*t
+  e: erf(x) + erfc(y) + atan2(x, z) + asinh(y) + acosh(2 + z^2) + atanh(0.4*x) + log1p(y^2)
+  h: hypot(x, y, z) + exp2(x) + expm1(y) + log2(1 + z^2) + log10(2 + x) + radians(y) + degrees(z/9)
+T: (x'^2 + y'^2 + z'^2)*(3 + u/9)/2 + (w')^2/50 + abs(x')*x'^2 + e*x'*y'/20
+V: u*w + abs(t - x)*y' + h + e
+Q: {x: "max(x', y')*w", y: e*sign(z'), u: "if(t > x', y', h)"}
+constraints:
+  c: w + h = e*t
+  n: (5 + u)*x' + abs(y)*y' + if(x > t, z', y'*w) = floor(5*t) + max(x, y)
+initial: {x: 1.1, y: 0.5, z: 0.3, x': 0, y': 0, z': 0}
+"""
+
+
 class Defects:
     """G, Γ and the power at fixed a and λ, and their derivatives."""
 
@@ -88,7 +107,11 @@ def compiled(text_or_path: str | Path) -> System:
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("source", [DRIVEN, *MODELS], ids=lambda s: getattr(s, "stem", "driven"))
+@pytest.mark.parametrize(
+    "source",
+    [pytest.param(DRIVEN, id="driven"), pytest.param(FUNCTIONS, id="functions")]
+    + [pytest.param(path, id=path.stem) for path in MODELS],
+)
 def test_derivatives_are_those_of_the_equations(source: str | Path, seed: int) -> None:
     defects = Defects(compiled(source), seed)
     for found, expected in zip(defects.derivatives(), defects.differences(), strict=True):
