@@ -46,7 +46,8 @@ def written_out(expression: Basic) -> Basic:
     powers = (x.args for x in expression.atoms(se.Pow))
     below = {base for base, exponent in powers if _is_negative(exponent)}
     held = {
-        part: se.Symbol(f"\ufdd0{i}") for i, part in enumerate(expression.atoms(se.Piecewise) | below)
+        part: se.Symbol(f"\ufdd0{i}")
+        for i, part in enumerate(expression.atoms(se.Piecewise) | below)
     }
     rest = se.expand(expression.xreplace(held))
     inside = rest.free_symbols

@@ -409,8 +409,17 @@ def _sum(*terms: Tree) -> Tree:
 
 def _by_hand(angle: Tree) -> Tree:
     """Return a rotation about z, written as a matrix."""
-    s, c, zero, one = ("call", "sin", angle), ("call", "cos", angle), ("number", "0"), ("number", "1")
-    rows = [("vector", c, ("negative", s), zero), ("vector", s, c, zero), ("vector", zero, zero, one)]
+    s, c, zero, one = (
+        ("call", "sin", angle),
+        ("call", "cos", angle),
+        ("number", "0"),
+        ("number", "1"),
+    )
+    rows = [
+        ("vector", c, ("negative", s), zero),
+        ("vector", s, c, zero),
+        ("vector", zero, zero, one),
+    ]
     return ("vector", *rows)
 
 
@@ -504,12 +513,20 @@ def _real(x: Any) -> mpf:
     return x
 
 
+def _apart(x: mpf, jump: mpf) -> None:
+    """Refuse a value so close to a jump that doubles may lie on its other side."""
+    if x != jump and abs(x - jump) < 1e-12:
+        raise NoValue
+
+
 def _cbrt(x: mpf) -> mpf:
     return mpmath.sign(x) * mpmath.cbrt(abs(x))
 
 
 _CALLS: dict[str, Callable[..., Any]] = {
-    **{n: getattr(mpmath, n) for n in ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh")},
+    **{
+        n: getattr(mpmath, n) for n in ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh")
+    },
     **{n: getattr(mpmath, n) for n in ("tanh", "asinh", "acosh", "atanh", "exp", "expm1", "sqrt")},
     **{n: getattr(mpmath, n) for n in ("erf", "erfc", "log1p", "atan2", "log10", "floor", "ceil")},
     **{n: getattr(mpmath, n) for n in ("degrees", "radians", "sign", "log")},
@@ -618,6 +635,8 @@ class Meaning:
             case "negative":
                 return -values[0]
             case "call":
+                if parts[0] in ("floor", "ceil", "sign", "step"):
+                    _apart(values[0], mpmath.nint(values[0]))
                 try:
                     return _real(_CALLS[parts[0]](*values))
                 except (ValueError, ZeroDivisionError, OverflowError):
@@ -646,7 +665,9 @@ class Meaning:
     def holds(self, tree: Tree, at: State) -> bool:
         kind, *parts = tree
         if kind == "compare":
-            return _COMPARE[parts[0]](self.value(parts[1], at), self.value(parts[2], at))
+            left, right = self.value(parts[1], at), self.value(parts[2], at)
+            _apart(left, right)
+            return _COMPARE[parts[0]](left, right)
         if kind == "not":
             return not self.holds(parts[0], at)
         both = [self.holds(p, at) for p in parts]

@@ -334,14 +334,17 @@ LONG = {
     "parameters": flow("parameters", "p{0}: {0} m"),
     "outputs": flow("outputs", "o{0}: x"),
     "definitions": flow("definitions", "d{0}: x"),
-    "wrong keys": lambda n: START + "T: x'^2\ncoordinates: [x]\n" + "".join(
-        f"k{i}: 1\n" for i in range(n)
+    "wrong keys": lambda n: (
+        START + "T: x'^2\ncoordinates: [x]\n" + "".join(f"k{i}: 1\n" for i in range(n))
     ),
     "the same key": flow("parameters", "a: 1"),
     "commas": lambda n: f"coordinates: [x]\nT: x'^2\n{START}Q: {{x: f({', '.join('a' * n)})}}\n",
     "terms": lambda n: "coordinates: [x]\nT: x'^2\n" + START + f"V: {' + '.join(['2*x'] * n)}\n",
-    "missing members": lambda n: "coordinates: [x[1..9]]\nT: x[1]'^2\n"
-    "initial: {x[1..9]: 1, x[1..9]': 0}\n" + f"V: {' + '.join(f'x[{i + 10}]' for i in range(n))}\n",
+    "missing members": lambda n: (
+        "coordinates: [x[1..9]]\nT: x[1]'^2\n"
+        "initial: {x[1..9]: 1, x[1..9]': 0}\n"
+        + f"V: {' + '.join(f'x[{i + 10}]' for i in range(n))}\n"
+    ),
 }
 
 
@@ -375,7 +378,7 @@ D: abs(x')*x'^2 + max(y'^2, 0)*floor(n/2)
 Q: {x: "-sign(x')*m + floor(t)", d: "min(x', y')", y: "if(t > 0.01, ceil(x), -cbrt(y'))"}
 constraints:
   c: y + floor(x) + max(x, t)/5 = abs(x)*ceil(n/9)
-initial: {x: "floor(1.5) + 0.4", y: {guess: "cbrt(0.008)"}, x': {guess: 0}, y': {guess: 0}}
+initial: {x: "floor(1.5) + 0.4", y: {guess: "cbrt(0.008)"}, x': 1, y': {guess: 0}}
 outputs: {o: "abs(x'') + floor(lambda.c) + sign(Qc.x) + d''", p: "if(x > 1 and not (t > 1), d', ceil(t))"}
 view: {points: {A: "[floor(x) + x, max(y, t)]", O: [0, 0]}, rods: [O-A]}
 simulation: {t_end: "min(0.02, 1)", samples: 5}
