@@ -1,6 +1,6 @@
 """Random models, and what they mean by a second way: mpmath and difference quotients.
 
-A model is made as trees of tuples. `written` prints them in the language of model files, with as few
+A model is made as trees of tuples. `Writer` prints them in the language of model files, with as few
 parentheses as its precedence allows; `Meaning` evaluates the trees themselves, with 70 digits. All
 derivatives are central differences of values: nothing is differentiated by rule, and nothing here
 uses the package.
@@ -329,10 +329,9 @@ class RandomModel:
     def text(self) -> str:
         """Return the model file."""
         write = Writer(random.Random(self.random.random()), self.family).write
-        lines = [
-            f"coordinates: [{'u[1..' + str(len(self.coordinates)) + ']' if self.family else ', '.join(self.coordinates)}]",
-            f"parameters: {{{', '.join(f'{n}: {x}' for n, x in self.parameters.items())}}}",
-        ]
+        names = f"u[1..{len(self.coordinates)}]" if self.family else ", ".join(self.coordinates)
+        values = ", ".join(f"{name}: {x}" for name, x in self.parameters.items())
+        lines = [f"coordinates: [{names}]", f"parameters: {{{values}}}"]
         if self.definitions:
             lines.append("definitions:")
             lines += [f'  {n}: "{write(x)}"' for n, x in self.definitions.items()]
@@ -723,9 +722,9 @@ class Meaning:
             for i in range(k):
                 along = self.slope(lambda s: self.value(place, s), at, "q", i)  # noqa: B023
                 found[i] += _dot(value, along) if isinstance(value, list) else value * along
-        if model.dissipation is not None:
+        dissipation = model.dissipation
+        if dissipation is not None:
             for i in range(k):
-                dissipation = model.dissipation
                 found[i] -= self.slope(lambda s: self.value(dissipation, s), at, "v", i)
         return found
 

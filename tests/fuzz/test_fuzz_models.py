@@ -16,6 +16,7 @@ from lagcli.equations.lagrange import derive
 from lagcli.errors import ModelError
 from lagcli.model.functions import FUNCTIONS as KNOWN
 from lagcli.model.loader import load_text
+from lagcli.model.model import Model
 
 #: What a random model may be refused for: a constant part of it has no value, or all coordinates of
 #: a constraint cancel.
@@ -81,14 +82,20 @@ def array(values: Any) -> np.ndarray:
     return np.array(values, dtype=object).astype(float).ravel()
 
 
+def attempt(text: str) -> tuple[Model | None, ModelError]:
+    """Load a text, or return why it is refused."""
+    try:
+        return load_text(text), ModelError([])
+    except ModelError as error:
+        return None, error
+
+
 def compare(model: RandomModel, seed: int) -> str:
     """Compare a model with its meaning at one random state; say what came of it."""
     text = model.text()
-    try:
-        loaded = load_text(text)
-    except ModelError as error:
-        kinds = {d.kind for d in error.diagnostics}
-        assert kinds <= REFUSALS, f"seed {seed} is refused:\n{text}\n{error}"
+    loaded, refusal = attempt(text)
+    if loaded is None:
+        assert {d.kind for d in refusal.diagnostics} <= REFUSALS, f"seed {seed}:\n{text}\n{refusal}"
         return "refused"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -305,11 +305,14 @@ def test_damping_in_v_is_sent_to_d() -> None:
 
 def seconds(text: str) -> float:
     began = time.process_time()
+    found = 0
     try:
         load_text(text)
     except ModelError as error:
-        assert len(error.diagnostics) <= MAX_DIAGNOSTICS + 1
-    return time.process_time() - began
+        found = len(error.diagnostics)
+    spent = time.process_time() - began
+    assert found <= MAX_DIAGNOSTICS + 1
+    return spent
 
 
 def flow(key: str, entry: str, rest: str = "") -> Callable[[int], str]:
@@ -379,7 +382,9 @@ Q: {x: "-sign(x')*m + floor(t)", d: "min(x', y')", y: "if(t > 0.01, ceil(x), -cb
 constraints:
   c: y + floor(x) + max(x, t)/5 = abs(x)*ceil(n/9)
 initial: {x: "floor(1.5) + 0.4", y: {guess: "cbrt(0.008)"}, x': 1, y': {guess: 0}}
-outputs: {o: "abs(x'') + floor(lambda.c) + sign(Qc.x) + d''", p: "if(x > 1 and not (t > 1), d', ceil(t))"}
+outputs:
+  o: abs(x'') + floor(lambda.c) + sign(Qc.x) + d''
+  p: if(x > 1 and not (t > 1), d', ceil(t))
 view: {points: {A: "[floor(x) + x, max(y, t)]", O: [0, 0]}, rods: [O-A]}
 simulation: {t_end: "min(0.02, 1)", samples: 5}
 """
@@ -427,5 +432,5 @@ def test_every_key_in_the_other_commands(every_key: Path, tmp_path: Path) -> Non
 def test_every_key_is_shown(every_key: Path, command: str, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     ending = {"plot": ".png", "report": ".html"}[command]
-    target = ["-o", str(tmp_path / f"a{ending}"), "-q"]
+    target = ["-o", str(tmp_path / f"a{ending}")]
     assert run([command, str(every_key.with_suffix(".h5")), *target]) == 0
