@@ -14,6 +14,7 @@ from lagcli.errors import LagcliError, UsageError
 from lagcli.model.members import told
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.pictures.run_file import Run
+from lagcli.pictures.ticks import drawable
 from lagcli.samples import Array
 
 #: Forces that are listed one by one, constraints times coordinates.
@@ -263,7 +264,10 @@ def read_curves(run: Run, curves: Iterable[Curve]) -> dict[str, Array]:
     for block in run.blocks(list(dict.fromkeys(c.field for c in wanted.values()))):
         for name, curve in wanted.items():
             pieces[name].append(_values(run, curve, block[curve.field]))
-    return {name: np.concatenate(found) if found else np.empty(0) for name, found in pieces.items()}
+    return {
+        name: drawable(np.concatenate(found)) if found else np.empty(0)
+        for name, found in pieces.items()
+    }
 
 
 def _values(run: Run, curve: Curve, values: Array) -> Array:

@@ -104,7 +104,8 @@ class Table:
 def _quantity(column: Any, values: Array, measured: bool) -> Quantity:
     unit = "" if column.unit == "not stated" else pretty_unit(column.unit)
     name = column.name.replace("$", r"\$")
-    return Quantity(column.name, f"{name} [{unit}]" if unit else name, drawable(values), measured)
+    label = f"{name} [{unit}]" if unit else name
+    return Quantity(column.name, label, drawable(values), measured)
 
 
 class _Panel(NamedTuple):

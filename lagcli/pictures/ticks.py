@@ -13,12 +13,15 @@ from lagcli.samples import Array
 _RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-_LARGEST = 1e300  # the numbers of an axis overflow before its values do
+#: Beyond it the differences and margins of an axis would overflow.
+_LARGEST = 1e300
 
 
 def drawable(values: Array) -> Array:
-    """Return values with NaN in place of those that are too large for an axis."""
-    return np.where(np.abs(values) <= _LARGEST, values, np.nan)
+    """Return values with NaN, which leaves a gap, for those too large for an axis."""
+    with np.errstate(invalid="ignore"):
+        large = np.abs(values) > _LARGEST
+    return np.where(large, np.nan, values) if large.any() else values
 
 
 def power(exponent: int) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -153,7 +154,7 @@ class _Copies:
     """The last copy of a file of layout 1, until the process ends."""
 
     def __init__(self) -> None:
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._folder: str | None = None
         self._key: tuple[Any, ...] | None = None
 
     def of(self, path: str) -> str:
@@ -162,7 +163,7 @@ class _Copies:
         key = (path, found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns)
         if self._folder is None or key != self._key:
             self.close()
-            self._folder = tempfile.TemporaryDirectory(prefix="lagcli-")
+            self._folder = tempfile.mkdtemp(prefix="lagcli-")
             _copy(path, self._name, _SECONDS + found.st_size / _RATE)
             self._key = key
         return self._name
@@ -170,13 +171,13 @@ class _Copies:
     def close(self) -> None:
         """Remove the copy."""
         if self._folder is not None:
-            self._folder.cleanup()
+            shutil.rmtree(self._folder, ignore_errors=True)
         self._folder = self._key = None
 
     @property
     def _name(self) -> str:
         assert self._folder is not None
-        return os.path.join(self._folder.name, "copy.h5")
+        return os.path.join(self._folder, "copy.h5")
 
 
 _copies = _Copies()
