@@ -67,6 +67,7 @@ def test_everything_of_hdf5(tmp_path: Path) -> None:
         "counts": run.counts,
         "seconds": run.seconds,
         "initial_correction": {"psi": [0.1, 0.16057], "psi_dot": [0.0, 2.9]},
+        "freedom": {},
         "residual_position": {
             "guide": {"max": 4e-12, "scaled": 2e-12},
             "knife": {"max": None, "scaled": None},
