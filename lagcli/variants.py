@@ -22,7 +22,8 @@ from lagcli.model.dependence import dependent_values
 from lagcli.model.loader import load_text
 from lagcli.model.members import family_of
 from lagcli.model.model import Model, Settings
-from lagcli.simulation import Simulation, ready, resolve
+from lagcli.settings import resolve
+from lagcli.simulation import Simulation, ready
 from lagcli.start import find_start
 
 if TYPE_CHECKING:

@@ -153,7 +153,8 @@ def _run(
     from lagcli.model.loader import load
     from lagcli.results import check_target, open_writer
     from lagcli.samples import ENDED, Samples
-    from lagcli.simulation import compiled_available, prepare
+    from lagcli.settings import compiled_available
+    from lagcli.simulation import prepare
 
     if output == "-" and json:
         raise UsageError("-o - and --json both want standard output; write to a file, or drop one")

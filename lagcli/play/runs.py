@@ -21,7 +21,8 @@ from lagcli.pictures.timing import usual_speed
 from lagcli.play.controls import Control, controls
 from lagcli.play.curves import Curves
 from lagcli.samples import Record, Samples
-from lagcli.simulation import Simulation, resolve, sample_times
+from lagcli.settings import resolve, sample_times
+from lagcli.simulation import Simulation
 from lagcli.trajectory import joined
 from lagcli.variants import Variants
 

@@ -66,7 +66,6 @@ _AXES = {quantity.name: quantity.axes for quantity in QUANTITIES}
 _OUTPUTS = "outputs/"
 
 
-
 def write_hdf5(trajectory: Trajectory, path: str | os.PathLike[str], force: bool = False) -> None:
     """Write a trajectory to an HDF5 file, whole or not at all.
 

@@ -14,7 +14,8 @@ from lagcli.engine.run import Block, Interrupted, Request, Run
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.measures import read_measures
 from lagcli.model.model import InitialValue, Model
-from lagcli.simulation import Simulation, engine_of, ready, sample_times
+from lagcli.settings import engine_of, sample_times
+from lagcli.simulation import Simulation, ready
 from lagcli.start import undefined_at
 from lagcli.sweeps.reductions import Grid, Measuring
 from lagcli.sweeps.signals import Signals, kept_signals

@@ -37,23 +37,24 @@ ROOMS = {
     "memory": {"errors"},
     "threads": set(),
     "results": {"errors", "extremes", "samples", "trajectory"},
+    "settings": {"errors", "model", "engine"},
     "simulation": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "derived"),
-        *("start", "interruption", "memory", "threads", "trust", "version"),
+        *("settings", "start", "interruption", "memory", "threads", "trust", "version"),
     },
     "trust": {"samples"},
     "start": {"errors", "model", "equations", "engine", "undefined"},
     "sweeps": {
         *("errors", "model", "equations", "engine", "results", "simulation", "start", "variants"),
-        *("interruption", "samples", "threads", "version"),
+        *("settings", "interruption", "samples", "threads", "version"),
     },
     # a page is where values go round: from the reader's hand to a run and its pictures
     "play": {
         *("errors", "model", "equations", "simulation", "variants", "samples", "trajectory"),
-        *("interruption", "pictures"),
+        *("settings", "interruption", "pictures"),
     },
     "undefined": {"errors", "model", "equations", "engine"},
-    "variants": {"errors", "model", "equations", "engine", "simulation", "start"},
+    "variants": {"errors", "model", "equations", "engine", "settings", "simulation", "start"},
     "pictures": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "results"),
         *("simulation", "extremes", "derived", "interruption", "sweeps", "version"),
@@ -76,6 +77,7 @@ FOREIGN = {
     "trust": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "interruption": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
+    "settings": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy", "symengine"},
     "simulation": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
     "start": {"yaml", "sympy", "h5py", "typer", "rich", "pint"},
     "pictures": {"yaml", "sympy", "scipy", "h5py", "typer", "rich", "pint"},
@@ -365,7 +367,7 @@ def test_the_command_that_is_called_is_built_alone() -> None:
 
 def test_simulate_can_be_called_whatever_was_imported_first() -> None:
     code = (
-        "from lagcli.simulation import resolve\nimport lagcli\n"
+        "from lagcli.settings import resolve\nimport lagcli\n"
         f"m = lagcli.load({str(ROOT / 'models' / 'pendulum_cartesian.yaml')!r})\n"
         "assert lagcli.simulate(m, t_end=0.01, samples=2).status == 'completed'"
     )

@@ -16,7 +16,7 @@ from scipy.integrate import quad
 from scipy.special import ellipj, ellipk
 
 import lagcli
-from lagcli import simulation
+from lagcli import settings
 from lagcli.engine import scipy_engine
 from lagcli.engine.run import Block, Interrupted, Request, Run
 from lagcli.engine.system import System
@@ -30,8 +30,8 @@ MODELS = Path(__file__).parents[2] / "models"
 @pytest.fixture(autouse=True, params=["compiled", "scipy"])
 def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Run each test on the compiled engine, where it has the method, and on the reference."""
-    assert simulation.compiled_available()
-    monkeypatch.setattr(simulation, "compiled_available", lambda: request.param == "compiled")
+    assert settings.compiled_available()
+    monkeypatch.setattr(settings, "compiled_available", lambda: request.param == "compiled")
     return request.param
 
 

@@ -13,7 +13,7 @@ from lagcli.engine.initial import ConsistentState
 from lagcli.engine.system import compile_system
 from lagcli.errors import LagcliError, ModelError, NumericalError
 from lagcli.model.model import Settings
-from lagcli.simulation import resolve
+from lagcli.settings import resolve
 from lagcli.start import find_start
 
 ROD = "rod: x^2 + y^2 = 1"

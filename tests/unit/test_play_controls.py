@@ -9,7 +9,7 @@ import pytest
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Settings
 from lagcli.play.controls import Control, controls
-from lagcli.simulation import resolve
+from lagcli.settings import resolve
 
 MODELS = Path(__file__).parents[2] / "models"
 

@@ -17,15 +17,17 @@ from trajectories import ARRAYS, assert_same, assert_same_arrays, make
 import lagcli
 from lagcli import simulation
 from lagcli.errors import FileError
+from lagcli.model.model import Settings
 from lagcli.results import csv, hdf5, open_writer, read, write
 from lagcli.results.formats import Writer
 from lagcli.samples import Samples
+from lagcli.settings import compiled_available
 from lagcli.trajectory import Trajectory, joined
 
 MODELS = Path(__file__).parents[2] / "models"
 ENGINES = ("compiled", "scipy")
 
-if not simulation.compiled_available():
+if not compiled_available():
     ENGINES = ENGINES[1:]
 
 
@@ -82,7 +84,7 @@ def test_a_run_does_not_depend_on_its_blocks(name: str, engine: str, block_rows:
 def test_blocks_are_full_but_for_the_last(engine: str, block_rows: object) -> None:
     block_rows(8)
     model = lagcli.load(MODELS / "pendulum_cartesian.yaml")
-    ready = simulation.prepare(model, simulation.Settings(samples=21, t_end=0.5, engine=engine))
+    ready = simulation.prepare(model, Settings(samples=21, t_end=0.5, engine=engine))
     taken: list[Samples] = []
     record = ready.run(taken.append)
     assert record.status == "completed"
@@ -130,7 +132,7 @@ initial: {x: 1, x': -3}
 def test_what_the_sink_raises_goes_on(engine: str, block_rows: object) -> None:
     block_rows(8)
     model = lagcli.load(MODELS / "pendulum_cartesian.yaml")
-    ready = simulation.prepare(model, simulation.Settings(engine=engine))
+    ready = simulation.prepare(model, Settings(engine=engine))
     taken = []
 
     def full(samples: Samples) -> None:

@@ -61,7 +61,8 @@ class Integrator:
         plain_lengths: ArrayLike,
         rank: int,
         rtol: float,
-        atol: float,
+        atol: ArrayLike,
+        kinds: Sequence[int],
         h_max: float,
         projecting: bool,
         watching: int,
@@ -97,6 +98,8 @@ class Integrator:
     def t(self) -> float: ...
     @property
     def state(self) -> _Array: ...
+    @property
+    def absolute_tolerances(self) -> _Array: ...
     @property
     def step(self) -> tuple[float, float]: ...
     @property

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from comparison.cases import Case
 from comparison.methods import Method, decades, stiff_only
+from lagcli import settings as settings_of
 from lagcli import simulation
 from lagcli.engine.compiled_engine import Integration
 from lagcli.engine.evaluator import Evaluator
@@ -31,7 +32,7 @@ class Ours:
         """Return the complete settings of a run."""
         times = tuple(self.case.times)
         given = Settings(times=times, rtol=tolerance, atol=tolerance, method=self.method, **more)
-        return simulation.resolve(given, self.model)
+        return settings_of.resolve(given, self.model)
 
     def at(self, setting: float, **more: Any) -> _Ready:
         """Prepare a run at a tolerance."""
@@ -79,4 +80,4 @@ def _method(name: str) -> Method:
 
 
 #: What the compiled engine has; the stiff methods run where they are meant for.
-METHODS = tuple(_method(name) for name in simulation.COMPILED_METHODS)
+METHODS = tuple(_method(name) for name in settings_of.COMPILED_METHODS)
