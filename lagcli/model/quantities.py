@@ -26,6 +26,9 @@ _WITH_UNIT = re.compile(
 )
 
 
+_LARGEST = 2**1023  # larger numbers may be beyond a double, which building an expression reports
+
+
 @dataclass(frozen=True)
 class Quantity:
     """A number with a unit, or an expression, read but not evaluated."""
@@ -40,7 +43,9 @@ class Quantity:
         sign, tree = 1, self.parsed.tree
         if isinstance(tree, Sum) and len(tree.terms) == 1:
             sign, tree = tree.terms[0]
-        return sign * tree.value if isinstance(tree, Number) else None
+        if not isinstance(tree, Number) or tree.value >= _LARGEST:
+            return None
+        return sign * tree.value
 
 
 def read_quantity(
