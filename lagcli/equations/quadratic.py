@@ -27,6 +27,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.equations.motion import ONE, TWO, ZERO, Motion, addends
+from lagcli.model.expansion import kinked_in
 
 
 class Form(NamedTuple):
@@ -147,6 +148,8 @@ class Forms:
                     return {rates[0]: coefficient}, ZERO
         slopes = {j: motion.diff(term, motion.v[j]) for j in rates}
         if any(motion.occurring(x).rates for x in slopes.values()):
+            return None
+        if not motion.smooth and kinked_in(term, [motion.v[j] for j in rates]) is not None:
             return None
         return slopes, term.xreplace({motion.v[j]: ZERO for j in rates})
 

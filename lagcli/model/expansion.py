@@ -23,11 +23,8 @@ def nonlinear_in(expression: Basic, rates: Sequence[Basic]) -> Basic | None:
     """
     free = expression.free_symbols
     present = [v for v in rates if v in free]
-    for kink in expression.atoms(*KINKS) if present else ():
-        deciding = kink.args[1::2] if isinstance(kink, se.Piecewise) else kink.args
-        for v in present:
-            if any(v in part.free_symbols for part in deciding):
-                return v  # it has a kink or a jump there, although its slopes may not show it
+    if present and (kinked := kinked_in(expression, present)) is not None:
+        return kinked
     for v in present:
         slope = derivative(expression, v)
         if not slope.free_symbols.isdisjoint(present):
@@ -37,6 +34,19 @@ def nonlinear_in(expression: Basic, rates: Sequence[Basic]) -> Basic | None:
             for w in present:
                 if w in left:
                     return w
+    return None
+
+
+def kinked_in(expression: Basic, symbols: Sequence[Basic]) -> Basic | None:
+    """Return a symbol in which the expression has kinks or jumps, or None.
+
+    The slopes need not show it: those of floor(v) and of if(v > 0, 1, 2) are zero.
+    """
+    for kink in expression.atoms(*KINKS):
+        deciding = kink.args[1::2] if isinstance(kink, se.Piecewise) else kink.args
+        for symbol in symbols:
+            if any(symbol in part.free_symbols for part in deciding):
+                return symbol
     return None
 
 

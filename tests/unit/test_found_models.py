@@ -191,6 +191,16 @@ initial: {th: 0.5, th': 0}
     assert np.ptp(trajectory.energy_total) < 1e-7
 
 
+def test_jumps_in_velocities_are_no_quadratic_form() -> None:
+    """v·p of c v ceil(v) is the term itself: it adds nothing to the energy v·p − L."""
+    model = plane("V", "x")
+    plain = derive(model).energy
+    text = PLANE.format(key="V", text="x").replace("T: ", "T: y'*ceil(y')/3 + ")
+    at = {se.Symbol(n): se.RealDouble(0.7) for n in ("x", "y", "x'", "y'", "m")}
+    found = derive(load_text(text)).energy.subs(at)
+    assert math.isclose(float(found.n(53, real=True)), float(plain.subs(at).n(53, real=True)))
+
+
 # rotations
 
 
