@@ -152,3 +152,17 @@ def test_models_that_are_not_shipped_are_models() -> None:
     stiff = CASES["stiff_chain_1e8"].load()
     assert len(stiff.constraints) == 5
     assert stiff.parameter_values["c"] == 1e5
+
+
+def test_the_section_of_ported_models_is_replaced() -> None:
+    from comparison.ported import COMMANDS, FOUND, Ported, PortedModels
+
+    assert all((FOUND / command[1]).exists() for command in COMMANDS.values())
+    page = table.render(table.Report("2026", "x", "y", {}))
+    for now in (2.0, 0.25):
+        found = PortedModels({"ring": Ported(now, 28.0, "> 30 s")}, "abc")
+        page = table.with_ported(page, table.ported_section(found, "Here."))
+    assert page.count(table.PORTED) == 1
+    assert "| ring | 250 ms | 28 s | > 30 s |" in page
+    assert page.count("## How each program is used") == 1
+    assert page.index(table.PORTED) < page.index("## How each program is used")
