@@ -42,7 +42,9 @@ def dependent_sets(
         return []
     evaluator = Evaluator(system)
     c = evaluator.constraints(t, q, v)
-    found = linear.decompose(c.jacobian, rank, scale=evaluator.row_lengths(c, q, v)).dependent
+    sizes = evaluator.sizes(t, q, v)
+    lengths = evaluator.row_lengths(c, q, v, sizes)
+    found = linear.decompose(c.jacobian, rank, scale=lengths, sizes=sizes).dependent
     projection = found @ found.T
     joined = np.abs(projection) > _TAKES_PART
     left = {int(i) for i in np.flatnonzero(np.diag(joined))}

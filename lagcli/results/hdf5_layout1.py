@@ -2,7 +2,7 @@
 
 Layout 1 keeps texts with a variable length, and ``constraint_force_by`` of trajectories as
 (nt, nc, nq). A damaged heap can make the HDF5 library loop, so that this module runs as a process
-of its own: ``python -m lagcli.results.hdf5_layout1 FILE COPY``; see `lagcli.results.hdf5_open`.
+of its own: ``python -m lagcli.results.hdf5_layout1 FILE COPY VERSION``; see `lagcli.results.hdf5_open`.
 """
 
 from __future__ import annotations
@@ -34,12 +34,14 @@ _SLAB = 1 << 20
 _INTEGERS = {"run": "<i8", "status": "i1", "steps": "<i8", "rejected": "<i8", "evaluations": "<i8"}
 
 
-def copy(path: str, target: str) -> None:
+def copy(path: str, target: str, version: str) -> None:
     """Copy a file of layout 1 into the present one.
 
     Parameters
     ----------
     path, target : str
+    version : str
+        The present layout of sweep files.
 
     Raises
     ------
@@ -53,7 +55,7 @@ def copy(path: str, target: str) -> None:
             if kind == KIND:
                 _copy_trajectory(root, target)
             else:
-                _copy_sweep(root, target)
+                _copy_sweep(root, target, version)
     except (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError) as error:
         raise damage(path, error) from error
     except (ArithmeticError, MemoryError) as error:
@@ -193,12 +195,10 @@ def _output(outputs: h5py.Group, name: str, count: int, rows: slice) -> Array:
 # sweeps
 
 
-def _copy_sweep(root: h5py.File, target: str) -> None:
-    from lagcli.sweeps.layout import SCHEMA_VERSION
-
+def _copy_sweep(root: h5py.File, target: str, version: str) -> None:
     with new_file(target, force=False) as (copied, _):
         for name in root.attrs:
-            text = SCHEMA_VERSION if name == "schema_version" else _attribute(root, name)
+            text = version if name == "schema_version" else _attribute(root, name)
             set_text(copied["/"].id, name, text)
         for name in root:
             if name == "outputs":
@@ -231,7 +231,7 @@ def _copy_numbers(parent: h5py.Group, name: str, into: h5py.Group) -> None:
 def main() -> int:
     """Copy the file that the command line names; say on standard output why not."""
     try:
-        copy(*sys.argv[1:3])
+        copy(*sys.argv[1:4])
     except FileError as error:
         sys.stdout.buffer.write(str(error).encode(errors="replace"))
         return error.exit_status

@@ -79,7 +79,7 @@ def open_verified(path: str | os.PathLike[str], version: str) -> Iterator[Opened
     check_readable(path)
     _check_start(path)
     layout = version if is_sealed(path) else "1"
-    source = path if layout == version else _copies.of(path)
+    source = path if layout == version else _copies.of(path, version)
     try:
         # A file under its final name is whole and stays so: no lock is needed, and some network
         # file systems have none.
@@ -157,14 +157,14 @@ class _Copies:
         self._folder: str | None = None
         self._key: tuple[Any, ...] | None = None
 
-    def of(self, path: str) -> str:
+    def of(self, path: str, version: str) -> str:
         """Return the name of a copy in the present layout."""
         found = os.stat(path)
         key = (path, found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns)
         if self._folder is None or key != self._key:
             self.close()
             self._folder = tempfile.mkdtemp(prefix="lagcli-")
-            _copy(path, self._name, _SECONDS + found.st_size / _RATE)
+            _copy(path, self._name, version, _SECONDS + found.st_size / _RATE)
             self._key = key
         return self._name
 
@@ -184,10 +184,10 @@ _copies = _Copies()
 atexit.register(_copies.close)
 
 
-def _copy(path: str, copy: str, seconds: float) -> None:
+def _copy(path: str, copy: str, version: str, seconds: float) -> None:
     """Copy a file of layout 1 into the present one, in another process."""
     # -P: no module is imported from the folder that the user happens to be in
-    command = [sys.executable, "-P", "-m", "lagcli.results.hdf5_layout1", path, copy]
+    command = [sys.executable, "-P", "-m", "lagcli.results.hdf5_layout1", path, copy, version]
     try:
         done = subprocess.run(command, capture_output=True, timeout=seconds, check=False)
     except subprocess.TimeoutExpired:

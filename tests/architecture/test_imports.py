@@ -114,7 +114,7 @@ HEAVY = {
     "scipy": {"engine"},
     "numpy": {
         *("engine", "results", "simulation", "samples", "trajectory", "derived", "extremes"),
-        *("start", "cli", "variants", "pictures", "play", "sweeps", "trust"),
+        *("settings", "start", "cli", "variants", "pictures", "play", "sweeps", "trust"),
     },
     "symengine": {"model", "equations", "engine", "undefined", "variants", "pictures", "sweeps"},
 }

@@ -26,6 +26,7 @@ import lagcli
 from lagcli.cli.app import run
 from lagcli.errors import LagcliError
 from lagcli.results import hdf5_layout1, hdf5_open, seal
+from lagcli.sweeps.layout import SCHEMA_VERSION
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "models" / "slider_crank.yaml"
@@ -155,7 +156,7 @@ def forked(monkeypatch: pytest.MonkeyPatch) -> None:
                 signal.alarm(int(seconds) + 1)
                 text, status = "", 0
                 try:
-                    hdf5_layout1.copy(path, target)
+                    hdf5_layout1.copy(path, target, SCHEMA_VERSION)
                 except lagcli.errors.FileError as error:
                     text, status = str(error), 4
                 except BaseException as error:
