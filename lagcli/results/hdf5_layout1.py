@@ -2,7 +2,8 @@
 
 Layout 1 keeps texts with a variable length, and ``constraint_force_by`` of trajectories as
 (nt, nc, nq). A damaged heap can make the HDF5 library loop, so that this module runs as a process
-of its own: ``python -m lagcli.results.hdf5_layout1 FILE COPY VERSION``; see `lagcli.results.hdf5_open`.
+of its own: ``python -m lagcli.results.hdf5_layout1 FILE COPY VERSION``; see
+`lagcli.results.hdf5_open`.
 """
 
 from __future__ import annotations

@@ -26,7 +26,6 @@ import lagcli
 from lagcli.cli.app import run
 from lagcli.errors import LagcliError
 from lagcli.results import hdf5_layout1, hdf5_open, seal
-from lagcli.sweeps.layout import SCHEMA_VERSION
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "models" / "slider_crank.yaml"
@@ -146,7 +145,7 @@ class Trial:
 def forked(monkeypatch: pytest.MonkeyPatch) -> None:
     """Copy files of layout 1 in a fork of this process, which spares the start of another."""
 
-    def copy(path: str, target: str, seconds: float) -> None:
+    def copy(path: str, target: str, version: str, seconds: float) -> None:
         end, start = os.pipe()
         child = os.fork()
         if not child:
@@ -156,7 +155,7 @@ def forked(monkeypatch: pytest.MonkeyPatch) -> None:
                 signal.alarm(int(seconds) + 1)
                 text, status = "", 0
                 try:
-                    hdf5_layout1.copy(path, target, SCHEMA_VERSION)
+                    hdf5_layout1.copy(path, target, version)
                 except lagcli.errors.FileError as error:
                     text, status = str(error), 4
                 except BaseException as error:
