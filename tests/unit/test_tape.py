@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 from lagcli.engine.compilation import compile_tape
 from lagcli.engine.interpreter import ScalarTape, run_arrays
 from lagcli.engine.tape import ARITY, Op, Tape
-from lagcli.model.functions import FUNCTIONS, cases
+from lagcli.model.constants import cases, relation
+from lagcli.model.functions import FUNCTIONS
 
 try:
     from lagcli.engine.core import binding
@@ -75,18 +76,18 @@ def applied(name: str, *arguments: se.Basic) -> se.Basic:
 
 
 def either(a: se.Basic, b: se.Basic, c: se.Basic, d: se.Basic) -> se.Basic:
-    return cases(se.And(se.Lt(a, b), se.Not(se.Ge(c, d))), a * b, c - d)
+    return cases(se.And(relation("<", a, b), se.Not(relation(">=", c, d))), a * b, c - d)
 
 
 def any_of(a: se.Basic, b: se.Basic, c: se.Basic, d: se.Basic) -> se.Basic:
-    return cases(se.Or(se.Le(a, b), se.Ne(c, d)), a, d)
+    return cases(se.Or(relation("<=", a, b), relation("!=", c, d)), a, d)
 
 
 def made(function: Callable[..., se.Basic], arguments: Sequence[Any]) -> se.Basic:
     """Return an expression; where numbers folded to none (1/0 < x), a plain one."""
     try:
         return function(*arguments)
-    except RuntimeError:
+    except (RuntimeError, ValueError):  # the loader reports both
         return X + Y
 
 
