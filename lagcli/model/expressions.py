@@ -361,8 +361,8 @@ class _Builder:
             arguments.append(built)
         value = tensor_call(name, [a.value for a in arguments], self.scope)
         if name == "omega":  # how large it is depends on the kinds of the rotations
-            levels = 2 + len(arguments[0].value.factors)  # type: ignore[union-attr]
-            size = count_operations(value.entries)  # type: ignore[union-attr]
+            levels = 2 + len(arguments[0].value.factors)
+            size = count_operations(value.entries)
             return self.made(tree, value, arguments, levels=levels, size=size)
         return self.made(tree, value, arguments, _COPIES.get(name, 1), levels=2)
 
