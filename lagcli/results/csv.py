@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagcli.errors import UsageError
+from lagcli.errors import FileError, UsageError
 from lagcli.results.atomic import abandon, check_writable, whole_file
 from lagcli.results.layout import QUANTITIES, term_names
 from lagcli.results.reasons import write_failure
@@ -251,6 +251,8 @@ def _lines(samples: Samples) -> Iterator[bytes]:
 def _standard_output() -> Callable[[bytes], object]:
     """Return what writes to standard output; no buffer is left that could fail at exit."""
     stream = sys.stdout
+    if stream is None or stream.closed:  # a program without a console, which calls the library
+        raise FileError("cannot write to standard output: it is closed; name a file: -o run.csv")
     try:
         stream.flush()
     except BrokenPipeError:

@@ -23,10 +23,12 @@ from lagcli.results.hdf5_file import add_array, add_texts, new_file, set_text
 from lagcli.results.hdf5_open import damage, not_of_lagcli
 from lagcli.results.hdf5_structure import group, numbers, stored_within
 from lagcli.results.layout import QUANTITIES
-from lagcli.results.metadata import KIND, MAPPINGS, TEXTS, from_metadata
+from lagcli.results.metadata import KIND, TEXTS, from_metadata
 from lagcli.samples import Array, Record, Samples, Terms
 
 _VERSION = "1"
+#: The mappings that layout 1 has; those that came later are empty in the copy.
+_MAPPINGS = ("units", "parameters", "options", "counts", "seconds", "initial_correction")
 #: How a heap of texts begins.
 _HEAP = b"GCOL\1\0\0\0"
 #: Numbers that are read together.
@@ -144,7 +146,7 @@ def _copy_trajectory(root: h5py.File, target: str) -> None:
     from lagcli.results.hdf5 import Hdf5Writer
 
     metadata: dict[str, Any] = {name: _attribute(root, name) for name in TEXTS}
-    metadata |= {name: json.loads(_attribute(root, name)) for name in MAPPINGS}
+    metadata |= {name: json.loads(_attribute(root, name)) for name in _MAPPINGS}
     fields = from_metadata(metadata)
     names = {name: tuple(_texts(root, name)) for name in ("coordinate", "constraint")}
     length = {"time": numbers(root, "time").shape[0], **{k: len(v) for k, v in names.items()}}
