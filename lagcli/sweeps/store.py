@@ -147,9 +147,11 @@ class _Writer:
         added = self.root.create_dataset(
             "message_longer", (self.length,), kind, chunks=(rows,), compression=1
         )
+        # empty texts are stored too: a reader takes what is declared and not stored for damage
+        for start in range(0, self.length, rows):
+            part = slice(start, min(start + rows, self.length))
+            added[part] = b"" if before is None else before[part]
         if before is not None:
-            for start in range(0, self.length, rows):
-                added[start : start + rows] = before[start : start + rows]
             del self.root["message"]
         self.root.move("message_longer", "message")
         self.message, self.longest = added, length
