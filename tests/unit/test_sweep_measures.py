@@ -37,6 +37,9 @@ def spec(
 
 
 SHORT = {"t_end": 1.0, "samples": 101, "rtol": 1e-8}
+#: Runs in lanes and single ones estimate the size of accelerations by different means, and their
+#: steps differ; at this tolerance their results do not.
+ACCURATE = {**SHORT, "rtol": 1e-12}
 
 MEASURES = {
     "max(abs(lambda.guide))": lambda r: np.abs(r.multipliers[:, 0]).max(),
@@ -78,14 +81,14 @@ MEASURES = {
 
 @pytest.fixture(scope="module")
 def crank() -> tuple[np.ndarray, list[Trajectory]]:
-    sweep = spec(CRANK, ["l=0.2,0.3", "phi'=11,12", "c=0.1"], list(MEASURES), **SHORT)
+    sweep = spec(CRANK, ["l=0.2,0.3", "phi'=11,12", "c=0.1"], list(MEASURES), **ACCURATE)
     sweep = pickle.loads(pickle.dumps(sweep))
     results = run_rows(sweep, np.arange(4))
     assert (results.status == COMPLETED).all()
     runs = []
     for l, rate, c in sweep.plan.rows(np.arange(4)):
         model = lagcli.load(CRANK, set={"l": l, "c": c}, set_initial={"phi'": rate})
-        runs.append(lagcli.simulate(model, **SHORT))
+        runs.append(lagcli.simulate(model, **ACCURATE))
     return results.measures, runs
 
 
@@ -95,9 +98,9 @@ def test_measures_are_what_they_say(crank: tuple, text: str) -> None:
     place = list(MEASURES).index(text)
     for found, run in zip(measures[:, place], runs, strict=True):
         expected = MEASURES[text](run)
-        # the same steps and samples, so that rounding alone is left; a balance is all rounding
-        rounding = 1e-12 * max(1.0, abs(expected))
-        assert found == pytest.approx(expected, rel=1e-8, abs=rounding, nan_ok=True)
+        # a balance is all error
+        error = 1e-11 * max(1.0, abs(expected))
+        assert found == pytest.approx(expected, rel=1e-8, abs=error, nan_ok=True)
 
 
 def test_at_looks_between_samples_too() -> None:
