@@ -97,7 +97,8 @@ def test_schema():
     content = json.loads(render(e, "json", steps=True))
     assert content["schema"] == "lagcli-derivation-2"
     assert list(content) == [
-        *("schema", "name", "description", "numeric", "coordinates", "parameters", "constraints"),
+        *("schema", "name", "description", "numeric", "coordinates", "parameters"),
+        *("form", "abbreviations", "constraints"),
         *(
             "rank",
             "degrees_of_freedom",
@@ -111,6 +112,7 @@ def test_schema():
         *("applied_forces", "equations", "sign_convention", "steps"),
     ]
     assert content["degrees_of_freedom"] == 1
+    assert (content["form"], content["abbreviations"]) == ("written-out", [])
     assert content["parameters"] == {"m": 1.0, "r": 0.1, "l": 0.3, "g": 9.81}
     assert content["coordinates"][0] == {
         "name": "phi",
