@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from lagcli.errors import UsageError
+from lagcli.memory import check_fits
 from lagcli.pictures import style
 from lagcli.results.atomic import check_writable, whole_file
 
@@ -18,6 +19,8 @@ FORMATS = ("png", "svg", "pdf")
 #: Pixels of a side of a picture, which is what other programs open.
 _MOST = 32_767
 _LEAST = 1.5  # inches
+#: Address space that importing matplotlib and drawing take, bytes.
+_MATPLOTLIB = 110_000_000
 
 
 def check_picture(path: str, force: bool) -> str:
@@ -84,7 +87,10 @@ def new_figure(size: tuple[float, float], dpi: float) -> Iterator[Any]:
     ------
     UsageError
         matplotlib is not installed.
+    NumericalError
+        There is too little memory for it; it would end the process without a message.
     """
+    check_fits(_MATPLOTLIB, "drawing a plot", "close other programs, or raise the limit (ulimit -v)")
     try:
         import matplotlib
         from matplotlib.figure import Figure

@@ -45,11 +45,13 @@ def test_the_limits_of_the_system_are_known() -> None:
     [
         (600, ("simulate", str(MODEL), "--samples", "100000000"), "samples needs about"),
         (150, ("info", "run.h5"), "ulimit -v"),
+        (270, ("plot", "run.h5", "-o", "run.png"), "drawing a plot needs about"),
     ],
 )
 def test_too_little_memory_is_a_message(
-    megabytes: int, arguments: tuple[str, ...], said: str
+    tmp_path: Path, megabytes: int, arguments: tuple[str, ...], said: str
 ) -> None:
+    lagcli.write(lagcli.simulate(lagcli.load(MODEL), samples=11, t_end=0.1), tmp_path / "run.h5")
     code = (
         f"import resource, sys; resource.setrlimit(resource.RLIMIT_AS, ({megabytes}000000,) * 2);"
         "from lagcli.cli.app import main; main()"
@@ -60,6 +62,7 @@ def test_too_little_memory_is_a_message(
         capture_output=True,
         text=True,
         timeout=120,
+        cwd=tmp_path,
     )
     assert done.returncode == 3, done.stderr
     assert said in done.stderr
