@@ -198,8 +198,10 @@ class Integration:
             found = find_elimination(self.evaluator, self.states)
             if not self.in_use.serves(found):
                 self.use(self.ready(found, self.in_use))
+                core.size_again()
                 return
         core.allow_dense(1)
+        core.size_again()
 
     # what thinks, made when it is needed: most runs need none of it
 

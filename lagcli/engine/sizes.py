@@ -19,6 +19,7 @@ _FOLLOWING = 0.1
 _ROUNDING = 100 * float(np.finfo(float).eps)
 _SUMMING = 100 * float(np.finfo(float).eps)
 _TIMING = 10 * float(np.finfo(float).eps)
+_HIDDEN = 1e-8
 _NO_SIZE = 1e-100
 _LOOKS = 64
 _HORIZON = 1e-4
@@ -63,7 +64,14 @@ class Sizes:
             part = sign * _PERTURBATION * np.cos(1.0 + np.arange(len(y)))
             change = np.abs(self.motion.rate(t, y * (1 + part)) - rate)[nq:-1] / _PERTURBATION
             found = np.fmax(found, np.where(np.isfinite(change), change, 0.0))
-        return self._of_kind(found)
+        found = self._of_kind(found)
+        # what balances: the largest forces over the largest inertia
+        d = self.motion.evaluator.dynamics(t, *self.motion.split(y))
+        inertia = self._of_kind(np.diag(d.mass_matrix))
+        forces = np.abs(d.forcing) + np.abs(d.mass_matrix) @ np.abs(rate[nq:-1])
+        balanced = self._of_kind(forces) / np.where(inertia > 0, inertia, np.inf)
+        hidden = np.isfinite(balanced) & (found < _HIDDEN * balanced)
+        return np.where(hidden, balanced, found)
 
     def _of_kind(self, values: Array) -> Array:
         """Return the largest value of each coordinate's kind."""

@@ -163,6 +163,9 @@ cdef extern from "run.h":
     int lag_sample_until(lag_run *run, double end) nogil
     void lag_dense(lag_run *run, double t, double *y) nogil
 
+cdef extern from "sizes.h":
+    int lag_sizes_again(lag_run *run)
+
 
 cdef extern from "system.h":
     int lag_first_kept(const lag_system *system)
@@ -566,6 +569,11 @@ cdef class Integrator:
         if self.run.kkt == NULL:
             self.run.kkt = self.doubles(self.size * self.size)
             self.run.lu = self.doubles(self.size * self.size)
+
+    def size_again(self):
+        """Find anew what accelerations are made of, after a change of how they are solved for."""
+        return lag_sizes_again(&self.run)
+
     cdef int block_of(self, lag_block *block, places, int first) except -1:
         block.count, block.first = len(places), first
         block.places = self.integers(places)

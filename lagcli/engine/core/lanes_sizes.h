@@ -65,13 +65,23 @@ static void lanes_look_ahead(lag_lanes *s, int lanes)
 static void lanes_sizes_start(lag_lanes *s, int lanes)
 {
     const int nq = s->system->nq;
+    const lag_lane_tape *d = &s->moving.dynamics;
     int at_rest = 0;
     memcpy(s->before, s->y, (size_t)lag_size(s->system) * LAG_LANES * sizeof(double));
     for (int i = 0; i < 2 * nq; ++i) /* no two entries alike, lest their changes cancel too */
         EACH_PART (k)
             AT(s->before + i * LAG_LANES + k) *= 1.0 + PERTURBATION * cos(1.0 + i);
     const double *f = lanes_slope(s, s->t, s->before);
-    memset(s->largest, 0, (size_t)s->single->kinds * LAG_LANES * sizeof(double));
+    double *forces = s->before, *inertia = s->largest + s->single->kinds * LAG_LANES;
+    EACH_PART (k) {
+        for (int i = 0; i < nq; ++i)
+            AT(forces + i * LAG_LANES + k) = magnitude(READ(OUTPUT(d, lag_first_forcing(s->system) + i) + k));
+        for (int m = 0; m < s->system->nm; ++m) {
+            const vec a = READ(s->stages + (nq + s->system->mass_column[m]) * LAG_LANES + k);
+            AT(forces + s->system->mass_row[m] * LAG_LANES + k) += magnitude(READ(OUTPUT(d, m) + k) * a);
+        }
+    }
+    memset(s->largest, 0, 2 * (size_t)s->single->kinds * LAG_LANES * sizeof(double));
     EACH_PART (k) {
         const mask chosen = lanes_of(lanes, k);
         for (int i = 0; i < nq; ++i) {
@@ -83,6 +93,19 @@ static void lanes_sizes_start(lag_lanes *s, int lanes)
             AT(largest) = larger(gross, READ(largest));
             AT(s->later + q) = choose(chosen, all(0.0), READ(s->later + q));
             at_rest |= set_of((READ(s->y + q) == 0.0) & (READ(s->y + v) == 0.0) & (a == 0.0), k);
+        }
+        /* what balances: count_forces of sizes.c */
+        for (int i = 0; i < nq; ++i)
+            if (s->system->mass_diagonal[i] >= 0) {
+                double *of_kind = inertia + s->single->kind[i] * LAG_LANES + k;
+                AT(of_kind) = larger(READ(OUTPUT(d, s->system->mass_diagonal[i]) + k), READ(of_kind));
+            }
+        for (int i = 0; i < nq; ++i) {
+            double *largest = s->largest + s->single->kind[i] * LAG_LANES + k;
+            const vec balanced = READ(forces + i * LAG_LANES + k)
+                                 / READ(inertia + s->single->kind[i] * LAG_LANES + k);
+            const mask hidden = (READ(largest) < HIDDEN * balanced) & (balanced <= DBL_MAX);
+            AT(largest) = choose(hidden, balanced, READ(largest));
         }
         for (int i = 0; i < nq; ++i) {
             const vec gross = READ(s->largest + s->single->kind[i] * LAG_LANES + k);

@@ -47,6 +47,32 @@ static void look_ahead(lag_run *run)
     }
 }
 
+/* Raise the sizes of accelerations of each kind, A, that do not show the forces, which balance: to the
+ * largest sum of the magnitudes of f_i and M_ij a_j over the largest M_ii. */
+static void count_forces(lag_run *run, double *largest)
+{
+    const lag_system *s = run->system;
+    const lag_tape *d = &s->dynamics;
+    double *forces = run->trial, *of_kind = run->f_new, *inertia = of_kind + run->kinds;
+    lag_evaluate(d, s, run->t, run->y, LAG_ALL);
+    for (int i = 0; i < s->nq; ++i)
+        forces[i] = fabs(OUT(d, lag_first_forcing(s) + i));
+    for (int m = 0; m < s->nm; ++m)
+        forces[s->mass_row[m]] += fabs(OUT(d, m) * run->f[s->nq + s->mass_column[m]]);
+    memset(of_kind, 0, 2 * (size_t)run->kinds * sizeof(double));
+    for (int i = 0; i < s->nq; ++i) {
+        const int kind = run->kind[i];
+        of_kind[kind] = fmax(of_kind[kind], forces[i]);
+        if (s->mass_diagonal[i] >= 0)
+            inertia[kind] = fmax(inertia[kind], OUT(d, s->mass_diagonal[i]));
+    }
+    for (int kind = 0; kind < run->kinds; ++kind) {
+        const double a = inertia[kind] > 0.0 ? of_kind[kind] / inertia[kind] : 0.0;
+        if (largest[kind] < HIDDEN * a && isfinite(a))
+            largest[kind] = a;
+    }
+}
+
 void lag_sizes_start(lag_run *run)
 {
     static const int mode[] = {FE_DOWNWARD, FE_UPWARD};
@@ -68,9 +94,22 @@ void lag_sizes_start(lag_run *run)
     memset(run->largest, 0, (size_t)run->kinds * sizeof(double));
     for (int i = 0; i < nq; ++i)
         run->largest[run->kind[i]] = fmax(run->largest[run->kind[i]], run->gross[i]);
+    count_forces(run, run->largest);
     for (int i = 0; i < nq; ++i)
         run->gross[i] = run->largest[run->kind[i]];
     look_ahead(run);
+}
+
+int lag_sizes_again(lag_run *run)
+{
+    memset(run->gross, 0, (size_t)run->system->nq * sizeof(double));
+    if (lag_derivative(run, run->t, run->y, run->f))
+        return LAG_UNDEFINED;
+    lag_sizes_start(run);
+    lag_evaluate(&run->system->dynamics, run->system, run->t, run->y, LAG_ALL);
+    run->size[2 * run->system->nq] = kinetic_energy(run, run->y + run->system->nq, run->h);
+    lag_sizes_update(run);
+    return LAG_RUNNING;
 }
 
 void lag_sizes_update(lag_run *run)

@@ -14,7 +14,9 @@
  *   - SUMMING times h A_i for a velocity, and h^2 A_i for its coordinate. h is the step, A_i the size of
  *     what the acceleration is made of at the start, parts of which may cancel (a body in equilibrium):
  *     what it changes by between rounding up and rounding down, over the rounding unit; the largest
- *     among coordinates of the same kind;
+ *     among coordinates of the same kind. Where the acceleration is zero and, at the start, all
+ *     rounding too (a coordinate that a constraint holds), it is the largest sum of the magnitudes of
+ *     forces over the largest inertia among coordinates of the same kind;
  *   - TIMING times T R_i for a velocity, and h T R_i for its coordinate. T is the length of the run,
  *     R_i, of a coordinate at rest without acceleration, the largest acceleration at times to come: a
  *     load that is applied later, at a time that is known to a rounding.
@@ -32,6 +34,7 @@
 #define ROUNDING (100.0 * DBL_EPSILON)
 #define SUMMING (100.0 * DBL_EPSILON)
 #define TIMING (10.0 * DBL_EPSILON)
+#define HIDDEN 1e-8         /* of the forces' size: an A below is that of rounding, or chance */
 #define NO_SIZE 1e-100      /* the tolerance of an entry that has no size at all yet */
 #define PERTURBATION 1e-7   /* of the state, which shows A in lanes */
 #define LOOKS 64            /* times in a run at which accelerations to come are looked at */
@@ -43,6 +46,10 @@
 
 /* Find what the accelerations at (t, y, f), where the run starts, are made of, and will be: A, R. */
 void lag_sizes_start(lag_run *run);
+
+/* Find A anew where the linear system is solved in another way from here on. Returns LAG_RUNNING, or
+ * LAG_UNDEFINED. */
+int lag_sizes_again(lag_run *run);
 
 /* Before the step from (t, y, f) of size h: sizes, and the absolute tolerances of the step. */
 void lag_sizes_update(lag_run *run);
