@@ -30,90 +30,24 @@ static void lanes_sizes_energy(lag_lanes *s, int lanes, const double *y, const d
     }
 }
 
-/* y' at (t, y), in the step's last stage. */
-static double *lanes_slope(lag_lanes *s, const double *t, const double *y)
-{
-    double *f = s->stages + DOP_STAGES * lag_size(s->system) * LAG_LANES;
-    lanes_evaluate(&s->moving.dynamics, s->system, t, y, LAG_ALL);
-    lanes_derivative(&s->moving, f);
-    return f;
-}
-
-/* Raise R in some lanes to what the accelerations of coordinates at rest will be. */
-static void lanes_look_ahead(lag_lanes *s, int lanes)
-{
-    const int nq = s->system->nq;
-    for (int i = 0; i < LOOKS; ++i) {
-        double t[LAG_LANES];
-        EACH_LANE (l)
-            t[l] = s->t[l] + (i + 0.5) / LOOKS * (s->t_end - s->t[l]);
-        const double *f = lanes_slope(s, t, s->y);
-        EACH_PART (k)
-            for (int m = 0; m < nq; ++m) {
-                const int q = m * LAG_LANES + k, v = q + nq * LAG_LANES;
-                const vec a = magnitude(READ(f + v)), kept = READ(s->later + q);
-                const mask chosen = lanes_of(lanes, k) & (READ(s->y + q) == 0.0)
-                                    & (READ(s->y + v) == 0.0) & (READ(s->stages + v) == 0.0)
-                                    & (a <= DBL_MAX);
-                AT(s->later + q) = choose(chosen, larger(a, kept), kept);
-            }
-    }
-}
-
-/* Find A and R in some lanes, where y' at y is the first stage: lag_sizes_start. sin and cos of the
- * lanes rely on rounding to nearest; so a small change of the state shows A here. */
+/* Find A and R in some lanes: as single runs do, which may round up and down (sin and cos of the lanes
+ * may not). */
 static void lanes_sizes_start(lag_lanes *s, int lanes)
 {
     const int nq = s->system->nq;
-    const lag_lane_tape *d = &s->moving.dynamics;
-    int at_rest = 0;
-    memcpy(s->before, s->y, (size_t)lag_size(s->system) * LAG_LANES * sizeof(double));
-    for (int i = 0; i < 2 * nq; ++i) /* no two entries alike, lest their changes cancel too */
-        EACH_PART (k)
-            AT(s->before + i * LAG_LANES + k) *= 1.0 + PERTURBATION * cos(1.0 + i);
-    const double *f = lanes_slope(s, s->t, s->before);
-    double *forces = s->before, *inertia = s->largest + s->single->kinds * LAG_LANES;
-    EACH_PART (k) {
-        for (int i = 0; i < nq; ++i)
-            AT(forces + i * LAG_LANES + k) = magnitude(READ(OUTPUT(d, lag_first_forcing(s->system) + i) + k));
-        for (int m = 0; m < s->system->nm; ++m) {
-            const vec a = READ(s->stages + (nq + s->system->mass_column[m]) * LAG_LANES + k);
-            AT(forces + s->system->mass_row[m] * LAG_LANES + k) += magnitude(READ(OUTPUT(d, m) + k) * a);
+    EACH_LANE (l) {
+        if (!HAS(lanes, l))
+            continue;
+        lag_run *run = lanes_single(s, l, s->y);
+        memset(run->gross, 0, (size_t)nq * sizeof(double));
+        memset(run->later, 0, (size_t)nq * sizeof(double));
+        if (!lag_derivative(run, run->t, run->y, run->f))
+            lag_sizes_start(run);
+        for (int i = 0; i < nq; ++i) {
+            s->gross[i * LAG_LANES + l] = run->gross[i];
+            s->later[i * LAG_LANES + l] = run->later[i];
         }
     }
-    memset(s->largest, 0, 2 * (size_t)s->single->kinds * LAG_LANES * sizeof(double));
-    EACH_PART (k) {
-        const mask chosen = lanes_of(lanes, k);
-        for (int i = 0; i < nq; ++i) {
-            const int q = i * LAG_LANES + k, v = q + nq * LAG_LANES;
-            double *largest = s->largest + s->single->kind[i] * LAG_LANES + k;
-            const vec a = magnitude(READ(s->stages + v));
-            const vec noise = magnitude(READ(f + v) - READ(s->stages + v)) / PERTURBATION;
-            const vec gross = choose(noise <= DBL_MAX, larger(a, noise), a);
-            AT(largest) = larger(gross, READ(largest));
-            AT(s->later + q) = choose(chosen, all(0.0), READ(s->later + q));
-            at_rest |= set_of((READ(s->y + q) == 0.0) & (READ(s->y + v) == 0.0) & (a == 0.0), k);
-        }
-        /* what balances: count_forces of sizes.c */
-        for (int i = 0; i < nq; ++i)
-            if (s->system->mass_diagonal[i] >= 0) {
-                double *of_kind = inertia + s->single->kind[i] * LAG_LANES + k;
-                AT(of_kind) = larger(READ(OUTPUT(d, s->system->mass_diagonal[i]) + k), READ(of_kind));
-            }
-        for (int i = 0; i < nq; ++i) {
-            double *largest = s->largest + s->single->kind[i] * LAG_LANES + k;
-            const vec balanced = READ(forces + i * LAG_LANES + k)
-                                 / READ(inertia + s->single->kind[i] * LAG_LANES + k);
-            const mask hidden = (READ(largest) < HIDDEN * balanced) & (balanced <= DBL_MAX);
-            AT(largest) = choose(hidden, balanced, READ(largest));
-        }
-        for (int i = 0; i < nq; ++i) {
-            const vec gross = READ(s->largest + s->single->kind[i] * LAG_LANES + k);
-            AT(s->gross + i * LAG_LANES + k) = choose(chosen, gross, READ(s->gross + i * LAG_LANES + k));
-        }
-    }
-    if (at_rest & lanes)
-        lanes_look_ahead(s, at_rest & lanes);
 }
 
 /* Sizes and absolute tolerances for the next steps of some lanes. */

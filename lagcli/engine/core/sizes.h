@@ -36,7 +36,6 @@
 #define TIMING (10.0 * DBL_EPSILON)
 #define HIDDEN 1e-8         /* of the forces' size: an A below is that of rounding, or chance */
 #define NO_SIZE 1e-100      /* the tolerance of an entry that has no size at all yet */
-#define PERTURBATION 1e-7   /* of the state, which shows A in lanes */
 #define LOOKS 64            /* times in a run at which accelerations to come are looked at */
 
 /* What a first step is estimated with, in parts of the run's length, where nothing else says how
