@@ -90,7 +90,9 @@ def new_figure(size: tuple[float, float], dpi: float) -> Iterator[Any]:
     NumericalError
         There is too little memory for it; it would end the process without a message.
     """
-    check_fits(_MATPLOTLIB, "drawing a plot", "close other programs, or raise the limit (ulimit -v)")
+    check_fits(
+        _MATPLOTLIB, "drawing a plot", "close other programs, or raise the limit (ulimit -v)"
+    )
     try:
         import matplotlib
         from matplotlib.figure import Figure

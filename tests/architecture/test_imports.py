@@ -42,7 +42,7 @@ ROOMS = {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "derived"),
         *("settings", "start", "interruption", "memory", "threads", "trust", "version"),
     },
-    "trust": {"samples"},
+    "trust": {"engine", "samples"},
     "start": {"errors", "model", "equations", "engine", "undefined"},
     "sweeps": {
         *("errors", "model", "equations", "engine", "results", "simulation", "start", "variants"),
@@ -57,7 +57,7 @@ ROOMS = {
     "variants": {"errors", "model", "equations", "engine", "settings", "simulation", "start"},
     "pictures": {
         *("errors", "model", "equations", "engine", "samples", "trajectory", "results"),
-        *("simulation", "extremes", "derived", "interruption", "sweeps", "version"),
+        *("simulation", "extremes", "derived", "interruption", "memory", "sweeps", "version"),
     },
 }
 
