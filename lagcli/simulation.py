@@ -265,7 +265,7 @@ class Simulation:
         """
         began = time.perf_counter()
         columns = DerivedColumns(self.system)
-        trust = Trust(self.system.constraints)
+        trust = Trust(self.system)
         elsewhere = 0.0  # seconds that are not the engine's
 
         def take(block: Block) -> None:
@@ -296,14 +296,17 @@ class Simulation:
         tolerances: dict[str, float] = {}
         if run.tolerances is not None:
             tolerances = dict(zip(self.initial, run.tolerances[:-1].tolist(), strict=True))
-        assert self.settings.rtol
-        projected = self.settings.formulation == "projection"
-        scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
         return Record(
             tolerances=tolerances,
             warnings=(
-                *negative_inertia(self.system, self.settings.t_start or 0.0, self.start),
-                *trust.warnings(self.settings.rtol, run.steps, projected, scales),
+                *negative_inertia(
+                    self.system,
+                    self.settings.t_start or 0.0,
+                    self.start.q,
+                    self.start.v,
+                    self.start.rank,
+                ),
+                *_distrust(trust, columns, self.settings, run.steps),
             ),
             scale_position=columns.scale_position,
             scale_velocity=columns.scale_velocity,
@@ -324,6 +327,43 @@ class Simulation:
             freedom=self.freedom.to_mapping(),
             lagcli_version=__version__,
         )
+
+
+def warnings_of(
+    system: System, settings: Settings, rank: int, samples: NDArray[np.float64], steps: int
+) -> tuple[str, ...]:
+    """Return why a completed run cannot be trusted, from its samples alone.
+
+    Parameters
+    ----------
+    system : System
+        With the run's parameters.
+    settings : Settings
+        Complete ones.
+    rank : int
+        Of B at the start.
+    samples : (nt, 2 + 3 nq + nc) array
+        As for `Block.of_rows`, from the start on.
+    steps : int
+    """
+    nq, held = len(system.coordinates), _block_rows(system)
+    columns, trust = DerivedColumns(system), Trust(system)
+    for start in range(0, len(samples), held):
+        trust.add(columns(Block.of_rows(samples[start : start + held], nq)))
+    first = Block.of_rows(samples[:1], nq)
+    return (
+        *negative_inertia(system, float(first.time[0]), first.q[0], first.v[0], rank),
+        *_distrust(trust, columns, settings, steps),
+    )
+
+
+def _distrust(
+    trust: Trust, columns: DerivedColumns, settings: Settings, steps: int
+) -> tuple[str, ...]:
+    assert settings.rtol
+    projected = settings.formulation == "projection"
+    scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
+    return trust.warnings(settings.rtol, steps, projected, scales)
 
 
 def _no_samples(system: System) -> Block:

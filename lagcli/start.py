@@ -212,13 +212,22 @@ def _no_inertia(model: Model, coordinates: list[str]) -> NumericalError:
     )
 
 
-def negative_inertia(system: System, t: float, start: ConsistentState) -> list[str]:
+def negative_inertia(system: System, t: float, q: Array, v: Array, rank: int) -> list[str]:
     """Return a warning where T falls with the velocities that the constraints allow.
 
     Equations with negative masses can be solved, but no body has one: a sign is wrong.
+
+    Parameters
+    ----------
+    system : System
+    t : float
+    q, v : (nq,) arrays
+        A consistent state.
+    rank : int
+        Of B there.
     """
-    d = Evaluator(system).dynamics(t, start.q, start.v)
-    mass, nq = d.mass_matrix, len(start.q)
+    d = Evaluator(system).dynamics(t, q, v)
+    mass, nq = d.mass_matrix, len(q)
     if not nq or not np.isfinite(mass).all():
         return []
     size = np.sqrt(np.abs(np.diag(mass)))
@@ -234,7 +243,7 @@ def negative_inertia(system: System, t: float, start: ConsistentState) -> list[s
     if len(d.jacobian):
         from lagcli.engine.linear import decompose
 
-        free = decompose(d.jacobian, start.rank).null
+        free = decompose(d.jacobian, rank).null
     basis, _ = np.linalg.qr(free / size[:, None])
     values, vectors = np.linalg.eigh(basis.T @ scaled @ basis)
     if not len(values) or values[0] > -1e-9:

@@ -70,6 +70,40 @@ def test_inertia_that_constraints_make_positive_is_no_warning() -> None:
     assert lagcli.simulate(lagcli.load_text(model)).warnings == ()
 
 
+CANCELLING = """
+name: T, V and their sum are zero
+coordinates: [x, y]
+parameters: {w: 3}
+T: x'^2/2 - y'^2/2
+V: w^2*x^2/2 - w^2*y^2/2
+initial: {x: 1, y: 1, x': 0, y': 0}
+simulation: {t_end: 5, samples: 101}
+"""
+HELD = """
+name: a body that cannot move
+coordinates: [x, y]
+parameters: {m: 1, g: 9.81, l: 0.3}
+T: m*(x'^2 + y'^2)/2
+V: m*g*(y + l*cos(0.7))
+constraints: {rod: x^2 + y^2 = l^2, side: x = l*sin(0.7)}
+initial: {x: {guess: 0.19}, y: {guess: -0.3}, x': 0, y': 0}
+simulation: {t_end: 5, samples: 101}
+"""
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau"])
+def test_energies_that_cancel_are_no_warning(method: str) -> None:
+    run = lagcli.simulate(lagcli.load_text(CANCELLING), method=method)
+    assert 0 < abs(run.energy_balance).max() < 1e-14
+    (warning,) = run.warnings
+    assert "inertia of `y` is negative" in warning
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau"])
+def test_what_cannot_move_is_trusted(method: str) -> None:
+    assert lagcli.simulate(lagcli.load_text(HELD), method=method).warnings == ()
+
+
 @pytest.mark.parametrize("suffix", ["h5", "csv"])
 def test_a_warning_is_kept_and_strict_is_status_3(tmp_path: Path, suffix: str) -> None:
     model, target = tmp_path / "negative.yaml", tmp_path / f"run.{suffix}"
