@@ -119,6 +119,14 @@ def sweep(
     retry_failed: Annotated[
         bool, typer.Option("--retry-failed", help="With --resume, run failed rows again too.")
     ] = False,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict",
+            help="Count a row as failed where `lagcli simulate` would warn: its energy balance or"
+            " residuals do not bear out the tolerance, or its inertia is negative.",
+        ),
+    ] = False,
     set: SetParameter = None,
     set_initial: SetInitial = None,
     t_start: StartTime = None,
@@ -174,6 +182,7 @@ def sweep(
         "jobs": jobs,
         "resume": resume,
         "retry_failed": retry_failed,
+        "strict": strict,
         "force": force,
         "settings": settings,
     }

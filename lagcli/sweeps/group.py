@@ -15,7 +15,7 @@ from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.measures import read_measures
 from lagcli.model.model import InitialValue, Model
 from lagcli.settings import engine_of, sample_times
-from lagcli.simulation import Simulation, ready
+from lagcli.simulation import Simulation, ready, warnings_of
 from lagcli.start import undefined_at
 from lagcli.sweeps.reductions import Grid, Measuring
 from lagcli.sweeps.signals import Signals, kept_signals
@@ -40,12 +40,15 @@ class Ended(NamedTuple):
     runs : list of k Run or LagcliError
         How each ended, or why it did not begin.
     parameters : (k, np) array
+    rank : int
+        Of B at the starts.
     """
 
     places: NDArray[np.intp]
     samples: Array
     runs: list[Run | LagcliError]
     parameters: Array
+    rank: int
 
 
 class Group:
@@ -134,6 +137,15 @@ class Group:
         )
         return measures, rows[:, self.grid.samples[self.grid.samples < reached]]
 
+    def warnings(self, ended: Ended, i: int) -> tuple[str, ...]:
+        """Return why the i-th of some runs, a completed one, cannot be trusted."""
+        run = ended.runs[i]
+        assert isinstance(run, Run)
+        system = self.variants.system
+        parameters = tuple(ended.parameters[i].tolist())
+        system = dataclasses.replace(system, parameters=parameters)
+        return warnings_of(system, self.variants.settings, ended.rank, ended.samples[i], run.steps)
+
     # eight at a time
 
     def _common(self, heed: Callable[[], None]) -> Request | None:
@@ -187,7 +199,7 @@ class Group:
                 self._said(place, run, values)
                 for place, run in zip(places, finished.runs, strict=True)
             ]
-            sink(Ended(places, finished.samples, [*runs], values.parameters[places]))
+            sink(Ended(places, finished.samples, [*runs], values.parameters[places], request.rank))
 
         parameters, q, v = (x[ordinary] for x in (values.parameters, starts.q, starts.v))
         run_lanes(system, request, parameters, q, v, take, heed)
@@ -223,7 +235,7 @@ class Group:
         try:
             simulation = self._simulation(place, given, values)
         except LagcliError as error:
-            return Ended(places, np.empty((1, 0, width)), [error], values.parameters[places])
+            return Ended(places, np.empty((1, 0, width)), [error], values.parameters[places], 0)
         request = dataclasses.replace(simulation.request, times=self.grid.all)
         rows = [np.empty((0, width))]
 
@@ -235,7 +247,8 @@ class Group:
         if run.status == "interrupted":
             raise Interrupted
         said = self._said(place, run, values)
-        return Ended(places, np.concatenate(rows)[None], [said], values.parameters[places])
+        parameters = values.parameters[places]
+        return Ended(places, np.concatenate(rows)[None], [said], parameters, request.rank)
 
     def _simulation(self, place: int, given: Array, values: Values) -> Simulation:
         """Return the simulation of one row; raises what keeps it from beginning."""

@@ -41,6 +41,7 @@ class Asked(NamedTuple):
     zipped: bool
     measures: tuple[tuple[str, str], ...]
     keep: str | None
+    strict: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +89,7 @@ def prepare_sweep(
         raise UsageError("a CSV file holds measures only; give -o with .h5 to keep trajectories")
     read_measures(model, asked.measures)
     given = settings or Settings()
-    spec = Spec(text, name, set, set_initial, given, plan, asked.measures, "measures")
+    spec = Spec(text, name, set, set_initial, given, plan, asked.measures, "measures", asked.strict)
     trial = Runner(spec)
     base = trial.base()
     widths = sum(width for _, _, width in kept_layout(model)) + len(model.outputs)

@@ -38,8 +38,8 @@ class Results(NamedTuple):
     numbers : (n,) array of int
         The rows' numbers.
     status : (n,) array of int8
-        An index of ``STATUSES``: completed; failed, where the numbers did; error, where the model
-        cannot have these values.
+        An index of ``STATUSES``: completed; failed, where the numbers did or, of a strict sweep,
+        cannot be trusted; error, where the model cannot have these values.
     messages : list of n str
         Empty for most completed rows.
     counts : (n, 3) array of int
@@ -148,7 +148,7 @@ class Runner:
     def run(self, numbers: Numbers, heed: Callable[[], None]) -> Results:
         """Run rows; as `run_rows`."""
         table = self.spec.plan.rows(numbers)
-        found = _Collected(numbers, len(self.spec.measures))
+        found = _Collected(numbers, len(self.spec.measures), self.spec.strict)
         different, which = np.unique(table[:, self.structural], axis=0, return_inverse=True)
         for i, values in enumerate(different):
             places = np.flatnonzero(which.reshape(-1) == i)
@@ -166,8 +166,8 @@ class Runner:
 class _Collected:
     """The results of some rows as they come."""
 
-    def __init__(self, numbers: Numbers, measures: int):
-        n = len(numbers)
+    def __init__(self, numbers: Numbers, measures: int, strict: bool):
+        n, self.strict = len(numbers), strict
         self.numbers, self.messages = numbers, [""] * n
         self.status = np.full(n, MISSING, dtype=np.int8)
         self.counts = np.zeros((n, 3), dtype=np.int64)
@@ -194,11 +194,20 @@ class _Collected:
                 self.counts[row] = run.steps, run.rejected, run.evaluations
         if not ended.samples.shape[1]:
             return
+        if self.strict:
+            self._distrust(group, rows, ended)
         measures, kept = group.measured(ended)
         completed = self.status[rows] == COMPLETED
         self.measures[rows[completed]] = measures[completed]
         if group.kept_names:
             self.kept[rows, : kept.shape[1]] = kept
+
+    def _distrust(self, group: Group, rows: NDArray[np.intp], ended: Ended) -> None:
+        """Let completed rows fail that cannot be trusted."""
+        for i in np.flatnonzero(self.status[rows] == COMPLETED).tolist():
+            warnings = group.warnings(ended, i)
+            if warnings:
+                self.status[rows[i]], self.messages[rows[i]] = FAILED, "; ".join(warnings)
 
     def results(self) -> Results:
         """Return them."""

@@ -87,6 +87,7 @@ def sweep(
     jobs: int | None = None,
     resume: bool = False,
     retry_failed: bool = False,
+    strict: bool = False,
     force: bool = False,
     progress: Callable[[int, int], None] | None = None,
     executor: Executor | None = None,
@@ -118,6 +119,8 @@ def sweep(
         Go on with a sweep that was interrupted; one that was not begun is begun.
     retry_failed : bool
         With ``resume``, run rows that failed again.
+    strict : bool
+        Count rows as failed whose energy balance, residuals or inertia `simulate` warns of.
     force : bool
         Replace an existing file, and begin anew.
     progress : callable, optional
@@ -152,7 +155,7 @@ def sweep(
         set = {**model.set, **(set or {})}
         set_initial = {**model.set_initial, **(set_initial or {})}
     given = measures.items() if isinstance(measures, Mapping) else map(named_measure, measures)
-    asked = Asked(vary, sample, seed, zipped, tuple(given), keep)
+    asked = Asked(vary, sample, seed, zipped, tuple(given), keep, strict)
     ready = prepare_sweep(text, name, set or {}, set_initial or {}, settings, asked, path)
     with opened(ready, path, resume, retry_failed, force) as state:
         if state.journal is None:

@@ -34,6 +34,8 @@ class Spec:
     measures : tuple of (name, text)
     keep : "measures" or "trajectories"
         Whether the samples of each row are kept too.
+    strict : bool
+        Whether a row that cannot be trusted counts as failed.
     """
 
     text: str
@@ -44,6 +46,7 @@ class Spec:
     plan: Plan
     measures: tuple[tuple[str, str], ...]
     keep: str
+    strict: bool = False
 
     @property
     def size(self) -> tuple[int, int]:
@@ -72,6 +75,7 @@ class Spec:
             "plan": self.plan.described(),
             "measures": [list(x) for x in self.measures],
             "keep": self.keep,
+            "strict": self.strict,
         }
 
     @cached_property

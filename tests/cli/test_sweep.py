@@ -259,6 +259,29 @@ def test_rows_do_not_depend_on_jobs(here: Here, monkeypatch: pytest.MonkeyPatch)
     assert_same("one.h5", "two.h5")
 
 
+def test_strict_fails_rows_that_cannot_be_trusted(here: Here) -> None:
+    Path("fast.yaml").write_text(
+        "coordinates: [x]\nparameters: {w: 20}\nT: x'^2/2\nV: w^2*x^2/2\n"
+        "initial: {x: 1, x': 0}\nsimulation: {t_end: 20, samples: 101, atol: 0.1}\n"
+    )
+    arguments = ("sweep", "fast.yaml", "--vary", "w=0,20", "--measure", "final(x)", "--jobs", "1")
+    assert here(*arguments, "-o", "s.h5") == 0
+    assert here(*arguments, "--strict", "-o", "t.h5", "--json") == 3
+    said = json.loads(here.out)
+    assert (said["rows"], said["ok"]) == (2, 1)
+    ((cause, count),) = said["failed"].items()
+    assert cause.startswith("the energy balance is off by … J")
+    assert count == 1
+    found = contents("t.h5")
+    assert found["status"].tolist() == [0, 1]
+    assert np.isnan(found["final(x)"]).tolist() == [False, True]
+    run = lagcli.simulate(lagcli.load("fast.yaml"))
+    assert b"energy balance" in found["message"][1]
+    assert any("energy balance" in warning for warning in run.warnings)
+    assert here(*arguments, "--resume", "-o", "t.h5") == 2
+    assert "strict: True before, False now" in here.err
+
+
 # resuming
 
 
