@@ -300,6 +300,11 @@ class Integration:
                 f"the motion cannot be brought back onto the constraints at t = {core.t_bad:.9g} s;"
                 " try a smaller --rtol or --max-step, or --engine scipy"
             )
+        if status == binding.JUMPED:
+            from lagcli.engine.projection import jumped
+
+            q, v = self.split(core.y_bad)
+            raise jumped(self.system, core.t_bad, q, self.projection(core.t_bad, q, v)[0])
         if status == binding.FLOOR:
             if self.methods.may_help() and not self.watch.near(core.t, core.state):
                 self.methods.stiff(forced=True)

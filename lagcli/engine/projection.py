@@ -12,6 +12,7 @@ from lagcli.engine import linear
 from lagcli.engine.evaluator import Constraints, Evaluator
 from lagcli.engine.run import Stop, Undefined
 from lagcli.engine.scales import coordinate_sizes, least_scales, usable
+from lagcli.engine.system import System
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -23,6 +24,9 @@ _ITERATIONS = 10
 _RESIDUAL = 2e-15
 #: ... and must come below this: beyond rounding error, there is no consistent state nearby.
 _NOT_REACHED = 1e-10
+#: Of a step's tolerances, and of the largest size of its kind: what no step's error moves a
+#: coordinate by.
+_FAR, _FAR_PART = 100.0, 1e-3
 
 
 class Projection:
@@ -134,3 +138,30 @@ class Projection:
             f"the motion cannot be brought back onto the constraints {listed} at t = {t:.9g} s;"
             " try a smaller --rtol or --max-step"
         )
+
+
+def is_far(before: Array, after: Array, allowed: Array, largest: Array) -> bool:
+    """Return whether a projection moved a coordinate far further than a step's error does.
+
+    Parameters
+    ----------
+    before, after : (nq,) array
+        Coordinates.
+    allowed : (nq,) array
+        The step's tolerances.
+    largest : (nq,) array
+        The largest size of each coordinate's kind so far.
+    """
+    moved = np.abs(after - before)
+    return bool(((moved > _FAR * allowed) & (moved > _FAR_PART * largest)).any())
+
+
+def jumped(system: System, t: float, before: Array, after: Array) -> Stop:
+    """Return what ends a run whose constraints are met only far from where a step ended."""
+    moved = np.abs(after - before)
+    i = int(moved.argmax())
+    return Stop(
+        f"the constraints jump at t = {t:.9g} s: the next state on them is"
+        f" {moved[i]:.3g} away in `{system.coordinates[i]}`, far more than the error of a step;"
+        " a holonomic constraint must be continuous: see floor, sign, if and the like in it"
+    )

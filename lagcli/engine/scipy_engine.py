@@ -17,7 +17,7 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.events import EventSearch
 from lagcli.engine.index1 import Index1
 from lagcli.engine.passage import Crossing
-from lagcli.engine.projection import Projection
+from lagcli.engine.projection import Projection, is_far, jumped
 from lagcli.engine.run import Block, Event, Limits, Request, Run, Stopped, Undefined, outcome
 from lagcli.engine.singular import Ahead, RankWatch
 from lagcli.engine.sizes import Sizes
@@ -271,7 +271,13 @@ class _Integration:
         """Return the consistent state next to y; y itself where nothing is projected."""
         if self.request.formulation != "projection" or not self.system.constraints:
             return y
-        return np.concatenate([*self.projection(t, *self.motion.split(y)), y[-1:]])
+        before, v = self.motion.split(y)
+        q, v = self.projection(t, before, v)
+        if self.sizes is not None and self.system.holonomic:
+            allowed = self.sizes.tolerances[: len(q)] + self.request.rtol * np.abs(q)
+            if is_far(before, q, allowed, self.sizes.largest()):
+                raise jumped(self.system, t, before, q)
+        return np.concatenate([q, v, y[-1:]])
 
     def due(self, end: float) -> Iterator[float]:
         """Yield the sample times up to a time that are not yet sampled."""

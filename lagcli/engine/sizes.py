@@ -112,6 +112,10 @@ class Sizes:
         found = _FOLLOWING * self.request.rtol * size + floor + _NO_SIZE
         self.tolerances = np.where(self.given > 0, self.given, found)
 
+    def largest(self) -> Array:
+        """Return the largest size of each coordinate's kind so far, (nq,)."""
+        return self._of_kind(self.size[: self.nq])
+
     def first_step(self, t: float, y: Array, order: float) -> float:
         """Return the size of a first step; lag_first_step of core/sizes.c."""
         nq = self.nq

@@ -121,6 +121,18 @@ def test_jumps_in_a_constraint() -> None:
     np.testing.assert_allclose(y, x**2, atol=1e-9)
 
 
+@pytest.mark.parametrize("engine", ["compiled", "scipy"])
+def test_a_constraint_that_jumps_ends_the_run(engine: str) -> None:
+    """At x = 0 the stairs go down by 1 m: nothing after that belongs to the motion before."""
+    trajectory = simulate(load(FOUND / "floor_constraint.yaml"), engine=engine)
+    assert trajectory.status == "failed"
+    assert "the constraints jump at" in trajectory.message
+    assert "1 away in `y`" in trajectory.message
+    assert (trajectory.q[:, 0] >= 0).all()
+    energy = trajectory.energy_total
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
+
+
 def test_floor_and_ceil_of_constants_are_numbers() -> None:
     model = load(FOUND / "hostile" / "ceil-of-constants.yaml")
     found = {name: float(x) for name, x in model.outputs.items()}

@@ -28,6 +28,7 @@ STIFF: int
 ORDER: int
 EVENT: int
 CONTRADICTED: int
+JUMPED: int
 METHODS: tuple[str, ...]
 
 LANES: int

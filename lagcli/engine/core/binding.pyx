@@ -236,8 +236,8 @@ cdef extern from "radau5_tableau.h":
 
 (
     RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE, STIFF, ORDER, EVENT,
-    CONTRADICTED,
-) = range(13)
+    CONTRADICTED, JUMPED,
+) = range(14)
 METHODS = ("DOP853", "Rodas5P", "Radau", "Taylor")
 
 

@@ -227,6 +227,21 @@ static int lanes_moved(const lag_lanes *s)
     return found;
 }
 
+/* The lanes in which the projection moved a coordinate too far: lag_return of project.c. */
+static int lanes_jumped(const lag_lanes *s)
+{
+    int found = 0;
+    EACH_PART (k)
+        for (int i = 0; i < s->system->nq; ++i) {
+            const int m = i * LAG_LANES + k;
+            const vec y = READ(s->projected + m), moved = magnitude(y - READ(s->y_new + m));
+            const vec largest = READ(s->largest + s->single->kind[i] * LAG_LANES + k);
+            found |= set_of((moved > FAR * (READ(s->atol + m) + s->rtol * magnitude(y)))
+                                & (moved > FAR_PART * largest), k);
+        }
+    return found;
+}
+
 /* Go to the ends of accepted steps; return the lanes that arrive. */
 static int lanes_arrive(lag_lanes *s, int lanes, const double *h, double *end)
 {
@@ -242,6 +257,8 @@ static int lanes_arrive(lag_lanes *s, int lanes, const double *h, double *end)
     if (system->nc) {
         lanes = lanes_leave_all(s, lanes, lanes_project(&s->moving, end, s->projected, lanes));
         lanes_measure(s, lanes);
+        if (system->nh)
+            lanes = lanes_leave_all(s, lanes, lanes_jumped(s));
     }
     if (s->watching)
         EACH_LANE (l)

@@ -107,3 +107,17 @@ int lag_project(lag_run *run, double t, double *y)
     }
     return LAG_RUNNING;
 }
+
+int lag_return(lag_run *run, double t, double *y)
+{
+    const int nq = run->system->nq, status = lag_project(run, t, y);
+    if (status != LAG_RUNNING || run->system->nh == 0)
+        return status;
+    for (int i = 0; i < nq; ++i) {
+        const double moved = fabs(y[i] - run->y_bad[i]);
+        if (moved > FAR * (run->atol[i] + run->rtol * fabs(y[i]))
+            && moved > FAR_PART * run->largest[run->kind[i]])
+            return LAG_JUMPED;
+    }
+    return LAG_RUNNING;
+}

@@ -8,6 +8,8 @@
 #define RESIDUAL 2e-15      /* of the constraint's scale: where a projection ends */
 #define NOT_REACHED 1e-10   /* of the scale: beyond it there is no consistent state nearby */
 #define LEAST_PART 1e-3     /* of the system's size that a coordinate has at least, by its inertia */
+#define FAR 100.0           /* of a step's tolerances: no error of a step moves a coordinate further, ... */
+#define FAR_PART 1e-3       /* ... if this is also such a part of the largest size of its kind */
 #define RAISE 2             /* Newton steps after which the least scales are looked at */
 
 /*
@@ -18,5 +20,9 @@
 
 /* Bring y at t to the constraints. Returns LAG_RUNNING, LAG_UNDEFINED or LAG_OFF. */
 int lag_project(lag_run *run, double t, double *y);
+
+/* Do so within or after a step; LAG_JUMPED where that moves a coordinate far further than the step's
+ * error does: a constraint jumps, or the motion would go on elsewhere. */
+int lag_return(lag_run *run, double t, double *y);
 
 #endif

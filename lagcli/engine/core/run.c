@@ -99,7 +99,7 @@ static int sample(lag_run *run, double t, double *y)
     const int nq = s->nq, nc = s->nc;
     double power, *row = run->block + run->block_used * (2 + 3 * nq + nc);
     if (run->projecting) {
-        const int status = lag_project(run, t, y);
+        const int status = lag_return(run, t, y);
         if (status != LAG_RUNNING)
             return status;
     }
@@ -151,7 +151,7 @@ static int finish(lag_run *run)
             return damped;
     }
     if (run->projecting && run->system->nc) {
-        const int off = lag_project(run, run->t, run->y);
+        const int off = lag_return(run, run->t, run->y);
         if (off != LAG_RUNNING)
             return off;
         lag_measure(run);

@@ -28,7 +28,8 @@ enum lag_status {
     LAG_STIFF,        /* an explicit method has no use for the accuracy of its steps */
     LAG_ORDER,        /* an implicit method needs an order of pivots for its matrix */
     LAG_EVENT,        /* an event happened inside the last step */
-    LAG_CONTRADICTED  /* redundant constraints may contradict each other after the last step */
+    LAG_CONTRADICTED, /* redundant constraints may contradict each other after the last step */
+    LAG_JUMPED        /* the constraints at t_bad are met only far from y_bad */
 };
 
 enum lag_method { LAG_DOP853, LAG_RODAS5P, LAG_RADAU5, LAG_TAYLOR };
