@@ -77,7 +77,11 @@ def scaled(path: Path, length: float, mass: float, time: float) -> tuple[Model, 
     plain = lagcli.load(path)
     factors = np.array([factor(c.unit) for c in plain.coordinates])
     # those that are functions of others follow
-    values = {n: p.value * factor(p.unit) for n, p in plain.parameters.items() if p.unit or not _computed(p.text)}
+    values = {
+        n: p.value * factor(p.unit)
+        for n, p in plain.parameters.items()
+        if p.unit or not _computed(p.text)
+    }
     text = {n: f"{x!r} {_si(plain.parameters[n].unit)}".strip() for n, x in values.items()}
     initial = {}
     for c, f in zip(plain.coordinates, factors, strict=True):
