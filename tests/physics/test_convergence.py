@@ -47,7 +47,7 @@ def errors(trajectory: Trajectory) -> tuple[float, float]:
         ("Taylor", (1e-5, 1e-7, 1e-9, 1e-11)),
         ("RK45", (1e-4, 1e-6, 1e-8)),
         ("RK23", (1e-3, 1e-5)),
-        ("Radau", (1e-4, 1e-6)),
+        ("Radau", (1e-5, 1e-7)),  # the steps at 1e-4 are few, and its errors small by chance
         ("BDF", (1e-4, 1e-6)),
         ("LSODA", (1e-5, 1e-7)),
     ],

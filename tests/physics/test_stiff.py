@@ -116,8 +116,9 @@ def error(model: Model, method: str, h: float, time: float) -> float:
     ("model", "method"), [(WIRE, "Rodas5P"), (DRIVEN, "Rodas5P"), (DRIVEN, "Radau")]
 )
 def test_order_on_a_moving_constraint(model: Model, method: str, inside: float) -> None:
-    # small enough that the first step is not shorter
-    sizes = (0.05, 0.025, 0.0125)
+    # small enough that the first step is not shorter, large enough for errors above rounding
+    fine = model is not DRIVEN or method == "Radau"
+    sizes = (0.05, 0.025, 0.0125) if fine else (0.1, 0.05, 0.025)
     found = [error(model, method, h, 1 - inside * h) for h in sizes]
     orders = np.diff(np.log(found)) / np.diff(np.log(sizes))
     # Radau's collocation polynomial has an error of h⁴ inside a step
