@@ -299,3 +299,30 @@ initial: {x: 1, y: 0, x': 0, y': 0}
     assert "DOP853, Radau with projection" in done.stdout
     assert "the motion is stiff: went on with Radau at t = " in done.stdout
     assert max(map(len, done.stdout.splitlines())) <= 100
+
+
+# a beam of 40 links: fast, but not stiff
+
+BEAM = lagcli.load(Path(__file__).parents[1] / "found" / "beam40.yaml")
+
+
+def test_beam_is_not_tried_with_an_implicit_method() -> None:
+    """Accuracy limits its steps as much as stability: a trial would cost and gain nothing."""
+    runs = [
+        lagcli.simulate(BEAM, samples=2, max_steps=600, method=method)
+        for method in ("auto", "DOP853")
+    ]
+    assert runs[0].counts == runs[1].counts
+    np.testing.assert_array_equal(runs[0].q, runs[1].q)
+
+
+@pytest.mark.slow
+def test_beam_against_published_values() -> None:
+    trajectory = completed(BEAM, samples=2)
+    q, v = trajectory.q[-1], trajectory.v[-1]
+    links = np.array([1, 10, 20, 40]) - 1
+    expected = [-0.5792366591285007e-2, -0.9119134654647947e-1]
+    expected += [-0.1483595472463012, -0.1767201761075488]
+    np.testing.assert_allclose(q[links], expected, rtol=0, atol=1e-8)
+    expected = [0.3747362681329794e-1, 0.5987609702624270, 1.186724615113034]
+    np.testing.assert_allclose(v[links[[0, 1, 3]]], expected, rtol=0, atol=1e-7)
