@@ -308,8 +308,8 @@ BEAM = lagcli.load(Path(__file__).parents[1] / "found" / "beam40.yaml")
 
 def test_beam_is_not_tried_with_an_implicit_method() -> None:
     """Accuracy limits its steps as much as stability: a trial would cost and gain nothing."""
-    runs = [
-        lagcli.simulate(BEAM, samples=2, max_steps=600, method=method)
+    runs = [  # the path is examined after 2000 steps
+        lagcli.simulate(BEAM, samples=2, max_steps=2100, method=method)
         for method in ("auto", "DOP853")
     ]
     assert runs[0].counts == runs[1].counts

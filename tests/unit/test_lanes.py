@@ -202,7 +202,7 @@ def _residuals(runs, rows):
 def test_constraints_whose_terms_vanish_stay_in_the_lanes(core_statuses):
     """A door about the frame's axis: the orientation's two constraints are zero term by term."""
     path = MODELS[0].parents[1] / "tests" / "found" / "door_one_hinge.yaml"
-    # at 0.95 s the second meets an orientation in which its elimination is not accurate, and leaves
+    # by 0.95 s the second has left the lanes
     options = {"t_end": 0.9, "samples": 11}
     runs = Runs(lagcli.load(path), ["gx"], [[1.7], [2.0], [0.5]], **options)
     found = runs()
