@@ -370,7 +370,7 @@ class Integration:
         return crossing.end >= self.request.t_end or self.heed(core.start())
 
     def measure(self) -> None:
-        """Let what thinks judge B's rows by the largest lengths that the core has seen."""
+        """Measure B here, and take over the largest lengths of its rows from the core."""
         self.motion.measure(self.core.t, *self.split(self.core.state))
         self.motion.lengths = np.maximum(self.motion.lengths, self.core.lengths)
 

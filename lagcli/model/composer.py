@@ -204,7 +204,7 @@ class _Composer:
             text = self.source.between(start, end)
             if ":" not in text:  # braces where parentheses are meant: an expression will say so
                 return Scalar(self.source, start, end, text)
-        return Mapping(self.source, start, end, self.entries(self.mended(found)))
+        return Mapping(self.source, start, end, self.entries(self.rejoined(found)))
 
     def is_bare(self, key: Node, value: Node) -> bool:
         if not (isinstance(value, Scalar) and not value.value and value.style is None):
@@ -212,32 +212,32 @@ class _Composer:
         line, column = key.end
         return not _COLON.match(self.source.lines[line], column)
 
-    def mended(self, found: list[_Entry]) -> list[_Entry]:
+    def rejoined(self, found: list[_Entry]) -> list[_Entry]:
         """Report entries without a colon, and put together what a comma has cut."""
-        mended: list[_Entry] = []
+        rejoined: list[_Entry] = []
         cut: list[Node] = []  # the keys that commas have made of one value
         for entry in found:
             key = entry.key
             if not entry.bare:
-                self.join(cut, mended)
+                self.join(cut, rejoined)
                 cut = []
-                mended.append(entry)
+                rejoined.append(entry)
             elif isinstance(key, Scalar) and ":" in key.value and key.style is None:
-                self.join(cut, mended)
+                self.join(cut, rejoined)
                 cut = []
-                mended.append(self.split_at_colon(key))
-            elif mended and isinstance(mended[-1].value, Scalar):
+                rejoined.append(self.split_at_colon(key))
+            elif rejoined and isinstance(rejoined[-1].value, Scalar):
                 cut.append(key)
             else:
                 self.report("yaml", f"{key.what} has no value", key, "write `name: value`")
-        self.join(cut, mended)
-        return mended
+        self.join(cut, rejoined)
+        return rejoined
 
-    def join(self, cut: list[Node], mended: list[_Entry]) -> None:
+    def join(self, cut: list[Node], rejoined: list[_Entry]) -> None:
         """Put a value together that commas have cut, and report it."""
         if not cut:
             return
-        last, end = mended[-1], cut[-1].end
+        last, end = rejoined[-1], cut[-1].end
         text = self.source.between(last.value.start, end)
         last.value = Scalar(self.source, last.value.start, end, text)
         name = last.key.value if isinstance(last.key, Scalar) else "…"

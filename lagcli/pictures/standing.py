@@ -104,7 +104,7 @@ class StandingForce:
             f"{self.model.path}: view: vector `{self.arrow.name}`: the force of"
             f" `{self.arrow.constraint}` at {at} {why};\ngive the vector by `components`, for"
             f" instance [lambda.{self.arrow.constraint}, 0] (docs/view.md), and draw the result"
-            " with the mended model file: --model FILE"
+            " with the corrected model file: --model FILE"
         )
 
 

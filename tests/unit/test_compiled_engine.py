@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -106,29 +105,16 @@ initial: {{x: 0.6, z: -0.8, x': 0, z': 0}}
 
 
 @pytest.fixture
-def counted(monkeypatch):
+def counted(count_calls):
     """Count the searches for an order, the orders written out, and the programs assembled."""
     from lagcli.engine import initial, prepared
 
-    counts = Counter()
-
-    def watch(module, name):
-        original = getattr(module, name)
-
-        def called(*args, **kwargs):
-            counts[name] += 1
-            return original(*args, **kwargs)
-
-        monkeypatch.setattr(module, name, called)
-
-    for module, name in (
+    return count_calls(
         (initial, "order_at"),
         (prepared, "order_at"),
         (prepared, "unroll"),
         (prepared, "assemble"),
-    ):
-        watch(module, name)
-    return counts
+    )
 
 
 def test_what_a_long_elimination_lacks_is_refined(counted):

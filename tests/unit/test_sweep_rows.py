@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -21,25 +20,13 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
-def counted(monkeypatch):
+def counted(count_calls):
     """Count the programs assembled and the orders of elimination found."""
     from lagcli.engine import lanes, prepared, starts
 
-    counts = Counter()
-
-    def watch(module, name):
-        original = getattr(module, name)
-
-        def called(*args, **kwargs):
-            counts[name] += 1
-            return original(*args, **kwargs)
-
-        monkeypatch.setattr(module, name, called)
-
-    for module in (lanes, prepared, starts):
-        watch(module, "assemble")
-    watch(prepared, "order_at")
-    return counts
+    return count_calls(
+        (lanes, "assemble"), (prepared, "assemble"), (starts, "assemble"), (prepared, "order_at")
+    )
 
 
 def runner(path: Path, vary: str, **settings) -> Runner:
