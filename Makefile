@@ -13,9 +13,9 @@ WORKERS ?= 2
 FUZZ_COUNT ?= 1000
 
 #: What runs the core: its own tests and those of both engines.
-CORE_TESTS := tests/unit/test_compiled_engine.py tests/unit/test_engines.py tests/unit/test_tape.py \
-              tests/unit/test_lanes.py tests/unit/test_layers.py tests/unit/test_packing.py \
-              tests/unit/test_starts.py tests/unit/test_events.py tests/property/test_property_elimination.py \
+CORE_TESTS := tests/unit/engine/integrate/test_compiled_engine.py tests/unit/engine/integrate/test_engines.py tests/unit/engine/tape/test_tape.py \
+              tests/unit/engine/integrate/test_batch.py tests/unit/engine/taylor/test_layers.py tests/unit/engine/program/test_vectorize.py \
+              tests/unit/engine/constraints/test_initial_batch.py tests/unit/engine/integrate/test_events.py tests/property/test_property_elimination.py \
               tests/physics/test_stiff.py
 
 .PHONY: help install demo test fuzz lint coverage docs docs-check gallery dist bench sanitize valgrind clean
@@ -61,7 +61,7 @@ lint: $(BIN)/.extra-lint ## Check style and types
 coverage: $(BIN)/.extra-coverage ## Run the tests; report the lines they reach, by package
 	@mkdir -p build
 	$(BIN)/python -m pytest -n $(WORKERS) --cov --cov-report=json:build/coverage.json --cov-report=
-	$(BIN)/python tests/coverage_by_package.py build/coverage.json
+	$(BIN)/python tests/support/coverage_by_package.py build/coverage.json
 
 docs: $(BIN)/.extra-docs ## Build the documentation as pages, build/site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
@@ -69,7 +69,7 @@ docs: $(BIN)/.extra-docs ## Build the documentation as pages, build/site/index.h
 dist: $(BIN)/.extra-dist ## Build dist/*.tar.gz and *.whl; try the wheel in an empty environment
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
-	$(BIN)/python tests/try_wheel.py dist/*.whl
+	$(BIN)/python tests/support/try_wheel.py dist/*.whl
 
 $(BENCH)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(BENCH)
@@ -110,7 +110,7 @@ CORE_FILES := $(shell ls lagcli/engine/core | sed -n 's/\.c$$//p' | paste -sd '|
 valgrind: install ## Run tests of the core under valgrind (Debian: valgrind); takes minutes
 	@mkdir -p build
 	PYTHONMALLOC=malloc valgrind --leak-check=no --error-limit=no --log-file=build/valgrind.log \
-	  $(BIN)/python -m pytest -p no:cacheprovider tests/unit/test_compiled_engine.py \
+	  $(BIN)/python -m pytest -p no:cacheprovider tests/unit/engine/integrate/test_compiled_engine.py \
 	  -k "eliminate or replaced or redundant or damping or blocks"
 	! grep -E -A 12 "core/binding|\(($(CORE_FILES))\.c:" build/valgrind.log
 

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 from lagcli.version import __version__
 
 if TYPE_CHECKING:
-    from lagcli.equations.lagrange import derive
+    from lagcli.equations.derivation.lagrange import derive
     from lagcli.equations.render import render
     from lagcli.model.loader import load, load_text
-    from lagcli.pictures.animate import animate
-    from lagcli.pictures.plot import plot
+    from lagcli.pictures.animation.animate import animate
+    from lagcli.pictures.plots.plot import plot
     from lagcli.pictures.report import report
     from lagcli.results import read, write
-    from lagcli.simulation import simulate
-    from lagcli.start import degrees_of_freedom
+    from lagcli.simulations.simulation import simulate
+    from lagcli.simulations.start import degrees_of_freedom
     from lagcli.sweeps.run import sweep
 
 __all__ = [
@@ -42,16 +42,16 @@ __all__ = [
 
 # imported when first asked for: the command line must not pay for what a command does not use
 _PLACES = {
-    "animate": "lagcli.pictures.animate",
-    "degrees_of_freedom": "lagcli.start",
-    "derive": "lagcli.equations.lagrange",
+    "animate": "lagcli.pictures.animation.animate",
+    "degrees_of_freedom": "lagcli.simulations.start",
+    "derive": "lagcli.equations.derivation.lagrange",
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",
-    "plot": "lagcli.pictures.plot",
+    "plot": "lagcli.pictures.plots.plot",
     "read": "lagcli.results",
     "render": "lagcli.equations.render",
     "report": "lagcli.pictures.report",
-    "simulate": "lagcli.simulation",
+    "simulate": "lagcli.simulations.simulation",
     "sweep": "lagcli.sweeps.run",
     "write": "lagcli.results",
 }

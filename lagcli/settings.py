@@ -9,7 +9,7 @@ from importlib.util import find_spec
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.run import Engine
+from lagcli.engine.contract import Engine
 from lagcli.errors import UsageError
 from lagcli.model.model import DEFAULTS, Model, SettingError, Settings
 
@@ -129,10 +129,10 @@ def sample_times(settings: Settings) -> Array:
 def engine_of(settings: Settings) -> Engine:
     """Return the engine that complete settings name."""
     if settings.engine == "compiled":
-        from lagcli.engine import compiled_engine
+        from lagcli.engine.integrate import compiled_engine
 
         return compiled_engine.run
-    from lagcli.engine import scipy_engine
+    from lagcli.engine.integrate import scipy_engine
 
     return scipy_engine.run
 

@@ -15,9 +15,9 @@ from PIL import Image
 import lagcli
 from lagcli.cli.app import run as command
 from lagcli.model.model import Model
-from lagcli.pictures.drawing import SceneDrawing
-from lagcli.pictures.run_file import Run
-from lagcli.pictures.stage import scene_of
+from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.drawing import SceneDrawing
+from lagcli.pictures.scene.view_evaluator import scene_of
 
 HERE = Path(__file__).parent
 MODELS = HERE.parents[1] / "models"
@@ -45,7 +45,7 @@ all models.
 """
 
 
-def picture(run: Run) -> Image.Image:
+def picture(run: RunFile) -> Image.Image:
     """Return the picture of a run."""
     scene = scene_of(run)
     assert scene is not None, f"{run.name}: every shipped model has a view"
@@ -70,7 +70,7 @@ def main() -> None:
         models[name] = lagcli.load(path)
         result = PAGES / f"{name}.h5"
         make("simulate", path, "-o", result)
-        picture(Run(result)).save(HERE / f"{name}.png", optimize=True)
+        picture(RunFile(result)).save(HERE / f"{name}.png", optimize=True)
         make("animate", result, "-o", PAGES / f"{name}.html")
         make("report", result, "-o", PAGES / f"{name}-report.html")
     film = ("--size", "480x320", "--to", "2", "--fps", "20")

@@ -14,8 +14,8 @@ import typer
 
 from lagcli.cli import streams
 from lagcli.errors import LagcliError
-from lagcli.memory import check_address_space
-from lagcli.threads import limit_process
+from lagcli.simulations.memory import check_address_space
+from lagcli.simulations.threads import limit_process
 from lagcli.version import __version__
 
 #: The commands, in the order of the help; each is a function in the module of its name.
@@ -54,7 +54,7 @@ def program(arguments: Sequence[str] = ()) -> Any:
     app.callback()(_program)
     for name in [a for a in arguments[:1] if a in COMMANDS] or COMMANDS:
         module = name.replace("-", "_")
-        app.command(name)(_command(getattr(import_module(f"lagcli.cli.{module}"), module)))
+        app.command(name)(_command(getattr(import_module(f"lagcli.cli.commands.{module}"), module)))
     return typer.main.get_command(app)
 
 

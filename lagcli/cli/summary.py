@@ -14,8 +14,8 @@ import numpy as np
 
 from lagcli.cli.streams import visible_json
 from lagcli.errors import LagcliError
-from lagcli.extremes import Extremes, known
-from lagcli.samples import ENDED, Array, Record
+from lagcli.trajectory.extremes import Extremes, known
+from lagcli.trajectory.samples import ENDED, Array, Record
 
 _LISTED = 20  # multipliers that a person reads
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.interpreter import ScalarTape, run_arrays
 from lagcli.engine.scales import coordinate_sizes, row_lengths
 from lagcli.engine.system import Pattern, System
+from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]

@@ -3,24 +3,45 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
-import symengine as se
 from numpy.typing import NDArray
 
-from lagcli.engine.compilation import compile_tape
-from lagcli.engine.tape import Tape
-
-if TYPE_CHECKING:
-    from lagcli.engine.variation import Variation
-    from lagcli.equations.lagrange import Equations
+from lagcli.engine.tape.tape import Tape
 
 Array = NDArray[np.float64]
 Pattern = tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class JacobianTapes:
+    """G = f − M a + Bᵀλ and Γ = γ − B a, differentiated at fixed a and λ.
+
+    It can be written by hand: only the tape's inputs and outputs, in the order given here, are the
+    contract.
+
+    Parameters
+    ----------
+    force_position, force_velocity : tuples of (row, coordinate)
+        Places of the nonzero entries of ∂G/∂q and ∂G/∂v.
+    rhs_position, rhs_velocity : tuples of (constraint, coordinate)
+        Places of the nonzero entries of ∂Γ/∂q and ∂Γ/∂v.
+    power_position, power_velocity : tuples of int
+        Coordinates on whose position and velocity the power of all forces depends, at fixed λ.
+    tape : Tape
+        (t, q, v, a, λ, parameters) → (entries of ∂G/∂q, ∂G/∂v, ∂Γ/∂q, ∂Γ/∂v, ∂power/∂q, ∂power/∂v;
+        ∂G/∂t, ∂Γ/∂t, ∂power/∂t).
+    """
+
+    force_position: Pattern
+    force_velocity: Pattern
+    rhs_position: Pattern
+    rhs_velocity: Pattern
+    power_position: tuple[int, ...]
+    power_velocity: tuple[int, ...]
+    tape: Tape
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +92,7 @@ class System:
     report: Tape
     outputs: tuple[str, ...] = ()
     events: Tape | None = None
-    variation: Callable[[], Variation] | None = None
+    variation: Callable[[], JacobianTapes] | None = None
     alike: tuple[tuple[int, ...], ...] = ()
 
     def inertia(self, mass_diagonal: Array) -> Array:
@@ -100,116 +121,3 @@ class System:
 def without_numbers(name: str) -> str:
     """Return a name without its numbers."""
     return re.sub(r"\d+", "", name)
-
-
-def compile_system(equations: Equations) -> System:
-    """Turn symbols into tapes.
-
-    Parameters
-    ----------
-    equations : Equations
-
-    Returns
-    -------
-    System
-        With the model's parameter values.
-    """
-    from lagcli.model.model import TIME
-
-    eq, model = equations, equations.model
-    parameters = [se.Symbol(name) for name in model.parameters]
-    state = [TIME, *eq.q, *eq.v]
-    rows = [c.row for c in eq.constraints]
-    holonomic = tuple(i for i, c in enumerate(eq.constraints) if c.position is not None)
-    mass_pattern = tuple((i, j) for i, row in enumerate(eq.mass_matrix) for j in sorted(row))
-    jacobian_pattern = tuple((i, j) for i, row in enumerate(rows) for j in sorted(row))
-    mass = [eq.mass_matrix[i][j] for i, j in mass_pattern]
-    jacobian = [rows[i][j] for i, j in jacobian_pattern]
-    applied = se.Add(*[q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)])
-
-    positions = [eq.constraints[i].position for i in holonomic]
-    return System(
-        coordinates=model.coordinate_names,
-        constraints=model.constraint_names,
-        holonomic=holonomic,
-        parameters=tuple(model.parameter_values.values()),
-        mass_pattern=mass_pattern,
-        jacobian_pattern=jacobian_pattern,
-        dynamics=compile_tape(
-            [
-                *mass,
-                *eq.forcing,
-                *jacobian,
-                *(c.rhs for c in eq.constraints),
-                applied + eq.time_power,
-            ],
-            state,
-            parameters,
-        ),
-        constraint=compile_tape(
-            [
-                *positions,
-                *jacobian,
-                *(c.drift for c in eq.constraints),
-                *(_magnitude(x) for x in positions if x is not None),
-                *(_magnitude(c.velocity) for c in eq.constraints),
-            ],
-            state,
-            parameters,
-        ),
-        report=compile_tape(
-            [eq.kinetic, eq.potential, eq.energy, applied, eq.time_power, *eq.outputs.values()],
-            [*state, *eq.a, *eq.multipliers],
-            parameters,
-        ),
-        outputs=tuple(eq.outputs),
-        variation=partial(_variation, eq),
-        alike=_alike([x for x in positions if x is not None], eq.q),
-    )
-
-
-def _variation(equations: Equations) -> Variation:
-    # imported when called: most runs need none
-    from lagcli.engine.variation import compile_variation
-
-    return compile_variation(equations)
-
-
-def _alike(expressions: Sequence[se.Basic], q: Sequence[se.Basic]) -> tuple[tuple[int, ...], ...]:
-    """Return coordinates with the same unit: those that a sum has alike, c x² + c y² + ...
-
-    Without units in the model this is all that is certain, and enough for quaternions.
-    """
-    number = {x: i for i, x in enumerate(q)}
-    groups: dict[int, set[int]] = {}
-    for expression in expressions:
-        found: dict[tuple[se.Basic, se.Basic], set[int]] = {}
-        for term in expression.args if isinstance(expression, se.Add) else ():
-            factors = term.args if isinstance(term, se.Mul) else (term,)
-            powers = [x.args if isinstance(x, se.Pow) else (x, se.Integer(1)) for x in factors]
-            bases = [(base, exponent) for base, exponent in powers if base in number]
-            if len(bases) == 1:
-                base, exponent = bases[0]
-                coefficient = se.Abs(term / base**exponent)
-                found.setdefault((coefficient, exponent), set()).add(number[base])
-        for same in found.values():
-            merged = same.union(*(groups.get(i, ()) for i in same))
-            groups.update(dict.fromkeys(merged, merged))
-    unique = {min(g): tuple(sorted(g)) for g in groups.values() if len(g) > 1}
-    return tuple(unique[i] for i in sorted(unique))
-
-
-def _magnitude(expression: se.Basic) -> se.Basic:
-    """Return the sum of the magnitudes of an expression's terms, products of sums written out.
-
-    It is what the rounding error of the expression is proportional to.
-    """
-    if isinstance(expression, se.Add):
-        return se.Add(*[_magnitude(x) for x in expression.args])
-    if isinstance(expression, se.Mul):
-        return se.Mul(*[_magnitude(x) for x in expression.args])
-    if isinstance(expression, se.Pow):
-        base, exponent = expression.args
-        if isinstance(exponent, se.Integer) and exponent > 0:
-            return _magnitude(base) ** exponent
-    return se.Abs(expression)

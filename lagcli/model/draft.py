@@ -8,21 +8,21 @@ from functools import partial
 
 from symengine import Basic
 
-from lagcli.model.expressions import build, name_errors
-from lagcli.model.grammar import parse
+from lagcli.model.diagnostics import Broken, Diagnostics
+from lagcli.model.expression.building import build, name_errors
+from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.tensors import Tensor
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.trees import Tree
 from lagcli.model.model import NO_INDICES
-from lagcli.model.names import Context, Names
-from lagcli.model.renaming import Repeated
-from lagcli.model.report import Broken, Report
-from lagcli.model.scope import ModelScope
-from lagcli.model.scoping import Sized
-from lagcli.model.source import Mapping, Node, Scalar, Sequence, Source
+from lagcli.model.names.renaming import Repeated
+from lagcli.model.names.scope import ModelScope
+from lagcli.model.names.scoping import Sized
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.tensors import Tensor
-from lagcli.model.tokens import ExpressionError
-from lagcli.model.trees import Tree
+from lagcli.model.symbols import Context, Symbols
+from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source, YamlNode
 
-Entry = tuple[str, Scalar, Node]
+Entry = tuple[str, Scalar, YamlNode]
 Indices = MappingOf[str, int]
 
 
@@ -48,8 +48,8 @@ class Draft:
 
     source: Source
     root: Mapping
-    report: Report
-    names: Names = field(default_factory=Names)
+    report: Diagnostics
+    names: Symbols = field(default_factory=Symbols)
     trees: dict[str, Tree] = field(default_factory=dict)
     meant: set[str] = field(default_factory=set)
     members: int = 0
@@ -57,11 +57,11 @@ class Draft:
 
     # entries
 
-    def get(self, key: str) -> Node | None:
+    def get(self, key: str) -> YamlNode | None:
         """Return the value of a key of the model."""
         return self.root.entries[key][1] if key in self.root.entries else None
 
-    def text(self, node: Node | None, what: str) -> str | None:
+    def text(self, node: YamlNode | None, what: str) -> str | None:
         """Return a node that must be text."""
         if node is None or isinstance(node, Scalar):
             return None if node is None or node.missing else node.value
@@ -93,7 +93,7 @@ class Draft:
 
     def fields(
         self, node: Mapping, what: str, known: tuple[str, ...], later: tuple[str, ...] = ()
-    ) -> dict[str, Node]:
+    ) -> dict[str, YamlNode]:
         """Return the fields of an entry that is a mapping; unknown ones are reported."""
         fields = {}
         for name, key, value in node:
@@ -120,12 +120,12 @@ class Draft:
     def expression_node(
         self,
         key: Scalar,
-        node: Node,
+        node: YamlNode,
         what: str,
         known: tuple[str, ...] = ("expr", "description"),
         later: tuple[str, ...] = (),
         example: str = "expression",
-    ) -> tuple[Node | None, dict[str, Node]]:
+    ) -> tuple[YamlNode | None, dict[str, YamlNode]]:
         """Return the node of an expression that may be the field ``expr`` of a mapping."""
         if not isinstance(node, Mapping):
             return node, {}
@@ -143,7 +143,7 @@ class Draft:
 
     # expressions
 
-    def parse(self, node: Node, what: str, example: str = "expression") -> Parsed | None:
+    def parse(self, node: YamlNode, what: str, example: str = "expression") -> Parsed | None:
         """Parse an expression; report what is wrong with it."""
         if isinstance(node, Sequence):
             node = self.vector_text(node)
@@ -167,7 +167,7 @@ class Draft:
             return Parsed(node, parse(node.value))
         return None
 
-    def vector_text(self, node: Sequence) -> Node:
+    def vector_text(self, node: Sequence) -> YamlNode:
         """Return a YAML list ``[a, b]`` as the text of a vector: both mean the same."""
         line, column = node.start
         if node.source.lines[line][column : column + 1] != "[":
@@ -175,11 +175,13 @@ class Draft:
         text = node.source.between(node.start, node.end)
         return Scalar(node.source, node.start, node.end, text)
 
-    def build(self, parsed: Parsed, context: Context, names: Names | None = None) -> Sized | None:
+    def build(self, parsed: Parsed, context: Context, names: Symbols | None = None) -> Sized | None:
         """Build the value of an expression; report what is wrong with it."""
         return Formula(self, parsed, context, names).value()
 
-    def scalar(self, parsed: Parsed, context: Context, names: Names | None = None) -> Basic | None:
+    def scalar(
+        self, parsed: Parsed, context: Context, names: Symbols | None = None
+    ) -> Basic | None:
         """Build a scalar expression; report what is wrong with it."""
         return Formula(self, parsed, context, names).scalar()
 
@@ -213,7 +215,7 @@ class Formula:
         draft: Draft,
         parsed: Parsed,
         context: Context,
-        names: Names | None = None,
+        names: Symbols | None = None,
         index: str | None = None,
     ):
         self.draft, self.parsed, self.context = draft, parsed, context

@@ -8,28 +8,28 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from lagcli.model.composer import compose
-from lagcli.model.constraints import declare_constraints, read_constraints
-from lagcli.model.declarations import (
+from lagcli.model.diagnostics import Diagnostics
+from lagcli.model.draft import Draft
+from lagcli.model.model import Model
+from lagcli.model.names.families import Declaration, declarations
+from lagcli.model.sections.constraints import declare_constraints, read_constraints
+from lagcli.model.sections.coordinates import (
     check_keys,
     declare,
     expand_coordinates,
     read_coordinates,
     report_overlaps,
 )
-from lagcli.model.definitions import expand_definitions, read_definitions
-from lagcli.model.draft import Draft
-from lagcli.model.energies import read_energies, read_forces, read_scalar
-from lagcli.model.families import Declaration, declarations
-from lagcli.model.initial import read_initial
-from lagcli.model.model import Model
-from lagcli.model.outputs import read_outputs
-from lagcli.model.parameters import read_parameters, structural
-from lagcli.model.reading import check_text, read_text
-from lagcli.model.report import Report
-from lagcli.model.simulation import read_settings
-from lagcli.model.source import Source
-from lagcli.model.view import read_view
+from lagcli.model.sections.definitions import expand_definitions, read_definitions
+from lagcli.model.sections.energies import read_energies, read_forces, read_scalar
+from lagcli.model.sections.initial import read_initial
+from lagcli.model.sections.outputs import read_outputs
+from lagcli.model.sections.parameters import read_parameters, structural
+from lagcli.model.sections.simulation import read_settings
+from lagcli.model.sections.view import read_view
+from lagcli.model.yaml.composing import compose
+from lagcli.model.yaml.reading import check_text, read_text
+from lagcli.model.yaml.source import Source
 
 KEYS = (
     *("name", "description", "coordinates", "parameters", "definitions", "T", "V", "L", "Q", "D"),
@@ -81,7 +81,7 @@ def load_text(
     check_text(source)
     with _uncollected():
         root, diagnostics = compose(source)
-        return _model(Draft(source, root, Report(diagnostics)), set or {}, set_initial or {})
+        return _model(Draft(source, root, Diagnostics(diagnostics)), set or {}, set_initial or {})
 
 
 @contextmanager

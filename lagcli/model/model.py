@@ -14,12 +14,12 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.errors import SourceLocation
-from lagcli.model.scoping import Value
-from lagcli.model.trees import Tree
-from lagcli.model.units import Factor
+from lagcli.model.expression.trees import Tree
+from lagcli.model.expression.units import Factor
+from lagcli.model.names.scoping import Value
 
 if TYPE_CHECKING:
-    from lagcli.model.names import Names
+    from lagcli.model.symbols import Symbols
 
 Kind = Literal["holonomic", "nonholonomic"]
 
@@ -391,7 +391,7 @@ class Model:
     settings: Settings
     settings_need: frozenset[str]
     trees: Mapping[str, Tree]
-    names: Names
+    names: Symbols
     set: Mapping[str, object]
     set_initial: Mapping[str, object]
     view: View | None = None

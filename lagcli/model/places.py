@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from lagcli.errors import SourceLocation
-from lagcli.model.composer import compose
+from lagcli.model.expression.trees import Tree
 from lagcli.model.model import Model
-from lagcli.model.source import Mapping, Node, Scalar, Sequence, Source
 from lagcli.model.spelling import shorten
-from lagcli.model.trees import Tree
+from lagcli.model.yaml.composing import compose
+from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source, YamlNode
 
 
 class Places:
@@ -21,7 +21,7 @@ class Places:
     def __init__(self, model: Model):
         self._root, _ = compose(Source(model.text, model.path))
 
-    def entry(self, block: str, name: str | None = None) -> Node | None:
+    def entry(self, block: str, name: str | None = None) -> YamlNode | None:
         """Return the node of an expression: of a key, or of an entry of a block.
 
         Parameters
@@ -43,7 +43,7 @@ class Places:
             node = node.entries["expr"][1]
         return node
 
-    def location(self, node: Node | None, tree: Tree | None = None) -> SourceLocation | None:
+    def location(self, node: YamlNode | None, tree: Tree | None = None) -> SourceLocation | None:
         """Return the place of an entry, or of a part of its expression."""
         if node is None:
             return None
@@ -51,7 +51,7 @@ class Places:
             return node.location
         return scalar.span(tree.start, tree.end)
 
-    def text(self, node: Node | None, tree: Tree) -> str | None:
+    def text(self, node: YamlNode | None, tree: Tree) -> str | None:
         """Return a part of an expression as it is written, shortened."""
         scalar = _text_of(node)
         if scalar is None:
@@ -59,7 +59,7 @@ class Places:
         return shorten(" ".join(scalar.value[tree.start : tree.end].split()))
 
 
-def _text_of(node: Node | None) -> Scalar | None:
+def _text_of(node: YamlNode | None) -> Scalar | None:
     """Return the text of an expression; of a YAML list, the text of the vector."""
     if isinstance(node, Sequence):
         text = node.source.between(node.start, node.end)

@@ -14,15 +14,15 @@ from lagcli.errors import ModelError, UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.results.formats import open_reader
-from lagcli.samples import Array, Record
-from lagcli.trajectory import Trajectory
+from lagcli.trajectory.samples import Array, Record
+from lagcli.trajectory.trajectory import Trajectory
 
 Indices = NDArray[np.intp]
 
 _NONE = np.empty(0)
 
 
-class Run:
+class RunFile:
     """The columns of one run, and the model that it is of.
 
     Parameters
@@ -77,7 +77,7 @@ class Run:
         Parameters
         ----------
         names : iterable of str
-            Of `lagcli.samples.Samples`; an output is ``outputs/NAME``.
+            Of `lagcli.trajectory.samples.Samples`; an output is ``outputs/NAME``.
         samples : (m,) array of int, optional
             Which samples, increasing; all by default.
 

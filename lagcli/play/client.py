@@ -10,8 +10,8 @@ from collections.abc import Callable
 from typing import Any
 
 from lagcli.errors import LagcliError
-from lagcli.interruption import Interruption
-from lagcli.play.runs import Played, Request
+from lagcli.play.runs import Played, PlayRequest
+from lagcli.simulations.cancellation import Interruption
 
 #: Seconds that a run may go on when a newer one waits: while a slider moves, something is drawn.
 GRACE = 0.25
@@ -46,11 +46,11 @@ class Client(threading.Thread):
         super().__init__(name="lagcli play", daemon=True)
         self._played, self._answer = played, answer
         self._change = threading.Condition()
-        self._waiting: Request | None = None
+        self._waiting: PlayRequest | None = None
         self._running: _Superseded | None = None
         self._closed = False
 
-    def ask(self, request: Request) -> None:
+    def ask(self, request: PlayRequest) -> None:
         """Take a request, in place of one that waits and, soon, of one that runs."""
         with self._change:
             self._waiting = request
@@ -83,7 +83,7 @@ class Client(threading.Thread):
             if not dropped:
                 self._answer(answer)
 
-    def _answered(self, request: Request, running: Interruption) -> dict[str, Any]:
+    def _answered(self, request: PlayRequest, running: Interruption) -> dict[str, Any]:
         try:
             return self._played.run(request, running)
         except LagcliError as error:

@@ -6,11 +6,11 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from lagcli.equations.render.names import Names
-from lagcli.model.members import family_of
+from lagcli.equations.render.names import Notation
+from lagcli.model.expression.units import to_si
 from lagcli.model.model import Coordinate, InitialValue, Model, Parameter, Settings, Written
-from lagcli.model.parameters import names_used
-from lagcli.model.units import to_si
+from lagcli.model.names.members import family_of
+from lagcli.model.sections.parameters import names_used
 from lagcli.pictures.report.writing import unit as printed
 
 #: Of a slider; about as many places as it has pixels.
@@ -104,7 +104,7 @@ class _Maker:
     """Makes the controls of one model."""
 
     def __init__(self, model: Model):
-        self.given, self.names, self.sizes = model.set, Names(model), _sizes(model)
+        self.given, self.names, self.sizes = model.set, Notation(model), _sizes(model)
         self.known = {*model.parameters, *map(family_of, model.parameters)}
 
     def follows(self, written: Written | None) -> bool:

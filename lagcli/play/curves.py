@@ -7,16 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lagcli.equations.render.names import Names
+from lagcli.equations.render.names import Notation
 from lagcli.model.model import Model
 from lagcli.pictures.report.writing import chosen, force_unit, rate_unit, unit
-from lagcli.samples import Array, Samples
+from lagcli.trajectory.samples import Array, Samples
 
 #: Curves that a plot can show and a reader tell apart.
 MOST = 12
 
 
-class Curve(NamedTuple):
+class LiveCurve(NamedTuple):
     """One curve: a name that result files know, how it is printed, its unit and values."""
 
     name: str
@@ -50,7 +50,7 @@ class Curves:
     """
 
     def __init__(self, model: Model):
-        self._model, self._names = model, Names(model)
+        self._model, self._names = model, Notation(model)
         self._units = {c.name: c.unit for c in model.coordinates}
         stated = any(self._units.values()) or any(p.unit for p in model.parameters.values())
         self._joule, self._watt = ("J", "W") if stated else ("", "")
@@ -71,7 +71,7 @@ class Curves:
             One of `groups`.
         samples : Samples
         """
-        makers: Mapping[str, Callable[[Samples], list[Curve]]] = {
+        makers: Mapping[str, Callable[[Samples], list[LiveCurve]]] = {
             "coordinates": lambda s: self._by_coordinate(s.q, 0),
             "velocities": lambda s: self._by_coordinate(s.v, 1),
             "accelerations": lambda s: self._by_coordinate(s.a, 2),
@@ -104,29 +104,31 @@ class Curves:
             "of": len(curves),
         }
 
-    def _by_coordinate(self, values: Array, dots: int) -> list[Curve]:
+    def _by_coordinate(self, values: Array, dots: int) -> list[LiveCurve]:
         ending = ("", "_dot", "_ddot")[dots]
         found = []
         for i, (q, symbol) in enumerate(self._units.items()):
             if symbol and dots:
                 symbol = f"{rate_unit(symbol)}{'^2' if dots == 2 else ''}"
-            found.append(Curve(q + ending, self._names.text(q, dots), unit(symbol), values[:, i]))
+            found.append(
+                LiveCurve(q + ending, self._names.text(q, dots), unit(symbol), values[:, i])
+            )
         return found
 
-    def _multipliers(self, s: Samples) -> list[Curve]:
+    def _multipliers(self, s: Samples) -> list[LiveCurve]:
         return [
-            Curve(f"lambda.{c}", self._names.multiplier(c), "", s.multipliers[:, i])
+            LiveCurve(f"lambda.{c}", self._names.multiplier(c), "", s.multipliers[:, i])
             for i, c in enumerate(s.constraints)
         ]
 
-    def _forces(self, s: Samples) -> list[Curve]:
+    def _forces(self, s: Samples) -> list[LiveCurve]:
         total = s.constraint_force
         return [
-            Curve(f"Qc.{q}", f"Q_{self._names.text(q)}", unit(force_unit(symbol)), total[:, i])
+            LiveCurve(f"Qc.{q}", f"Q_{self._names.text(q)}", unit(force_unit(symbol)), total[:, i])
             for i, (q, symbol) in enumerate(self._units.items())
         ]
 
-    def _energy(self, s: Samples) -> list[Curve]:
+    def _energy(self, s: Samples) -> list[LiveCurve]:
         parts = [
             ("energy_kinetic", "T", s.energy_kinetic),
             ("energy_potential", "V", s.energy_potential),
@@ -134,26 +136,26 @@ class Curves:
         ]
         if self._model.kinetic is None:  # written with L
             parts = parts[2:]
-        return [Curve(name, label, self._joule, values) for name, label, values in parts]
+        return [LiveCurve(name, label, self._joule, values) for name, label, values in parts]
 
-    def _balance(self, s: Samples) -> list[Curve]:
-        return [Curve("energy_balance", "ΔE − W", self._joule, s.energy_balance)]
+    def _balance(self, s: Samples) -> list[LiveCurve]:
+        return [LiveCurve("energy_balance", "ΔE − W", self._joule, s.energy_balance)]
 
-    def _power(self, s: Samples) -> list[Curve]:
+    def _power(self, s: Samples) -> list[LiveCurve]:
         return [
-            Curve("power_applied", "applied", self._watt, s.power_applied),
-            Curve("power_constraint", "constraints", self._watt, s.power_constraint),
-            Curve("power_time", "explicit time", self._watt, s.power_time),
+            LiveCurve("power_applied", "applied", self._watt, s.power_applied),
+            LiveCurve("power_constraint", "constraints", self._watt, s.power_constraint),
+            LiveCurve("power_time", "explicit time", self._watt, s.power_time),
         ]
 
-    def _outputs(self, s: Samples) -> list[Curve]:
+    def _outputs(self, s: Samples) -> list[LiveCurve]:
         units = self._model.output_units
         return [
-            Curve(name, self._names.text(name), unit(units.get(name)), np.asarray(values))
+            LiveCurve(name, self._names.text(name), unit(units.get(name)), np.asarray(values))
             for name, values in s.outputs.items()
         ]
 
-    def _residuals(self, s: Samples) -> list[Curve]:
+    def _residuals(self, s: Samples) -> list[LiveCurve]:
         found = []
         for i, c in enumerate(s.constraints):
             for name, symbol, table in (
@@ -161,5 +163,5 @@ class Curves:
                 ("residual_velocity", "ψ", s.residual_velocity),
             ):
                 if not np.isnan(table[:, i]).all():
-                    found.append(Curve(f"{name}.{c}", f"{symbol}_{c}", "", table[:, i]))
+                    found.append(LiveCurve(f"{name}.{c}", f"{symbol}_{c}", "", table[:, i]))
         return found

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.samples import Array
+from lagcli.trajectory.samples import Array
 
 
 def encode(value: Mapping[str, Any]) -> bytes:

@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 
 from lagcli.errors import UsageError
-from lagcli.interruption import Interruption
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model, Settings
-from lagcli.model.rewriting import rewritten
 from lagcli.model.spelling import shorten
-from lagcli.pictures.stage import Stage
-from lagcli.pictures.timing import usual_speed
+from lagcli.model.yaml.rewriting import rewritten
+from lagcli.pictures.scene.timing import usual_speed
+from lagcli.pictures.scene.view_evaluator import Stage
 from lagcli.play.controls import Control, controls
 from lagcli.play.curves import Curves
-from lagcli.samples import Record, Samples
 from lagcli.settings import resolve, sample_times
-from lagcli.simulation import Simulation
-from lagcli.trajectory import joined
-from lagcli.variants import Variants
+from lagcli.simulations.cancellation import Interruption
+from lagcli.simulations.simulation import Simulation
+from lagcli.simulations.variants import Variants
+from lagcli.trajectory.samples import Record, Samples
+from lagcli.trajectory.trajectory import joined
 
 #: Samples that a page can draw in a moment; a run that asks for more is sampled so often.
 MOST_SAMPLES = 4001
@@ -33,7 +33,7 @@ MOST_MEMBERS = 500
 
 
 @dataclass(frozen=True)
-class Request:
+class PlayRequest:
     """What a page asks for.
 
     Parameters
@@ -58,7 +58,7 @@ class Request:
     members: str = ""
 
     @classmethod
-    def parsed(cls, message: Mapping[str, Any]) -> Request:
+    def parsed(cls, message: Mapping[str, Any]) -> PlayRequest:
         """Return the request in a message of the page.
 
         Raises
@@ -122,7 +122,7 @@ class Played:
         Raises
         ------
         ModelError, UsageError, NumericalError
-            As `lagcli.simulation.prepare`.
+            As `lagcli.simulations.simulation.prepare`.
         """
         self._variants.varied()
 
@@ -130,7 +130,7 @@ class Played:
         end = _number(t_end, "t_end") if t_end else self._t_end
         return Settings(t_end=end, timeout=self._timeout)
 
-    def run(self, request: Request, interruption: Interruption) -> dict[str, Any]:
+    def run(self, request: PlayRequest, interruption: Interruption) -> dict[str, Any]:
         """Run a request.
 
         Returns
@@ -185,7 +185,7 @@ class Played:
                 " no such limit"
             )
 
-    def _fitting(self, request: Request) -> Request:
+    def _fitting(self, request: PlayRequest) -> PlayRequest:
         """Leave out the values of members that the model, with fewer of them, does not have."""
         families = {c.family for c in self.controls.values() if c.family}
 
@@ -201,7 +201,7 @@ class Played:
         )
 
     def _answer(
-        self, request: Request, simulation: Simulation, samples: Samples, record: Record
+        self, request: PlayRequest, simulation: Simulation, samples: Samples, record: Record
     ) -> dict[str, Any]:
         model, start = simulation.model, simulation.start
         values = {**model.parameter_values, **{n: x.value for n, x in model.initial.items()}}
@@ -241,7 +241,7 @@ class Played:
 
     # what is taken away from the page
 
-    def command(self, request: Request) -> str:
+    def command(self, request: PlayRequest) -> str:
         """Return the command line that reproduces a run, quoted for the shell."""
         started, request = self._started, self._fitting(request)
         words = ["lagcli", "simulate", "-" if started.path == "<stdin>" else started.path]
@@ -256,7 +256,7 @@ class Played:
             words += ["--t-end", str(end)]
         return shlex.join([*words, "-o", "run.h5"])
 
-    def text(self, request: Request) -> str:
+    def text(self, request: PlayRequest) -> str:
         """Return the model file with the values of a request.
 
         Raises

@@ -16,11 +16,11 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from lagcli.errors import FileError, LagcliError
-from lagcli.pictures.style import PALETTE
+from lagcli.pictures.plots.style import PALETTE
 from lagcli.play.access import HOST, Access
 from lagcli.play.client import Client
 from lagcli.play.frames import encode
-from lagcli.play.runs import Played, Request
+from lagcli.play.runs import Played, PlayRequest
 
 #: Bytes of a message of the page; all values of a thousand bodies take a tenth.
 MOST_BYTES = 1 << 20
@@ -165,7 +165,7 @@ class Server:
                     break
                 try:
                     asked = json.loads(message.data)
-                    wish = Request.parsed(asked)
+                    wish = PlayRequest.parsed(asked)
                 except (ValueError, AttributeError, RecursionError):
                     await ws.close(code=WSCloseCode.POLICY_VIOLATION)
                     break
@@ -186,7 +186,7 @@ async def _send(ws: web.WebSocketResponse, outbox: asyncio.Queue[bytes]) -> None
             await ws.send_bytes(await outbox.get())
 
 
-def _saved(played: Played, request: Request) -> dict[str, Any]:
+def _saved(played: Played, request: PlayRequest) -> dict[str, Any]:
     """Return the model file with the values of a request, or why there is none."""
     try:
         return {"number": request.number, "file": played.text(request)}

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Protocol
 
 from lagcli.errors import UsageError
 from lagcli.results.atomic import check_writable
-from lagcli.results.csv import CsvWriter, check_csv_target, write_csv
-from lagcli.samples import Array, Record, Samples, Terms
+from lagcli.results.csv.writer import CsvWriter, check_csv_target, write_csv
+from lagcli.trajectory.samples import Array, Record, Samples, Terms
 
 if TYPE_CHECKING:
-    from lagcli.trajectory import Trajectory
+    from lagcli.trajectory.trajectory import Trajectory
 
 
 class Writer(Protocol):
@@ -135,7 +135,7 @@ def write(
     if _is_csv(output):
         write_csv(trajectory, output, force, meta)
     else:
-        from lagcli.results.hdf5 import write_hdf5  # h5py takes 0.1 s to import
+        from lagcli.results.hdf5.trajectories import write_hdf5  # h5py takes 0.1 s to import
 
         write_hdf5(trajectory, output, force)
 
@@ -149,7 +149,7 @@ def open_writer(
     """
     if _is_csv(output):
         return CsvWriter(output, force, meta)
-    from lagcli.results.hdf5 import Hdf5Writer
+    from lagcli.results.hdf5.trajectories import Hdf5Writer
 
     return Hdf5Writer(output, force)
 
@@ -187,10 +187,10 @@ def open_reader(path: str | os.PathLike[str]) -> AbstractContextManager[Reader]:
     if name.lower().endswith((".yaml", ".yml")):
         raise UsageError(f"{name} is a model; simulate it first: lagcli simulate {name} -o run.h5")
     if format_of(path) == "csv":
-        from lagcli.results.csv_reader import open_csv
+        from lagcli.results.csv.reader import open_csv
 
         return open_csv(path)
-    from lagcli.results.hdf5 import open_hdf5
+    from lagcli.results.hdf5.trajectories import open_hdf5
 
     return open_hdf5(path)
 

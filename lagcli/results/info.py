@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.extremes import Extremes, known
 from lagcli.results.formats import format_of, open_reader
 from lagcli.results.metadata import KIND, model_name, to_metadata
-from lagcli.samples import Array
+from lagcli.trajectory.extremes import Extremes, known
+from lagcli.trajectory.samples import Array
 
 _WIDTH = 100
 _LABEL = 20  # columns for the labels on the left

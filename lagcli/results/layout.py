@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from lagcli.samples import Terms
+from lagcli.trajectory.samples import Terms
 
 #: What `units` says where the model states none.
 NOT_STATED = "not stated"
@@ -18,7 +18,7 @@ MIXED = "mixed: see coordinate_unit"
 MIXED_OUTPUTS = "mixed"
 
 
-class Quantity(NamedTuple):
+class DatasetSpec(NamedTuple):
     """One array of a result file.
 
     Parameters
@@ -43,60 +43,62 @@ _CONSTRAINT_UNIT = "mixed: as each constraint"
 
 #: Every array but the model's own outputs, in the order of the file.
 QUANTITIES = (
-    Quantity("time", ("time",), "time", "s"),
-    Quantity("q", ("time", "coordinate"), "generalized coordinates", "{u}"),
-    Quantity("v", ("time", "coordinate"), "generalized velocities", "{u}/s"),
-    Quantity("a", ("time", "coordinate"), "generalized accelerations", "{u}/s^2"),
-    Quantity(
+    DatasetSpec("time", ("time",), "time", "s"),
+    DatasetSpec("q", ("time", "coordinate"), "generalized coordinates", "{u}"),
+    DatasetSpec("v", ("time", "coordinate"), "generalized velocities", "{u}/s"),
+    DatasetSpec("a", ("time", "coordinate"), "generalized accelerations", "{u}/s^2"),
+    DatasetSpec(
         "multipliers",
         ("time", "constraint"),
         "Lagrange multipliers",
         "mixed: J or W per unit of each position or velocity constraint",
     ),
-    Quantity(
+    DatasetSpec(
         "constraint_force",
         ("time", "coordinate"),
         "generalized constraint force, the sum of lambda_beta b_beta over beta",
         "J/{u}",
     ),
-    Quantity(
+    DatasetSpec(
         "constraint_force_by",
         ("time", "term"),
         "generalized constraint force lambda_beta b_beta of each constraint",
         "J/{u}",
     ),
-    Quantity("energy_kinetic", ("time",), "kinetic energy", "J"),
-    Quantity("energy_potential", ("time",), "potential energy", "J"),
-    Quantity("energy_total", ("time",), "total energy", "J"),
-    Quantity("power_applied", ("time",), "power of the applied forces", "W"),
-    Quantity("power_constraint", ("time",), "power of the constraint forces", "W"),
-    Quantity("power_time", ("time",), "power by the explicit time in T or V", "W"),
-    Quantity(
+    DatasetSpec("energy_kinetic", ("time",), "kinetic energy", "J"),
+    DatasetSpec("energy_potential", ("time",), "potential energy", "J"),
+    DatasetSpec("energy_total", ("time",), "total energy", "J"),
+    DatasetSpec("power_applied", ("time",), "power of the applied forces", "W"),
+    DatasetSpec("power_constraint", ("time",), "power of the constraint forces", "W"),
+    DatasetSpec("power_time", ("time",), "power by the explicit time in T or V", "W"),
+    DatasetSpec(
         "energy_balance",
         ("time",),
         "total energy minus its first value minus the integral of the powers",
         "J",
     ),
-    Quantity(
+    DatasetSpec(
         "residual_position",
         ("time", "constraint"),
         "residual of each position constraint",
         _CONSTRAINT_UNIT,
     ),
-    Quantity(
+    DatasetSpec(
         "residual_velocity",
         ("time", "constraint"),
         "residual of each velocity constraint",
         _CONSTRAINT_UNIT,
     ),
-    Quantity("residual_equation", ("time",), "max norm of the residual of the equations", "J/{u}"),
-    Quantity(
+    DatasetSpec(
+        "residual_equation", ("time",), "max norm of the residual of the equations", "J/{u}"
+    ),
+    DatasetSpec(
         "scale_position",
         ("constraint",),
         "scale by which the position residual is judged",
         _CONSTRAINT_UNIT,
     ),
-    Quantity(
+    DatasetSpec(
         "scale_velocity",
         ("constraint",),
         "scale by which the velocity residual is judged",
@@ -117,7 +119,7 @@ def term_names(terms: Terms, coordinates: Sequence[str], constraints: Sequence[s
     return [f"{constraints[i]}.{coordinates[j]}" for i, j in pairs]
 
 
-def unit(quantity: Quantity, coordinates: Sequence[str], units: Mapping[str, str]) -> str:
+def unit(quantity: DatasetSpec, coordinates: Sequence[str], units: Mapping[str, str]) -> str:
     """Return what a quantity is measured in.
 
     Parameters

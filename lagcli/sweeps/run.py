@@ -9,20 +9,20 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from lagcli.engine.run import Interrupted
+from lagcli.engine.contract import Interrupted
 from lagcli.errors import FileError, UsageError
-from lagcli.interruption import Interruption
 from lagcli.model.model import Model, Settings
-from lagcli.model.reading import read_text
+from lagcli.model.yaml.reading import read_text
 from lagcli.results.formats import format_of
-from lagcli.sweeps.layout import named_measure
-from lagcli.sweeps.ledger import Missing
-from lagcli.sweeps.preparation import Asked, Ready, prepare_sweep
-from lagcli.sweeps.resumption import State, opened
-from lagcli.sweeps.rows import COMPLETED, Results
-from lagcli.sweeps.spec import Spec
-from lagcli.sweeps.table_csv import export_csv
-from lagcli.sweeps.workers import Chunks, run_here
+from lagcli.simulations.cancellation import Interruption
+from lagcli.sweeps.file.layout import named_measure
+from lagcli.sweeps.file.resume import State, opened
+from lagcli.sweeps.file.row_status import Missing
+from lagcli.sweeps.file.table_csv import export_csv
+from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.plan.validate import Asked, Ready, prepare_sweep
+from lagcli.sweeps.rows.rows import COMPLETED, Results
+from lagcli.sweeps.rows.workers import Chunks, run_here
 
 #: Runs the missing rows of a sweep and yields their results, in any order.
 Executor = Callable[[Spec, Chunks, Callable[[], None]], Iterable[Results]]
@@ -110,7 +110,7 @@ def sweep(
         Whether the samples of each row are kept. By default where no measure is given, the file is
         HDF5 and they take less than 1 GB.
     sample, seed, zipped
-        As for `lagcli.sweeps.plan.make_plan`.
+        As for `lagcli.sweeps.plan.plan.make_plan`.
     set, set_initial : mappings, optional
         Values that replace the model's in all rows.
     jobs : int, optional
@@ -248,7 +248,7 @@ class _Sweep:
             raise self._noted(error, "all rows are kept", "writes the file") from error
 
     def _write_hdf5(self, path: str, seconds: float, force: bool) -> None:
-        from lagcli.sweeps.store import write_sweep
+        from lagcli.sweeps.file.store import write_sweep
 
         ready = self.ready
         facts = {

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import lagcli
-from lagcli.engine.system import compile_system
+from lagcli.engine.lowering import lower
 
 MODELS = Path(__file__).parents[2] / "models"
 
@@ -35,7 +35,7 @@ def stages(name: str, n: int, repeat: int = 5) -> tuple[float, float, float]:
     return (
         seconds(lambda: lagcli.load(path, set={"N": n}), repeat),
         seconds(lambda: lagcli.derive(model), repeat),
-        seconds(lambda: compile_system(equations), repeat),
+        seconds(lambda: lower(equations), repeat),
     )
 
 

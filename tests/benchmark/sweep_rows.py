@@ -20,9 +20,9 @@ from comparison.peers.by_hand import rate
 from scipy.integrate import solve_ivp
 
 from lagcli.model.model import Settings
-from lagcli.sweeps.plan import make_plan
-from lagcli.sweeps.rows import COMPLETED, Runner
-from lagcli.sweeps.spec import Spec
+from lagcli.sweeps.plan.plan import make_plan
+from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.rows.rows import COMPLETED, Runner
 
 CASE = CASES["slider_crank"]
 T_END, SAMPLES, RTOL = 10.0, 1001, 1e-8

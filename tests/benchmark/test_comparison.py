@@ -19,7 +19,7 @@ from comparison.verdicts import faster, judge
 
 import lagcli
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.system import compile_system
+from lagcli.engine.lowering import lower
 
 BY_TITLE = {method.title: method for method in METHODS}
 OURS, BY_HAND = BY_TITLE["lagcli DOP853"], BY_TITLE["lambdify + solve_ivp DOP853"]
@@ -38,7 +38,7 @@ def test_the_others_get_the_same_equations(name: str) -> None:
     import sympy as sp
 
     case = CASES[name]
-    system = compile_system(lagcli.derive(case.load()))
+    system = lower(lagcli.derive(case.load()))
     start, rng = case.start, np.random.default_rng(0)
     q = start.q + 0.1 * rng.standard_normal(len(start.q))
     v = rng.standard_normal(len(q))

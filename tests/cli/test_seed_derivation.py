@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lagcli.equations.lagrange import derive
+from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.render import render
 from lagcli.model.loader import load
 

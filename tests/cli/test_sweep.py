@@ -18,7 +18,7 @@ import pytest
 
 import lagcli
 from lagcli.cli.app import run as run_here
-from lagcli.sweeps.journal import Journal
+from lagcli.sweeps.file.journal import Journal
 
 MODELS = Path(__file__).parents[2] / "models"
 CRANK = str(MODELS / "slider_crank.yaml")
@@ -249,7 +249,7 @@ def test_structures_need_measures(here: Here) -> None:
 
 
 def test_rows_do_not_depend_on_jobs(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    from lagcli.sweeps import workers
+    from lagcli.sweeps.rows import workers
 
     monkeypatch.setattr(workers, "_WORTH", 0.0)
     arguments = ("sweep", CRANK, "--vary", "m=linspace(0, 2, 70)", "--measure", "rms(phi')",
@@ -303,7 +303,7 @@ def cut(path: str, records: int) -> None:
 @pytest.fixture
 def journaled(here: Here, monkeypatch: pytest.MonkeyPatch) -> Here:
     """A sweep of six rows, of which the journal holds the first two."""
-    from lagcli.sweeps import workers
+    from lagcli.sweeps.rows import workers
 
     monkeypatch.setattr(workers, "_FIRST", 2)
     monkeypatch.setattr(workers, "_MOST", 2)
@@ -395,7 +395,7 @@ def test_two_sweeps_of_one_file_are_refused(journaled: Here) -> None:
 def test_a_full_disk_loses_nothing(journaled: Here, monkeypatch: pytest.MonkeyPatch) -> None:
     here = journaled
     from lagcli.errors import FileError
-    from lagcli.sweeps import store
+    from lagcli.sweeps.file import store
 
     def full(*_: object) -> None:
         raise FileError("cannot write s.h5: the disk is full")

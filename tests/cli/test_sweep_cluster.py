@@ -21,13 +21,13 @@ import lagcli
 from lagcli.cli.app import run as run_here
 from lagcli.errors import FileError
 from lagcli.model.model import Settings
-from lagcli.sweeps import cluster, flight
-from lagcli.sweeps.cluster import Cluster
-from lagcli.sweeps.ledger import Ledger, Missing
-from lagcli.sweeps.plan import make_plan
-from lagcli.sweeps.rows import COMPLETED, FAILED, run_rows
-from lagcli.sweeps.spec import Spec
-from lagcli.sweeps.workers import Chunks
+from lagcli.sweeps.file.row_status import Ledger, Missing
+from lagcli.sweeps.plan.plan import make_plan
+from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.rows import cluster, dask_dispatch
+from lagcli.sweeps.rows.cluster import Cluster
+from lagcli.sweeps.rows.rows import COMPLETED, FAILED, run_rows
+from lagcli.sweeps.rows.workers import Chunks
 
 pytest.importorskip("distributed", reason="lagcli[cluster] is not installed")
 
@@ -202,7 +202,7 @@ def test_another_version_is_refused(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture,
 ) -> None:
-    for module in (cluster, flight):
+    for module in (cluster, dask_dispatch):
         monkeypatch.setattr(module, "__version__", "99.0")
     command = ("sweep", CRANK, "--vary", "m=1,2", *PEAK, "-o", str(tmp_path / "s.h5"))
     assert run_here([*command, "--scheduler", two_workers.address]) == 2
@@ -278,7 +278,7 @@ def test_workers_here_and_ctrl_c(tmp_path: Path) -> None:
 
 DEADLY = """
 import os, signal
-from lagcli.sweeps import flight
+from lagcli.sweeps.rows import dask_dispatch
 
 # a preload may be run twice
 runner = flight._real = getattr(flight, "_real", flight._runner)

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from lagcli.cli.app import run
-from lagcli.model.units import to_si
+from lagcli.model.expression.units import to_si
 
 FOLDER = Path(__file__).parent / "wrong"
 RIGHT = "pendulum"  # a right model, for options that are wrong

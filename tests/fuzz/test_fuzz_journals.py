@@ -14,7 +14,7 @@ import pytest
 
 import lagcli
 from lagcli.errors import LagcliError
-from lagcli.sweeps.journal import Journal, journal_of
+from lagcli.sweeps.file.journal import Journal, journal_of
 
 BALL = """\
 name: ball
@@ -50,7 +50,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Swept:
     output = folder / "s.h5"
     ends: list[int] = []
     with pytest.MonkeyPatch.context() as patch:
-        from lagcli.sweeps import workers
+        from lagcli.sweeps.rows import workers
 
         add = Journal._add
 

@@ -14,14 +14,14 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from lagcli.equations.lagrange import derive
+from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import LagcliError, ModelError
-from lagcli.model.calls import TENSOR_FUNCTIONS
-from lagcli.model.functions import FUNCTIONS
-from lagcli.model.grammar import parse
+from lagcli.model.expression.calls import TENSOR_FUNCTIONS
+from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.units import UnknownUnit, to_si
 from lagcli.model.loader import load, load_text
-from lagcli.model.tokens import ExpressionError
-from lagcli.model.units import UnknownUnit, to_si
 
 MODELS = Path(__file__).parents[2] / "models"
 TEXTS = [p.read_text(encoding="utf-8") for p in sorted(MODELS.glob("*.yaml"))]

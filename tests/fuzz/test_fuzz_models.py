@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from random_models import FUNCTIONS, EveryKey, Meaning, NoValue, RandomModel, State
 
-from lagcli.engine.interpreter import ScalarTape
-from lagcli.engine.system import System, compile_system
-from lagcli.equations.lagrange import derive
+from lagcli.engine.lowering import lower
+from lagcli.engine.system import System
+from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import ModelError
-from lagcli.model.functions import FUNCTIONS as KNOWN
+from lagcli.model.expression.functions import FUNCTIONS as KNOWN
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 
@@ -99,7 +100,7 @@ def compare(model: RandomModel, seed: int) -> str:
         return "refused"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        system = compile_system(derive(loaded))
+        system = lower(derive(loaded))
         chance = random.Random(seed)
         k, r = len(model.coordinates), len(model.constraints)
         sizes = (1, k, k, k, r)

@@ -25,7 +25,7 @@ from mutants import changed_bytes, changed_structure, changed_table
 import lagcli
 from lagcli.cli.app import run
 from lagcli.errors import LagcliError
-from lagcli.results import hdf5_layout1, hdf5_open, seal
+from lagcli.results.hdf5 import layout1, opening, seal
 
 ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "models" / "slider_crank.yaml"
@@ -155,7 +155,7 @@ def forked(monkeypatch: pytest.MonkeyPatch) -> None:
                 signal.alarm(int(seconds) + 1)
                 text, status = "", 0
                 try:
-                    hdf5_layout1.copy(path, target, version)
+                    layout1.copy(path, target, version)
                 except lagcli.errors.FileError as error:
                     text, status = str(error), 4
                 except BaseException as error:
@@ -171,9 +171,9 @@ def forked(monkeypatch: pytest.MonkeyPatch) -> None:
         if status == 4:
             raise lagcli.errors.FileError(text)
         if status:
-            raise hdf5_open.damage(path, RuntimeError(f"status {status}"))
+            raise opening.damage(path, RuntimeError(f"status {status}"))
 
-    monkeypatch.setattr(hdf5_open, "_copy", copy)
+    monkeypatch.setattr(opening, "_copy", copy)
 
 
 SEALED = ("run.h5", "sweep.h5")
@@ -215,7 +215,7 @@ def _sidecars(trial: Trial, r: random.Random, count: int) -> None:
 
 def _values(folder: Path, r: random.Random, count: int) -> Counter[str]:
     """Read mutants of a table of values for a sweep."""
-    from lagcli.sweeps.plan import make_plan
+    from lagcli.sweeps.plan.plan import make_plan
 
     model, path = lagcli.load(MODEL), folder / "values.csv"
     original = b"m,l [cm],phi_dot\n1,20,10\n1.5,30,11\n2,40,12\n"

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import ellipj, ellipk
 
 import lagcli
-from lagcli.trajectory import Trajectory
+from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[2] / "models"
 RTOL = 1e-12

@@ -10,7 +10,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 import lagcli
-from lagcli.trajectory import Trajectory
+from lagcli.trajectory.trajectory import Trajectory
 
 MODEL = lagcli.load(
     Path(__file__).parents[2] / "models" / "pendulum_cartesian.yaml", set={"theta_0": 1.5}

@@ -13,7 +13,7 @@ import pytest
 import sympy
 
 import lagcli
-from lagcli.equations.lagrange import Equations
+from lagcli.equations.derivation.lagrange import Equations
 from lagcli.model.model import Model
 
 MODELS = Path(__file__).parents[2] / "models"

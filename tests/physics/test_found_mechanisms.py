@@ -11,7 +11,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 import lagcli
-from lagcli.trajectory import Trajectory
+from lagcli.trajectory.trajectory import Trajectory
 
 FOUND = Path(__file__).parents[1] / "found"
 ENGINES = ("compiled", "scipy")

@@ -12,9 +12,9 @@ import pytest
 
 import lagcli
 from lagcli.engine.evaluator import Batch
-from lagcli.engine.system import compile_system
+from lagcli.engine.lowering import lower
 from lagcli.model.model import Model
-from lagcli.trajectory import Trajectory
+from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[2] / "models"
 RTOL = 1e-11
@@ -59,7 +59,7 @@ def assert_balanced(trajectory: Trajectory, exchanged: float) -> None:
 def test_kinetic_energy_is_half_v_m_v(name: str) -> None:
     loaded = lagcli.load_text(shipped(name))
     trajectory = run(loaded, t_end=0.2, samples=11)
-    system = compile_system(lagcli.derive(loaded))
+    system = lower(lagcli.derive(loaded))
     mass = Batch(system, trajectory.time, trajectory.q, trajectory.v).dynamics().mass_matrix
     half = np.einsum("ti,ijt,tj->t", trajectory.v, mass, trajectory.v) / 2
     np.testing.assert_allclose(half, trajectory.energy_kinetic, rtol=1e-12)

@@ -13,10 +13,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import lagcli
-from lagcli.engine.lanes import Finished, prepare_lanes, run_lanes, suits_lanes
+from lagcli.engine.integrate.batch import Finished, prepare_lanes, run_lanes, suits_lanes
 from lagcli.model.model import Model, Settings
-from lagcli.simulation import prepare
-from lagcli.trajectory import Trajectory
+from lagcli.simulations.simulation import prepare
+from lagcli.trajectory.trajectory import Trajectory
 
 ROOT = Path(__file__).parents[2]
 FOUND = ROOT / "tests" / "found"
@@ -104,7 +104,7 @@ def _computed(text: str) -> bool:
 
 
 def _si(unit: str | None) -> str:
-    from lagcli.model.units import si_notation
+    from lagcli.model.expression.units import si_notation
 
     return si_notation(unit) if unit else ""
 

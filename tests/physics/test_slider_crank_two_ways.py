@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.trajectory import Trajectory
+from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[2] / "models"
 NAMES = ("slider_crank", "slider_crank_textbook")

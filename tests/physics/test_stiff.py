@@ -15,7 +15,7 @@ import pytest
 import lagcli
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
-from lagcli.trajectory import Trajectory
+from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = sorted((Path(__file__).parents[2] / "models").glob("*.yaml"))
 STIFF = ("Rodas5P", "Radau")

@@ -9,10 +9,10 @@ import pytest
 
 import lagcli
 from lagcli.errors import UsageError
-from lagcli.pictures.run_file import Run
-from lagcli.pictures.scene import DrawnVector, Scene
-from lagcli.pictures.stage import scene_of
-from lagcli.trajectory import Trajectory
+from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.scene import DrawnVector, Scene
+from lagcli.pictures.scene.view_evaluator import scene_of
+from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[2] / "models"
 
@@ -30,7 +30,7 @@ view:
 
 
 def drawn(trajectory: Trajectory) -> Scene:
-    scene = scene_of(Run(trajectory))
+    scene = scene_of(RunFile(trajectory))
     assert scene is not None
     return scene
 

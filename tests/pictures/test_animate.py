@@ -18,12 +18,12 @@ from PIL import Image
 import lagcli
 from lagcli.cli.app import run as lagcli_run
 from lagcli.errors import FileError, UsageError
-from lagcli.pictures.animate import animate
-from lagcli.pictures.drawing import SceneDrawing, round_length, three_digits
-from lagcli.pictures.film import check_film
-from lagcli.pictures.run_file import Run
-from lagcli.pictures.stage import scene_of
-from lagcli.pictures.timing import Timing, timing, usual_speed
+from lagcli.pictures.animation.animate import animate
+from lagcli.pictures.animation.film import check_film
+from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.drawing import SceneDrawing, round_length, three_digits
+from lagcli.pictures.scene.timing import Timing, timing, usual_speed
+from lagcli.pictures.scene.view_evaluator import scene_of
 
 MODELS = sorted(f.stem for f in (Path(__file__).parents[2] / "models").glob("*.yaml"))
 
@@ -119,7 +119,7 @@ def test_magnitudes_have_three_digits():
 def test_the_mechanism_is_where_its_coordinates_say(result):
     path = result("pendulum_cartesian")
     trajectory = lagcli.read(path)
-    scene = replace(scene_of(Run(path)), vectors=())  # arrows would cover the bob
+    scene = replace(scene_of(RunFile(path)), vectors=())  # arrows would cover the bob
     drawing = SceneDrawing(scene, 400, 400)
     for sample in (0, 300, 999):
         x, y = trajectory.q[sample]
@@ -136,7 +136,7 @@ def test_the_mechanism_is_where_its_coordinates_say(result):
 
 
 def test_between_samples_it_moves(result):
-    scene = scene_of(Run(result("slider_crank")))
+    scene = scene_of(RunFile(result("slider_crank")))
     drawing = SceneDrawing(scene, 320, 240)
     first, between, second = (drawing.frame(t) for t in (0.1, 0.1025, 0.105))
     assert (first != between).any()
@@ -144,7 +144,7 @@ def test_between_samples_it_moves(result):
 
 
 def test_forces_can_be_left_out(result):
-    scene = scene_of(Run(result("slider_crank")))
+    scene = scene_of(RunFile(result("slider_crank")))
     orange = (0xD5, 0x5E, 0x00)
 
     def has_orange(image):

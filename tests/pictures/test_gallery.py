@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 import lagcli
-from lagcli.pictures.run_file import Run
+from lagcli.pictures.run_file import RunFile
 
 ROOT = Path(__file__).parents[2]
 GALLERY = ROOT / "docs" / "gallery"
@@ -36,14 +36,14 @@ def different(first, second):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_stored_pictures_are_those_of_the_models(name, build, result):
-    drawn = build.picture(Run(result(name)))
+    drawn = build.picture(RunFile(result(name)))
     with Image.open(GALLERY / f"{name}.png") as stored:
         assert different(drawn, stored) < _TOLERANCE
 
 
 def test_another_moment_is_another_picture(build, result, monkeypatch):
     monkeypatch.setattr(build, "MOMENT", build.MOMENT + 0.01)
-    drawn = build.picture(Run(result("slider_crank")))
+    drawn = build.picture(RunFile(result("slider_crank")))
     with Image.open(GALLERY / "slider_crank.png") as stored:
         assert different(drawn, stored) > 5 * _TOLERANCE
 

@@ -5,12 +5,12 @@ import re
 import numpy as np
 import pytest
 
-from lagcli.pictures.animate import animate
-from lagcli.pictures.drawing import SceneDrawing
+from lagcli.pictures.animation.animate import animate
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data
-from lagcli.pictures.run_file import Run
-from lagcli.pictures.stage import scene_of
-from lagcli.pictures.style import ROLES
+from lagcli.pictures.plots.style import ROLES
+from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.drawing import SceneDrawing
+from lagcli.pictures.scene.view_evaluator import scene_of
 
 PICTURE = "player.stage.canvas.toDataURL()"
 
@@ -138,7 +138,7 @@ def test_forces_are_hidden_at_first_where_wanted(pages, visit):
 
 
 def test_magnitudes_are_those_of_the_run(slider_crank, result):
-    scene = scene_of(Run(result("slider_crank")))
+    scene = scene_of(RunFile(result("slider_crank")))
     sample = 137
     slider_crank.evaluate(f"player.setTime({scene.time[sample]})")
     shown = slider_crank.evaluate("player.stage.vectors()")
@@ -293,7 +293,7 @@ def test_films_and_pages_put_points_in_the_same_places(name, pages, visit, resul
             Object.fromEntries(Object.keys(data.points).map((name) =>
               [name, player.stage.camera.project(player.stage.motion.point(name))]))]"""
     )
-    scene = scene_of(Run(result(name)))
+    scene = scene_of(RunFile(result(name)))
     drawing = SceneDrawing(scene, width, height)
     margin = 26 if scene.dimension == 2 else 0
     drawing.camera = type(drawing.camera)(scene.bounds, width, height, margin)

@@ -18,10 +18,10 @@ import pytest
 
 import lagcli
 from lagcli.cli.app import run
-from lagcli.pictures.curves import Catalogue, read_curves
-from lagcli.pictures.differences import labels_of
-from lagcli.pictures.run_file import Run
-from lagcli.samples import Samples
+from lagcli.pictures.plots.curves import Catalogue, read_curves
+from lagcli.pictures.plots.differences import labels_of
+from lagcli.pictures.run_file import RunFile
+from lagcli.trajectory.samples import Samples
 
 pytest.importorskip("matplotlib")
 
@@ -126,7 +126,7 @@ def test_formats_are_what_their_names_say_and_always_the_same(suffix: str, tmp_p
     ],
 )
 def test_names_are_the_columns_of_results(file: str, name: str, values: object) -> None:
-    source = Run(f"{file}.h5")
+    source = RunFile(f"{file}.h5")
     (curve,) = Catalogue(source).find(name)
     expected = values(lagcli.read(f"{file}.h5"))  # type: ignore[operator]
     np.testing.assert_array_equal(read_curves(source, [curve])[curve.name], expected)
@@ -137,7 +137,7 @@ def test_names_are_the_columns_of_results(file: str, name: str, values: object) 
     [("x", 20), ("x_dot", 20), ("lambda.rod", 20), ("*_ddot", 40), ("Qc.rod*.x*", 400)],
 )
 def test_families_and_stars(name: str, count: int) -> None:
-    assert len(Catalogue(Run("chain.h5")).find(name)) == count
+    assert len(Catalogue(RunFile("chain.h5")).find(name)) == count
 
 
 def test_names_in_tex_and_units(tmp_path: Path) -> None:
@@ -184,7 +184,7 @@ def test_runs_of_other_starts_or_options(
     model = model or lagcli.load(MODELS / "slider_crank.yaml", **start)  # type: ignore[arg-type]
     again = lagcli.load_text(model.text, set={"N": 1} if not start else None)
     runs = [
-        Run(lagcli.simulate(m, t_end=0.1, samples=3, **o))
+        RunFile(lagcli.simulate(m, t_end=0.1, samples=3, **o))
         for m, o in ((again, {}), (model, options))
     ]
     assert label in labels_of(runs)[0][1]

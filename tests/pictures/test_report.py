@@ -14,11 +14,11 @@ import pytest
 import lagcli
 from lagcli.cli.app import run as cli
 from lagcli.errors import FileError, LagcliError
-from lagcli.extremes import Extreme
 from lagcli.pictures.report import report
-from lagcli.pictures.report.curves import Curve, Plot, gather
+from lagcli.pictures.report.curves import Plot, ReportCurve, gather
 from lagcli.pictures.report.writing import chosen, elided, force_unit, number, rate_unit, unit
 from lagcli.pictures.report.yaml_text import highlighted
+from lagcli.trajectory.extremes import Extreme
 
 MODELS = Path(__file__).parents[2] / "models"
 MB = 1_000_000
@@ -299,7 +299,7 @@ def test_many_short_blocks_keep_no_more_than_few_long_ones():
 
     sizes = []
     for length in (40, count):
-        curves = [Curve(f"q{i}", f"q{i}", "q", (i,)) for i in range(width)]
+        curves = [ReportCurve(f"q{i}", f"q{i}", "q", (i,)) for i in range(width)]
         plot, extremes = Plot("", "", curves), {curve: Extreme() for curve in curves}
         gather(Blocks(length), [plot], extremes)
         assert np.array_equal(plot.values.min(axis=0), values.min(axis=0))

@@ -12,9 +12,9 @@ import pytest
 
 import lagcli
 from lagcli.cli.app import run
-from lagcli.pictures.curves import Catalogue, read_curves
-from lagcli.pictures.sweep_plot import Table
-from lagcli.pictures.sweep_rows import MOST, Rows
+from lagcli.pictures.plots.curves import Catalogue, read_curves
+from lagcli.pictures.plots.sweep_plot import PlottedTable
+from lagcli.pictures.plots.sweep_rows import MOST, Rows
 
 pytest.importorskip("matplotlib")
 
@@ -102,7 +102,7 @@ def test_curves_over_one_of_two(tmp_path: Path) -> None:
 
 
 def test_values_of_measures() -> None:
-    table = Table("grid.h5")
+    table = PlottedTable("grid.h5")
     peak, mass = table.find("peak").values, table.find("m").values
     at = table.find("l").values == 0.2
     # without friction, lambda is proportional to the mass
@@ -113,7 +113,7 @@ def test_values_of_measures() -> None:
 
 def test_rows_that_failed_are_not_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plot(tmp_path, "bad.h5")
-    assert np.isnan(Table("bad.h5").find("peak").values).all()
+    assert np.isnan(PlottedTable("bad.h5").find("peak").values).all()
     assert run(["plot", "bad.h5", "phi", "-o", str(tmp_path / "x.svg")]) == 2
     assert "no row was completed" in capsys.readouterr().err
 
@@ -122,7 +122,7 @@ def test_a_few_of_many_rows_are_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert MOST == 200
-    monkeypatch.setattr("lagcli.pictures.sweep_rows.MOST", 5)
+    monkeypatch.setattr("lagcli.pictures.plots.sweep_rows.MOST", 5)
     plot(tmp_path, "kept.h5", "psi")
     assert re.search("5 of 9 rows", capsys.readouterr().err)
 

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lagcli.engine.elimination import Elimination, NoElimination, find_order, order_at
-from lagcli.engine.prepared import Prepared
-from lagcli.engine.program import assemble
+from lagcli.engine.integrate.prepared import Prepared
+from lagcli.engine.linear.elimination import Elimination, NoElimination, find_order, order_at
+from lagcli.engine.linear.unrolling import unroll
+from lagcli.engine.program.program import assemble
 from lagcli.engine.system import System
-from lagcli.engine.tape import Builder, Tape
-from lagcli.engine.unrolling import unroll
+from lagcli.engine.tape.tape import Builder, Tape
 
 binding = pytest.importorskip("lagcli.engine.core.binding")
 

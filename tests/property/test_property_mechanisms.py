@@ -7,7 +7,7 @@ import pytest
 from mechanisms import Mechanism, matrix, product, random_mechanism, unit
 
 import lagcli
-from lagcli.trajectory import Trajectory
+from lagcli.trajectory.trajectory import Trajectory
 
 T_END, SAMPLES = 0.5, 6
 #: In the normal suite: chains and loops, along the frame's axes and not.

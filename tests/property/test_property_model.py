@@ -11,16 +11,24 @@ import symengine as se
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from lagcli.model.constants import number
-from lagcli.model.expressions import build
-from lagcli.model.grammar import parse
+from lagcli.model.expression.building import build
+from lagcli.model.expression.constants import number
+from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.trees import (
+    CallExpr,
+    Name,
+    NumberExpr,
+    PowerExpr,
+    ProductExpr,
+    SumExpr,
+    Tree,
+)
 from lagcli.model.loader import load_text
-from lagcli.model.names import Context, Names
-from lagcli.model.scope import ModelScope
-from lagcli.model.tokens import ExpressionError
-from lagcli.model.trees import Call, Name, Number, Power, Product, Sum, Tree
-from lagcli.simulation import simulate
-from lagcli.trajectory import Trajectory
+from lagcli.model.names.scope import ModelScope
+from lagcli.model.symbols import Context, Symbols
+from lagcli.simulations.simulation import simulate
+from lagcli.trajectory.trajectory import Trajectory
 
 # expressions: against Python's own reading of the same text
 
@@ -44,7 +52,7 @@ def _larger(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 
 EXPRESSIONS = st.recursive(ATOMS, _larger, max_leaves=12)
 POINTS = st.tuples(*[st.floats(0.1, 2)] * 3)
-NAMES = Names(parameters={n: (lambda n=n: se.Symbol(n)) for n in "abc"})
+NAMES = Symbols(parameters={n: (lambda n=n: se.Symbol(n)) for n in "abc"})
 
 
 def evaluated(tree: Tree, point: tuple[float, ...]) -> float:
@@ -56,18 +64,18 @@ def evaluated(tree: Tree, point: tuple[float, ...]) -> float:
 def printed(tree: Tree) -> str:
     """Return a tree as text, with all its parentheses."""
     match tree:
-        case Number():
+        case NumberExpr():
             return f"({tree.value})"
         case Name():
             return tree.text
-        case Call():
+        case CallExpr():
             return f"{tree.function}({', '.join(map(printed, tree.arguments))})"
-        case Sum():
+        case SumExpr():
             return "(" + "".join(f" {'+-'[s < 0]} {printed(t)}" for s, t in tree.terms) + ")"
-        case Product():
+        case ProductExpr():
             text = "".join(f" {'*/'[e < 0]} {printed(f)}" for e, f in tree.factors)
             return f"({text[3:]})"
-        case Power():
+        case PowerExpr():
             return f"({printed(tree.base)})^({printed(tree.exponent)})"
     raise AssertionError(tree)
 

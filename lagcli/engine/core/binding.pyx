@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from lagcli.engine.program import assemble
+from lagcli.engine.program.program import assemble
 
 from libc.stdint cimport int32_t
 

@@ -1,6 +1,6 @@
 /*
  * Eight runs of one System at once, each in a lane of its own: with its own parameters, state, time
- * and step size. engine/lanes.py says what leaves the lanes. All memory belongs to the caller.
+ * and step size. engine/integrate/batch.py says what leaves the lanes. All memory belongs to the caller.
  *
  * Where an array is said to be "of lanes", LAG_LANES numbers stand for each of its entries.
  */
@@ -18,7 +18,7 @@ enum lag_lane_status {
     LAG_LANE_LEFT     /* to be done again by itself, from its start */
 };
 
-/* A program of engine/program.py on eight register files. Places count LAG_LANES for a register. */
+/* A program of engine/program/program.py on eight register files. Places count LAG_LANES for a register. */
 typedef struct {
     const int32_t *prelude, *stream, *later[3], *alone[2], *outputs; /* as in tape.h */
     double *registers;                 /* of lanes */

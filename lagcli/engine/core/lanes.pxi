@@ -1,6 +1,6 @@
 # The lanes' part of the binding; see lanes.h.
 
-from lagcli.engine.streams import unpacked
+from lagcli.engine.program.subprograms import unpacked
 
 from libc.stdint cimport int64_t
 

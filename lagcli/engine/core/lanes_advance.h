@@ -1,6 +1,6 @@
 /* Runs go into lanes, through their steps, and out; see run.c and dop853.c for one. */
 
-#define WORTH 300           /* steps that must be left for another method, as in engine/methods.py */
+#define WORTH 300           /* steps that must be left for another method, as in engine/integrate/methods.py */
 
 /* Let the runs in some lanes leave; return the other ones. */
 static int lanes_leave_all(lag_lanes *s, int lanes, int leaving)

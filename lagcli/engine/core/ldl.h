@@ -1,4 +1,4 @@
-/* Sparse L D L' of a symmetric matrix with a static order; engine/elimination.py finds the order. */
+/* Sparse L D L' of a symmetric matrix with a static order; engine/linear/elimination.py finds the order. */
 #ifndef LAGCLI_LDL_H
 #define LAGCLI_LDL_H
 

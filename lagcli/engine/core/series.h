@@ -1,4 +1,4 @@
-/* Taylor coefficients of a motion, order by order. The programs are those of engine/series.py. */
+/* Taylor coefficients of a motion, order by order. The programs are those of engine/taylor/series.py. */
 #ifndef LAGCLI_SERIES_H
 #define LAGCLI_SERIES_H
 

@@ -1,5 +1,5 @@
-/* The tape evaluator. The streams are those of engine/program.py, the operations those of
- * engine/tape.py and after them the ones that only programs have. */
+/* The tape evaluator. The streams are those of engine/program/program.py, the operations those of
+ * engine/tape/tape.py and after them the ones that only programs have. */
 #ifndef LAGCLI_TAPE_H
 #define LAGCLI_TAPE_H
 

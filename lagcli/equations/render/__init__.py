@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from lagcli.equations.extent import Extent
-from lagcli.equations.formulas import Formulas, Step
-from lagcli.equations.freedom import Freedom
-from lagcli.equations.lagrange import Equations
-from lagcli.equations.overview import convention, in_matrices, in_short, overview
-from lagcli.equations.steps import steps as derivation
+from lagcli.equations.derivation.freedom import Freedom
+from lagcli.equations.derivation.lagrange import Equations
+from lagcli.equations.presentation.extent import Extent
+from lagcli.equations.presentation.formulas import Formulas, Step
+from lagcli.equations.presentation.overview import convention, in_matrices, in_short, overview
+from lagcli.equations.presentation.steps import steps as derivation
 from lagcli.errors import UsageError
 
 FORMATS = ("text", "latex", "markdown", "json")
@@ -55,7 +55,7 @@ def render(
         An unknown format, or a width below 40.
     """
     from lagcli.equations.render.formula_text import TextFormula
-    from lagcli.equations.render.names import Names
+    from lagcli.equations.render.names import Notation
     from lagcli.equations.render.numbers import written_decimals
 
     if format not in FORMATS:
@@ -66,7 +66,7 @@ def render(
 
         return render_json(f, steps, full)
     shown = _derivation(f, full) if steps else overview(f, full)
-    names = Names(f.model)
+    names = Notation(f.model)
     if format == "text":
         from lagcli.equations.render.text import NARROWEST, render_text
 

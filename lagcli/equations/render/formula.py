@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from lagcli.equations import typeset as t
+from lagcli.equations.presentation import typeset as t
+from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import Break, Token
-from lagcli.equations.render.names import Names
-from lagcli.equations.typeset import Node
+from lagcli.equations.render.names import Notation
 
 
 class FormulaWriter:
@@ -25,7 +25,9 @@ class FormulaWriter:
     #: Between terms, and before a first one that is negative.
     plus, minus, negative = "+ ", "- ", "-"
 
-    def __init__(self, names: Names, decimals: frozenset[int] = frozenset(), numeric: bool = False):
+    def __init__(
+        self, names: Notation, decimals: frozenset[int] = frozenset(), numeric: bool = False
+    ):
         self.names, self.decimals, self.numeric = names, decimals, numeric
 
     def tokens(self, node: Node, depth: int = 0) -> list[Token]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from fractions import Fraction
 
-from lagcli.equations import typeset as t
+from lagcli.equations.presentation import typeset as t
+from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
 from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.names import latex_ascii, latex_word, letter
 from lagcli.equations.render.numbers import decimal, rounded
-from lagcli.equations.typeset import Node
 
 _RELATIONS = {"<=": r"\le", ">=": r"\ge", "!=": r"\ne", "==": "="}
 _FUNCTIONS = {

@@ -8,13 +8,13 @@ from fractions import Fraction
 from functools import cache
 from html import escape, unescape
 
-from lagcli.equations import typeset as t
+from lagcli.equations.presentation import typeset as t
+from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
 from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.formula_latex import needs_space
 from lagcli.equations.render.mathml_sign import sign_mathml
 from lagcli.equations.render.numbers import decimal, rounded
-from lagcli.equations.typeset import Node
 
 _RELATIONS = {"<=": "≤", ">=": "≥", "!=": "≠", "==": "=", "<": "<", ">": ">"}
 _PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")

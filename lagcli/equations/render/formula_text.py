@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from lagcli.equations import typeset as t
+from lagcli.equations.presentation import typeset as t
+from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
 from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.names import SUBSCRIPTS, SUPERSCRIPTS
 from lagcli.equations.render.numbers import decimal, rounded
-from lagcli.equations.typeset import Node
 
 _VULGAR = {
     Fraction(p, q): sign

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from lagcli.equations import typeset as t
-from lagcli.equations.typeset import Node
+from lagcli.equations.presentation import typeset as t
+from lagcli.equations.presentation.typeset import Node
 from lagcli.model import model as symbols
 
 _FUNCTIONS = {"ceiling": "ceil"}  # SymEngine's names that are not the grammar's
@@ -22,7 +22,7 @@ def grammar_text(node: Node) -> str:
     Returns
     -------
     str
-        What `lagcli.model.grammar.parse` reads, with the same value.
+        What `lagcli.model.expression.grammar.parse` reads, with the same value.
     """
     match node:
         case t.Number():

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from lagcli.equations.formulas import Line
+from lagcli.equations.presentation.formulas import Line
+from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import Break, Token
 from lagcli.equations.render.formula_mathml import MathmlFormula, operator, width
 from lagcli.equations.render.formula_text import TextFormula
-from lagcli.equations.typeset import Node
 
 #: Letters that stand beside each other on the narrowest screen: what is shorter is not cut.
 _PIECE = 26

@@ -1,7 +1,7 @@
 """The equations as JSON, for programs.
 
 Schema ``lagcli-derivation-2``. Every formula is ``{"text": …, "latex": …}``: text of the model
-grammar, which `lagcli.model.grammar` reads back, and LaTeX.
+grammar, which `lagcli.model.expression.grammar` reads back, and LaTeX.
 
 ==================  ==========================================================================
 ``schema``          ``"lagcli-derivation-2"``
@@ -40,17 +40,17 @@ from typing import Any
 
 from symengine import Basic
 
-from lagcli.equations.formulas import Formulas, Line
-from lagcli.equations.integrability import integrable
-from lagcli.equations.lagrange import ConstraintEquation
-from lagcli.equations.matrices import PARTS, Matrices
-from lagcli.equations.overview import in_matrices
+from lagcli.equations.derivation.integrability import integrable
+from lagcli.equations.derivation.lagrange import ConstraintEquation
+from lagcli.equations.presentation.formulas import Formulas, Line
+from lagcli.equations.presentation.matrices import PARTS, Matrices
+from lagcli.equations.presentation.overview import in_matrices
+from lagcli.equations.presentation.steps import steps as derivation
+from lagcli.equations.presentation.typeset import ZERO, Node, Symbol
 from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.grammar import grammar_text
-from lagcli.equations.render.names import Names
+from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
-from lagcli.equations.steps import steps as derivation
-from lagcli.equations.typeset import ZERO, Node, Symbol
 
 SCHEMA = "lagcli-derivation-2"
 SIGN_CONVENTION = (
@@ -74,7 +74,7 @@ def render_json(f: Formulas, steps: bool, full: bool) -> str:
     """
     plain = Formulas(f.equations, bool(f.values), named=False, freedom=f.freedom)
     matrices = Matrices(plain, PARTS) if in_matrices(f, full) else None
-    writer = _Writer(plain, matrices)
+    writer = _JsonWriter(plain, matrices)
     content = writer.content()
     if steps and matrices is None:
         content["steps"] = [
@@ -88,11 +88,11 @@ def render_json(f: Formulas, steps: bool, full: bool) -> str:
     return json.dumps(content, ensure_ascii=False, indent=2) + "\n"
 
 
-class _Writer:
+class _JsonWriter:
     def __init__(self, f: Formulas, matrices: Matrices | None):
         self.f, self.matrices = f, matrices
         self.entries = matrices.formulas_of() if matrices is not None else {}
-        names = Names(f.model)
+        names = Notation(f.model)
         self.latex = LatexFormula(names, written_decimals(f.model), bool(f.values)).latex
         self.names = names
 

@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Sequence
 from itertools import groupby
 
-from lagcli.equations.formulas import Line, Step
+from lagcli.equations.presentation.formulas import Line, Step
 from lagcli.equations.render.breaking import Break, Token, lines
 from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.names import LATEX_GREEK

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from itertools import groupby
 
-from lagcli.equations.formulas import Line, Step
+from lagcli.equations.presentation.formulas import Line, Step
 from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.latex import displays, paragraphs
 from lagcli.model.model import Model

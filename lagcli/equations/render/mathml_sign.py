@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from html import escape
 
-from lagcli.equations.render.names import LATEX_GREEK, dotted
-from lagcli.model.latex_sign import Accent, Part, Row, Scripts, Symbol, Word, parse
+from lagcli.equations.render.letters import LATEX_GREEK, dotted
+from lagcli.model.names.latex_sign import Accent, LatexRow, LatexSymbol, Part, Scripts, Word, parse
 
 _GREEK = {latex: sign for sign, latex in LATEX_GREEK.items() if latex.startswith("\\")}
 _GREEK |= {r"\epsilon": "ϵ", r"\varrho": "ϱ", r"\varpi": "ϖ", r"\varsigma": "ς"}
@@ -43,14 +43,14 @@ def sign_mathml(latex: str) -> str:
     Raises
     ------
     NotASign
-        See `lagcli.model.latex_sign.parse`.
+        See `lagcli.model.names.latex_sign.parse`.
     """
     return _mathml(parse(latex))
 
 
 def _mathml(part: Part) -> str:
     match part:
-        case Symbol():
+        case LatexSymbol():
             return _symbol(part.text)
         case Accent():
             return _accent(part)
@@ -65,9 +65,11 @@ def _mathml(part: Part) -> str:
             scripts = [_mathml(x) for x in (part.below, part.above) if x is not None]
             tag = "msubsup" if len(scripts) == 2 else "msub" if part.below is not None else "msup"
             return f"<{tag}>{_mathml(part.base)}{''.join(scripts)}</{tag}>"
-        case Row():
+        case LatexRow():
             shown = [
-                _mathml(x) for x in part.parts if not (isinstance(x, Symbol) and x.text in _STYLES)
+                _mathml(x)
+                for x in part.parts
+                if not (isinstance(x, LatexSymbol) and x.text in _STYLES)
             ]
             return shown[0] if len(shown) == 1 else f"<mrow>{''.join(shown)}</mrow>"
 
@@ -77,7 +79,9 @@ def _accent(part: Accent) -> str:
     if part.command in (r"\dot", r"\ddot"):
         return dotted(base, len(part.command) - len(r"\dot") + 1)
     if part.command == r"\boldsymbol":
-        letter = _GREEK.get(part.base.text, part.base.text) if isinstance(part.base, Symbol) else ""
+        letter = (
+            _GREEK.get(part.base.text, part.base.text) if isinstance(part.base, LatexSymbol) else ""
+        )
         return base.replace(letter, _shifted(letter, _BOLD_ITALIC)) if letter.isalpha() else base
     mark = f'<mo stretchy="false">{_ACCENTS[part.command]}</mo>'
     return f'<mover accent="true">{base}{mark}</mover>'

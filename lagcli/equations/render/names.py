@@ -6,27 +6,15 @@ import unicodedata
 from contextlib import suppress
 from html import escape
 
+from lagcli.equations.render.letters import GREEK, LATEX_GREEK, dotted
+from lagcli.equations.render.mathml_sign import sign_mathml
 from lagcli.errors import Diagnostic
-from lagcli.model.latex_sign import NotASign, parse, to_latex
 from lagcli.model.model import Model
-
-_LETTERS = """
-    alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu
-    nu xi omicron pi rho sigma tau upsilon phi chi psi omega
-""".split()  # noqa: SIM905 - a list of quoted words is harder to read
-_SIGNS = "αβγδεζηθικλμνξοπρστυφχψω"
-GREEK = dict(zip(_LETTERS, _SIGNS, strict=True))
-GREEK.update({name.capitalize(): sign.upper() for name, sign in GREEK.items()})
+from lagcli.model.names.latex_sign import NotASign, parse, to_latex
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _DOTS = ("", "\u0307", "\u0308")
-
-LATEX_GREEK = {sign: f"\\{name}" for name, sign in GREEK.items()}
-LATEX_GREEK.update({"φ": r"\varphi", "ε": r"\varepsilon", "ϕ": r"\phi", "ϑ": r"\vartheta"})
-# capitals that look like Latin ones have no macro
-LATEX_GREEK.update(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΧ", "ABEZHIKMNOPTX", strict=True))
-LATEX_GREEK.update({"ο": "o", "Υ": r"\Upsilon"})
 
 
 def split(name: str) -> tuple[str, str]:
@@ -49,7 +37,7 @@ def letter(name: str) -> str:
     return GREEK.get(base, base)
 
 
-class Names:
+class Notation:
     """The names of one model in text and in LaTeX; two names never look the same.
 
     Parameters
@@ -94,8 +82,6 @@ class Names:
     def mathml(self, name: str, dots: int = 0) -> tuple[str, str]:
         """Return a name with its dots in MathML: its letter, and its subscript or nothing."""
         if name in self._own:
-            from lagcli.equations.render.mathml_sign import sign_mathml
-
             return dotted(sign_mathml(self._own[name]), dots), ""
         letter, subscript = self._mathml.get(name) or _mathml(name)
         if letter == name:  # raw, so as not to look like another one
@@ -185,15 +171,6 @@ def _mathml_row(subscript: str) -> str:
     ]
     comma = '<mo separator="true">,</mo>'
     return f"<mrow>{comma.join(shown)}</mrow>" if len(shown) > 1 else shown[0]
-
-
-def dotted(letter: str, dots: int) -> str:
-    """Return a letter in MathML with its dots above."""
-    if not dots:
-        return letter
-    # full stops of full size: the accents ˙ and ¨ touch low letters in some browsers
-    mark = f'<mo stretchy="false" lspace="0" rspace="0">{"." * dots}</mo>'
-    return f'<mover>{letter}<mstyle scriptlevel="0">{mark}</mstyle></mover>'
 
 
 def _latex_letter(text: str, font: str = r"\mathit") -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from lagcli.equations.factors import LARGEST_DENOMINATOR
+from lagcli.equations.simplification.factors import LARGEST_DENOMINATOR
+from lagcli.model.expression.trees import NumberExpr, walk
 from lagcli.model.model import Model
-from lagcli.model.trees import Number, walk
 
 DIGITS = 6
 
@@ -15,7 +15,7 @@ def written_decimals(model: Model) -> frozenset[int]:
     """Return the denominators of the decimals that the model's author wrote: 0.2 is 1/5."""
     found: set[int] = set()
     for tree in model.trees.values():
-        found.update(part.value.denominator for part in walk(tree) if isinstance(part, Number))
+        found.update(part.value.denominator for part in walk(tree) if isinstance(part, NumberExpr))
     return frozenset(found)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from lagcli.equations.formulas import Line, Step
+from lagcli.equations.presentation.formulas import Line, Step
 from lagcli.equations.render.breaking import Break, Token, lines
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.names import display_width

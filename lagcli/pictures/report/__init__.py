@@ -9,7 +9,7 @@ from lagcli.errors import UsageError
 from lagcli.results.atomic import check_writable, whole_file
 
 if TYPE_CHECKING:
-    from lagcli.trajectory import Trajectory
+    from lagcli.trajectory.trajectory import Trajectory
 
 _SUFFIXES = (".html", ".htm")
 
@@ -81,7 +81,7 @@ def report(
         The text of the model is none for this version.
     """
     from lagcli.pictures.report.assembly import assembled
-    from lagcli.pictures.run_file import Run
+    from lagcli.pictures.run_file import RunFile
 
     output = os.fspath(output)
     stem, suffix = os.path.splitext(output)
@@ -92,7 +92,7 @@ def report(
             f"{output}: the suffix {suffix or '(none)'} is none of a page; name it {stem}.html"
         )
     check_writable(output, force)
-    run = Run(source, model)
+    run = RunFile(source, model)
     page = assembled(run, title).encode()
     with whole_file(output, force) as file:
         file.write(page)

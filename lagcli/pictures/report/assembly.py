@@ -9,30 +9,30 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.equations.formulas import Formulas
-from lagcli.equations.freedom import Freedom
-from lagcli.equations.lagrange import derive
-from lagcli.extremes import Extreme, Extremes
+from lagcli.equations.derivation.freedom import Freedom
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.equations.presentation.formulas import Formulas
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, content_policy, script_data
+from lagcli.pictures.plots.style import PALETTE
+from lagcli.pictures.plots.thinning import evenly
 from lagcli.pictures.report import tables
 from lagcli.pictures.report.curves import (
     POWERS,
-    Curve,
     Packed,
     Plot,
+    ReportCurve,
     Section,
     gather,
     sections,
     to_json,
 )
-from lagcli.pictures.report.equations import System
+from lagcli.pictures.report.equations import EquationSystem
 from lagcli.pictures.report.writing import chosen
 from lagcli.pictures.report.yaml_text import highlighted
-from lagcli.pictures.run_file import Run
-from lagcli.pictures.stage import scene_of
-from lagcli.pictures.style import PALETTE
-from lagcli.pictures.thinning import evenly
-from lagcli.pictures.timing import timing
+from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.timing import timing
+from lagcli.pictures.scene.view_evaluator import scene_of
+from lagcli.trajectory.extremes import Extreme, Extremes
 
 _UPLOT = "vendor/uplot/"
 _SCRIPTS = (_UPLOT + "uPlot.iife.min.js", *PLAYER_SCRIPTS, "plots.js", "report.js")
@@ -46,7 +46,7 @@ _ROWS = 24
 _ROUNDING = 1e-10
 
 
-def assembled(run: Run, title: str | None = None) -> str:
+def assembled(run: RunFile, title: str | None = None) -> str:
     """Return the page of a run.
 
     Parameters
@@ -62,7 +62,7 @@ def assembled(run: Run, title: str | None = None) -> str:
     """
     model = run.model
     recorded = Freedom.of_mapping(run.record.freedom) if run.record.freedom else None
-    system = System(run, Formulas(derive(model), freedom=recorded))
+    system = EquationSystem(run, Formulas(derive(model), freedom=recorded))
     found = sections(run, system.names) if run.count else []
     plots = [plot for section in found for plot in section.plots]
     extremes = {curve: Extreme() for curve in _looked_at(run, system)}
@@ -118,7 +118,7 @@ _MOTION = """<aside id="motion" aria-label="Animation">
 </aside>"""
 
 
-def _scene(run: Run) -> dict[str, Any] | None:
+def _scene(run: RunFile) -> dict[str, Any] | None:
     """Return the scene in JSON values, at some of the samples; None where there is none."""
     if run.model.view is None or run.count < 2:
         return None
@@ -135,31 +135,33 @@ def _ends(scene: Mapping[str, Any]) -> tuple[float, float]:
     return scene["time"][0], scene["time"][-1]
 
 
-def _looked_at(run: Run, system: System) -> list[Curve]:
+def _looked_at(run: RunFile, system: EquationSystem) -> list[ReportCurve]:
     """Return the curves whose extremes are listed."""
     names = system.names
     q, constraints = run.coordinates, run.constraints
     places = chosen(q, _ROWS)
-    found = [Curve(q[j], names.text(q[j]), "q", (j,)) for j in places]
-    found += [Curve(f"{q[j]}_dot", names.text(q[j], 1), "v", (j,)) for j in places]
+    found = [ReportCurve(q[j], names.text(q[j]), "q", (j,)) for j in places]
+    found += [ReportCurve(f"{q[j]}_dot", names.text(q[j], 1), "v", (j,)) for j in places]
     found += [
-        Curve(f"lambda.{constraints[i]}", names.multiplier(constraints[i]), "multipliers", (i,))
+        ReportCurve(
+            f"lambda.{constraints[i]}", names.multiplier(constraints[i]), "multipliers", (i,)
+        )
         for i in chosen(constraints, _ROWS)
     ]
     outputs = [run.outputs[i] for i in chosen(run.outputs, _ROWS)]
-    found += [Curve(name, name, f"outputs/{name}") for name in outputs]
+    found += [ReportCurve(name, name, f"outputs/{name}") for name in outputs]
     energies = {"kinetic": "T", "potential": "V", "total": "E"}
-    return found + [Curve(f"energy_{n}", s, f"energy_{n}") for n, s in energies.items()]
+    return found + [ReportCurve(f"energy_{n}", s, f"energy_{n}") for n, s in energies.items()]
 
 
-def _residuals(run: Run) -> Extremes:
+def _residuals(run: RunFile) -> Extremes:
     found = Extremes(run.constraints)
     for columns in run.blocks(Extremes.COLUMNS):
         found.add(columns)
     return found
 
 
-def _notable(found: list[Section], extremes: Mapping[Curve, Extreme]) -> list[Section]:
+def _notable(found: list[Section], extremes: Mapping[ReportCurve, Extreme]) -> list[Section]:
     """Return the sections without curves that say nothing."""
     energies = [x for curve, x in extremes.items() if curve.name.startswith("energy")]
     scale = max((x.high - x.low for x in energies if x.high >= x.low), default=0.0)

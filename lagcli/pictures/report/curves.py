@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.equations.render.names import Names
-from lagcli.extremes import Extreme, widen
+from lagcli.equations.render.names import Notation
+from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.report.writing import chosen, force_unit, rate_unit, unit
-from lagcli.pictures.run_file import Run
-from lagcli.pictures.thinning import thin
-from lagcli.samples import Array
+from lagcli.pictures.run_file import RunFile
+from lagcli.trajectory.extremes import Extreme, widen
+from lagcli.trajectory.samples import Array
 
 #: Curves in one plot, and constraints whose forces are drawn: more cannot be told apart.
 _CURVES, _CONSTRAINTS = 24, 12
@@ -29,7 +29,7 @@ POWERS = "Powers"
 _OF_PLOT = 40_000
 
 
-class Curve(NamedTuple):
+class ReportCurve(NamedTuple):
     """One curve: where its values are, and what it is called.
 
     Parameters
@@ -75,7 +75,7 @@ class Plot:
 
     title: str
     unit: str
-    curves: list[Curve]
+    curves: list[ReportCurve]
     log: bool = False
     least: float | None = None
     note: str = ""
@@ -100,7 +100,7 @@ class Section(NamedTuple):
     plots: list[Plot]
 
 
-def sections(run: Run, names: Names) -> list[Section]:
+def sections(run: RunFile, names: Notation) -> list[Section]:
     """Return the plots of a run, without values as yet.
 
     Parameters
@@ -140,7 +140,7 @@ def sections(run: Run, names: Names) -> list[Section]:
     return [section for section in found if section.plots]
 
 
-def gather(run: Run, plots: Sequence[Plot], extremes: Mapping[Curve, Extreme]) -> None:
+def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[ReportCurve, Extreme]) -> None:
     """Read the run once, in blocks: thin the plots' values, and find extremes among all samples.
 
     Parameters
@@ -210,28 +210,28 @@ def _thinned(time: Array, values: Array, numbers: float) -> tuple[Array, Array]:
     return time[kept], values[kept]
 
 
-def _by_coordinate(run: Run, names: Names, field: str, dots: int) -> list[Plot]:
+def _by_coordinate(run: RunFile, names: Notation, field: str, dots: int) -> list[Plot]:
     """Return the plots of coordinates or of their rates, one for each unit."""
     suffix = ("", "_dot")[dots]
-    groups: dict[str | None, list[Curve]] = {}
+    groups: dict[str | None, list[ReportCurve]] = {}
     for j, q in enumerate(run.coordinates):
         symbol = run.record.units.get(q)
-        curve = Curve(q + suffix, names.text(q, dots), field, (j,))
+        curve = ReportCurve(q + suffix, names.text(q, dots), field, (j,))
         groups.setdefault(rate_unit(symbol) if dots else symbol, []).append(curve)
     # beside other units it must be said that there is none
     none = "1" if len(groups) > 1 else ""
     return [_abridged(Plot("", unit(symbol) or none, c)) for symbol, c in groups.items()]
 
 
-def _multipliers(run: Run, names: Names) -> list[Plot]:
+def _multipliers(run: RunFile, names: Notation) -> list[Plot]:
     curves = [
-        Curve(f"lambda.{c}", names.multiplier(c), "multipliers", (i,))
+        ReportCurve(f"lambda.{c}", names.multiplier(c), "multipliers", (i,))
         for i, c in enumerate(run.constraints)
     ]
     return [_abridged(Plot("", "", curves))] if curves else []
 
 
-def _forces(run: Run, names: Names) -> Section:
+def _forces(run: RunFile, names: Notation) -> Section:
     title = "Constraint forces"
     nq = len(run.coordinates)
     if len(run.constraints) * nq > _FORCES:
@@ -255,25 +255,25 @@ def _forces(run: Run, names: Names) -> Section:
 
 
 def _grouped(
-    run: Run, names: Names, prefix: str, field: str, places: Mapping[int, int]
-) -> dict[str, list[Curve]]:
+    run: RunFile, names: Notation, prefix: str, field: str, places: Mapping[int, int]
+) -> dict[str, list[ReportCurve]]:
     """Return the curves of forces on coordinates, whose places in the field are given, by unit."""
-    groups: dict[str, list[Curve]] = {}
+    groups: dict[str, list[ReportCurve]] = {}
     for j, place in places.items():
         q = run.coordinates[j]
-        curve = Curve(f"{prefix}{q}", names.text(q), field, (place,))
+        curve = ReportCurve(f"{prefix}{q}", names.text(q), field, (place,))
         groups.setdefault(unit(force_unit(run.record.units.get(q))), []).append(curve)
     return groups
 
 
-def _by_unit(title: str, groups: Mapping[str, list[Curve]]) -> list[Plot]:
+def _by_unit(title: str, groups: Mapping[str, list[ReportCurve]]) -> list[Plot]:
     return [Plot(title, symbol, curves, least=0.0) for symbol, curves in groups.items()]
 
 
-def _outputs(run: Run, names: Names) -> list[Plot]:
-    groups: dict[str | None, list[Curve]] = {}
+def _outputs(run: RunFile, names: Notation) -> list[Plot]:
+    groups: dict[str | None, list[ReportCurve]] = {}
     for name in run.outputs:
-        curve = Curve(name, names.text(name), f"outputs/{name}")
+        curve = ReportCurve(name, names.text(name), f"outputs/{name}")
         groups.setdefault(run.record.units.get(name), []).append(curve)
     if None in groups and len(groups[None]) <= 6 and not run.record.units:
         # without units, one may be a length and another a force
@@ -285,18 +285,18 @@ def _energies() -> list[Plot]:
     energies = {"kinetic": "T", "potential": "V", "total": "E"}
     powers = {"applied": "applied forces", "constraint": "constraints", "time": "explicit time"}
     e, p = (
-        [Curve(f"{field}_{name}", label, f"{field}_{name}") for name, label in labels.items()]
+        [ReportCurve(f"{field}_{name}", label, f"{field}_{name}") for name, label in labels.items()]
         for field, labels in (("energy", energies), ("power", powers))
     )
     return [Plot("Energies", "J", e), Plot(POWERS, "W", p)]
 
 
-def _residuals(run: Run, names: Names) -> list[Plot]:
+def _residuals(run: RunFile, names: Notation) -> list[Plot]:
     plots = []
     for what in ("position", "velocity"):
         scales = getattr(run.record, f"scale_{what}")
         curves = [
-            Curve(f"residual_{what}.{c}", c, f"residual_{what}", (i,), _usable(scales[i]))
+            ReportCurve(f"residual_{what}.{c}", c, f"residual_{what}", (i,), _usable(scales[i]))
             for i, c in enumerate(run.constraints)
             if what == "velocity" or np.isfinite(scales[i])
         ]
@@ -308,8 +308,8 @@ def _residuals(run: Run, names: Names) -> list[Plot]:
             "Equations of motion and energy balance",
             "",
             [
-                Curve("residual_equation", "equations", "residual_equation"),
-                Curve("energy_balance", "energy balance [J]", "energy_balance"),
+                ReportCurve("residual_equation", "equations", "residual_equation"),
+                ReportCurve("energy_balance", "energy balance [J]", "energy_balance"),
             ],
             log=True,
         )

@@ -6,21 +6,21 @@ from collections.abc import Sequence
 from functools import cached_property
 from html import escape
 
-from lagcli.equations.extent import abridged, is_large
-from lagcli.equations.formulas import Formulas, Line, Step
-from lagcli.equations.general import Signs, force
-from lagcli.equations.lagrange import ConstraintEquation
-from lagcli.equations.matrices import Matrices
-from lagcli.equations.overview import convention, in_matrices, kind_of
+from lagcli.equations.derivation.lagrange import ConstraintEquation
+from lagcli.equations.presentation.extent import abridged, is_large
+from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.general import Signs, force
+from lagcli.equations.presentation.matrices import Matrices
+from lagcli.equations.presentation.overview import convention, in_matrices, kind_of
+from lagcli.equations.presentation.typeset import Symbol
 from lagcli.equations.render.formula_mathml import MathmlFormula
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.html import equation, inline
-from lagcli.equations.render.names import Names
+from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
-from lagcli.equations.typeset import Symbol
 from lagcli.pictures.report.writing import chosen, elided, number, table, unit
-from lagcli.pictures.run_file import Run
-from lagcli.samples import Array
+from lagcli.pictures.run_file import RunFile
+from lagcli.trajectory.samples import Array
 
 #: Coordinates, parameters, constraints and equations that are listed one by one; of more than
 #: these, about so many constraints and equations.
@@ -33,7 +33,7 @@ _NODES = 200_000
 _LONG, _LETTERS = 700, 4000
 
 
-class System:
+class EquationSystem:
     """The equations of one run in HTML.
 
     Parameters
@@ -43,10 +43,10 @@ class System:
         Of its model.
     """
 
-    def __init__(self, run: Run, formulas: Formulas):
+    def __init__(self, run: RunFile, formulas: Formulas):
         self.run, self.formulas = run, formulas
         self.equations, self.model = formulas.equations, formulas.model
-        self.names = Names(self.model)
+        self.names = Notation(self.model)
         decimals = written_decimals(self.model)
         self.mathml = MathmlFormula(self.names, decimals)
         self.text = TextFormula(self.names, decimals)

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-from lagcli.extremes import Extreme, Extremes
-from lagcli.pictures.report.curves import Curve
-from lagcli.pictures.report.equations import System
+from lagcli.pictures.report.curves import ReportCurve
+from lagcli.pictures.report.equations import EquationSystem
 from lagcli.pictures.report.writing import number, rate_unit, table, unit
-from lagcli.pictures.run_file import Run
-from lagcli.samples import Array
+from lagcli.pictures.run_file import RunFile
+from lagcli.trajectory.extremes import Extreme, Extremes
+from lagcli.trajectory.samples import Array
 from lagcli.version import __version__
 
 _ENDINGS = {
@@ -24,7 +24,7 @@ _ENDINGS = {
 }
 
 
-def status(run: Run) -> str:
+def status(run: RunFile) -> str:
     """Return the banner of a run that is not complete; nothing for one that is."""
     record = run.record
     if record.status == "completed":
@@ -43,7 +43,7 @@ def status(run: Run) -> str:
     )
 
 
-def extremes_table(found: Mapping[Curve, Extreme], system: System) -> str:
+def extremes_table(found: Mapping[ReportCurve, Extreme], system: EquationSystem) -> str:
     """Return the table of least and largest values, with the times to go to."""
     rows = []
     for curve, extreme in found.items():
@@ -59,7 +59,7 @@ def extremes_table(found: Mapping[Curve, Extreme], system: System) -> str:
     return table("Extremes among all samples", head, rows, numeric=(2, 3, 4, 5), kind="extremes")
 
 
-def moved(run: Run, system: System) -> str:
+def moved(run: RunFile, system: EquationSystem) -> str:
     """Return what the consistent start moved; nothing where there are no constraints."""
     correction = run.record.initial_correction
     if not run.constraints:
@@ -79,7 +79,7 @@ def moved(run: Run, system: System) -> str:
     return table(caption, head, rows, numeric=(1, 2, 3)) + note
 
 
-def solver(run: Run, found: Extremes) -> str:
+def solver(run: RunFile, found: Extremes) -> str:
     """Return how the run was computed, and how well."""
     record = run.record
     options = record.options
@@ -103,7 +103,7 @@ def solver(run: Run, found: Extremes) -> str:
     return table("Computation", ["", ""], [row for row in rows if row[1]], kind="facts")
 
 
-def provenance(run: Run) -> str:
+def provenance(run: RunFile) -> str:
     """Return all that is needed to make the run again."""
     record = run.record
     options = ", ".join(f"{k} = {_plain(v)}" for k, v in record.options.items() if v is not None)
@@ -119,7 +119,7 @@ def provenance(run: Run) -> str:
     return table("Provenance", ["", ""], [row for row in rows if row[1]], kind="facts")
 
 
-def _named(curve: Curve, system: System) -> tuple[str, str]:
+def _named(curve: ReportCurve, system: EquationSystem) -> tuple[str, str]:
     """Return the symbol and the unit of a curve."""
     run, place = system.run, curve.place
     match curve.field:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import lagcli
 from comparison import mechanisms, models
 from lagcli.model.model import Model, Settings
-from lagcli.simulation import prepare
+from lagcli.simulations.simulation import prepare
 
 Array = NDArray[np.float64]
 MODELS = Path(__file__).parents[3] / "models"

@@ -101,7 +101,7 @@ def growth(lengths: Sequence[int] = LENGTHS) -> list[Growth]:
     Where one takes longer than the measurement may, it is the last.
     """
     import lagcli
-    from lagcli.engine.system import compile_system
+    from lagcli.engine.lowering import lower
 
     cases = {n: chain(n, 1.0) for n in lengths}
     runs = {}
@@ -113,7 +113,7 @@ def growth(lengths: Sequence[int] = LENGTHS) -> list[Growth]:
             began = time.perf_counter()
             equations = lagcli.derive(lagcli.load(MODELS / "chain.yaml", {"N": n}))
             derived = time.perf_counter()
-            compile_system(equations)
+            lower(equations)
             compiled = time.perf_counter()
             if n not in runs:
                 runs[n] = ours.Ours(case, "DOP853").at(1e-9, max_steps=_STEPS)

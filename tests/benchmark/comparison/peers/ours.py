@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from comparison.cases import Case
 from comparison.methods import Method, decades, stiff_only
 from lagcli import settings as settings_of
-from lagcli import simulation
-from lagcli.engine.compiled_engine import Integration
+from lagcli.engine.contract import Block, IntegrationRequest, Outcome
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.prepared import find_elimination, prepare, unrolled
-from lagcli.engine.run import Block, Request, Run
+from lagcli.engine.integrate.compiled_engine import Integration
+from lagcli.engine.integrate.prepared import find_elimination, prepare, unrolled
 from lagcli.engine.system import System
 from lagcli.model.model import Settings
+from lagcli.simulations import simulation
 
 
 class Ours:
@@ -45,7 +45,7 @@ class Ours:
         prepared = unrolled(system, prepare(system, order))
         return _Ready(system, replace(request, prepared=prepared))
 
-    def positions(self, result: tuple[Run, list[Block]]) -> NDArray[np.float64]:
+    def positions(self, result: tuple[Outcome, list[Block]]) -> NDArray[np.float64]:
         """Return q, once the run is seen to be complete."""
         run, blocks = result
         if run.status != "completed":
@@ -56,7 +56,7 @@ class Ours:
 class _Ready:
     """A run that is made ready again, apart from its time, before each repetition."""
 
-    def __init__(self, system: System, request: Request):
+    def __init__(self, system: System, request: IntegrationRequest):
         self.system, self.request = system, request
         self.make_ready()
 
@@ -65,7 +65,7 @@ class _Ready:
         self.blocks: list[Block] = []
         self.integration = Integration(self.system, self.request, self.blocks.append, None)
 
-    def __call__(self) -> tuple[Run, list[Block]]:
+    def __call__(self) -> tuple[Outcome, list[Block]]:
         return self.integration.run(), self.blocks
 
 

@@ -1,0 +1,24 @@
+"""`lagcli export-csv`: the table of a sweep file."""
+
+from typing import Annotated
+
+import typer
+
+from lagcli.cli.options import Force
+
+
+def export_csv(
+    file: Annotated[str, typer.Argument(metavar="SWEEP.h5", help="Sweep file.")],
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="FILE", help="CSV file to write.")
+    ],
+    force: Force = False,
+) -> None:
+    """Write the table of a sweep file as CSV: varied values, measures and status of each row."""
+    from lagcli.errors import UsageError
+    from lagcli.results.formats import format_of
+    from lagcli.sweeps.file.table_csv import export_csv as export
+
+    if format_of(output) != "csv":
+        raise UsageError(f"{output} is not a CSV file; name it with .csv")
+    export(file, output, force)

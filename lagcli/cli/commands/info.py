@@ -1,0 +1,40 @@
+"""`lagcli info`: say what a result or sweep file holds."""
+
+from typing import Annotated, Any
+
+import typer
+
+from lagcli.cli.options import Json
+
+
+def info(
+    file: Annotated[
+        str, typer.Argument(metavar="FILE", help="Result file, .h5 or .csv, or sweep file.")
+    ],
+    json: Json = False,
+) -> None:
+    """Say what a file holds: sizes, status, residuals, multipliers, provenance."""
+    description, text = _described(file)
+    if json:
+        from lagcli.cli.summary import to_json
+
+        print(to_json(description))
+    else:
+        print(text)
+
+
+def _described(file: str) -> tuple[dict[str, Any], str]:
+    from lagcli.results.formats import format_of
+
+    if format_of(file) == "hdf5":
+        from lagcli.sweeps.file.store import is_sweep
+
+        if is_sweep(file):
+            from lagcli.sweeps.file.description import describe_sweep, format_sweep
+
+            found = describe_sweep(file)
+            return found, format_sweep(found)
+    from lagcli.results.info import describe, format_info
+
+    found = describe(file)
+    return found, format_info(found)

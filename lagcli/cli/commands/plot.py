@@ -1,0 +1,61 @@
+"""`lagcli plot`: draw the curves of runs."""
+
+import sys
+from typing import Annotated, Any
+
+import typer
+
+from lagcli.cli.options import Force
+from lagcli.errors import UsageError
+
+_RESULTS = (".h5", ".hdf5", ".csv")
+
+
+def plot(
+    arguments: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FILE… [NAME…]",
+            help="Result files (.h5, .csv), and what to plot of them: phi, phi_dot, lambda.guide,"
+            " Qc.guide.phi, energy_total, outputs, 'x[*]'; a:b is b over a; a,b share a panel."
+            " [default: coordinates, λ, energy balance and residuals]",
+        ),
+    ],
+    output: Annotated[
+        str,
+        typer.Option("--output", "-o", metavar="FILE", help="The picture: .png, .svg or .pdf."),
+    ],
+    title: Annotated[
+        str | None, typer.Option(help="In place of the model's name; '' for none.")
+    ] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="Width and height in inches, as 7x4.")
+    ] = None,
+    dpi: Annotated[float, typer.Option(help="Dots per inch of a png.")] = 150,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODEL", help="Model file in place of the text in the result; CSV has none."
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Plot time histories and phase portraits of results, and measures of a sweep.
+
+    Several results are drawn over each other and told apart by the parameters that differ. Of a
+    sweep: peak over what was varied, m:peak over m, m:l:peak as a map; phi of all its rows.
+    """
+    from lagcli.pictures.plots.figure_file import size_of
+    from lagcli.pictures.plots.plot import plot as draw
+
+    files = [a for a in arguments if a.lower().endswith(_RESULTS)]
+    names = [a for a in arguments if not a.lower().endswith(_RESULTS)]
+    if not files:
+        raise UsageError(
+            "there is no result file among the arguments: its name ends with .h5, .hdf5 or .csv;"
+            " lagcli simulate writes one"
+        )
+    inches = size_of(size) if size is not None else None
+    look: dict[str, Any] = {"title": title, "size": inches, "dpi": dpi}
+    for note in draw(files, output, names, model=model, force=force, **look):
+        print(f"note: {note}", file=sys.stderr)

@@ -1,0 +1,225 @@
+"""`lagcli simulate`: integrate the motion and write it."""
+
+import signal
+import sys
+import time
+from contextlib import nullcontext
+from typing import Annotated, Any
+
+import typer
+
+from lagcli.cli.options import (
+    Force,
+    Json,
+    ModelPath,
+    NoColor,
+    Quiet,
+    SetInitial,
+    SetParameter,
+    assignments,
+    refuse_same_file,
+)
+from lagcli.cli.settings import (
+    AbsoluteTolerance,
+    Alpha,
+    Beta,
+    EndTime,
+    EngineOption,
+    FormulationOption,
+    LargestStep,
+    MethodOption,
+    MostSteps,
+    RelativeTolerance,
+    SampleCount,
+    SampleTimes,
+    Spacing,
+    StartTime,
+    ThroughSingular,
+    Timeout,
+    settings_of,
+)
+from lagcli.cli.streams import tell
+from lagcli.errors import LagcliError, UsageError
+
+FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
+
+
+def simulate(
+    model: ModelPath,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Result file: .h5 (HDF5) or .csv, or - for CSV on standard output. Values stand"
+            " for names in braces: run_{m}.h5, run_{phi:.3f}.csv.",
+        ),
+    ] = None,
+    set: SetParameter = None,
+    set_initial: SetInitial = None,
+    t_start: StartTime = None,
+    t_end: EndTime = None,
+    samples: SampleCount = None,
+    dt: Spacing = None,
+    times: SampleTimes = None,
+    rtol: RelativeTolerance = None,
+    atol: AbsoluteTolerance = None,
+    method: MethodOption = None,
+    formulation: FormulationOption = None,
+    alpha: Alpha = None,
+    beta: Beta = None,
+    engine: EngineOption = None,
+    max_step: LargestStep = None,
+    max_steps: MostSteps = None,
+    timeout: Timeout = None,
+    through_singular: ThroughSingular = False,
+    strict: Annotated[
+        bool,
+        typer.Option("--strict", help="End with status 3 where the summary warns."),
+    ] = False,
+    meta: Annotated[
+        bool, typer.Option("--meta", help="Beside a CSV file, write FILE.json with its provenance.")
+    ] = False,
+    force: Force = False,
+    quiet: Quiet = False,
+    json: Json = False,
+    no_color: NoColor = False,
+) -> int:
+    """Simulate the motion, with its multipliers, and write it.
+
+    Without -o, only a summary is printed. A run that fails or is interrupted writes the samples
+    that it reached, marked so.
+    """
+    settings = settings_of(
+        t_start=t_start,
+        t_end=t_end,
+        samples=samples,
+        dt=dt,
+        times=times,
+        rtol=rtol,
+        atol=atol,
+        method=method,
+        formulation=formulation,
+        alpha=alpha,
+        beta=beta,
+        engine=engine,
+        max_step=max_step,
+        max_steps=max_steps,
+        timeout=timeout,
+        through_singular=through_singular or None,
+    )
+    try:
+        return _run(
+            model,
+            output,
+            assignments("--set", set),
+            assignments("--set-initial", set_initial),
+            settings,
+            strict=strict,
+            meta=meta,
+            force=force,
+            quiet=quiet,
+            json=json,
+            no_color=no_color,
+        )
+    except LagcliError as error:
+        if json:
+            from lagcli.cli.summary import error_object, to_json
+
+            tell(to_json(error_object(error)))
+        raise
+
+
+def _run(
+    model: str,
+    output: str | None,
+    parameters: dict[str, str],
+    initial: dict[str, str],
+    settings: Any,
+    *,
+    strict: bool,
+    meta: bool,
+    force: bool,
+    quiet: bool,
+    json: bool,
+    no_color: bool,
+) -> int:
+    from lagcli.cli import summary
+    from lagcli.cli.output_name import resolve_name
+    from lagcli.cli.progress import Progress
+    from lagcli.model.loader import load
+    from lagcli.results import check_target, open_writer
+    from lagcli.settings import compiled_available
+    from lagcli.simulations.cancellation import Interruption
+    from lagcli.simulations.simulation import prepare
+    from lagcli.trajectory.extremes import Extremes
+    from lagcli.trajectory.samples import ENDED, Samples
+
+    if output == "-" and json:
+        raise UsageError("-o - and --json both want standard output; write to a file, or drop one")
+    began = time.perf_counter()
+    loaded = load(model, set=parameters, set_initial=initial)
+    load_seconds = time.perf_counter() - began
+    if output is not None:
+        output = resolve_name(output, loaded)
+        refuse_same_file(model, output)
+        check_target(output, force=force, meta=meta)
+    simulation = prepare(loaded, settings)
+    simulation.check_memory()
+    if settings.engine is None and not compiled_available() and not quiet:
+        print(
+            "note: the compiled engine was not built (no C compiler at installation); running on"
+            " the reference engine, which is slower",
+            file=sys.stderr,
+        )
+    extremes = Extremes(loaded.constraint_names)
+    writing = 0.0
+    with (
+        Interruption(signal.SIGINT, signal.SIGTERM) as interruption,
+        nullcontext() if output is None else open_writer(output, force, meta) as writer,
+    ):
+
+        def take(samples: Samples) -> None:
+            nonlocal writing
+            extremes.add(vars(samples))
+            if writer is not None and len(samples.time):
+                entered = time.perf_counter()
+                writer.append(samples)
+                writing += time.perf_counter() - entered
+
+        chosen = simulation.settings
+        start, end = chosen.t_start or 0.0, chosen.times[-1] if chosen.times else chosen.t_end
+        with Progress(start, end, enabled=not quiet, color=not no_color) as progress:
+            record = simulation.run(take, progress, interruption)
+        entered = time.perf_counter()
+        if writer is not None and extremes.samples:
+            writer.finish(record)
+    now = time.perf_counter()
+    seconds = {
+        "load": load_seconds,
+        **record.seconds,
+        "write": writing + now - entered,
+        "total": now - began,
+    }
+    written = output if extremes.samples else None
+    result = summary.summarize(record, extremes, simulation.initial, written, seconds)
+    if json:
+        print(summary.to_json(result))
+    elif not quiet:
+        text = summary.format_summary(result, loaded.name)
+        if output == "-":
+            print(text, file=sys.stderr)
+        elif written:
+            tell(text)
+        else:
+            print(text)
+    if record.status in ENDED:
+        for warning in record.warnings:
+            print(f"{'error' if strict else 'warning'}: {warning}", file=sys.stderr)
+        return FAILED_STATUS if strict and record.warnings else 0
+    print(f"error: {record.message}", file=sys.stderr)
+    if output is not None:
+        kept = f"kept {extremes.samples} samples in {output}" if written else "nothing written"
+        print(f"   note: {kept}", file=sys.stderr)
+    return INTERRUPTED_STATUS if record.status == "interrupted" else FAILED_STATUS

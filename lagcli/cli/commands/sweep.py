@@ -1,0 +1,286 @@
+"""`lagcli sweep`: many runs of one model, measured and kept in one file."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from typing import Annotated, Any
+
+import typer
+
+from lagcli.cli.options import (
+    Force,
+    Json,
+    ModelPath,
+    NoColor,
+    Quiet,
+    SetInitial,
+    SetParameter,
+    assignments,
+    refuse_same_file,
+)
+from lagcli.cli.settings import (
+    AbsoluteTolerance,
+    Alpha,
+    Beta,
+    EndTime,
+    EngineOption,
+    FormulationOption,
+    LargestStep,
+    MethodOption,
+    MostSteps,
+    RelativeTolerance,
+    SampleCount,
+    SampleTimes,
+    Spacing,
+    StartTime,
+    ThroughSingular,
+    Timeout,
+    settings_of,
+)
+from lagcli.cli.streams import tell, visible
+from lagcli.errors import LagcliError, UsageError
+
+FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
+_CAUSES = 10  # that a person reads
+
+
+class Keep(StrEnum):
+    """What is kept of each row."""
+
+    measures = "measures"
+    trajectories = "trajectories"
+
+
+def sweep(
+    model: ModelPath,
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Result file: .h5 (HDF5), or .csv for the measures alone.",
+        ),
+    ],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUES",
+            help="What runs through which values: m=1:2:0.1, l=0.2,0.3, 'phi=linspace(0, pi, 9)',"
+            " logspace(first, last, count) of values, @file.csv; for --sample a range, m=1..2,"
+            " uniform, loguniform(a, b), normal(mean, deviation). Repeatable: each with each.",
+        ),
+    ] = None,
+    measure: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=EXPR",
+            help="A number of each run: max, min, mean, rms, final, argmax, argmin of an"
+            " expression, at(expression, time), time_of(condition), and arithmetic of these, e.g."
+            " 'peak=max(abs(lambda.guide))'. Repeatable.",
+        ),
+    ] = None,
+    keep: Annotated[
+        Keep | None,
+        typer.Option(
+            help="Keep the measures alone, or all samples too. [default: measures if any is given"
+            " or the samples take more than 1 GB, else trajectories]"
+        ),
+    ] = None,
+    sample: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND:N", help="Draw N points from the ranges: sobol:N, lhs:N or random:N."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of --sample.")] = 0,
+    zip_: Annotated[
+        bool, typer.Option("--zip", help="Run through the values together, not each with each.")
+    ] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", "-j", min=1, help="Processes. [default: the number of processors]"),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Run the rows on the workers of a Dask scheduler, tcp://HOST:PORT, or local:N for"
+            " N workers on this machine; needs lagcli[cluster].",
+        ),
+    ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume", help="Go on with a sweep that was interrupted: run what is missing."
+        ),
+    ] = False,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="With --resume, run failed rows again too.")
+    ] = False,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict",
+            help="Count a row as failed where `lagcli simulate` would warn: its energy balance or"
+            " residuals do not bear out the tolerance, or its inertia is negative.",
+        ),
+    ] = False,
+    set: SetParameter = None,
+    set_initial: SetInitial = None,
+    t_start: StartTime = None,
+    t_end: EndTime = None,
+    samples: SampleCount = None,
+    dt: Spacing = None,
+    times: SampleTimes = None,
+    rtol: RelativeTolerance = None,
+    atol: AbsoluteTolerance = None,
+    method: MethodOption = None,
+    formulation: FormulationOption = None,
+    alpha: Alpha = None,
+    beta: Beta = None,
+    engine: EngineOption = None,
+    max_step: LargestStep = None,
+    max_steps: MostSteps = None,
+    timeout: Timeout = None,
+    through_singular: ThroughSingular = False,
+    force: Force = False,
+    quiet: Quiet = False,
+    json: Json = False,
+    no_color: NoColor = False,
+) -> int:
+    """Simulate a model for many values of its parameters and initial values.
+
+    A row that fails never stops the others: it has its status and message in the file, and the
+    exit status is 3. A sweep that is interrupted or killed goes on with --resume.
+    """
+    settings = settings_of(
+        t_start=t_start,
+        t_end=t_end,
+        samples=samples,
+        dt=dt,
+        times=times,
+        rtol=rtol,
+        atol=atol,
+        method=method,
+        formulation=formulation,
+        alpha=alpha,
+        beta=beta,
+        engine=engine,
+        max_step=max_step,
+        max_steps=max_steps,
+        timeout=timeout,
+        through_singular=through_singular or None,
+    )
+    options: dict[str, Any] = {
+        "measures": measure or [],
+        "keep": keep.value if keep else None,
+        "sample": sample,
+        "seed": seed,
+        "zipped": zip_,
+        "jobs": jobs,
+        "resume": resume,
+        "retry_failed": retry_failed,
+        "strict": strict,
+        "force": force,
+        "settings": settings,
+    }
+    try:
+        options["set"] = assignments("--set", set)
+        options["set_initial"] = assignments("--set-initial", set_initial)
+        refuse_same_file(model, output)
+        with _workers(scheduler, jobs, quiet) as options["executor"]:
+            return _run(
+                model, vary or [], output, options, quiet=quiet, json=json, color=not no_color
+            )
+    except LagcliError as error:
+        if json:
+            from lagcli.cli.summary import error_object, to_json
+
+            tell(to_json(error_object(error)))
+        raise
+
+
+@contextmanager
+def _workers(scheduler: str | None, jobs: int | None, quiet: bool) -> Iterator[Any]:
+    """Yield what runs the rows elsewhere, if they are to be run elsewhere."""
+    if scheduler is None:
+        yield None
+        return
+    if jobs is not None:
+        raise UsageError(
+            "--jobs are processes of this machine, and --scheduler has workers of its own; give"
+            " one of them (--scheduler local:N starts N workers here)"
+        )
+    from lagcli.sweeps.rows.cluster import Cluster
+
+    def say(text: str) -> None:
+        if not quiet:
+            print(f"note: {visible(text)}", file=sys.stderr)  # the bar may stand in for the stream
+
+    with Cluster(scheduler, say) as cluster:
+        yield cluster.run
+
+
+def _run(
+    model: str,
+    vary: list[str],
+    output: str,
+    options: dict[str, Any],
+    *,
+    quiet: bool,
+    json: bool,
+    color: bool,
+) -> int:
+    from lagcli.cli.progress import RowProgress
+    from lagcli.sweeps.run import sweep as run_sweep
+
+    with RowProgress(enabled=not quiet, color=color) as progress:
+        summary = run_sweep(model, vary, output, progress=progress, **options)
+    for note in summary.notes:
+        print(f"note: {note}", file=sys.stderr)
+    if json:
+        from lagcli.cli.summary import to_json
+
+        print(to_json(summary.as_dict()))
+    elif not quiet:
+        tell(_text(summary))
+    if summary.status == "interrupted":
+        print(f"error: interrupted; {_kept(summary)}", file=sys.stderr)
+        return INTERRUPTED_STATUS
+    if summary.ok < summary.rows:
+        print(f"error: {summary.rows - summary.ok} of {summary.rows} rows failed", file=sys.stderr)
+        return FAILED_STATUS
+    return 0
+
+
+def _kept(summary: Any) -> str:
+    """Say what an interrupted sweep leaves."""
+    if summary.output is None:
+        return "the journal was removed while the sweep ran, so that no rows are kept"
+    return (
+        f"{summary.done} of {summary.rows} rows are kept in {summary.output}\n"
+        "   help: the same command with --resume goes on"
+    )
+
+
+def _text(summary: Any) -> str:
+    """Return the summary as text of at most 100 columns."""
+    s = summary
+    lines = [f"{s.status}: {s.done} of {s.rows} rows, {s.ok} good"]
+    if s.done > s.run:
+        lines.append(f"  {'found':<10}{s.done - s.run} rows done before, {s.run} run now")
+    causes = list(s.failed.items())
+    for i, (cause, count) in enumerate(causes[:_CAUSES]):
+        text = cause if len(cause) <= 75 else cause[:74] + "…"
+        lines.append(f"  {'failed' if not i else '':<10}{count:>7}  {text}")
+    if len(causes) > _CAUSES:
+        lines.append(f"  {'':<10}and {len(causes) - _CAUSES} more causes (--json lists all)")
+    speed = f", {s.rows_per_second:.4g} rows per second" if s.run else ""
+    lines.append(f"  {'time':<10}{s.seconds:.2f} s{speed}")
+    count = len(s.measures)
+    kept = "trajectories" if s.keep == "trajectories" else f"{count} measure{'s' * (count != 1)}"
+    if s.status == "completed":
+        lines.append(f"  {'written':<10}{s.output}: {kept} of each row")
+    return "\n".join(lines)

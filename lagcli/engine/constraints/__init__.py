@@ -1,0 +1,1 @@
+"""Constraints: index-1 form, projection, consistent initialization, rank."""

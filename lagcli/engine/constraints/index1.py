@@ -1,0 +1,132 @@
+"""The index-1 form: the constraints differentiated twice give a and λ at every state.
+
+y = (q, v, W), where W is the work done on the system; y' = (v, a, power).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.contract import State
+from lagcli.engine.evaluator import Dynamics, Evaluator
+from lagcli.engine.linear import dense
+
+Array = NDArray[np.float64]
+
+#: Relative defect of B a = γ beyond which redundant constraints contradict each other.
+_CONTRADICTION = 1e-6
+
+
+class Index1:
+    """The right-hand side of the index-1 form.
+
+    Parameters
+    ----------
+    evaluator : Evaluator
+    rank : int
+        Rank of B; below nc, λ is the one of least norm.
+
+    Attributes
+    ----------
+    sizes : (nq,) array
+        Changes of the coordinates that count as equal; known from the first `measure` on.
+    lengths : (nc,) array
+        Scales of the rows of B times sizes, by which its rank is judged.
+    damping : (float, float) or None
+        Baumgarte's α and β: φ̈ + 2α φ̇ + β² φ = 0, and ψ̇ + α ψ = 0 where nonholonomic.
+    evaluations : int
+    undefined : (t, q, v) or None
+        The last (finite) state without finite accelerations.
+    """
+
+    def __init__(self, evaluator: Evaluator, rank: int):
+        system = evaluator.system
+        self.evaluator, self.rank = evaluator, rank
+        self.nq, self.nc = len(system.coordinates), len(system.constraints)
+        self.redundant = rank < self.nc
+        self.holonomic = list(system.holonomic)
+        self.sizes = np.ones(self.nq)
+        self.lengths = np.zeros(self.nc)
+        self.damping: tuple[float, float] | None = None
+        self.evaluations = 0
+        self.undefined: State | None = None
+
+    def split(self, y: Array) -> tuple[Array, Array]:
+        """Return q and v."""
+        return y[: self.nq], y[self.nq : 2 * self.nq]
+
+    def measure(self, t: float, q: Array, v: Array) -> None:
+        """Keep the largest length that each row of B times sizes has had."""
+        c = self.evaluator.constraints(t, q, v)
+        if c.finite:
+            if not self.lengths.any():
+                self.sizes = self.evaluator.sizes(t, q, v)
+            lengths = self.evaluator.row_lengths(c, q, v, self.sizes)
+            self.lengths = np.maximum(self.lengths, lengths)
+
+    def decompose(self, jacobian: Array) -> dense.Decomposition:
+        """Decompose B by its rank, sizes and lengths."""
+        return dense.decompose(jacobian, self.rank, scale=self.lengths, sizes=self.sizes)
+
+    def rate(self, t: float, y: Array) -> Array:
+        """Return y'; NaN where it is undefined."""
+        q, v = self.split(y)
+        a, _, power = self.accelerations(t, q, v)
+        out = np.empty_like(y)
+        out[: self.nq] = v
+        out[self.nq : -1] = a
+        out[-1] = power
+        return out
+
+    def accelerations(self, t: float, q: Array, v: Array) -> tuple[Array, Array, float]:
+        """Return a, λ and the power at a state; NaN where they are undefined."""
+        self.evaluations += 1
+        d = self.evaluator.dynamics(t, q, v)
+        if d.finite:
+            rhs = d.rhs if self.damping is None else d.rhs - self._stabilization(t, q, v)
+            try:
+                a, multipliers = self._solve(d, rhs)
+            except dense.SingularSystem:
+                pass
+            else:
+                power = float(d.power + multipliers @ (d.jacobian @ v))
+                if math.isfinite(a.sum()) and math.isfinite(power):
+                    return a, multipliers, power
+        if np.isfinite(q).all() and np.isfinite(v).all():  # not what follows from it
+            self.undefined = (t, q.copy(), v.copy())
+        return np.full(self.nq, math.nan), np.full(self.nc, math.nan), math.nan
+
+    def _solve(self, d: Dynamics, rhs: Array) -> tuple[Array, Array]:
+        if not self.redundant:
+            return dense.solve_regular(d.mass_matrix, d.forcing, d.jacobian, rhs)
+        parts = self.decompose(d.jacobian)
+        return dense.solve_redundant(d.mass_matrix, d.forcing, d.jacobian, rhs, parts)
+
+    def _stabilization(self, t: float, q: Array, v: Array) -> Array:
+        """Return Baumgarte's 2α ψ + β² φ (holonomic) and α ψ (nonholonomic)."""
+        assert self.damping is not None
+        alpha, beta = self.damping
+        c = self.evaluator.constraints(t, q, v)
+        velocity = c.velocity(v)
+        term = alpha * velocity
+        term[self.holonomic] += alpha * velocity[self.holonomic] + beta**2 * c.position
+        return term
+
+    def contradicting(self, t: float, q: Array, v: Array) -> int | None:
+        """Return a redundant constraint that contradicts the others at a state on them, or None.
+
+        B a = γ has a solution only if the combinations of rows that vanish in B do so in γ.
+        """
+        d = self.evaluator.dynamics(t, q, v)
+        if not d.finite:
+            return None
+        parts = self.decompose(d.jacobian)
+        scaled = d.rhs / parts.scale
+        defect = parts.dependent @ (parts.dependent.T @ scaled)
+        a, _, _ = self.accelerations(t, q, v)
+        allowed = _CONTRADICTION * max(np.abs(scaled).max(), np.abs(a / self.sizes).max())
+        worst = int(np.argmax(np.abs(defect)))
+        return worst if abs(defect[worst]) > allowed else None

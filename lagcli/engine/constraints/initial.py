@@ -1,0 +1,327 @@
+"""Consistent initial state: guesses move until the constraints hold, fixed values stay."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.linear import dense
+from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at
+from lagcli.engine.scales import least_scales, usable
+from lagcli.engine.system import System
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+Level = Literal["position", "velocity"]
+
+#: Fixed values may violate a constraint by this much of its scale: they were written with so many
+#: digits. The first projection removes it.
+ACCEPTED = 1e-10
+REACHED = 1e-15  # of the constraint's scale: where iteration ends
+_ITERATIONS = 200
+_LARGE = 60  # unknowns from which regularity is first looked for by sparse elimination
+REGULAR = 1e-6  # the smallest pivot that shows it, beside entries near one
+#: Where all that a guess has is to vanish, residuals are judged by this part of the guess's scale.
+OF_GUESS = 1e-5
+LONGEST = 2.0  # of the coordinates' size: the longest step
+_ASIDE = (1e-3, 0.1)  # of the coordinates' size: where a guess that leads nowhere is moved
+
+
+class ConsistentState(NamedTuple):
+    """A state on the constraints.
+
+    Parameters
+    ----------
+    q, v : (nq,) arrays
+    rank : int
+        Rank of B.
+    elimination : Elimination or None
+        An order found on the way that shows [[M, Bᵀ], [B, 0]] to be regular: B has full rank and
+        inertia resists every motion that it allows. None says nothing.
+    moved : mapping of str to (float, float)
+        What was moved, coordinate or velocity (``phi'``), from where to where.
+    """
+
+    q: Array
+    v: Array
+    rank: int
+    elimination: Elimination | None
+    moved: Mapping[str, tuple[float, float]]
+
+
+class Violation(NamedTuple):
+    """A constraint that does not hold: its name, its residual and that relative to its scale."""
+
+    constraint: str
+    residual: float
+    relative: float
+
+
+class NoConsistentState(Exception):
+    """No consistent initial state was found.
+
+    Parameters
+    ----------
+    level : "position" or "velocity"
+    violations : list of Violation
+    stuck : list of str
+        Of the violated constraints' unknowns, those that are fixed.
+    contradiction : bool
+        Whether the free entries cannot improve the residual at all: the fixed values, or the
+        constraints among each other, contradict.
+    """
+
+    def __init__(
+        self, level: Level, violations: list[Violation], stuck: list[str], contradiction: bool
+    ):
+        super().__init__(level)
+        self.level, self.violations = level, violations
+        self.stuck, self.contradiction = stuck, contradiction
+
+
+class UndefinedStart(Exception):
+    """The equations have no finite value at the initial state (t, q, v)."""
+
+    def __init__(self, t: float, q: Array, v: Array):
+        super().__init__("undefined")
+        self.state = (t, q, v)
+
+
+def consistent_state(
+    system: System, t: float, q: Array, v: Array, fixed_q: Flags, fixed_v: Flags
+) -> ConsistentState:
+    """Solve for an initial state that satisfies φ = 0 and ψ = 0.
+
+    Positions by damped Gauss–Newton steps of least M-weighted length, then velocities, which enter
+    linearly. Where several branches exist, the one nearest the guess is taken.
+
+    Parameters
+    ----------
+    system : System
+    t : float
+        s.
+    q, v : (nq,) arrays
+        Fixed values and guesses.
+    fixed_q, fixed_v : (nq,) arrays of bool
+
+    Returns
+    -------
+    ConsistentState
+
+    Raises
+    ------
+    NoConsistentState
+        With the residuals and what could be freed.
+    UndefinedStart
+        The equations have no finite value there.
+    """
+    return _Start(system, t, fixed_q, fixed_v).solve(q, v)
+
+
+class _Start:
+    """The search for one start."""
+
+    def __init__(self, system: System, t: float, fixed_q: Flags, fixed_v: Flags):
+        self.system, self.t = system, t
+        self.evaluator = Evaluator(system)
+        self.fixed_q, self.fixed_v = np.asarray(fixed_q, bool), np.asarray(fixed_v, bool)
+        self.holonomic = list(system.holonomic)
+        self.of_guess: Array | None = None  # a part of the first scales of positions
+
+    def solve(self, q: Array, v: Array) -> ConsistentState:
+        new_q = self.positions(q.copy(), v)
+        new_v = self.velocities(new_q, v.copy())
+        c = self.evaluator.constraints(self.t, new_q, new_v)
+        elimination = self.elimination(new_q, new_v)
+        rank = len(c.jacobian)
+        if rank and not elimination:
+            sizes = self.evaluator.sizes(self.t, new_q, new_v)
+            lengths = self.evaluator.row_lengths(c, new_q, new_v, sizes)
+            rank = dense.count_rank(c.jacobian, scale=lengths, sizes=sizes)
+        names = self.system.coordinates
+        moved = {}
+        for labels, before, after in (
+            (names, q, new_q),
+            ([f"{name}'" for name in names], v, new_v),
+        ):
+            for label, x, y in zip(labels, before, after, strict=True):
+                if x != y:
+                    moved[label] = (float(x), float(y))
+        return ConsistentState(new_q, new_v, rank, elimination, moved)
+
+    def elimination(self, q: Array, v: Array) -> Elimination | None:
+        """Return a sparse elimination that shows a large system to be regular, if there is one.
+
+        Singular values would cost the third power of its size.
+        """
+        system = self.system
+        if len(system.coordinates) + len(system.constraints) < _LARGE:
+            return None
+        try:
+            found = order_at(system, [self.evaluator.entries(self.t, q, v)])
+        except NoElimination:
+            return None
+        return found if found.smallest > REGULAR else None
+
+    # positions
+
+    def residual(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return φ, its scale and its Jacobian."""
+        c = self.evaluator.constraints(self.t, q, v)
+        jacobian = c.jacobian[self.holonomic]
+        if not (np.isfinite(c.position).all() and np.isfinite(jacobian).all()):
+            raise UndefinedStart(self.t, q, v)
+        inertia = self.inertia(q, v)
+        scale = np.maximum(c.position_scale, least_scales(inertia, jacobian, q))
+        if self.of_guess is None:
+            self.of_guess = OF_GUESS * scale
+        return c.position, usable(np.maximum(scale, self.of_guess)), jacobian
+
+    def positions(self, q: Array, v: Array) -> Array:
+        if not self.holonomic:
+            return q
+        for aside in (0.0, *_ASIDE):
+            # at a singular guess (a rod of no length) the constraints say nothing about where to
+            # go; a step aside finds out whether they do beside it
+            found = self.descend(self.aside(q, v, aside) if aside else q, v)
+            phi, scale, _ = self.residual(found, v)
+            if np.abs(phi / scale).max() <= ACCEPTED:
+                return found
+            if aside == 0.0:
+                first = found
+        phi, scale, jacobian = self.residual(first, v)
+        sizes = self.evaluator.sizes(self.t, first, v)
+        raise self.failure("position", phi, scale, jacobian * sizes, self.fixed_q)
+
+    def aside(self, q: Array, v: Array, part: float) -> Array:
+        """Return a guess with its free coordinates moved by a part of their size, each its own."""
+        size = part * self.size(q, v)
+        return q + np.where(self.fixed_q, 0.0, size * np.cos(1.0 + np.arange(len(q))))
+
+    def inertia(self, q: Array, v: Array) -> Array:
+        """Return the inertia of each coordinate, (nq,)."""
+        mass = self.evaluator.dynamics(self.t, q, v).mass_matrix
+        return self.system.inertia(np.diag(mass))
+
+    def size(self, q: Array, v: Array) -> Array:
+        """Return the sizes of the coordinates, (nq,): what the largest is for the others.
+
+        Where all are zero, that of the constraints' terms.
+        """
+        c = self.evaluator.constraints(self.t, q, v)
+        sizes = self.evaluator.sizes(self.t, q, v)
+        largest = np.abs(q / sizes).max(initial=0.0)
+        if not largest:
+            length = dense.row_scale(c.jacobian[self.holonomic] * sizes)
+            largest = (c.position_scale / length).max(initial=0.0) or 1.0
+        return np.asarray(largest * sizes)
+
+    def descend(self, q: Array, v: Array) -> Array:
+        """Return what damped Gauss–Newton steps of least M-weighted length lead to."""
+        free = np.flatnonzero(~self.fixed_q)
+        phi, scale, jacobian = self.residual(q, v)
+        for _ in range(_ITERATIONS):
+            if np.abs(phi / scale).max() <= REACHED or not len(free):
+                break
+            part = jacobian[:, free]
+            size = self.size(q, v)
+            # near a singular point of the free Jacobian a full step would be wild: cut its rank
+            rank = dense.count_rank(part, 1e-6, sizes=size[free])
+            step = dense.least_change(part, phi, self.weight(q, v, free), rank, sizes=size[free])
+            # a length beyond the model's size means a bad direction
+            length = np.abs(step / size[free]).max()
+            step *= min(1.0, LONGEST / length) if length else 1.0
+            trial = self.search(q, v, free, step, phi, scale)
+            if trial is None:
+                break
+            q = trial
+            phi, scale, jacobian = self.residual(q, v)
+        return q
+
+    def search(
+        self, q: Array, v: Array, free: Indices, step: Array, phi: Array, scale: Array
+    ) -> Array | None:
+        """Halve the step until the residual falls; None if it does not."""
+        before = np.linalg.norm(phi / scale)
+        for halving in range(30):
+            trial = q.copy()
+            trial[free] += step * 0.5**halving
+            try:
+                after = np.linalg.norm(self.residual(trial, v)[0] / scale)
+            except UndefinedStart:
+                continue
+            if after < before:
+                return trial
+        return None
+
+    def weight(self, q: Array, v: Array, free: Indices) -> Array | None:
+        """Return M of the free coordinates; None where it is undefined."""
+        mass = self.evaluator.dynamics(self.t, q, v).mass_matrix
+        return mass[np.ix_(free, free)] if np.isfinite(mass).all() else None
+
+    # velocities
+
+    def velocities(self, q: Array, v: Array) -> Array:
+        if not self.system.constraints:
+            return v
+        free = np.flatnonzero(~self.fixed_v)
+        for left in reversed(range(4)):  # linear: the later steps remove rounding
+            c = self.evaluator.constraints(self.t, q, v)
+            if not c.finite:
+                raise UndefinedStart(self.t, q, v)
+            psi = c.velocity(v)
+            inertia = self.inertia(q, v)
+            scale = np.maximum(c.velocity_scale, least_scales(inertia, c.jacobian, v))
+            if left == 3:
+                of_guess = OF_GUESS * scale
+            scale = usable(np.maximum(scale, of_guess))
+            if np.abs(psi / scale).max() <= REACHED or not len(free) or not left:
+                break
+            part = c.jacobian[:, free]
+            sizes = self.evaluator.sizes(self.t, q, v)[free]
+            rank = dense.count_rank(part, sizes=sizes)
+            weight = self.weight(q, v, free)
+            v[free] += dense.least_change(part, psi, weight, rank, sizes=sizes)
+        if np.abs(psi / scale).max() > ACCEPTED:
+            sizes = self.evaluator.sizes(self.t, q, v)
+            raise self.failure("velocity", psi, scale, c.jacobian * sizes, self.fixed_v)
+        return v
+
+    def failure(
+        self,
+        level: Level,
+        residual: Array,
+        scale: Array,
+        jacobian: Array,
+        fixed: Flags,
+    ) -> NoConsistentState:
+        """Return what violates and why, at the state nearest to the constraints.
+
+        The Jacobian is that of coordinates over their sizes.
+        """
+        relative = np.abs(residual / scale)
+        bad = np.flatnonzero(relative > ACCEPTED)
+        position = level == "position"
+        names = [self.system.constraints[i] for i in self.holonomic]
+        if not position:
+            names = list(self.system.constraints)
+        violations = [Violation(names[i], float(residual[i]), float(relative[i])) for i in bad]
+        touched = (jacobian[bad] != 0.0).any(axis=0)
+        stuck = [
+            name + ("" if position else "'")
+            for name, is_fixed, is_touched in zip(
+                self.system.coordinates, fixed, touched, strict=True
+            )
+            if is_fixed and is_touched
+        ]
+        # the free entries are at a least-squares solution: they cannot improve anything
+        length = dense.row_scale(jacobian)
+        scaled = residual / length
+        slope = (scaled @ (jacobian / length[:, None]))[~fixed]
+        contradiction = bool(np.abs(slope).max(initial=0.0) <= 1e-3 * np.abs(scaled).max())
+        return NoConsistentState(level, violations, stuck, contradiction)

@@ -1,0 +1,355 @@
+"""Consistent initialization of many runs at once: the ordinary case of `initial`."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.constraints.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR
+from lagcli.engine.core import binding
+from lagcli.engine.program.program import assemble
+from lagcli.engine.scales import coordinate_sizes, least_scales, usable
+from lagcli.engine.system import Pattern, System
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+
+_ITERATIONS = 50
+_HALVINGS = 30
+_STEP_RANK = 1e-6  # as in `initial`: below this, a full step would be wild
+#: Rows that are worked on together, by the numbers of their matrices: 16 MB.
+_NUMBERS = 1 << 21
+
+
+class Starts(NamedTuple):
+    """Starts of n runs.
+
+    Parameters
+    ----------
+    q, v : (n, nq) arrays
+        Consistent states, where ``found``.
+    found : (n,) array of bool
+        Whether the row is an ordinary one: consistent, B of full rank, every motion resisted by
+        inertia. The others are for `lagcli.simulations.start.find_start`, which finds a start or
+        says why not.
+    """
+
+    q: Array
+    v: Array
+    found: Flags
+
+
+class StartSearch:
+    """Solves for initial states that satisfy φ = 0 and ψ = 0, as `initial.consistent_state` does.
+
+    What is found for a row does not depend on the other rows. One thread at a time may call it.
+
+    Parameters
+    ----------
+    system : System
+        Its parameters' values are not read. Its tapes are assembled here, for all calls.
+    """
+
+    def __init__(self, system: System):
+        self.system = system
+        # each row has parameters of its own
+        self.tables = tuple(
+            binding.LaneTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)
+            for tape in (system.constraint, system.dynamics)
+        )
+
+    def __call__(
+        self, t: float, parameters: Array, q: Array, v: Array, fixed_q: Flags, fixed_v: Flags
+    ) -> Starts:
+        """Search for the starts of n runs.
+
+        Parameters
+        ----------
+        t : float
+            s.
+        parameters : (n, np) array
+        q, v : (n, nq) arrays
+            Fixed values and guesses; a row that is not finite is not found.
+        fixed_q, fixed_v : (nq,) arrays of bool
+        """
+        system = self.system
+        search = _StartSearch(
+            system, self.tables, t, np.flatnonzero(~fixed_q), np.flatnonzero(~fixed_v)
+        )
+        q, v = np.array(q, dtype=float), np.array(v, dtype=float)
+        found = np.isfinite(np.hstack([parameters, q, v]).sum(axis=1))
+        together = max(1, _NUMBERS // (len(system.coordinates) + len(system.constraints) + 1) ** 2)
+        for first in range(0, len(q), together):
+            rows = first + np.flatnonzero(found[first : first + together])
+            if len(rows):
+                q[rows], v[rows], found[rows] = search(parameters[rows], q[rows], v[rows])
+        return Starts(q, v, found)
+
+
+class _Constraints(NamedTuple):
+    """φ (n, nh), B (n, nc, nq), b_0 (n, nc) and the constraints' own scales."""
+
+    position: Array
+    jacobian: Array
+    drift: Array
+    position_scale: Array
+    velocity_scale: Array
+
+
+class _StartSearch:
+    """The search for starts with the same free entries."""
+
+    def __init__(
+        self, system: System, tables: tuple[Any, ...], t: float, free_q: Rows, free_v: Rows
+    ):
+        self.system, self.t, self.free_q, self.free_v = system, t, free_q, free_v
+        self.constraint, self.dynamics = tables
+        self.nq, self.nc = len(system.coordinates), len(system.constraints)
+        self.holonomic = np.array(system.holonomic, dtype=np.intp)
+
+    def __call__(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Array, Flags]:
+        """Return q, v and which of them were found."""
+        with np.errstate(all="ignore"):
+            q, found = self.positions(parameters, q, v)
+            v, met = self.velocities(parameters, q, v)
+            return q, v, found & met & self.regular(parameters, q, v)
+
+    # values
+
+    def inputs(self, parameters: Array, q: Array, v: Array) -> Array:
+        return np.hstack([np.full((len(q), 1), self.t), q, v, parameters])[None]
+
+    def constraints(self, parameters: Array, q: Array, v: Array) -> _Constraints:
+        nh, nc = len(self.holonomic), self.nc
+        nb = len(self.system.jacobian_pattern)
+        out = self.constraint(self.inputs(parameters, q, v), np.empty((1, 0)))[0].T
+        position, entries, drift, position_scale, velocity_scale = np.split(
+            out, np.cumsum([nh, nb, nc, nh]), axis=1
+        )
+        jacobian = _matrices(entries, self.system.jacobian_pattern, nc, self.nq)
+        return _Constraints(position, jacobian, drift, position_scale, velocity_scale)
+
+    def entries(self, parameters: Array, q: Array, v: Array) -> Array:
+        """Return the outputs of the dynamics tape, (n, outputs)."""
+        out: Array = self.dynamics(self.inputs(parameters, q, v), np.empty((1, 0)))[0].T
+        return out
+
+    def inertia(self, parameters: Array, q: Array, v: Array) -> Array:
+        """Return the inertia of each coordinate, (n, nq)."""
+        out, diagonal = self.entries(parameters, q, v), np.zeros(q.shape)
+        for place, (i, j) in enumerate(self.system.mass_pattern):
+            if i == j:
+                diagonal[:, i] = out[:, place]
+        return self.system.inertia(diagonal)
+
+    def sizes(self, mass: Array, jacobian: Array) -> Array:
+        """Return the sizes of the coordinates, (n, nq)."""
+        inertia = self.system.inertia(np.diagonal(mass, axis1=1, axis2=2))
+        return np.array([coordinate_sizes(m, b) for m, b in zip(inertia, jacobian, strict=True)])
+
+    def matrices(self, out: Array) -> tuple[Array, Array]:
+        """Return M and B from outputs of the dynamics tape."""
+        s, nm = self.system, len(self.system.mass_pattern)
+        first = nm + self.nq
+        jacobian = out[:, first : first + len(s.jacobian_pattern)]
+        return (
+            _matrices(out[:, :nm], s.mass_pattern, self.nq, self.nq),
+            _matrices(jacobian, s.jacobian_pattern, self.nc, self.nq),
+        )
+
+    # positions
+
+    def residual(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return φ over its scale, and the holonomic rows of B over it too."""
+        c = self.constraints(parameters, q, v)
+        jacobian = c.jacobian[:, self.holonomic]
+        least = least_scales(self.inertia(parameters, q, v), jacobian, q)
+        scale = usable(np.maximum(c.position_scale, least))
+        return c.position / scale, jacobian / scale[:, :, None]
+
+    def positions(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Flags]:
+        """Return q on φ = 0, by damped Gauss–Newton steps, and where it was reached."""
+        count, free = len(q), self.free_q
+        if not len(self.holonomic):
+            return q, np.ones(count, dtype=bool)
+        phi, jacobian = self.residual(parameters, q, v)
+        ordinary = _finite(phi) & _finite(jacobian)
+        going = ordinary.copy()
+        for _ in range(_ITERATIONS):
+            going &= np.abs(phi).max(axis=1) > REACHED
+            rows = np.flatnonzero(going)
+            if not len(rows) or not len(free):
+                break
+            mass, b = self.matrices(self.entries(parameters[rows], q[rows], v[rows]))
+            sizes = self.sizes(mass, b)
+            step, usual = self.step(phi[rows], jacobian[rows], mass, sizes, free, self.holonomic)
+            length = np.abs(step / sizes[:, free]).max(axis=1)
+            size = LONGEST * np.abs(q[rows] / sizes).max(axis=1)
+            usual &= (length == 0.0) | (size > 0.0)  # else the constraints' terms give the size
+            step *= np.minimum(1.0, size / np.where(length > 0, length, 1.0))[:, None]
+            ordinary[rows[~usual]] = going[rows[~usual]] = False
+            rows, step = rows[usual], step[usual]
+            moved = self.search(parameters, q, v, phi, jacobian, rows, step)
+            going[rows[~moved]] = False
+        return q, ordinary & (np.abs(phi).max(axis=1) <= ACCEPTED)
+
+    def step(
+        self,
+        residual: Array,
+        jacobian: Array,
+        mass: Array,
+        sizes: Array,
+        free: Rows,
+        constraints: Rows,
+    ) -> tuple[Array, Flags]:
+        """Return the least change of the free entries that removes a residual, and where."""
+        # what no free entry is in cannot be helped; the others then decide, where they can
+        helped = np.isin(constraints, [i for i, j in self.system.jacobian_pattern if j in free])
+        if not helped.all() and helped.sum() != len(free):
+            return np.zeros((len(mass), len(free))), np.zeros(len(mass), dtype=bool)
+        sizes = sizes[:, free]
+        part = jacobian[:, helped][:, :, free] * sizes[:, None]
+        mass = mass[:, free[:, None], free] * sizes[:, None] * sizes[:, :, None]
+        step = _least_change(part, residual[:, helped], mass) * sizes
+        return step, _finite(step) & _full_rank(part)
+
+    def search(
+        self,
+        parameters: Array,
+        q: Array,
+        v: Array,
+        phi: Array,
+        jacobian: Array,
+        rows: Rows,
+        step: Array,
+    ) -> Flags:
+        """Take the steps of some rows, halved until the residual falls; return where it does."""
+        moved: Flags = np.zeros(len(rows), dtype=bool)
+        for halving in range(_HALVINGS):
+            left = np.flatnonzero(~moved)
+            if not len(left):
+                break
+            at = rows[left]
+            trial = q[at]
+            trial[:, self.free_q] += step[left] * 0.5**halving
+            new_phi, new_jacobian = self.residual(parameters[at], trial, v[at])
+            less = _finite(new_jacobian) & (_lengths(new_phi) < _lengths(phi[at]))
+            at = at[less]
+            q[at], phi[at], jacobian[at] = trial[less], new_phi[less], new_jacobian[less]
+            moved[left[less]] = True
+        return moved
+
+    # velocities
+
+    def velocities(self, parameters: Array, q: Array, v: Array) -> tuple[Array, Flags]:
+        """Return v on ψ = 0, and where it was reached."""
+        ordinary, free = np.ones(len(q), dtype=bool), self.free_v
+        if not self.nc:
+            return v, ordinary
+        for left in reversed(range(4)):  # linear: the later steps remove rounding
+            c = self.constraints(parameters, q, v)
+            least = least_scales(self.inertia(parameters, q, v), c.jacobian, v)
+            scale = np.maximum(c.velocity_scale, least)
+            if left == 3:
+                of_guess = OF_GUESS * scale
+            scale = usable(np.maximum(scale, of_guess))
+            psi = (_times(c.jacobian, v) + c.drift) / scale
+            ordinary &= _finite(psi)
+            rows = np.flatnonzero(ordinary & (np.abs(psi).max(axis=1) > REACHED))
+            if not len(rows) or not len(free) or not left:
+                break
+            mass, b = self.matrices(self.entries(parameters[rows], q[rows], v[rows]))
+            scaled = c.jacobian[rows] / scale[rows][:, :, None]
+            every = np.arange(self.nc)
+            step, usual = self.step(psi[rows], scaled, mass, self.sizes(mass, b), free, every)
+            ordinary[rows[~usual]] = False
+            v[np.ix_(rows[usual], free)] += step[usual]
+        return v, ordinary & (np.abs(psi).max(axis=1) <= ACCEPTED)
+
+    def regular(self, parameters: Array, q: Array, v: Array) -> Flags:
+        """Return where all is defined and [[M, Bᵀ], [B, 0]], scaled, has a moderate inverse."""
+        entries = self.entries(parameters, q, v)
+        matrix, finite = _saddle(*self.matrices(entries)), _finite(entries)
+        matrix[~finite] = 0.0
+        for _ in range(4):  # Ruiz, as in `elimination`
+            scale = np.sqrt(np.abs(matrix).max(axis=2, initial=0.0))
+            scale[scale == 0.0] = 1.0
+            matrix /= scale[:, :, None] * scale[:, None, :]
+        inverse = _inverses(matrix)
+        return finite & (np.abs(inverse).max(axis=(1, 2), initial=0.0) < 1 / REGULAR)
+
+
+# linear algebra of many small matrices, each by itself
+
+
+def _finite(x: Array) -> Flags:
+    """Return which rows, or matrices, are finite: those whose sum is."""
+    return np.isfinite(x.reshape(len(x), -1).sum(axis=1))
+
+
+def _matrices(entries: Array, pattern: Pattern, rows: int, columns: int) -> Array:
+    """Return matrices (n, rows, columns) from their nonzero entries (n, entries)."""
+    flat = np.zeros((len(entries), rows * columns))
+    flat[:, [i * columns + j for i, j in pattern]] = entries
+    return flat.reshape(len(entries), rows, columns)
+
+
+def _times(matrix: Array, x: Array) -> Array:
+    product: Array = np.matmul(matrix, x[:, :, None])[:, :, 0]
+    return product
+
+
+def _lengths(x: Array) -> Array:
+    """Return the lengths of rows (n, k), added up from the left."""
+    total = np.zeros(len(x))
+    for column in x.T:
+        total += column * column
+    return np.sqrt(total)
+
+
+def _full_rank(jacobian: Array) -> Flags:
+    """Return where the rows over their lengths are independent."""
+    length = np.sqrt((jacobian * jacobian).sum(axis=2))
+    full: Flags = _finite(length) & (length > 0.0).all(axis=1)
+    if jacobian.shape[1] > 1 and full.any():
+        values = np.linalg.svd(jacobian[full] / length[full][:, :, None], compute_uv=False)
+        full[full] = (values.min(axis=1) > _STEP_RANK) & (values.shape[1] == jacobian.shape[1])
+    return full
+
+
+def _saddle(mass: Array, jacobian: Array) -> Array:
+    """Return [[M, Bᵀ], [B, 0]]."""
+    count, nc, nq = jacobian.shape
+    matrix = np.zeros((count, nq + nc, nq + nc))
+    matrix[:, :nq, :nq] = mass
+    matrix[:, nq:, :nq] = jacobian
+    matrix[:, :nq, nq:] = jacobian.transpose(0, 2, 1)
+    return matrix
+
+
+def _inverses(matrix: Array) -> Array:
+    """Return inverses; ∞ where there is none."""
+    inverse = np.full(matrix.shape, np.inf)
+    sign, _ = np.linalg.slogdet(matrix)
+    rows = np.flatnonzero(np.isfinite(sign) & (sign != 0.0))
+    inverse[rows] = np.linalg.inv(matrix[rows])
+    return inverse
+
+
+def _least_change(jacobian: Array, residual: Array, mass: Array) -> Array:
+    """Return the steps δ with B δ = −residual of least δᵀMδ; not finite where there is none.
+
+    See `linear.least_change`; coordinates are over their sizes.
+    """
+    nq = mass.shape[1]
+    weight = 1.0 / np.sqrt((jacobian * jacobian).sum(axis=2))
+    matrix = _saddle(mass, jacobian * weight[:, :, None])
+    right = np.concatenate([np.zeros((len(mass), nq)), -residual * weight], axis=1)
+    matrix[~_finite(matrix)] = 0.0
+    inverse = _inverses(matrix)
+    x = _times(inverse, right)
+    x += _times(inverse, right - _times(matrix, x))
+    return x[:, :nq]

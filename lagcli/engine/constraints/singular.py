@@ -1,0 +1,313 @@
+"""Singular configurations: where constraints become dependent and do not determine the motion.
+
+The rank of B is judged by the singular values of its scaled rows. The one that vanishes at a
+singular configuration is watched inside each step and along the path ahead.
+
+SciPy's interpolation and minimization, slow to import, are imported where a path is looked along:
+the compiled engine comes to that only next to a singular configuration.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.constraints.index1 import Index1
+from lagcli.engine.constraints.projection import Projection
+from lagcli.engine.contract import Stop
+from lagcli.engine.evaluator import Constraints
+from lagcli.engine.linear import dense
+
+Array = NDArray[np.float64]
+Path = Callable[[float], Array]  # time → (q, v, …)
+
+#: The weakest singular value that marks a singular configuration.
+SINGULAR = 1e-5
+#: Below this part of the largest weakest value of the run, steps are short: each brings it down by
+#: at most _DESCENT, so that the last states are not too far apart ...
+NEAR = 0.2
+_DESCENT = 0.02
+#: ... and below this part the path ahead is looked at. Not later: the rounding error of a and λ
+#: grows like one over the square of the value.
+_LOOK = 0.04
+#: States on each side that a passage is made of.
+_NODES = 4
+#: Places inside a step at which the rank is watched.
+_WATCH = (0.25, 0.5, 0.75, 1.0)
+#: Part of the coordinates' size by which a start is moved to see whether it is singular.
+_ASIDE = 1e-3
+
+
+@dataclass(frozen=True)
+class _Node:
+    """A consistent state of the last steps, with the weakest singular value there."""
+
+    t: float
+    y: Array
+    weakest: float
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """A singular configuration that the motion leads to.
+
+    Parameters
+    ----------
+    time : float
+        s.
+    before : tuple of (t, y)
+        The last states before it.
+    path : callable
+        t → q, v: their continuation, which keeps the momentum.
+    """
+
+    time: float
+    before: tuple[tuple[float, Array], ...]
+    path: Callable[[float], tuple[Array, Array]]
+
+
+class RankWatch:
+    """Watches the rank of B along a run.
+
+    Parameters
+    ----------
+    motion : Index1
+    """
+
+    def __init__(self, motion: Index1):
+        self.motion, self.rank = motion, motion.rank
+        self.names = motion.evaluator.system.constraints
+        self._history: list[tuple[float, float]] = []
+        self._nodes: list[_Node] = []
+        self._usual = 0.0
+
+    def values(self, t: float, q: Array, v: Array) -> Array | None:
+        """Return the singular values of the scaled B, largest first; None where undefined."""
+        jacobian = self.motion.evaluator.constraints(t, q, v).jacobian
+        if not np.isfinite(jacobian).all():
+            return None
+        return dense.singular_values(jacobian, self.motion.lengths, self.motion.sizes)
+
+    def weakest(self, t: float, y: Array) -> float:
+        """Return the singular value that vanishes at a singular configuration."""
+        values = self.values(t, *self.motion.split(y)) if self.rank else None
+        return 1.0 if values is None else float(values[self.rank - 1])
+
+    def restart(self) -> None:
+        """Forget the path so far."""
+        self._history.clear()
+        self._nodes.clear()
+
+    # inside a step
+
+    def stepped_over(
+        self, path: Path, t_old: float, y_old: Array, t: float, y: Array
+    ) -> float | None:
+        """Return the time of a singular configuration inside the last step, or None.
+
+        Parameters
+        ----------
+        path : callable
+            The step's dense output; it costs evaluations, and is used only where a cubic through
+            the step's ends comes near a singular configuration.
+        """
+        if not self.rank:
+            return None
+        from scipy.interpolate import CubicHermiteSpline
+
+        between = CubicHermiteSpline(
+            (t_old, t), np.array([y_old, y]), np.array([self._slope(y_old), self._slope(y)])
+        )
+        history = self._history[-2:] or [(t_old, self.weakest(t_old, y_old))]
+        for part in _WATCH:
+            at = t_old + part * (t - t_old)
+            history.append((at, self.weakest(at, y if part == 1.0 else between(at))))
+        self._history = history
+        for low, high in self._suspects(history):
+            if high > t_old:
+                found = self.singular_time(path, max(low, t_old), high)
+                if found is not None:
+                    return found
+        return None
+
+    def _suspects(self, history: list[tuple[float, float]]) -> Iterator[tuple[float, float]]:
+        """Yield the intervals in which the weakest value may have vanished, in order."""
+        rates = [(s1 - s0) / (t1 - t0) for (t0, s0), (t1, s1) in pairwise(history)]
+        for i, ((t0, s0), (t1, s1)) in enumerate(pairwise(history)):
+            # it falls to zero, and rises from it, at a rate: |t − singular|
+            falling = -rates[i - 1] * (t1 - t0) if i else 0.0
+            rising = rates[i + 1] * (t1 - t0) if i + 1 < len(rates) else 0.0
+            if falling > 0.8 * s0 or rising > 0.8 * s1:
+                yield t0, t1
+            elif rates[i] <= 0 < rising and s1 < NEAR * self._usual:
+                yield t0, history[i + 2][0]
+
+    def _slope(self, y: Array) -> Array:
+        """Return y' as far as B's rank depends on it: v for q, zero for the rest."""
+        slope = np.zeros_like(y)
+        slope[: self.motion.nq] = self.motion.split(y)[1]
+        return slope
+
+    def singular_time(self, path: Path, low: float, high: float) -> float | None:
+        """Return the time between two at which a path is singular, or None."""
+        from scipy.optimize import minimize_scalar
+
+        found = minimize_scalar(
+            lambda t: self.weakest(t, path(t)),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": 1e-12 * max(abs(high), high - low)},
+        )
+        return float(found.x) if found.fun < SINGULAR else None
+
+    # ahead of the last step
+
+    def add(self, t: float, y: Array) -> None:
+        """Add the state at the end of a step to the path."""
+        if self.rank:
+            self._nodes = [*self._nodes[1 - _NODES :], _Node(t, y, self.weakest(t, y))]
+            self._usual = max(self._usual, self._nodes[-1].weakest)
+
+    def near(self, t: float, y: Array) -> bool:
+        """Return whether a state is near a singular configuration."""
+        return self.weakest(t, y) < NEAR * self._usual
+
+    def _descent(self, below: float) -> float | None:
+        """Return the rate of the weakest value's fall where it is below a part of its largest."""
+        if len(self._nodes) < 3:
+            return None
+        before, now = self._nodes[-2:]
+        if not now.weakest < min(before.weakest, below * self._usual):
+            return None
+        return (before.weakest - now.weakest) / (now.t - before.t)
+
+    def largest_step(self) -> float:
+        """Return the step that is short enough next to a singular configuration."""
+        rate = self._descent(NEAR)
+        return math.inf if rate is None else _DESCENT * self._usual / rate
+
+    def ahead(self) -> Ahead | None:
+        """Look along the path for a singular configuration that the last steps lead to."""
+        rate = self._descent(_LOOK)
+        if rate is None:
+            return None
+        rows: list[Array] = []
+        for node in self._nodes[-3:]:
+            q, v = self.motion.split(node.y)
+            rows += [q, v, self.motion.accelerations(node.t, q, v)[0]]
+        # higher polynomials would amplify the rounding error of a
+        from scipy.interpolate import KroghInterpolator
+
+        continued = KroghInterpolator(np.repeat([node.t for node in self._nodes[-3:]], 3), rows)
+
+        def path(t: float) -> tuple[Array, Array]:
+            q, v = continued.derivatives(t, 2)
+            return q, v
+
+        now = self._nodes[-1]
+        found = self.singular_time(
+            lambda t: np.concatenate(path(t)), now.t, now.t + 3 * now.weakest / rate
+        )
+        if found is None:
+            return None
+        return Ahead(found, tuple((node.t, node.y) for node in self._nodes), path)
+
+    # what a run that stops says
+
+    def stop(self, t: float, q: Array, v: Array) -> Stop:
+        """Return the end of a run in a singular configuration."""
+        return Stop(
+            f"singular configuration at t = {t:.9g} s: {self._dependency(t, q, v, 'become')}"
+            " the motion; --through-singular passes it"
+        )
+
+    def floor(self, t: float, y: Array, method: str, remark: str = "") -> Stop:
+        """Return the end of a run whose step size fell to the floor."""
+        q, v = self.motion.split(y)
+        if self.near(t, y):
+            return self.stop(t, q, v)
+        fastest = self.motion.evaluator.system.coordinates[int(np.argmax(np.abs(v)))]
+        why = (
+            "the motion is singular or jumps there"
+            if method in ("auto", "Radau")
+            else "the motion is stiff or singular there; try --method Radau"
+        )
+        return Stop(
+            f"the step size fell to the floor at t = {t:.9g} s, where `{fastest}` changes fastest"
+            f" ({np.abs(v).max():.3g} per second): {why}{remark}"
+        )
+
+    def check_redundancy(self, t: float, y: Array) -> None:
+        """Stop if redundant constraints contradict each other at a state on them."""
+        worst = self.motion.contradicting(t, *self.motion.split(y))
+        if worst is not None and not self.near(t, y):
+            raise Stop(
+                f"the redundant constraints contradict each other at t = {t:.9g} s: they cannot"
+                f" all hold with `{self.names[worst]}`; correct or drop one of them"
+            )
+
+    def check_start(self, t: float, q: Array, v: Array, project: Projection) -> None:
+        """Stop if the start is singular: B has a higher rank at consistent states beside it.
+
+        Where it has not, the constraints are redundant everywhere.
+        """
+        c = self.motion.evaluator.constraints(t, q, v)
+        if self.rank == self.motion.nc or not c.finite:
+            return
+        system = self.motion.evaluator.system
+        gone = {i for i, _ in system.jacobian_pattern if not c.jacobian[i].any()}
+        free = self.motion.decompose(c.jacobian).null  # of unit size, each direction
+        size = _ASIDE * (np.abs(q / self.motion.sizes).max(initial=0.0) or self._length(c))
+        # branches may lie between the directions, so a mixture of all is tried too
+        mixture = free @ np.cos(1.0 + np.arange(free.shape[1]))
+        for direction in (*free.T, mixture):
+            for side in (-size, size):
+                try:
+                    beside, _ = project(t, q + side * direction, v)
+                except Stop:
+                    continue
+                values = self.values(t, beside, v)
+                jacobian = self.motion.evaluator.constraints(t, beside, v).jacobian
+                gone = {i for i in gone if not jacobian[i].any()}
+                # beside a singular point the weakest value grows like the distance
+                if values is not None and self.rank < len(values) and values[self.rank] > SINGULAR:
+                    raise _start_stop(self._dependency(t, q, v, "are"))
+        if gone:
+            raise _start_stop(_no_gradient([self.names[i] for i in sorted(gone)]))
+
+    def _length(self, c: Constraints) -> float:
+        """Return the size of the constraints' terms as a change of the coordinates."""
+        lengths = self.motion.lengths[self.motion.holonomic]
+        return float((c.position_scale / lengths).max(initial=0.0)) or 1.0
+
+    def _dependency(self, t: float, q: Array, v: Array, verb: str) -> str:
+        """Say which constraints depend on each other at a state."""
+        jacobian = self.motion.evaluator.constraints(t, q, v).jacobian
+        scaled = jacobian * self.motion.sizes / self.motion.lengths[:, None]
+        u, _, _ = np.linalg.svd(scaled)
+        parts = np.abs(u[:, max(0, self.rank - 1) :]).max(axis=1)
+        names = [name for name, x in zip(self.names, parts, strict=True) if x > 0.05]
+        if len(names) == 1:
+            return _no_gradient(names)
+        return f"the constraints {_listed(names)} {verb} dependent there and do not determine"
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def _no_gradient(names: list[str]) -> str:
+    if len(names) == 1:
+        return f"the constraint {_listed(names)} has no gradient there and does not determine"
+    return f"the constraints {_listed(names)} have no gradient there and do not determine"
+
+
+def _start_stop(why: str) -> Stop:
+    return Stop(
+        f"the start is a singular configuration: {why} how the motion begins; start beside it"
+    )

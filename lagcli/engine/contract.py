@@ -1,0 +1,268 @@
+"""The engine's contract: what an engine is asked for, hands over on the way, and returns."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.system import System
+
+if TYPE_CHECKING:
+    from lagcli.engine.integrate.prepared import Prepared
+    from lagcli.engine.linear.elimination import Elimination
+
+Array = NDArray[np.float64]
+State = tuple[float, Array, Array]  # t, q, v
+Status = Literal["completed", "stopped-by-event", "failed", "interrupted"]
+
+
+class Event(NamedTuple):
+    """A sign change of one of a System's event functions.
+
+    Parameters
+    ----------
+    number : int
+        Which of the functions.
+    direction : int
+        1 where it rises through zero, −1 where it falls.
+    time : float
+        s; the first time at which the function has its new sign.
+    q, v : (nq,) arrays
+        The state there, on the constraints.
+    """
+
+    number: int
+    direction: int
+    time: float
+    q: Array
+    v: Array
+
+
+#: What follows an event: "go on", "stop", or the state (q, v) from which to continue.
+Reaction = Literal["go on", "stop"] | tuple[Array, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class IntegrationRequest:
+    """What to integrate.
+
+    Parameters
+    ----------
+    q, v : (nq,) arrays
+        A consistent state at ``t_start``.
+    rank : int
+        Rank of B there; below nc, the constraints are redundant.
+    t_start, t_end : float
+        s.
+    times : (nt,) array
+        Sample times, increasing, within [t_start, t_end].
+    atol : float or (2 nq + 1,) array
+        Absolute tolerances on q, v and the work; 0 where they follow the size of the entry, as
+        core/sizes.h says.
+    rtol, method, formulation, alpha, beta, max_step, max_steps, timeout, through_singular
+        As in Settings; alpha and beta None mean "from the step".
+    kinds : tuple of int, optional
+        By coordinate, a number that those of the same unit share, from 0 on; all alike without.
+    block_rows : int
+        The most samples to hand over at once.
+    elimination : Elimination, optional
+        The order of elimination that is found at this state, where that was done already.
+    prepared : Prepared, optional
+        What a run with other values was made ready by: it is taken where this one needs the same.
+        Compiled engine only.
+    on_event : callable, optional
+        Event → Reaction; without it, events are not looked for.
+    """
+
+    q: Array
+    v: Array
+    rank: int
+    t_start: float
+    t_end: float
+    times: Array
+    rtol: float
+    atol: float | Array
+    method: str
+    formulation: str
+    alpha: float | None
+    beta: float | None
+    max_step: float
+    max_steps: int
+    timeout: float | None
+    through_singular: bool
+    kinds: tuple[int, ...] = ()
+    block_rows: int = 4096
+    elimination: Elimination | None = None
+    prepared: Prepared | None = None
+    on_event: Callable[[Event], Reaction] | None = None
+
+    @property
+    def tolerances(self) -> Array:
+        """The given absolute tolerances on q, v and the work, (2 nq + 1,)."""
+        return np.full(2 * len(self.q) + 1, 1.0) * self.atol
+
+    @property
+    def kind_of(self) -> tuple[int, ...]:
+        """The kind of each coordinate."""
+        return self.kinds or (0,) * len(self.q)
+
+
+class Block(NamedTuple):
+    """Consecutive samples, as an engine hands them over.
+
+    Parameters
+    ----------
+    time : (n,) array
+    q, v, a : (n, nq) arrays
+    multipliers : (n, nc) array
+    work : (n,) array
+        The integral of all power since ``t_start``, J.
+    """
+
+    time: Array
+    q: Array
+    v: Array
+    a: Array
+    multipliers: Array
+    work: Array
+
+    @classmethod
+    def of_rows(cls, rows: Array, nq: int) -> Block:
+        """Return the block whose rows are t, q, v, a, λ, W."""
+        return cls(
+            time=rows[:, 0],
+            q=rows[:, 1 : 1 + nq],
+            v=rows[:, 1 + nq : 1 + 2 * nq],
+            a=rows[:, 1 + 2 * nq : 1 + 3 * nq],
+            multipliers=rows[:, 1 + 3 * nq : -1],
+            work=rows[:, -1],
+        )
+
+
+@dataclass(eq=False)
+class Outcome:
+    """What an engine returns: how it ended, and what it took.
+
+    ``undefined`` is the state (t, q, v) at which the equations had no finite value, where that
+    ended the run. ``methods`` are those that took steps, where the engine chose. ``tolerances``
+    are the absolute ones on q, v and the work at the end, (2 nq + 1,).
+    """
+
+    status: Status
+    message: str
+    steps: int
+    rejected: int
+    evaluations: int
+    undefined: State | None = None
+    methods: tuple[str, ...] = ()
+    tolerances: Array | None = None
+
+
+class Stop(Exception):
+    """Ends a run inside an engine.
+
+    Parameters
+    ----------
+    message : str
+        For the user: what, when, and how to mend it.
+    undefined : (t, q, v), optional
+        As in Run.
+    """
+
+    def __init__(self, message: str, undefined: State | None = None):
+        super().__init__(message)
+        self.undefined = undefined
+
+
+class Undefined(Stop):
+    """Ends a run at a state where the equations have no finite value."""
+
+    def __init__(self, t: float, q: Array, v: Array):
+        state = (t, np.array(q), np.array(v))
+        super().__init__(f"the equations have no finite value at t = {t:.9g} s", state)
+
+
+class Stopped(Exception):
+    """Ends a run where an event asks for it.
+
+    Parameters
+    ----------
+    event : Event
+    """
+
+    def __init__(self, event: Event):
+        super().__init__(f"event {event.number} stopped the run at t = {event.time:.9g} s")
+
+
+class Interrupted(Exception):
+    """Ends a run at the user's wish; raised by what an engine is given as ``progress``."""
+
+
+class Limits:
+    """The steps and the wall time that a run may take; the clock starts here.
+
+    Parameters
+    ----------
+    request : Request
+    """
+
+    def __init__(self, request: IntegrationRequest):
+        self.steps, self.timeout = request.max_steps, request.timeout
+        self.began = time.monotonic()
+
+    def check(self, t: float, steps: int) -> None:
+        """Stop a run that takes more steps or time than allowed."""
+        if steps >= self.steps:
+            raise Stop(f"gave up after {steps} steps at t = {t:.9g} s; --max-steps allows more")
+        self.check_time(t)
+
+    def check_time(self, t: float) -> None:
+        """Stop a run that takes more time than allowed."""
+        if self.timeout is not None and time.monotonic() - self.began > self.timeout:
+            raise Stop(
+                f"gave up after {self.timeout:g} s of time at t = {t:.9g} s; --timeout allows more"
+            )
+
+
+def outcome(integrate: Callable[[], None]) -> tuple[Status, str, State | None]:
+    """Integrate, and return how it ended: status, message and undefined state, as in Run."""
+    try:
+        integrate()
+    except Stop as stop:
+        return "failed", str(stop), stop.undefined
+    except Stopped as stopped:
+        return "stopped-by-event", str(stopped), None
+    except Interrupted:
+        return "interrupted", "interrupted; the samples so far are kept", None
+    return "completed", "", None
+
+
+class Engine(Protocol):
+    """Integrates a System."""
+
+    def __call__(
+        self,
+        system: System,
+        request: IntegrationRequest,
+        sink: Callable[[Block], None],
+        progress: Callable[[float], None] | None = None,
+    ) -> Outcome:
+        """Integrate; numerical failure is a status with a message, never an exception.
+
+        Parameters
+        ----------
+        system : System
+        request : Request
+        sink : callable
+            Takes the samples in blocks, in order: whatever ends the run, those reached by then
+            are handed over. What it raises ends the run at once and goes on to the caller.
+        progress : callable, optional
+            Called with the time reached, s, several times per 0.1 s, as far as single steps and
+            samples allow. May raise `Interrupted`.
+        """
+        ...

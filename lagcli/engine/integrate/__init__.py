@@ -1,0 +1,1 @@
+"""Integration: the contract, the methods, both engines, events, batches."""

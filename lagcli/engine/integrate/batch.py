@@ -1,0 +1,265 @@
+"""Many runs of one System, eight at once: the compiled engine's lanes.
+
+The core integrates eight runs through one stream of operations, each with its own parameters,
+state, time and step size; a lane whose run ends takes the next. What needs thought in a run
+(undefined values, a singular configuration ahead, stiffness, an inaccurate elimination, limits)
+makes it leave the lanes; it is then done again from its start by
+`lagcli.engine.integrate.compiled_engine`, which explains. What a run gives does not depend, not
+even in its last bit, on which other runs share its lanes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
+from lagcli.engine.core import binding
+from lagcli.engine.integrate import compiled_engine
+from lagcli.engine.integrate.prepared import Prepared, unrolled
+from lagcli.engine.program.program import assemble
+from lagcli.engine.system import System
+from lagcli.engine.tape.tape import Tape
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+#: Seconds that the core may take before it comes back, and the tries of a step it begins with.
+_SLICE = 0.03
+_FIRST_SLICE = 16
+_GROWTH = 4
+#: Runs whose samples are held beside those in the lanes, and the numbers of all of them at most.
+_HELD = 24
+_MOST_NUMBERS = 1 << 25
+
+
+class Finished(NamedTuple):
+    """Runs that ended.
+
+    Parameters
+    ----------
+    rows : (k,) array of int
+        Which of the given runs.
+    samples : (k, nt, 2 + 3 nq + nc) array
+        By sample t, q, v, a, λ, W, as in `lagcli.engine.contract.Block.of_rows`. Where k
+        is 1 and the run failed, those that were reached; otherwise all of ``request.times``.
+    runs : list of k Run
+        How each ended, and what it took.
+    """
+
+    rows: Rows
+    samples: Array
+    runs: list[Outcome]
+
+
+def prepare_lanes(
+    system: System, request: IntegrationRequest, progress: Callable[[], None] | None = None
+) -> Prepared:
+    """Return what the lanes need: an order of elimination that suits one run from end to end.
+
+    Parameters
+    ----------
+    system, request
+        Of a run like those that are to come. It is done for this, without its samples.
+    progress : callable, optional
+        As for `run_lanes`.
+    """
+    heed = progress or (lambda: None)
+    request = dataclasses.replace(request, times=np.empty(0))
+    integration = compiled_engine.Integration(
+        system, request, lambda block: None, lambda t: heed(), for_lanes=True
+    )
+    if integration.run().status == "interrupted":
+        raise Interrupted
+    return unrolled(system, integration.in_use)
+
+
+def run_lanes(
+    system: System,
+    request: IntegrationRequest,
+    parameters: Array,
+    q: Array,
+    v: Array,
+    sink: Callable[[Finished], None],
+    progress: Callable[[], None] | None = None,
+) -> None:
+    """Integrate many runs; each is handed over once, in no certain order.
+
+    Several threads may do so at once: the core holds no lock while it runs.
+
+    Parameters
+    ----------
+    system : System
+        Its parameters' values are not read.
+    request : Request
+        What all runs have in common. Its ``q`` and ``v`` are not read; its ``rank`` must be that of
+        all runs. Without ``prepared``, from `prepare_lanes`, there are no lanes: an order of
+        elimination that comes from elsewhere makes what a run gives depend on itself alone.
+    parameters : (n, np) array
+        Of each run.
+    q, v : (n, nq) arrays
+        Consistent states at ``request.t_start``; see `lagcli.engine.constraints.initial_batch`.
+    sink : callable
+        Takes the runs that ended, a few dozen at a time at most. What it raises ends all runs and
+        goes on to the caller.
+    progress : callable, optional
+        Called at least every 0.05 s, as far as single steps allow. May raise `Interrupted`, which
+        goes on to the caller; runs under way are lost.
+    """
+    rest: Iterable[int] = range(len(parameters))
+    heed = progress or (lambda: None)
+    if len(parameters) and suits_lanes(system, request):
+        lanes = _Lanes(system, request, parameters, q, v)
+        lanes.run(sink, heed)
+        rest = lanes.left()
+    for row in rest:
+        sink(_singly(system, request, parameters, q, v, row, heed))
+
+
+def suits_lanes(system: System, request: IntegrationRequest) -> bool:
+    """Return whether there are lanes for runs of a kind; otherwise they are done one by one.
+
+    There are none for implicit methods, Baumgarte's stabilization, redundant constraints, events,
+    an elimination that is not unrolled, or samples that would fill the memory.
+    """
+    width = 2 + 3 * len(system.coordinates) + len(system.constraints)
+    return (
+        request.prepared is not None
+        and request.prepared.unrolled
+        and request.method in ("auto", "DOP853")
+        and request.formulation == "projection"
+        and request.rank == len(system.constraints)
+        and request.on_event is None
+        and width * len(request.times) * (binding.LANES + 1) <= _MOST_NUMBERS
+    )
+
+
+class _Lanes:
+    """The core, with the runs that it is to do."""
+
+    def __init__(
+        self, system: System, request: IntegrationRequest, parameters: Array, q: Array, v: Array
+    ):
+        prepared = request.prepared
+        assert prepared is not None
+        self.request, self.steps = request, ("DOP853",) if request.method == "auto" else ()
+        first, values = _of_row(system, request, parameters, q, v, 0)
+        # in the order of all, whatever that of the first one is
+        values = dataclasses.replace(values, elimination=prepared.elimination)
+        single = compiled_engine.Integration(first, values, lambda block: None, None)
+        width = 2 + 3 * len(system.coordinates) + len(system.constraints)
+        held = min(_HELD, _MOST_NUMBERS // (width * max(1, len(request.times))) - binding.LANES)
+        self.core = binding.Lanes(
+            single.core,
+            prepared.dynamics,
+            prepared.constraint,
+            request.times,
+            request.max_steps,
+            parameters,
+            np.hstack([q, v]),
+            binding.LANES + held,
+        )
+        self.began: dict[int, float] = {}
+
+    def run(self, sink: Callable[[Finished], None], heed: Callable[[], None]) -> None:
+        """Do the runs, but for those that leave."""
+        core, tries = self.core, _FIRST_SLICE
+        status = binding.RUNNING
+        while status != binding.DONE:
+            heed()
+            started = time.monotonic()
+            status = core.advance(tries)
+            taken = time.monotonic() - started
+            if status == binding.RUNNING:
+                tries = max(1, min(_GROWTH * tries, int(tries * _SLICE / max(taken, 1e-6))))
+            rows, samples = core.take()
+            if len(rows):
+                sink(Finished(rows, samples, [self.record(row) for row in rows]))
+            if self.request.timeout is not None:
+                self.let_leave(self.request.timeout)
+
+    def record(self, row: int) -> Outcome:
+        """Return what a run took."""
+        steps, rejected, evaluations = self.core.counts[row].tolist()
+        return Outcome("completed", "", steps, rejected, evaluations, methods=self.steps)
+
+    def let_leave(self, timeout: float) -> None:
+        """Let runs leave that have been under way for too long."""
+        now = time.monotonic()
+        under_way = self.core.under_way()
+        self.began = {row: self.began.get(row, now) for row in under_way if row >= 0}
+        for lane, row in enumerate(under_way):
+            if row >= 0 and now - self.began[row] > timeout:
+                self.core.leave(lane)
+
+    def left(self) -> list[int]:
+        """Return the runs that have left the lanes."""
+        found: list[int] = np.flatnonzero(self.core.status == binding.LEFT).tolist()
+        return found
+
+
+def _of_row(
+    system: System, request: IntegrationRequest, parameters: Array, q: Array, v: Array, row: int
+) -> tuple[System, IntegrationRequest]:
+    """Return the System and the Request of one run."""
+    values = tuple(parameters[row].tolist())
+    return (
+        dataclasses.replace(system, parameters=values),
+        dataclasses.replace(request, q=q[row].copy(), v=v[row].copy(), elimination=None),
+    )
+
+
+def _singly(
+    system: System,
+    request: IntegrationRequest,
+    parameters: Array,
+    q: Array,
+    v: Array,
+    row: int,
+    heed: Callable[[], None],
+) -> Finished:
+    """Do one run by itself."""
+    blocks: list[Block] = []
+    run = compiled_engine.run(
+        *_of_row(system, request, parameters, q, v, row), blocks.append, lambda t: heed()
+    )
+    if run.status == "interrupted":
+        raise Interrupted
+    width = 2 + 3 * len(system.coordinates) + len(system.constraints)
+    rows = np.concatenate([np.empty((0, width)), *(_as_rows(block) for block in blocks)])
+    return Finished(np.array([row]), rows[None], [run])
+
+
+def _as_rows(block: Block) -> Array:
+    """Return a block's samples by row: the inverse of `Block.of_rows`."""
+    return np.column_stack([block.time, block.q, block.v, block.a, block.multipliers, block.work])
+
+
+class SampleTape:
+    """A tape evaluated over the samples of many runs, eight at a time; by one thread at a time.
+
+    Parameters
+    ----------
+    tape : Tape
+        Its inputs are the first numbers of a sample (t, q, v, a, λ, W: as many as it has inputs
+        besides), then the parameters.
+    """
+
+    def __init__(self, tape: Tape):
+        self._table = binding.LaneTable(assemble(tape), tape.inputs, tape.parameters)
+
+    def __call__(self, samples: Array, parameters: Array) -> Array:
+        """Return the outputs, (runs, outputs, nt).
+
+        Parameters
+        ----------
+        samples : (runs, nt, width) array
+        parameters : (runs, np) array
+        """
+        out: Array = self._table(samples, parameters)
+        return out

@@ -1,0 +1,195 @@
+"""Which method the compiled engine runs: the one asked for, or what suits the model's stiffness.
+
+``auto`` starts with the explicit DOP853. Where stability, not accuracy, has limited its steps for
+a while, or its step size falls to the floor, it goes on with an implicit method; where that does
+not take longer steps either, it goes back, and looks for stiffness less often.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.contract import IntegrationRequest
+from lagcli.engine.system import System
+
+Array = NDArray[np.float64]
+
+#: From this relative tolerance on, Rodas5P takes less time than Radau for the same error.
+_LOOSE = 1e-4
+#: Explicit steps that must be left: the derivatives take about as long as so many.
+_WORTH = 300
+#: How much longer its steps must be where stability limits the explicit ones: each takes about so
+#: many times as long. Where nothing but patience asks for a trial, it must be worth much more.
+_LONGER = 1.5
+_MUCH_LONGER = 5.0
+#: Steps after which an implicit method must have proved itself.
+_TRIAL = 30
+#: Explicit steps after which an implicit method is tried all the same, if there are many more to
+#: come: at tight tolerances accuracy and stability limit them together. Before that, the path over
+#: so many steps, twice, must be smooth enough for an implicit step of that length.
+_PATIENCE = 2000
+_MANY = 5000
+_STRETCH = 3
+#: How many tolerances the path may differ from that of a smooth step.
+_ROUGH = 2.0
+
+
+class Methods:
+    """The methods of one run.
+
+    Parameters
+    ----------
+    core : binding.Integrator
+    system : System
+    request : Request
+    no_series : str
+        Why Taylor's method cannot run; empty if it can.
+
+    Raises
+    ------
+    ValueError
+        An implicit method is asked for, and the System has no derivatives.
+
+    Attributes
+    ----------
+    running : str
+    steps : dict of str to int
+        The steps that each method has taken.
+    changes : list of (float, str)
+        When the run went on with which implicit method, s; without trials in vain.
+    refused : str
+        Why another method runs than the one asked for, for the user.
+    """
+
+    def __init__(self, core: Any, system: System, request: IntegrationRequest, no_series: str = ""):
+        self.core, self.system, self.request = core, system, request
+        self.running = "DOP853"
+        self.steps: dict[str, int] = {}
+        self.changes: list[tuple[float, str]] = []
+        self._prepared = False
+        self._patience, self._deaf_until = _PATIENCE, 0
+        self._next_look = _PATIENCE
+        self._trial: tuple[int, float, float] | None = None  # steps, time, implicit step that helps
+        self._path: list[tuple[float, Array]] = []  # what shows whether the motion is smooth
+        self._vain: set[str] = set()
+        self.refused = ""
+        if request.method == "Taylor" and no_series:
+            self.refused = f"Taylor's method does not suit the equations ({no_series}): used DOP853"
+        elif request.method not in ("auto", self.running):
+            self._go_on(request.method)
+
+    def may_help(self) -> bool:
+        """Return whether another method is left to try."""
+        free = self.request.method == "auto" and self.system.variation is not None
+        return free and self.running == "DOP853"
+
+    def count(self) -> None:
+        """Count the steps since the last call."""
+        new = self.core.counts[0] - sum(self.steps.values())
+        if new or not self.steps:
+            self.steps[self.running] = self.steps.get(self.running, 0) + new
+
+    def stiff(self, *, forced: bool = False, longer: float = _LONGER) -> None:
+        """Go on with an implicit method, unless one was tried in vain a short while ago."""
+        steps = self.core.counts[0]
+        if not forced and (steps < self._deaf_until or self._left() < _WORTH):
+            return
+        before, now = self.core.step
+        self._trial = None if forced else (steps, now, longer * (now - before))
+        method = "Rodas5P" if self.request.rtol >= _LOOSE else "Radau"
+        self.changes.append((now, method))
+        self._go_on(method)
+
+    def most_steps(self) -> int:
+        """Return how many steps may be taken before the next review."""
+        if self._path:
+            return _STRETCH
+        if self._trial is None:
+            return self.request.max_steps
+        return max(1, self._trial[0] + _TRIAL - self.core.counts[0])
+
+    def review(self) -> None:
+        """Go back to the explicit method where the implicit one takes no longer steps."""
+        steps = self.core.counts[0]
+        if self.may_help() and (steps >= self._next_look or self._path):
+            if self._path or self._left() > _MANY:
+                self._path.append((self.core.t, self.core.state))
+            if len(self._path) != 1:
+                self._next_look = 2 * steps
+            if len(self._path) == 3:
+                smooth = self._smooth()
+                self._path = []
+                if smooth:
+                    self.stiff(longer=_MUCH_LONGER)
+        if self._trial is None or steps < self._trial[0] + _TRIAL:
+            return
+        before, since, enough = self._trial
+        self._trial = None
+        if (self.core.t - since) / (steps - before) > enough:
+            self._vain.discard(self.running)
+            return
+        self._vain.add(self.running)
+        self._deaf_until = steps + self._patience
+        self._next_look = max(self._next_look, self._deaf_until)
+        self._patience *= 2
+        self.changes.pop()
+        self._go_on("DOP853")
+
+    @property
+    def used(self) -> tuple[str, ...]:
+        """The methods that took steps, without those that were tried in vain."""
+        return tuple(method for method in self.steps if method not in self._vain)
+
+    def _smooth(self) -> bool:
+        """Return whether an implicit step over the last stretches may meet its tolerance.
+
+        Its error is judged like that of the cubic through the positions and velocities at the ends
+        of a step: both are of fourth order. Where fast motion goes on, the cubic misses it. Making
+        derivatives for an implicit method takes longer than many explicit steps.
+        """
+        (t0, y0), (t1, y1), (t2, y2) = self._path
+        nq = len(self.request.q)
+        h, x = t2 - t0, (t1 - t0) / (t2 - t0)
+        q0, v0, q2, v2 = y0[:nq], h * y0[nq:-1], y2[:nq], h * y2[nq:-1]
+        rise = q2 - q0
+        q = q0 + x * (v0 + x * (3 * rise - 2 * v0 - v2 + x * (v0 + v2 - 2 * rise)))
+        v = (v0 + x * (2 * (3 * rise - 2 * v0 - v2) + 3 * x * (v0 + v2 - 2 * rise))) / h
+        rtol, y = self.request.rtol, y1[:-1]
+        looser = 1.0 if rtol >= _LOOSE else 0.1 * rtol ** (-1 / 3)  # as core/radau5.c
+        allowed = looser * (self.core.absolute_tolerances[:-1] + rtol * np.abs(y))
+        return bool(np.linalg.norm((np.concatenate([q, v]) - y) / allowed) <= _ROUGH)
+
+    def _left(self) -> float:
+        """Return how many steps like the last are left."""
+        before, now = self.core.step
+        return (self.request.t_end - now) / (now - before)
+
+    def order(self) -> None:
+        """Choose an order of pivots for the implicit method's matrix."""
+        from lagcli.engine.linear.sparse import pivot_order
+
+        self.core.order(pivot_order)
+
+    def message(self) -> str:
+        """Return what was found to be chosen, for the user."""
+        if not self.changes:
+            return self.refused
+        t, method = self.changes[-1]
+        return f"the motion is stiff: went on with {method} at t = {t:.9g} s"
+
+    def _go_on(self, method: str) -> None:
+        if method not in ("DOP853", "Taylor") and not self._prepared:
+            if self.system.variation is None:
+                raise ValueError(f"the System has no derivatives, which {method} needs")
+            # imported when it is needed: most runs are explicit
+            from lagcli.engine.linear.sparse import matrix_pattern
+
+            variation = self.system.variation()
+            pattern = matrix_pattern(self.system, variation, self.request.rank)
+            self.core.prepare(variation, pattern)
+            self._prepared = True
+        self.core.switch(method)
+        self.running = method

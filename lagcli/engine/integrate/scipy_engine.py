@@ -1,0 +1,332 @@
+"""The reference engine: SciPy's integrators on the index-1 form, with projection.
+
+After each accepted step, and at each written sample, the state is brought back onto the
+constraints; the integrator goes on from there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import BDF, DOP853, LSODA, RK23, RK45, OdeSolver, Radau
+
+from lagcli.engine.constraints.index1 import Index1
+from lagcli.engine.constraints.passage import Crossing
+from lagcli.engine.constraints.projection import Projection, is_far, jumped
+from lagcli.engine.constraints.singular import Ahead, RankWatch
+from lagcli.engine.contract import (
+    Block,
+    Event,
+    IntegrationRequest,
+    Limits,
+    Outcome,
+    Stopped,
+    Undefined,
+    outcome,
+)
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.integrate.events import EventSearch
+from lagcli.engine.integrate.tolerances import Sizes
+from lagcli.engine.system import System
+
+Array = NDArray[np.float64]
+
+_METHODS: dict[str, type[OdeSolver]] = {
+    "DOP853": DOP853,
+    "RK45": RK45,
+    "RK23": RK23,
+    "Radau": Radau,
+    "BDF": BDF,
+    "LSODA": LSODA,
+}
+#: Baumgarte's α = β times the step size, where the user gives none.
+_BAUMGARTE_STEP = 0.1
+#: The orders by which first steps are chosen; multistep methods begin at order one.
+_ORDERS = {"DOP853": 8.0, "RK45": 5.0, "RK23": 3.0, "Radau": 4.0}
+#: Growth of a tolerance after which LSODA, which takes no others on the way, starts again.
+_LSODA_GROWTH = 10.0
+#: LSODA goes on with a drift of so many tolerances; samples are projected all the same.
+_LSODA_DRIFT = 10.0
+#: SciPy raises smaller ones to this, with a warning.
+_LEAST_RTOL = 100 * float(np.finfo(float).eps)
+
+
+def run(
+    system: System,
+    request: IntegrationRequest,
+    sink: Callable[[Block], None],
+    progress: Callable[[float], None] | None = None,
+) -> Outcome:
+    """Integrate a System; see the contract in `lagcli.engine.contract`."""
+    integration = _Integration(system, request, sink, progress)
+    # numbers that overflow are seen by what becomes of them
+    with np.errstate(all="ignore"):
+        status, message, undefined = outcome(integration.integrate)
+        integration.hand_over()
+    return Outcome(
+        status=status,
+        message=message,
+        steps=integration.steps,
+        rejected=integration.rejected,
+        evaluations=integration.motion.evaluations,
+        undefined=undefined,
+        tolerances=integration.sizes.tolerances if integration.sizes else None,
+    )
+
+
+class _Integration:
+    """One run: its state, its samples that wait to be handed over, and its counts."""
+
+    def __init__(
+        self,
+        system: System,
+        request: IntegrationRequest,
+        sink: Callable[[Block], None],
+        progress: Callable[[float], None] | None,
+    ):
+        self.system, self.request, self.sink = system, request, sink
+        self.progress = progress or (lambda t: None)
+        evaluator = Evaluator(system)
+        self.motion = Index1(evaluator, request.rank)
+        self.projection = Projection(evaluator, request.rank)
+        self.watch = RankWatch(self.motion)
+        self.events = EventSearch(system) if request.on_event is not None else None
+        self.steps = self.rejected = 0
+        self.rows: list[Array] = []  # t, q, v, a, λ, W
+        self.sizes: Sizes | None = None
+        self.sampled = 0
+        self.limits = Limits(request)
+        if request.formulation == "baumgarte":
+            alpha = 1.0 if request.alpha is None else request.alpha
+            self.motion.damping = alpha, alpha if request.beta is None else request.beta
+
+    def integrate(self) -> None:
+        request, watch = self.request, self.watch
+        t = request.t_start
+        y = self.begin(t, np.concatenate([request.q, request.v, [0.0]]))
+        watch.check_start(t, *self.motion.split(y), self.projection)
+        self.check_redundancy(t, y)
+        for at in self.due(t):
+            self.sample(at, y)
+        if t >= request.t_end:
+            return
+        self.sizes = Sizes(self.motion, request, y)
+        solver = self.solver(t, y)
+        watch.add(t, y)
+        while solver.status == "running":
+            self.limits.check(t, self.steps)
+            solver.max_step = min(request.max_step, watch.largest_step())  # LSODA: has no effect
+            self.step(solver, t)
+            t, y, moved = self.accept(solver, t, y)
+            if moved:
+                if t >= request.t_end:
+                    return
+                y = self.begin(t, y)
+                solver = self.solver(t, y)
+                watch.restart()
+            else:
+                solver = self.go_on(solver, t, y)
+            watch.add(t, y)
+            ahead = watch.ahead()
+            if ahead is not None:
+                if not request.through_singular:
+                    raise watch.stop(ahead.time, *ahead.path(ahead.time))
+                t, y = self.pass_singular(ahead)
+                if t >= request.t_end:
+                    return
+                y = self.begin(t, y)
+                solver = self.solver(t, y)
+                watch.restart()
+                watch.add(t, y)
+            self.progress(t)
+
+    def begin(self, t: float, y: Array) -> Array:
+        """Return the consistent state next to one from which the integration begins."""
+        self.motion.measure(t, *self.motion.split(y))
+        y = self.project(t, y)
+        if not np.isfinite(self.motion.rate(t, y)).all():
+            raise Undefined(t, *self.motion.split(y))
+        if self.events is not None:
+            self.events.start(t, y)
+        return y
+
+    def solver(self, t: float, y: Array) -> OdeSolver:
+        """Return an integrator that starts at a state."""
+        request = self.request
+        # SciPy judges a step by the root mean square over y; with this factor its largest
+        # component obeys the tolerance
+        strict = 1 / math.sqrt(len(y))
+        assert self.sizes is not None
+        self.at_construction = self.sizes.tolerances
+        order = _ORDERS.get(request.method, 1.0)
+        try:
+            return _METHODS[request.method](
+                self.motion.rate,
+                t,
+                y,
+                request.t_end,
+                rtol=max(strict * request.rtol, _LEAST_RTOL),
+                atol=strict * self.sizes.tolerances,
+                max_step=request.max_step,
+                first_step=self.sizes.first_step(t, y, order),
+            )
+        except ValueError as error:  # SciPy's word for NaN in a Jacobian
+            raise Undefined(t, *self.motion.split(y)) from error
+
+    def step(self, solver: OdeSolver, t: float) -> None:
+        """Take one step, or say why there is none."""
+        motion, evaluations = self.motion, solver.nfev
+        motion.undefined = None
+        try:
+            message = solver.step()
+        except (ValueError, np.linalg.LinAlgError):  # NaN in a Jacobian
+            raise Undefined(*(motion.undefined or (t, *motion.split(solver.y)))) from None
+        if solver.status != "failed" and np.isfinite(solver.y).all():
+            self.steps += 1
+            stages = getattr(solver, "n_stages", None)
+            if stages:
+                self.rejected += max(0, (solver.nfev - evaluations) // stages - 1)
+            return
+        if motion.undefined is not None:
+            raise Undefined(*motion.undefined)
+        remark = f" ({message})" if message else ""
+        raise self.watch.floor(t, solver.y, self.request.method, remark)
+
+    def accept(self, solver: OdeSolver, t_old: float, y_old: Array) -> tuple[float, Array, bool]:
+        """Sample the last step, and return the state at its end, on the constraints.
+
+        Where an event moves the state, the step ends there; the last value says so.
+        """
+        t, reached = solver.t, solver.y
+        made: list[Callable[[float], Array]] = []
+
+        def inside(at: float) -> Array:
+            if at == t:
+                return reached
+            if not made:  # the dense output costs evaluations
+                made.append(solver.dense_output())
+            return made[0](at)
+
+        over = None
+        if not self.request.through_singular:
+            over = self.watch.stepped_over(inside, t_old, y_old, t, reached)
+        end = t if over is None else over
+        moved = self.react(inside, t_old, t, end)
+        if moved is not None:
+            return (*moved, True)
+        for at in self.due(end):
+            self.sample(at, inside(at))
+        if over is not None:
+            raise self.watch.stop(over, *self.motion.split(inside(over)))
+        y = self.project(t, reached)
+        self.motion.measure(t, *self.motion.split(y))
+        self.check_redundancy(t, y)
+        return t, y, False
+
+    def react(
+        self, inside: Callable[[float], Array], t_old: float, t: float, end: float
+    ) -> tuple[float, Array] | None:
+        """Do what the events of a step ask for; return the state from which one continues."""
+        if self.events is None:
+            return None
+        assert self.request.on_event is not None
+        while (found := self.events.first(inside, t_old, t, end)) is not None:
+            for at in self.due(found.time):
+                self.sample(at, inside(at))
+            y = self.project(found.time, inside(found.time))
+            q, v = self.motion.split(y)
+            event = Event(found.number, found.direction, found.time, q.copy(), v.copy())
+            reaction = self.request.on_event(event)
+            if reaction == "stop":
+                raise Stopped(event)
+            if reaction != "go on":
+                return found.time, np.concatenate([*reaction, y[-1:]])
+        return None
+
+    def go_on(self, solver: OdeSolver, t: float, y: Array) -> OdeSolver:
+        """Let the integrator go on from the projected state, with the damping of this step."""
+        if solver.status != "running":
+            return solver
+        request, damped = self.request, False
+        assert self.sizes is not None
+        self.sizes.update(t, y, abs(solver.step_size))
+        if isinstance(solver, LSODA):
+            if (self.sizes.tolerances > _LSODA_GROWTH * self.at_construction).any():
+                return self.solver(t, y)
+        else:
+            solver.atol = self.sizes.tolerances / math.sqrt(len(y))
+        if request.formulation == "baumgarte" and request.alpha is None:
+            alpha = _BAUMGARTE_STEP / abs(solver.step_size)
+            self.motion.damping = alpha, alpha if request.beta is None else request.beta
+            damped = True
+        if y is solver.y and not damped:
+            return solver
+        if isinstance(solver, LSODA):
+            # its history cannot be moved: it starts again, from order one, when the drift matters
+            moved = np.abs(y - solver.y)[:-1]
+            allowed = self.sizes.tolerances[:-1] + request.rtol * np.abs(y[:-1])
+            return self.solver(t, y) if (moved > _LSODA_DRIFT * allowed).any() else solver
+        if isinstance(solver, BDF):
+            solver.D[0] = y
+        else:
+            solver.f = self.motion.rate(t, y)
+        solver.y = y
+        return solver
+
+    def project(self, t: float, y: Array) -> Array:
+        """Return the consistent state next to y; y itself where nothing is projected."""
+        if self.request.formulation != "projection" or not self.system.constraints:
+            return y
+        before, v = self.motion.split(y)
+        q, v = self.projection(t, before, v)
+        if self.sizes is not None and self.system.holonomic:
+            allowed = self.sizes.tolerances[: len(q)] + self.request.rtol * np.abs(q)
+            if is_far(before, q, allowed, self.sizes.largest()):
+                raise jumped(self.system, t, before, q)
+        return np.concatenate([q, v, y[-1:]])
+
+    def due(self, end: float) -> Iterator[float]:
+        """Yield the sample times up to a time that are not yet sampled."""
+        times = self.request.times
+        while self.sampled < len(times) and times[self.sampled] <= end:
+            self.sampled += 1
+            yield float(times[self.sampled - 1])
+
+    def sample(self, t: float, y: Array) -> None:
+        """Keep the consistent state at a sample time, with its a and λ."""
+        if self.sampled > 1:  # one step may hold more samples than the time allows
+            self.limits.check_time(t)
+            self.progress(t)
+        q, v = self.motion.split(self.project(t, y))
+        a, multipliers, _ = self.motion.accelerations(t, q, v)
+        if not np.isfinite(a).all():
+            raise Undefined(t, q, v)
+        self.keep(t, q, v, a, multipliers, float(y[-1]))
+
+    def keep(self, t: float, q: Array, v: Array, a: Array, multipliers: Array, work: float) -> None:
+        """Add a sample to those that wait, and hand them over when they fill a block."""
+        self.rows.append(np.concatenate([[t], q, v, a, multipliers, [work]]))
+        if len(self.rows) == self.request.block_rows:
+            self.hand_over()
+
+    def hand_over(self) -> None:
+        """Hand over the samples that wait."""
+        rows, self.rows = self.rows, []
+        if rows:
+            self.sink(Block.of_rows(np.array(rows), len(self.system.coordinates)))
+
+    def pass_singular(self, ahead: Ahead) -> tuple[float, Array]:
+        """Go through a singular configuration, sampling on the way."""
+        crossing = Crossing(self.motion, self.projection, ahead.before, ahead.time, ahead.path)
+        for at in self.due(crossing.end):
+            self.keep(at, *crossing(at))
+        return crossing.end, crossing.state
+
+    def check_redundancy(self, t: float, y: Array) -> None:
+        """Stop if redundant constraints contradict each other."""
+        if not self.motion.redundant or self.request.formulation != "projection":
+            return  # beside the constraints, the combinations that vanish on them do not
+        self.watch.check_redundancy(t, y)

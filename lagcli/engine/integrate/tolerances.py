@@ -1,0 +1,136 @@
+"""Absolute tolerances that follow the size of each entry of the state, for the reference engine.
+
+The rules are those of core/sizes.h; only A, what accelerations are made of, is found by a small
+change of the state instead of by rounding up and down.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.constraints.index1 import Index1
+from lagcli.engine.contract import IntegrationRequest
+
+Array = NDArray[np.float64]
+
+#: The numbers of core/sizes.h, by the same names.
+_FOLLOWING = 0.1
+_ROUNDING = 100 * float(np.finfo(float).eps)
+_SUMMING = 100 * float(np.finfo(float).eps)
+_TIMING = 10 * float(np.finfo(float).eps)
+_HIDDEN = 1e-8
+_NO_SIZE = 1e-100
+_LOOKS = 64
+_HORIZON = 1e-4
+_BESIDE = 1e-3
+#: Of the state: the change that shows what accelerations are made of.
+_PERTURBATION = 1e-7
+
+
+class Sizes:
+    """The sizes of y = (q, v, W) along a run, and the absolute tolerances that follow from them.
+
+    Parameters
+    ----------
+    motion : Index1
+    request : Request
+    y : (2 nq + 1,) array
+        The state at the start.
+
+    Attributes
+    ----------
+    tolerances : (2 nq + 1,) array
+        Absolute, for the next step.
+    """
+
+    def __init__(self, motion: Index1, request: IntegrationRequest, y: Array):
+        self.motion, self.request = motion, request
+        self.given, self.kind = request.tolerances, np.array(request.kind_of, dtype=int)
+        self.nq = len(request.q)
+        self.size = np.zeros(len(y))
+        self.length = request.t_end - request.t_start
+        rate = motion.rate(request.t_start, y)
+        self.gross = self._gross(y, rate)
+        self.later = self._later(y, rate)
+        self.tolerances = self.given
+        self.update(request.t_start, y, self.first_step(request.t_start, y, 8.0))
+
+    def _gross(self, y: Array, rate: Array) -> Array:
+        """Return what accelerations are made of, the largest of each kind: A."""
+        nq, t = self.nq, self.request.t_start
+        found = np.abs(rate[nq:-1])
+        for sign in (-1, 1):
+            part = sign * _PERTURBATION * np.cos(1.0 + np.arange(len(y)))
+            change = np.abs(self.motion.rate(t, y * (1 + part)) - rate)[nq:-1] / _PERTURBATION
+            found = np.fmax(found, np.where(np.isfinite(change), change, 0.0))
+        found = self._of_kind(found)
+        # what balances: the largest forces over the largest inertia
+        d = self.motion.evaluator.dynamics(t, *self.motion.split(y))
+        inertia = self._of_kind(np.diag(d.mass_matrix))
+        forces = np.abs(d.forcing) + np.abs(d.mass_matrix) @ np.abs(rate[nq:-1])
+        balanced = self._of_kind(forces) / np.where(inertia > 0, inertia, np.inf)
+        hidden = np.isfinite(balanced) & (found < _HIDDEN * balanced)
+        return np.where(hidden, balanced, found)
+
+    def _of_kind(self, values: Array) -> Array:
+        """Return the largest value of each coordinate's kind."""
+        largest = np.zeros(int(self.kind.max(initial=0)) + 1)
+        np.maximum.at(largest, self.kind, values)
+        return np.asarray(largest[self.kind])
+
+    def _later(self, y: Array, rate: Array) -> Array:
+        """Return the largest acceleration to come of each coordinate that is at rest: R."""
+        nq = self.nq
+        resting = (y[:nq] == 0) & (y[nq:-1] == 0) & (rate[nq:-1] == 0)
+        found = np.zeros(nq)
+        for k in range(_LOOKS if resting.any() else 0):
+            t = self.request.t_start + (k + 0.5) / _LOOKS * self.length
+            a = np.abs(self.motion.rate(t, y)[nq:-1])
+            found = np.fmax(found, np.where(resting & np.isfinite(a), a, 0.0))
+        return found
+
+    def update(self, t: float, y: Array, h: float) -> None:
+        """Take the state before a step of about size h into account."""
+        nq, size = self.nq, self.size
+        mass = self.motion.evaluator.dynamics(t, *self.motion.split(y)).mass_matrix
+        v = y[nq:-1]
+        if not size.any():  # M at the start, where velocities may be zero: those after the step
+            v = v + np.copysign(h * (self.gross + self.later), v)
+        energy = 0.5 * abs(float(v @ mass @ v))
+        np.fmax(size, np.abs(y), out=size)
+        if np.isfinite(energy):
+            size[-1] = max(size[-1], energy)
+        noise = _SUMMING * h * self.gross + _TIMING * self.length * self.later
+        floor = np.concatenate(
+            [
+                _ROUNDING * self._of_kind(size[:nq]) + noise * h,
+                _ROUNDING * self._of_kind(size[nq:-1]) + noise,
+                [0.0],
+            ]
+        )
+        found = _FOLLOWING * self.request.rtol * size + floor + _NO_SIZE
+        self.tolerances = np.where(self.given > 0, self.given, found)
+
+    def largest(self) -> Array:
+        """Return the largest size of each coordinate's kind so far, (nq,)."""
+        return self._of_kind(self.size[: self.nq])
+
+    def first_step(self, t: float, y: Array, order: float) -> float:
+        """Return the size of a first step; lag_first_step of core/sizes.c."""
+        nq = self.nq
+        horizon = _HORIZON * (self.request.t_end - t)
+        most = min(self.request.max_step, self.request.t_end - t)
+        q, v, a = np.abs(y[:nq]), np.abs(y[nq:-1]), self.gross + self.later
+        w = q + _BESIDE * self._of_kind(q) + horizon * (v + horizon * a)
+        w = np.concatenate([w, v + _BESIDE * self._of_kind(v) + horizon * a + np.sqrt(a * w)])
+        w = np.where(w > 0, w, np.inf)
+        f = self.motion.rate(t, y)
+        rate = float(np.linalg.norm(f[:-1] / w))
+        h = min(0.01 / rate if rate > 0 else horizon, most)
+        change = float(np.linalg.norm((self.motion.rate(t + h, y + h * f) - f)[:-1] / w))
+        if not np.isfinite(change):
+            return h
+        rate = max(rate, np.sqrt(change / h))
+        found = (0.01 * self.request.rtol) ** (1 / order) / rate if rate > 0 else horizon
+        return float(min(100 * h, found, most))

@@ -1,0 +1,225 @@
+"""The linear algebra of one state: accelerations and multipliers, projection, rank.
+
+B is judged by its scaled rows and columns, so that the units in which constraints and coordinates
+are written do not decide its rank. A column's scale is the size of its coordinate
+(`lagcli.engine.scales`). A row's is its length then, or the length that it had along
+the run: a row that vanishes in a singular configuration must be seen to vanish.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.scales import coordinate_sizes
+
+Array = NDArray[np.float64]
+
+#: Singular values of the row-scaled B below this are taken for zero. Directions weaker than this
+#: would carry an error of 1e-16/1e-8 into the accelerations.
+RANK_TOLERANCE = 1e-8
+
+
+class SingularSystem(ArithmeticError):
+    """The equations do not determine the accelerations."""
+
+
+class Decomposition(NamedTuple):
+    """Singular value decomposition of the scaled B, cut at its rank."""
+
+    scale: Array  # (nc,) lengths of the rows
+    sizes: Array  # (nq,) of the coordinates
+    left: Array  # (nc, rank)
+    values: Array  # (min(nc, nq),) all singular values
+    right: Array  # (nq, rank): of B times sizes
+    null: Array  # (nq, nq − rank): changes of the coordinates that B allows
+    dependent: Array  # (nc, nc − rank): combinations of scaled rows that vanish
+
+    @property
+    def rank(self) -> int:
+        """Numerical rank of B."""
+        return self.left.shape[1]
+
+    def least(self, rhs: Array) -> Array:
+        """Return the x of least size with B x = rhs, as far as there is one."""
+        return self.sizes * (self.right @ ((self.left.T @ (rhs / self.scale)) / self._values))
+
+    def multipliers(self, forces: Array) -> Array:
+        """Return a λ with Bᵀλ = forces."""
+        parts = (self.right.T @ (self.sizes * forces)) / self._values
+        return np.asarray((self.left @ parts) / self.scale)
+
+    @property
+    def _values(self) -> Array:
+        return self.values[: self.rank]
+
+
+def row_scale(jacobian: Array) -> Array:
+    """Return the lengths of B's rows; 1 for a row of zeros."""
+    length: Array = np.sqrt(np.einsum("ij,ij->i", jacobian, jacobian))
+    if not length.all():
+        length[length == 0.0] = 1.0
+    return length
+
+
+def decompose(
+    jacobian: Array,
+    rank: int | None = None,
+    tolerance: float = RANK_TOLERANCE,
+    scale: Array | None = None,
+    sizes: Array | None = None,
+) -> Decomposition:
+    """Decompose B; the rank is counted by the tolerance where it is not given.
+
+    Without ``scale``, rows are scaled by their lengths; without ``sizes``, columns are not.
+    """
+    scaled, scale, sizes = _scaled(jacobian, scale, sizes)
+    u, s, vt = np.linalg.svd(scaled)
+    if rank is None:
+        rank = int((s > tolerance).sum())
+    null = sizes[:, None] * vt[rank:].T
+    return Decomposition(scale, sizes, u[:, :rank], s, vt[:rank].T, null, u[:, rank:])
+
+
+def count_rank(
+    jacobian: Array,
+    tolerance: float = RANK_TOLERANCE,
+    scale: Array | None = None,
+    sizes: Array | None = None,
+) -> int:
+    """Return the numerical rank of the scaled B; see `decompose`."""
+    return int((singular_values(jacobian, scale, sizes) > tolerance).sum())
+
+
+def singular_values(
+    jacobian: Array, scale: Array | None = None, sizes: Array | None = None
+) -> Array:
+    """Return the singular values of the scaled B, largest first; see `decompose`."""
+    scaled, _, _ = _scaled(jacobian, scale, sizes)
+    return np.asarray(np.linalg.svd(scaled, compute_uv=False), dtype=float)
+
+
+def _scaled(
+    jacobian: Array, scale: Array | None, sizes: Array | None
+) -> tuple[Array, Array, Array]:
+    """Return B over the scales of rows and times the sizes of coordinates, and these."""
+    if sizes is None:
+        sizes = np.ones(jacobian.shape[1])
+    scaled = jacobian * sizes
+    if scale is None:
+        scale = row_scale(scaled)
+    return scaled / scale[:, None], scale, sizes
+
+
+def solve_regular(mass: Array, forcing: Array, jacobian: Array, rhs: Array) -> tuple[Array, Array]:
+    """Solve [[M, Bᵀ], [B, 0]] [a; −λ] = [f; γ] for B of full rank.
+
+    One step of iterative refinement.
+
+    Returns
+    -------
+    a : (nq,) array
+    multipliers : (nc,) array
+
+    Raises
+    ------
+    SingularSystem
+        The matrix is singular to working precision.
+    """
+    nq, n = len(forcing), len(forcing) + len(rhs)
+    # rows of B are brought to M's magnitude, so that pivoting compares like with like
+    weight = (mass.max() or 1.0) / row_scale(jacobian)  # M's largest entry is on its diagonal
+    matrix = np.zeros((n, n))
+    matrix[:nq, :nq] = mass
+    scaled = jacobian * weight[:, None]
+    matrix[nq:, :nq] = scaled
+    matrix[:nq, nq:] = scaled.T
+    right = np.empty(n)
+    right[:nq] = forcing
+    right[nq:] = rhs * weight
+    try:
+        x = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+        x += np.linalg.solve(matrix, right - matrix @ x)
+    except np.linalg.LinAlgError:
+        raise SingularSystem from None
+    return x[:nq], -x[nq:] * weight
+
+
+def solve_redundant(
+    mass: Array, forcing: Array, jacobian: Array, rhs: Array, d: Decomposition
+) -> tuple[Array, Array]:
+    """Solve the same system for B of deficient rank, by the null space of B.
+
+    a and Bᵀλ are unique; λ is the one of least norm.
+
+    Raises
+    ------
+    SingularSystem
+        M is singular on the null space of B.
+    """
+    particular = d.least(rhs)
+    a = particular
+    if d.null.shape[1]:
+        reduced = d.null.T @ mass @ d.null
+        try:
+            z = np.linalg.solve(reduced, d.null.T @ (forcing - mass @ particular))
+        except np.linalg.LinAlgError:
+            raise SingularSystem from None
+        a = particular + d.null @ z
+    multipliers = d.multipliers(mass @ a - forcing)
+    if d.dependent.shape[1]:
+        free, _ = np.linalg.qr(d.dependent / d.scale[:, None])
+        multipliers = multipliers - free @ (free.T @ multipliers)
+    return a, multipliers
+
+
+def least_change(
+    jacobian: Array,
+    residual: Array,
+    mass: Array | None,
+    rank: int | None,
+    scale: Array | None = None,
+    sizes: Array | None = None,
+) -> Array:
+    """Return the smallest δ with B δ = −residual.
+
+    Parameters
+    ----------
+    jacobian : (n, nq) array
+    residual : (n,) array
+    mass : (nq, nq) array or None
+        Smallness is δᵀMδ; with None, or where M or B do not allow it, it is measured by the sizes
+        of the coordinates.
+    rank : int or None
+        Rank to use; None: full rank if the numbers allow it, otherwise counted.
+    scale, sizes : arrays, optional
+        As for `decompose`.
+    """
+    n, nq = jacobian.shape
+    if n == 0:
+        return np.zeros(nq)
+    if mass is not None and rank in (None, n):
+        delta = _least_change(jacobian, residual, mass)
+        if delta is not None:
+            return delta
+    if sizes is None and mass is not None:
+        sizes = coordinate_sizes(np.diag(mass), jacobian)
+    d = decompose(jacobian, rank, scale=scale, sizes=sizes)
+    if mass is not None and 0 < d.rank < n:
+        # as many combinations of the rows are independent
+        rows, rhs = d.left.T @ (jacobian / d.scale[:, None]), d.left.T @ (residual / d.scale)
+        delta = _least_change(rows, rhs, mass)
+        if delta is not None:
+            return delta
+    return d.least(-residual)
+
+
+def _least_change(jacobian: Array, residual: Array, mass: Array) -> Array | None:
+    """Return the smallest δ in the metric of M for B of full rank; None where there is none."""
+    try:
+        delta, _ = solve_regular(mass, np.zeros(len(mass)), jacobian, -residual)
+    except SingularSystem:
+        return None
+    return delta if np.isfinite(delta).all() else None

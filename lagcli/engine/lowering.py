@@ -1,0 +1,166 @@
+"""Equations → System, and the derivatives that implicit methods need."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+import symengine as se
+
+from lagcli.engine.system import JacobianTapes, Pattern, System
+from lagcli.engine.tape.compiler import compile_tape
+
+if TYPE_CHECKING:
+    from lagcli.equations.derivation.lagrange import Equations, Row
+
+
+def lower(equations: Equations) -> System:
+    """Turn symbols into tapes.
+
+    Parameters
+    ----------
+    equations : Equations
+
+    Returns
+    -------
+    System
+        With the model's parameter values.
+    """
+    from lagcli.model.model import TIME
+
+    eq, model = equations, equations.model
+    parameters = [se.Symbol(name) for name in model.parameters]
+    state = [TIME, *eq.q, *eq.v]
+    rows = [c.row for c in eq.constraints]
+    holonomic = tuple(i for i, c in enumerate(eq.constraints) if c.position is not None)
+    mass_pattern = tuple((i, j) for i, row in enumerate(eq.mass_matrix) for j in sorted(row))
+    jacobian_pattern = tuple((i, j) for i, row in enumerate(rows) for j in sorted(row))
+    mass = [eq.mass_matrix[i][j] for i, j in mass_pattern]
+    jacobian = [rows[i][j] for i, j in jacobian_pattern]
+    applied = se.Add(*[q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)])
+
+    positions = [eq.constraints[i].position for i in holonomic]
+    return System(
+        coordinates=model.coordinate_names,
+        constraints=model.constraint_names,
+        holonomic=holonomic,
+        parameters=tuple(model.parameter_values.values()),
+        mass_pattern=mass_pattern,
+        jacobian_pattern=jacobian_pattern,
+        dynamics=compile_tape(
+            [
+                *mass,
+                *eq.forcing,
+                *jacobian,
+                *(c.rhs for c in eq.constraints),
+                applied + eq.time_power,
+            ],
+            state,
+            parameters,
+        ),
+        constraint=compile_tape(
+            [
+                *positions,
+                *jacobian,
+                *(c.drift for c in eq.constraints),
+                *(_magnitude(x) for x in positions if x is not None),
+                *(_magnitude(c.velocity) for c in eq.constraints),
+            ],
+            state,
+            parameters,
+        ),
+        report=compile_tape(
+            [eq.kinetic, eq.potential, eq.energy, applied, eq.time_power, *eq.outputs.values()],
+            [*state, *eq.a, *eq.multipliers],
+            parameters,
+        ),
+        outputs=tuple(eq.outputs),
+        variation=partial(lower_jacobians, eq),
+        alike=_alike([x for x in positions if x is not None], eq.q),
+    )
+
+
+def lower_jacobians(equations: Equations) -> JacobianTapes:
+    """Turn the derivatives of the equations into a tape.
+
+    Parameters
+    ----------
+    equations : Equations
+
+    Returns
+    -------
+    Variation
+    """
+    from lagcli.equations.derivation.jacobians import vary
+    from lagcli.model.model import TIME
+
+    eq, found = equations, vary(equations)
+    blocks = [
+        [g.position for g in found.force],
+        [g.velocity for g in found.force],
+        [g.position for g in found.rhs],
+        [g.velocity for g in found.rhs],
+        [found.power.position],
+        [found.power.velocity],
+    ]
+    parameters = [se.Symbol(name) for name in eq.model.parameters]
+    entries = [x for rows in blocks for row in rows for x in row.values()]
+    times = [g.time for g in (*found.force, *found.rhs, found.power)]
+    tape = compile_tape(
+        [*entries, *times], [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers], parameters
+    )
+    force_position, force_velocity, rhs_position, rhs_velocity = map(_pattern, blocks[:4])
+    return JacobianTapes(
+        force_position=force_position,
+        force_velocity=force_velocity,
+        rhs_position=rhs_position,
+        rhs_velocity=rhs_velocity,
+        power_position=tuple(found.power.position),
+        power_velocity=tuple(found.power.velocity),
+        tape=tape,
+    )
+
+
+def _alike(expressions: Sequence[se.Basic], q: Sequence[se.Basic]) -> tuple[tuple[int, ...], ...]:
+    """Return coordinates with the same unit: those that a sum has alike, c x² + c y² + ...
+
+    Without units in the model this is all that is certain, and enough for quaternions.
+    """
+    number = {x: i for i, x in enumerate(q)}
+    groups: dict[int, set[int]] = {}
+    for expression in expressions:
+        found: dict[tuple[se.Basic, se.Basic], set[int]] = {}
+        for term in expression.args if isinstance(expression, se.Add) else ():
+            factors = term.args if isinstance(term, se.Mul) else (term,)
+            powers = [x.args if isinstance(x, se.Pow) else (x, se.Integer(1)) for x in factors]
+            bases = [(base, exponent) for base, exponent in powers if base in number]
+            if len(bases) == 1:
+                base, exponent = bases[0]
+                coefficient = se.Abs(term / base**exponent)
+                found.setdefault((coefficient, exponent), set()).add(number[base])
+        for same in found.values():
+            merged = same.union(*(groups.get(i, ()) for i in same))
+            groups.update(dict.fromkeys(merged, merged))
+    unique = {min(g): tuple(sorted(g)) for g in groups.values() if len(g) > 1}
+    return tuple(unique[i] for i in sorted(unique))
+
+
+def _magnitude(expression: se.Basic) -> se.Basic:
+    """Return the sum of the magnitudes of an expression's terms, products of sums written out.
+
+    It is what the rounding error of the expression is proportional to.
+    """
+    if isinstance(expression, se.Add):
+        return se.Add(*[_magnitude(x) for x in expression.args])
+    if isinstance(expression, se.Mul):
+        return se.Mul(*[_magnitude(x) for x in expression.args])
+    if isinstance(expression, se.Pow):
+        base, exponent = expression.args
+        if isinstance(exponent, se.Integer) and exponent > 0:
+            return _magnitude(base) ** exponent
+    return se.Abs(expression)
+
+
+def _pattern(rows: Iterable[Row]) -> Pattern:
+    return tuple((i, j) for i, row in enumerate(rows) for j in row)

@@ -1,0 +1,1 @@
+"""Programs: tapes scheduled, vectorized and encoded for the core's evaluator."""

@@ -1,0 +1,317 @@
+"""Tape → program: what the core's evaluator runs.
+
+Operations of a kind are put in runs, so that the evaluator decides once for many of them, those on
+registers at equal distances in vectors; what depends on parameters alone goes into a prelude that
+is run once; a product that is only added becomes one operation with its sum, and the sine and
+cosine of one angle become one; registers are used again when their values are dead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.program.nodes import END, MULADD, MULSUB, SINCOS, SUBMUL, Node
+from lagcli.engine.program.subprograms import excerpt
+from lagcli.engine.program.vectorize import LONG, WORTH, Packing
+from lagcli.engine.tape.tape import ARITY, Op, Tape
+
+#: Operations that are put in order at a time: the values that live at once stay near each other.
+_WINDOW = 4096
+
+
+class Program(NamedTuple):
+    """A tape in the order and with the registers in which it is run.
+
+    A stream is, for each run of operations: the operation, their number, and for each of them its
+    destinations and operands; it ends with END. MULADD is a b + c, MULSUB a b − c, SUBMUL c − a b
+    for operands a, b, c; SINCOS has two destinations. An operation on vectors has VECTOR added; it
+    is followed by the number of elements, the first destination, and the first place and the step
+    of each operand.
+
+    Parameters
+    ----------
+    prelude, main : int32 arrays
+        Streams; the prelude is run once.
+    later : tuple of int32 arrays
+        Streams for the outputs that are asked for apart, run after ``main`` when they are needed.
+    alone : tuple of int32 arrays
+        Streams for the outputs that are asked for without the rest, run in place of ``main``; for
+        those that are in ``later``, what these go on from.
+    registers : (n,) array
+        The register file before the prelude: inputs (zero), constants.
+    outputs : int32 array
+        The registers to read at the end.
+    size : int
+        Number of operations in ``main``.
+    inputs : int
+        Number of input registers, but for those that only later outputs depend on.
+    """
+
+    prelude: NDArray[np.int32]
+    main: NDArray[np.int32]
+    later: tuple[NDArray[np.int32], ...]
+    alone: tuple[NDArray[np.int32], ...]
+    registers: NDArray[np.float64]
+    outputs: NDArray[np.int32]
+    size: int
+    inputs: int
+
+
+def assemble(tape: Tape, families: Sequence[str | None] = ()) -> Program:
+    """Put a tape in order.
+
+    Parameters
+    ----------
+    tape : Tape
+    families : sequence of str or None
+        Labels of inputs: those that are alike have the same.
+    """
+    fixed = tape.inputs + len(tape.constants)
+    of = _part_of_outputs(tape)
+    prelude, *parts = _parts(tape, of)
+    place = {x: x for x in range(fixed)}
+    for _, destinations, _ in prelude:
+        place[destinations[0]] = len(place)
+    prelude = [_placed(node, place) for node in prelude]
+    needed = [set(tape.outputs).union(*map(_operands, parts[i + 1 :])) for i in range(len(parts))]
+    parts = [
+        _sines_with_cosines(_products_with_sums(nodes, keep))
+        for nodes, keep in zip(parts, needed, strict=True)
+    ]
+    streams, count = _arranged(parts, needed, place, families, tape.alike)
+    registers = np.zeros(count)
+    registers[tape.inputs : fixed] = tape.constants
+    outputs = np.array([place[x] for x in tape.outputs], dtype=np.int32)
+    return Program(
+        prelude=stream(prelude),
+        main=streams[0],
+        later=tuple(streams[1:]),
+        alone=tuple(
+            excerpt(streams[0], count, [place[x] for x in _asked_of_main(tape, some, of, parts)])
+            for some in tape.alone
+        ),
+        registers=registers,
+        outputs=outputs,
+        size=len(parts[0]),
+        inputs=tape.inputs - tape.other,
+    )
+
+
+def _part_of_outputs(tape: Tape) -> list[int]:
+    """Return the part that each output belongs to: 0, or that which it is asked for with."""
+    counts = [len(tape.outputs) - sum(tape.later), *tape.later]
+    return [part for part, count in enumerate(counts) for _ in range(count)]
+
+
+def _asked_of_main(
+    tape: Tape, some: Sequence[int], of: Sequence[int], parts: Sequence[Sequence[Node]]
+) -> set[int]:
+    """Return what the first part must yield for some outputs."""
+    asked = {tape.outputs[i] for i in some if not of[i]}
+    for part in {of[i] for i in some} - {0}:
+        asked |= _operands(parts[part]) - {x for _, results, _ in parts[part] for x in results}
+    return asked
+
+
+def _parts(tape: Tape, part_of_outputs: Sequence[int]) -> list[list[Node]]:
+    """Return what depends on parameters alone, and what else each part of the outputs needs.
+
+    An operation belongs to the first part that needs it; what none needs is left out.
+    """
+    fixed = tape.inputs + len(tape.constants)
+    first = tape.inputs - tape.other
+    steady = {*range(first - tape.parameters, first), *range(tape.inputs, fixed)}
+    of: dict[int, int] = {}  # the part of each register
+    for x, part in zip(tape.outputs, part_of_outputs, strict=True):
+        of[x] = min(of.get(x, part), part)
+    for _, to, a, b, c in reversed(tape.code):
+        if to in of:
+            of.update((x, min(of.get(x, of[to]), of[to])) for x in (a, b, c))
+    parts: list[list[Node]] = [[] for _ in range(2 + len(tape.later))]
+    for op, to, a, b, c in tape.code:
+        if to not in of:
+            continue
+        operands = (a, b, c)[: ARITY[op]]
+        if steady.issuperset(operands):
+            steady.add(to)
+            parts[0].append((op, (to,), operands))
+        else:
+            parts[1 + of[to]].append((op, (to,), operands))
+    return parts
+
+
+def _operands(nodes: Sequence[Node]) -> set[int]:
+    return {x for _, _, operands in nodes for x in operands}
+
+
+def _arranged(
+    parts: Sequence[list[Node]],
+    needed: Sequence[set[int]],
+    place: dict[int, int],
+    families: Sequence[str | None],
+    alike: Sequence[Sequence[int]],
+) -> tuple[list[NDArray[np.int32]], int]:
+    """Return the streams of successive parts, whose needed results are kept, and how many places
+    there are; complete ``place``.
+    """
+    count, operations = len(place), sum(map(len, parts))
+    if operations >= LONG:
+        packing = Packing(dict(place), count, families, alike)
+        streams = packing.streams(parts, needed)
+        if packing.packed >= WORTH * operations:
+            place.update(packing.place)
+            return streams, packing.count
+    streams = []
+    for nodes, keep in zip(parts, needed, strict=True):
+        ordered, count = allocate(in_order(nodes), place, count, keep)
+        streams.append(stream(ordered))
+    return streams, count
+
+
+def _products_with_sums(nodes: list[Node], outputs: Collection[int]) -> list[Node]:
+    """Merge each product that is used once, by a sum, into that sum."""
+    uses: dict[int, int] = dict.fromkeys(outputs, 2)
+    for _, _, operands in nodes:
+        for x in operands:
+            uses[x] = uses.get(x, 0) + 1
+    products = {d[0]: o for op, d, o in nodes if op == Op.MUL and uses.get(d[0]) == 1}
+    merged: set[int] = set()
+    found: list[Node] = []
+    for op, to, operands in nodes:
+        if op in (Op.ADD, Op.SUB):
+            a, b = operands
+            if b in products and b != a:
+                merged.add(b)
+                found.append((MULADD if op == Op.ADD else SUBMUL, to, (*products[b], a)))
+                continue
+            if a in products and b != a:
+                merged.add(a)
+                found.append((MULADD if op == Op.ADD else MULSUB, to, (*products[a], b)))
+                continue
+        found.append((op, to, operands))
+    return [node for node in found if node[1][0] not in merged]
+
+
+def _sines_with_cosines(nodes: list[Node]) -> list[Node]:
+    """Merge the sine and the cosine of one operand."""
+    sines = {o[0]: d[0] for op, d, o in nodes if op == Op.SIN}
+    both = {o[0]: (sines[o[0]], d[0]) for op, d, o in nodes if op == Op.COS and o[0] in sines}
+    found: list[Node] = []
+    done: set[int] = set()
+    for node in nodes:
+        op, _, operands = node
+        if op in (Op.SIN, Op.COS) and operands[0] in both:
+            if operands[0] not in done:
+                done.add(operands[0])
+                found.append((SINCOS, both[operands[0]], operands))
+        else:
+            found.append(node)
+    return found
+
+
+def in_order(nodes: list[Node]) -> list[Node]:
+    """Return operations in runs of a kind, window by window. They come with operands first."""
+    return [
+        node
+        for first in range(0, len(nodes), _WINDOW)
+        for node in _in_runs(nodes[first : first + _WINDOW])
+    ]
+
+
+def _in_runs(nodes: list[Node]) -> list[Node]:
+    """Order operations so that those of a kind follow each other as far as they can."""
+    producer = {x: i for i, (_, destinations, _) in enumerate(nodes) for x in destinations}
+    users: list[list[int]] = [[] for _ in nodes]
+    waiting = [0] * len(nodes)
+    for i, (_, _, operands) in enumerate(nodes):
+        for x in set(operands):
+            if x in producer:
+                users[producer[x]].append(i)
+                waiting[i] += 1
+    ready: dict[int, list[int]] = {}
+    for i, (op, _, _) in enumerate(nodes):
+        if not waiting[i]:
+            ready.setdefault(op, []).append(i)
+    ordered: list[Node] = []
+    while ready:
+        op = max(ready, key=lambda kind: len(ready[kind]))
+        queue = ready.pop(op)
+        for i in queue:  # grows while it is read
+            ordered.append(nodes[i])
+            for user in users[i]:
+                waiting[user] -= 1
+                if not waiting[user]:
+                    kind = nodes[user][0]
+                    (queue if kind == op else ready.setdefault(kind, [])).append(user)
+    return ordered
+
+
+def allocate(
+    nodes: list[Node], place: dict[int, int], count: int, kept: set[int]
+) -> tuple[list[Node], int]:
+    """Give results places; those of dead values are used again.
+
+    Parameters
+    ----------
+    nodes : list of Node
+        In order.
+    place : dict of int to int
+        What has a place keeps it; the others are added.
+    count : int
+        The first free place.
+    kept : set of int
+        Results needed at the end.
+
+    Returns
+    -------
+    nodes, count
+        With places in place of names; the first place after all.
+    """
+    last: dict[int, int] = {}
+    own = {x for _, destinations, _ in nodes for x in destinations}
+    for i, (_, _, operands) in enumerate(nodes):
+        for x in operands:
+            last[x] = i
+    free: list[int] = []
+    placed: list[Node] = []
+    for i, node in enumerate(nodes):
+        _, destinations, operands = node
+        for x in set(operands):
+            if last[x] == i and x in own and x not in kept:
+                free.append(place[x])
+        for x in destinations:
+            if x in place:
+                continue
+            if free:
+                place[x] = free.pop()
+            else:
+                place[x] = count
+                count += 1
+        placed.append(_placed(node, place))
+        for x in destinations:
+            if x not in last and x not in kept:
+                free.append(place[x])
+    return placed, count
+
+
+def _placed(node: Node, place: dict[int, int]) -> Node:
+    op, destinations, operands = node
+    return op, tuple(place[x] for x in destinations), tuple(place[x] for x in operands)
+
+
+def stream(nodes: list[Node], end: int = END) -> NDArray[np.int32]:
+    """Return the stream of operations whose operands have places."""
+    numbers: list[int] = []
+    at, kind = 0, -1
+    for op, destinations, operands in nodes:
+        if op != kind:
+            kind, at = op, len(numbers) + 1
+            numbers += (op, 0)
+        numbers[at] += 1
+        numbers += destinations
+        numbers += operands
+    return np.array([*numbers, end, 0], dtype=np.int32)

@@ -1,0 +1,123 @@
+"""Places at equal distances: which operations can be one on vectors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lagcli.engine.program.nodes import INDEXED
+
+#: Operations that a vector is worth: a shorter one takes as long as its parts; and the most, as in
+#: core/tape.h.
+SHORTEST, LONGEST = 8, 256
+#: What an element of a vector saves, with all operands in progression or one indexed; vectors.
+_SAVED, _SAVED_INDEXED = 0.1, 0.06
+#: How far apart, in order of operands, the first two of a progression are looked for.
+_REACH = 4
+#: The most common differences, of which the best is taken.
+_CANDIDATES = 4
+#: Odd numbers without a pattern.
+_MIXED = np.array(
+    [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93],
+    dtype=np.uint64,
+)
+#: Progressions that are looked for in one set, at most.
+_MOST = 60
+
+
+def progressions(points: ArrayLike) -> tuple[list[list[int]], list[int]]:
+    """Find points in arithmetic progression.
+
+    Parameters
+    ----------
+    points : (n, k) array of integers
+        The places of k operands.
+
+    Returns
+    -------
+    found : list of lists of int
+        Numbers of points; in some, one of the coordinates is in no progression.
+    rest : list of int
+        Numbers of the points that are in none.
+    """
+    places = np.array(points, dtype=np.int64)
+    left, again = _sorted(places)
+    found: list[list[int]] = []
+    while len(left) >= SHORTEST and len(found) < _MOST:
+        best = _best_progressions(places[left])
+        if not best:
+            break
+        found += [left[run].tolist() for run in best]
+        left = np.delete(left, np.concatenate(best))
+    if len(again) >= SHORTEST and found:
+        more, rest = progressions(places[again])
+        found += [again[run].tolist() for run in more]
+        again = again[rest]
+    return found, [*left.tolist(), *again.tolist()]
+
+
+def _sorted(points: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the order of points, and of those that are there already."""
+    order = np.lexsort(points.T[::-1])
+    new = np.append(True, (points[order][1:] != points[order][:-1]).any(axis=1))
+    return order[new], order[~new]
+
+
+def _best_progressions(points: NDArray[np.int64]) -> list[NDArray[np.intp]]:
+    """Return the progressions with the step by which they save most, as numbers of points."""
+    best: list[NDArray[np.intp]] = []
+    most, operands = 0.0, points.shape[1]
+    for indexed in range(-1, operands if operands > 1 else 0):
+        kept = points if indexed < 0 else np.delete(points, indexed, axis=1)
+        order, _ = _sorted(kept)
+        # numbers whose differences tell the steps apart
+        keys = (kept[order].astype(np.uint64) * _MIXED[: kept.shape[1]]).sum(axis=1)
+        for step in _commonsteps(keys):
+            runs = [run for run in _runs(keys, step) if len(run) >= SHORTEST]
+            covered = sum(map(len, runs))
+            saved = (_SAVED if indexed < 0 else _SAVED_INDEXED) * covered - len(runs)
+            if saved > most:
+                best, most = [order[run] for run in runs], saved
+                if indexed < 0 and 8 * covered > 7 * len(points):
+                    return best
+    return best
+
+
+def _commonsteps(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return the most common differences of points that are not far apart."""
+    gaps = [keys[reach:] - keys[:-reach] for reach in range(1, _REACH + 1)]
+    steps, counts = np.unique(np.concatenate(gaps), return_counts=True)
+    first = np.argsort(-counts, kind="stable")[:_CANDIDATES]
+    return np.asarray(steps[first[counts[first] >= SHORTEST - 1]])
+
+
+def _runs(keys: NDArray[np.uint64], step: np.uint64) -> Iterator[list[int]]:
+    """Yield the longest progressions with a step, of two points at least."""
+    order = np.argsort(keys)
+    at = np.searchsorted(keys, keys + step, sorter=order) % len(keys)
+    following = order[at]
+    there = keys[following] == keys + step
+    begins = there.copy()
+    begins[following[there]] = False
+    after = np.where(there, following, -1).tolist()
+    for point in np.flatnonzero(begins).tolist():
+        run = [point]
+        while (point := after[point]) >= 0:
+            run.append(point)
+        yield run
+
+
+def pieces(values: Sequence[int], longest: int = LONGEST) -> Iterator[Sequence[int]]:
+    """Yield parts that are no longer than a vector may be, of equal lengths."""
+    count = -(-len(values) // longest)
+    ends = [len(values) * i // count for i in range(count + 1)]
+    return (values[a:b] for a, b in pairwise(ends))
+
+
+def steps(places: Sequence[int]) -> Sequence[int]:
+    """Return the first place and the step, or the places."""
+    found = {b - a for a, b in pairwise(places)} or {1}
+    return (places[0], *found) if len(found) == 1 else (0, INDEXED, *places)

@@ -1,0 +1,100 @@
+"""Streams read again: the part of one that some results need, and vectors taken apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.program.nodes import END, INDEXED, PLACES, SINCOS, VECTOR
+
+Registers = slice | list[int]
+
+
+class _Step(NamedTuple):
+    """An operation, or one on vectors, as it stands in a stream, and the registers it is on."""
+
+    op: int
+    size: int
+    numbers: list[int]
+    results: Registers
+    operands: list[Registers]
+
+
+def excerpt(stream: NDArray[np.int32], registers: int, results: Iterable[int]) -> NDArray[np.int32]:
+    """Return the operations of a stream that some registers at its end depend on.
+
+    Parameters
+    ----------
+    stream : int32 array
+    registers : int
+        Size of the register file.
+    results : iterable of int
+        The registers.
+    """
+    live = np.zeros(registers, dtype=bool)
+    live[list(results)] = True
+    kept = []
+    for step in reversed(list(_steps(stream.tolist()))):
+        if live[step.results].any():
+            live[step.results] = False
+            for operand in step.operands:
+                live[operand] = True
+            kept.append(step)
+    return _joined((step.op, step.size, step.numbers) for step in reversed(kept))
+
+
+def unpacked(stream: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return a stream with the same operations one by one."""
+    return _joined(_one_by_one(step) for step in _steps(stream.tolist()))
+
+
+def _one_by_one(step: _Step) -> tuple[int, int, list[int]]:
+    """Return an operation, how often it is done, and the numbers of all."""
+    if step.op < VECTOR:
+        return step.op, step.size, step.numbers
+    first = step.numbers[0]
+    columns = [range(first, first + step.size), *step.operands]
+    return step.op - VECTOR, step.size, [x for one in zip(*columns, strict=True) for x in one]
+
+
+def _joined(parts: Iterable[tuple[int, int, list[int]]]) -> NDArray[np.int32]:
+    """Return a stream of operations; those of a kind that follow each other are one run."""
+    numbers: list[int] = []
+    at = kind = -1
+    for op, size, own in parts:
+        if op != kind or op >= VECTOR:
+            at, kind = len(numbers) + 1, op
+            numbers += (op, 0)
+        numbers[at] += size
+        numbers += own
+    return np.array([*numbers, END, 0], dtype=np.int32)
+
+
+def _steps(numbers: list[int]) -> Iterator[_Step]:
+    """Yield the operations of a stream one by one, those on vectors as they are."""
+    at = 0
+    while numbers[at] != END:
+        op, n = numbers[at : at + 2]
+        at += 2
+        if op < VECTOR:
+            width, first = PLACES[op], 2 if op == SINCOS else 1
+            for _ in range(n):
+                own = numbers[at : at + width]
+                at += width
+                yield _Step(op, 1, own, own[:first], [own[first:]])
+            continue
+        begin, at = at, at + 1
+        operands: list[Registers] = []
+        for _ in range(PLACES[op - VECTOR] - 1):
+            first, step = numbers[at : at + 2]
+            at += 2
+            if step == INDEXED:
+                operands.append(numbers[at : at + n])
+                at += n
+            else:
+                operands.append([first + i * step for i in range(n)])
+        to = numbers[begin]
+        yield _Step(op, n, numbers[begin:at], slice(to, to + n), operands)

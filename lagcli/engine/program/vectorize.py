@@ -1,0 +1,300 @@
+"""Operations of one kind on registers at equal distances → one operation on vectors.
+
+Long models repeat themselves: what is done for one body is done for all. The operations of a level
+(those whose operands are ready together) and of one kind are searched for operands in arithmetic
+progression; such a set becomes one operation on vectors, its results side by side. Which operations
+there are and what they give does not change, only their order.
+
+References
+----------
+S. Larsen and S. Amarasinghe, Exploiting superword level parallelism with multimedia instruction
+sets, PLDI 2000, doi:10.1145/349299.349320.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.program.nodes import END, MOVE, MULADD, MULSUB, SUBMUL, VECTOR, Node
+from lagcli.engine.program.progressions import SHORTEST, pieces, progressions, steps
+from lagcli.engine.program.slots import LINE, Memory
+from lagcli.engine.tape.tape import Op
+
+#: What the core does on vectors.
+_ON_VECTORS = {Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.NEG, Op.SQRT, Op.ABS, MULADD, MULSUB, SUBMUL}
+#: Operations from which vectors are looked for, and the part of them that is to be in vectors.
+LONG, WORTH = 1500, 0.5
+
+
+class Unit(NamedTuple):
+    """Operations of one kind that are done together, as a vector or one after the other."""
+
+    op: int
+    vector: bool
+    nodes: list[Node]
+
+    @property
+    def results(self) -> list[int]:
+        """What they give."""
+        return [x for _, results, _ in self.nodes for x in results]
+
+    @property
+    def values(self) -> Iterator[int]:
+        """Results and operands."""
+        return chain.from_iterable((*results, *operands) for _, results, operands in self.nodes)
+
+
+class Packing:
+    """Gives results places and puts operations in vectors.
+
+    Parameters
+    ----------
+    place : dict of int to int
+        What has a place keeps it; the others are added.
+    count : int
+        The first free place.
+    families : sequence of str or None
+        Labels of the inputs: those of the same family are treated alike, so they are brought side
+        by side first.
+    alike : sequence of sequences of int
+        Results that are brought side by side when they are all there.
+    """
+
+    def __init__(
+        self,
+        place: dict[int, int],
+        count: int,
+        families: Sequence[str | None] = (),
+        alike: Sequence[Sequence[int]] = (),
+    ):
+        self.place, self.memory, self.alike = place, Memory(count), alike
+        self.packed = 0
+        self.families: dict[str, list[int]] = {}
+        for x, family in enumerate(families):
+            if family is not None:
+                self.families.setdefault(family, []).append(x)
+
+    @property
+    def count(self) -> int:
+        """The first place after all."""
+        return self.memory.end
+
+    def streams(
+        self, parts: Sequence[Sequence[Node]], needed: Sequence[set[int]]
+    ) -> list[NDArray[np.int32]]:
+        """Return the streams of parts: all but the first are run only where they are asked for.
+
+        Parameters
+        ----------
+        parts : sequence of sequences of Node
+            Each in an order in which every operand is ready.
+        needed : sequence of sets of int
+            Results needed after each part.
+        """
+        main = self._stream(parts[0], needed[0])
+        families, inputs = self.families, dict(self.place)
+        later = []
+        for nodes, kept in zip(parts[1:], needed[1:], strict=True):
+            # what one of them moves is not there for the others
+            self.families = dict(families)
+            later.append(self._stream(nodes, kept))
+            self.place.update(inputs)
+        return [main, *later]
+
+    def _stream(self, nodes: Sequence[Node], kept: set[int]) -> NDArray[np.int32]:
+        """Return the stream of operations.
+
+        Parameters
+        ----------
+        nodes : sequence of Node
+            In an order in which every operand is ready.
+        kept : set of int
+            Results needed later.
+        """
+        own = {x for _, results, _ in nodes for x in results}
+        units = depth_first(self._units(nodes))
+        last = {x: at for at, unit in enumerate(units) for x in unit.values if x in own}
+        dying: list[list[int]] = [[] for _ in units]
+        for x, at in last.items():
+            if x not in kept:
+                dying[at].append(x)
+        numbers: list[int] = []
+        for unit, ends in zip(units, dying, strict=True):
+            numbers += self._emitted(unit)
+            for x in ends:
+                self.memory.give_back(self.place[x])
+        return np.array([*numbers, END, 0], dtype=np.int32)
+
+    def _units(self, nodes: Sequence[Node]) -> list[Unit]:
+        """Return operations in vectors and runs, in an order in which every operand is ready."""
+        place, free = dict(self.place), self.memory.end  # as if no place were used again
+
+        def side_by_side(values: Sequence[int]) -> None:
+            nonlocal free
+            place.update(zip(values, range(free, free + len(values)), strict=True))
+            free += (-(-len(values) // LINE) + 1) * LINE
+
+        units = self._inputs_side_by_side(nodes)
+        for unit in units:
+            side_by_side(unit.results)
+        sets = together(nodes)
+        complete = self._complete(nodes, sets)
+        for at, group in enumerate(sets):
+            op = nodes[group[0]][0]
+            vectors, rest = _vectors(nodes, op, group, place)
+            self.packed += sum(map(len, vectors))
+            new = [Unit(op, True, [nodes[i] for i in members]) for members in vectors]
+            if rest:
+                new.append(Unit(op, False, [nodes[i] for i in rest]))
+            for values in complete.get(at, ()):
+                new += _moves(values)
+            for unit in new:
+                side_by_side(unit.results)
+            units += new
+        return units
+
+    def _emitted(self, unit: Unit) -> list[int]:
+        """Return the numbers of operations in a stream; their results get places."""
+        op, vector, nodes = unit
+        if not vector:
+            self._side_by_side(unit.results)
+            return [op, len(nodes), *(self.place[x] for _, r, o in nodes for x in (*r, *o))]
+        places = [
+            steps([self.place[x] for x in operands])
+            for operands in zip(*[operands for _, _, operands in nodes], strict=True)
+        ]
+        before = [self.place[x] for x in unit.results] if op == MOVE else []
+        first = self._side_by_side(unit.results)
+        for place in before:
+            if place in self.memory.vector:  # else it is an input's own
+                self.memory.give_back(place)
+        return [VECTOR + op, len(nodes), first, *chain.from_iterable(places)]
+
+    def _side_by_side(self, values: Sequence[int]) -> int:
+        """Give values places side by side; return the first."""
+        first = self.memory.take(len(values))
+        self.place.update(zip(values, range(first, first + len(values)), strict=True))
+        return first
+
+    def _inputs_side_by_side(self, nodes: Sequence[Node]) -> list[Unit]:
+        """Return the operations that bring the inputs of families side by side."""
+        used = {x for _, _, operands in nodes for x in operands}
+        found: list[Unit] = []
+        for family, members in list(self.families.items()):
+            if used.isdisjoint(members):
+                continue
+            del self.families[family]
+            if len(members) >= SHORTEST:
+                found += _moves(members)
+        return found
+
+    def _complete(
+        self, nodes: Sequence[Node], sets: Sequence[list[int]]
+    ) -> dict[int, list[list[int]]]:
+        """Return the results that are used alike, by the number of the set after which they are all
+        there.
+        """
+        made = {x: at for at, group in enumerate(sets) for i in group for x in nodes[i][1]}
+        found: dict[int, list[list[int]]] = {}
+        for values in self.alike:
+            own = [x for x in values if x in made]
+            if len(own) >= SHORTEST:
+                found.setdefault(max(made[x] for x in own), []).append(own)
+        return found
+
+
+def _vectors(
+    nodes: Sequence[Node], op: int, group: list[int], place: Mapping[int, int]
+) -> tuple[list[Sequence[int]], list[int]]:
+    """Return the operations of each vector, and what is in none."""
+    if op not in _ON_VECTORS or len(group) < SHORTEST:
+        return [], group
+    found, rest = progressions([[place[x] for x in nodes[i][2]] for i in group])
+    vectors = [piece for run in found for piece in pieces([group[i] for i in run])]
+    return vectors, [group[i] for i in rest]
+
+
+def _moves(values: Sequence[int]) -> Iterator[Unit]:
+    """Yield the operations that bring values side by side."""
+    for piece in pieces(values):
+        yield Unit(MOVE, True, [(MOVE, (x,), (x,)) for x in piece])
+
+
+def depth_first(units: Sequence[Unit]) -> list[Unit]:
+    """Return units in an order in which results are used soon, while they are in the cache.
+
+    They come in an order in which every operand is ready.
+    """
+    maker: dict[int, int] = {}
+    readers: dict[int, list[int]] = {}
+    users: list[list[int]] = [[] for _ in units]
+    waiting = [0] * len(units)
+    for i, unit in enumerate(units):
+        before: set[int] = set()
+        for _, results, operands in unit.nodes:
+            before.update(maker[x] for x in operands if x in maker)
+            for x in operands:
+                readers.setdefault(x, []).append(i)
+            for x in results:  # a move is waited for by those that come after it alone
+                before.update(readers.pop(x, ()))
+        before.discard(i)
+        for _, results, _ in unit.nodes:
+            maker.update(dict.fromkeys(results, i))
+        waiting[i] = len(before)
+        for j in before:
+            users[j].append(i)
+    ready = [i for i in reversed(range(len(units))) if not waiting[i]]
+    found: list[Unit] = []
+    while ready:
+        i = ready.pop()
+        found.append(units[i])
+        for j in users[i]:
+            waiting[j] -= 1
+        ready += [j for j in reversed(users[i]) if not waiting[j]]
+    return found
+
+
+def together(nodes: Sequence[Node]) -> list[list[int]]:
+    """Return sets of operations of one kind that can be done together, in order.
+
+    What is nearer to the beginning is done as early as it can be, what is nearer to the end as
+    late as it can be.
+    """
+    producer = {x: i for i, (_, destinations, _) in enumerate(nodes) for x in destinations}
+    depth, height = [1] * len(nodes), [1] * len(nodes)
+    for i, (_, _, operands) in enumerate(nodes):
+        depth[i] = 1 + max([depth[producer[x]] for x in operands if x in producer], default=0)
+    for i in reversed(range(len(nodes))):
+        for x in nodes[i][2]:
+            if x in producer:
+                height[producer[x]] = max(height[producer[x]], 1 + height[i])
+    end = max(height, default=0) + 1
+    levels: dict[tuple[int, int], list[int]] = {}
+    for i, (op, _, _) in enumerate(nodes):
+        level = depth[i] if depth[i] <= height[i] else end - height[i]
+        levels.setdefault((level, op), []).append(i)
+    return [levels[key] for key in sorted(levels)]
+
+
+def last_uses(nodes: Sequence[Node], sets: Sequence[list[int]], kept: set[int]) -> list[list[int]]:
+    """Return, for each set of operations, the results that are not needed after it."""
+    last: dict[int, int] = {}
+    for at, group in enumerate(sets):
+        for node in group:
+            _, destinations, _ = nodes[node]
+            last.update(dict.fromkeys(destinations, at))
+    for at, group in enumerate(sets):
+        for node in group:
+            for x in nodes[node][2]:
+                if x in last:
+                    last[x] = max(last[x], at)
+    ends: list[list[int]] = [[] for _ in sets]
+    for x, at in last.items():
+        if x not in kept:
+            ends[at].append(x)
+    return ends

@@ -1,0 +1,1 @@
+"""Tapes: straight-line code for numbers, and what evaluates it in Python."""

@@ -1,0 +1,304 @@
+"""Expressions → a tape.
+
+Equal subexpressions share one register, constants are folded to doubles, integer powers are
+products. What depends on parameters alone is multiplied and added first, so that it can be kept
+from one evaluation to the next.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.engine.tape.tape import Builder, Op, Tape
+
+MAX_PRODUCT_POWER = 64  # x^n by repeated squaring up to here, by pow beyond
+
+_UNARY = {
+    se.sin: Op.SIN,
+    se.cos: Op.COS,
+    se.tan: Op.TAN,
+    se.asin: Op.ASIN,
+    se.acos: Op.ACOS,
+    se.atan: Op.ATAN,
+    se.sinh: Op.SINH,
+    se.cosh: Op.COSH,
+    se.tanh: Op.TANH,
+    se.asinh: Op.ASINH,
+    se.acosh: Op.ACOSH,
+    se.atanh: Op.ATANH,
+    se.log: Op.LOG,
+    se.erf: Op.ERF,
+    se.erfc: Op.ERFC,
+    se.floor: Op.FLOOR,
+    se.ceiling: Op.CEIL,
+    se.Abs: Op.ABS,
+}
+#: SymEngine writes tan(x + pi/2) as −cot(x), and atan2(x, x) by sign(x).
+_RECIPROCAL = {
+    se.cot: Op.TAN,
+    se.sec: Op.COS,
+    se.csc: Op.SIN,
+    se.coth: Op.TANH,
+    se.sech: Op.COSH,
+    se.csch: Op.SINH,
+}
+_RELATION = {
+    se.StrictLessThan: Op.LT,
+    se.LessThan: Op.LE,
+    se.Equality: Op.EQ,
+    se.Unequality: Op.NE,
+}
+_NOT_FINITE = (type(se.oo), type(-se.oo), type(se.zoo), type(se.nan))
+_TRUTH = (bool, type(se.true), type(se.false))
+
+
+def compile_tape(
+    expressions: Iterable[Basic], variables: Sequence[Basic], parameters: Sequence[Basic] = ()
+) -> Tape:
+    """Compile expressions to one tape.
+
+    Parameters
+    ----------
+    expressions : iterable of expressions
+        One output each.
+    variables, parameters : sequences of symbols
+        One input register each, in this order; parameters stay the same along a run.
+
+    Raises
+    ------
+    KeyError
+        An expression contains a symbol that is not an input.
+    """
+    compiler = _Compiler(variables, parameters)
+    return compiler.finish([compiler.register(e) for e in expressions])
+
+
+class _Compiler(Builder):
+    """Turns expressions into operations."""
+
+    def __init__(self, variables: Sequence[Basic], parameters: Sequence[Basic]):
+        super().__init__(len(variables) + len(parameters), len(parameters))
+        self.known: dict[Basic, int] = {s: i for i, s in enumerate([*variables, *parameters])}
+        # the first and the last variable that a register depends on: terms and factors are ordered
+        # by these, so that what is done for one body of many is done alike for the next
+        self.span = {x: (x, x) for x in range(len(variables))}
+
+    def note(self, op: int, register: int, operands: tuple[int, ...]) -> None:
+        """Note what a new register depends on."""
+        spans = [self.span[x] for x in operands if x in self.span]
+        if spans:
+            firsts, lasts = zip(*spans, strict=True)
+            self.span[register] = min(firsts), max(lasts)
+        else:
+            self.steady.add(register)
+
+    def order(self, register: int) -> tuple[int, ...]:
+        """Return what terms and factors are ordered by: those first that stay the same."""
+        return *self.span.get(register, (-1, -1)), register
+
+    def register(self, expression: Basic) -> int:
+        """Return the register of an expression; its parts first, without recursion."""
+        stack = [expression]
+        while stack:
+            top = stack[-1]
+            if _key(top) in self.known:
+                stack.pop()
+                continue
+            missing = [part for part in _parts(top) if _key(part) not in self.known]
+            if missing:
+                stack.extend(missing)
+                continue
+            self.known[_key(top)] = self._assemble(top)
+            stack.pop()
+        return self.known[_key(expression)]
+
+    def _assemble(self, e: Basic) -> int:
+        """Emit the operation of an expression whose parts have registers."""
+        if isinstance(e, _TRUTH):
+            return self.constant(1.0 if e else 0.0)
+        if isinstance(e, se.Symbol):
+            raise KeyError(e.name)
+        if not e.args or isinstance(e, _NOT_FINITE):
+            return self.constant(_double(e))
+        if isinstance(e, se.Add):
+            return self._sum(e)
+        if isinstance(e, se.Mul):
+            return self._product(e)
+        if isinstance(e, se.Pow):
+            base, exponent = e.args
+            return self._power(base, exponent)
+        if isinstance(e, se.Piecewise):
+            return self._cases(e)
+        operands = [self.known[_key(a)] for a in e.args]
+        kind = type(e)
+        if kind in _UNARY:
+            return self.emit(_UNARY[kind], operands[0])
+        if kind in _RELATION:
+            return self.emit(_RELATION[kind], *operands)
+        if kind in _RECIPROCAL:
+            return self.emit(Op.DIV, self.constant(1.0), self.emit(_RECIPROCAL[kind], operands[0]))
+        if kind is se.sign:
+            return self._sign(operands[0])
+        if kind is se.atan2:
+            return self.emit(Op.ATAN2, *operands)
+        if kind in (se.And, se.Or):
+            op = Op.AND if kind is se.And else Op.OR
+            total = operands[0]
+            for x in operands[1:]:
+                total = self.emit(op, total, x)
+            return total
+        if kind is se.Not:
+            return self.emit(Op.NOT, operands[0])
+        raise TypeError(f"no operation for {kind.__name__}: {e}")
+
+    def _sign(self, x: int) -> int:
+        zero, one = self.constant(0.0), self.constant(1.0)
+        # where it is neither, x itself: 0 or NaN
+        negative = self.emit(Op.SELECT, self.emit(Op.LT, x, zero), self.emit(Op.NEG, one), x)
+        return self.emit(Op.SELECT, self.emit(Op.LT, zero, x), one, negative)
+
+    def _sum(self, e: Basic) -> int:
+        plus: list[int] = []
+        minus: list[int] = []
+        for term in e.args:
+            positive, negative = _sign_split(term)
+            (minus if negative else plus).append(self.known[_key(positive)])
+        plus.sort(key=self.order)
+        minus.sort(key=self.order)
+        if plus:
+            total, *rest = plus
+        else:
+            total, rest = self.emit(Op.NEG, minus.pop(0)), []
+        for x in rest:
+            total = self.emit(Op.ADD, total, x)
+        for x in minus:
+            total = self.emit(Op.SUB, total, x)
+        return total
+
+    def _product(self, e: Basic) -> int:
+        numerator: list[int] = []
+        denominator: list[int] = []
+        for factor in e.args:
+            base, exponent = _inverse_split(factor)
+            (denominator if exponent else numerator).append(self.known[_key(base)])
+        minus_one = self.constants.get(-1.0)
+        negative = minus_one is not None and -1 - minus_one in numerator
+        if negative:
+            numerator.remove(-1 - minus_one)  # type: ignore[operator]
+        numerator.sort(key=self.order)
+        denominator.sort(key=self.order)
+        total = numerator[0] if numerator else self.constant(1.0)
+        for x in numerator[1:]:
+            total = self.emit(Op.MUL, total, x)
+        if denominator:
+            divisor = denominator[0]
+            for x in denominator[1:]:
+                divisor = self.emit(Op.MUL, divisor, x)
+            total = self.emit(Op.DIV, total, divisor)
+        return self.emit(Op.NEG, total) if negative else total
+
+    def _power(self, base: Basic, exponent: Basic) -> int:
+        if base == se.E:
+            return self.emit(Op.EXP, self.known[_key(exponent)])
+        x = self.known[_key(base)]
+        halves = _as_products(exponent)
+        if not halves:
+            return self.emit(Op.POW, x, self.known[_key(exponent)])
+        result = self._integer_power(x, abs(halves) // 2)
+        if halves % 2:
+            root = self.emit(Op.SQRT, x)
+            result = root if result is None else self.emit(Op.MUL, result, root)
+        assert result is not None
+        return result if halves > 0 else self.emit(Op.DIV, self.constant(1.0), result)
+
+    def _integer_power(self, x: int, n: int) -> int | None:
+        result: int | None = None
+        while n:
+            if n & 1:
+                result = x if result is None else self.emit(Op.MUL, result, x)
+            n >>= 1
+            if n:
+                x = self.emit(Op.MUL, x, x)
+        return result
+
+    def _cases(self, e: Basic) -> int:
+        values, conditions = e.args[0::2], e.args[1::2]
+        total = self.constant(math.nan) if conditions[-1] != se.true else None
+        for value, condition in zip(reversed(values), reversed(conditions), strict=True):
+            x = self.known[_key(value)]
+            total = (
+                x if total is None else self.emit(Op.SELECT, self.known[_key(condition)], x, total)
+            )
+        assert total is not None
+        return total
+
+
+def _key(e: object) -> object:
+    # python's True equals 1, so truth needs keys of its own
+    return ("bool", bool(e)) if isinstance(e, _TRUTH) else e
+
+
+def _double(e: Basic) -> float:
+    """Return the double nearest to a number or a constant such as pi."""
+    if isinstance(e, (se.Integer, se.Rational)):
+        # SymEngine cuts fractions off where Python rounds them
+        numerator, denominator = map(int, e.get_num_den())
+        try:
+            return numerator / denominator
+        except OverflowError:
+            return math.inf if numerator > 0 else -math.inf
+    if isinstance(e, _NOT_FINITE):
+        return math.inf if e == se.oo else -math.inf if e == -se.oo else math.nan
+    if isinstance(e, se.Number) and not e.is_real:
+        return math.nan
+    return float(e) if isinstance(e, se.Number) else float(e.n(53, real=True))
+
+
+def _as_products(exponent: Basic) -> int:
+    """Return twice an exponent of x^n or x^(n/2) that is worth products; 0 for any other."""
+    if isinstance(exponent, se.Integer):
+        halves = 2 * int(exponent)
+    elif isinstance(exponent, se.Rational):
+        numerator, denominator = map(int, exponent.get_num_den())
+        halves = numerator if denominator == 2 else 0
+    else:
+        halves = 0
+    return halves if abs(halves) <= 2 * MAX_PRODUCT_POWER else 0
+
+
+def _sign_split(term: Basic) -> tuple[Basic, bool]:
+    """Return a term without a leading negative number, and whether it had one."""
+    if isinstance(term, se.Mul):
+        first = term.args[0]
+        if isinstance(first, se.Number) and first.is_negative:
+            return -term, True
+    return term, False
+
+
+def _inverse_split(factor: Basic) -> tuple[Basic, bool]:
+    """Return what a factor divides by, and True; or the factor, and False."""
+    if isinstance(factor, se.Pow) and factor.args[0] != se.E:
+        exponent = factor.args[1]
+        if isinstance(exponent, se.Number) and exponent.is_negative:
+            return factor.args[0] ** -exponent, True
+    return factor, False
+
+
+def _parts(e: Basic) -> Iterable[Basic]:
+    """Return what must have a register before an expression can."""
+    if isinstance(e, (bool, *_NOT_FINITE)):
+        return ()
+    if isinstance(e, se.Add):
+        return [_sign_split(t)[0] for t in e.args]
+    if isinstance(e, se.Mul):
+        return [_inverse_split(f)[0] for f in e.args]
+    if isinstance(e, se.Pow):
+        base, exponent = e.args
+        if base == se.E:
+            return (exponent,)
+        return (base,) if _as_products(exponent) else (base, exponent)
+    return e.args

@@ -1,0 +1,1 @@
+"""Taylor series of the motion: programs that compute coefficients order by order."""

@@ -1,0 +1,286 @@
+"""Operations on numbers → operations on power series.
+
+Where y(t) is a power series, so is every result of an operation on it, and its coefficient of order
+k follows from those of its operands up to k. Sums are linear; a product is a convolution; any
+function f with f′ = s g is c′ = s g a′, a convolution with the derivative. So a handful of
+operations serve for all. The coefficients of order 0 are the values that the tape itself gives.
+
+Series are multiples of others: see `lagcli.engine.taylor.forms`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+
+from lagcli.engine.program.nodes import Node
+from lagcli.engine.tape.arithmetic import Arithmetic
+from lagcli.engine.tape.tape import Op
+from lagcli.engine.taylor.forms import SeriesForms
+from lagcli.engine.taylor.series_nodes import BEFORE, NOUGHT, NUMBER, NUMBERS, SeriesOp
+
+
+class NotAnalytic(ArithmeticError):
+    """An operation has no power series at its kinks or jumps."""
+
+
+class SeriesExpansion(SeriesForms):
+    """Turns operations on numbers into operations on series.
+
+    Parameters
+    ----------
+    builder : Arithmetic
+    moving : iterable of int
+        Registers that are series to begin with; what does not depend on them is a number.
+    """
+
+    def __init__(self, builder: Arithmetic, moving: Iterable[int]):
+        super().__init__(builder)
+        self.moving = set(moving)
+        self.taken = set(self.moving)  # no operation makes them, or it is there
+        self.slopes: dict[int, int] = {}  # CHAIN → g
+        self.rates: dict[int, int] = {}
+        self.sums: dict[tuple[int, ...], int] = {}
+
+    def steady(self, x: int) -> bool:
+        """Return whether a register is a number, not a series."""
+        return x not in self.moving
+
+    # one operation
+
+    def operation(self, op: Op, to: int, a: int, b: int = 0) -> None:
+        """Make the series of an operation's result."""
+        if op in (Op.ADD, Op.SUB):
+            self.sum(op, to, a, b)
+        elif op == Op.NEG:
+            self.scaled(to, self.builder.negative, a)
+        elif op == Op.MUL:
+            self.product(to, a, b)
+        elif op == Op.DIV:
+            self.quotient(to, a, b)
+        elif op == Op.POW:
+            self.power_of(to, a, b)
+        elif op == Op.ATAN2:
+            square = self.builder.emit(Op.ADD, self.mul(a, a), self.mul(b, b))
+            opposite = self.builder.emit(Op.NEG, self.div(a, square))
+            self.two_parts(to, (a, self.div(b, square)), (b, opposite))
+        elif op in _SLOPES:
+            scale, slope = _SLOPES[op](self, a, to)
+            self.chain(to, self.builder.constant(scale), a, slope)
+        else:
+            raise NotAnalytic(op.name.lower())
+
+    def sum(self, op: Op, to: int, a: int, b: int) -> None:
+        """a ± b."""
+        negative = self.builder.negative
+        t, y = self.tail(b)
+        t = negative(t) if op == Op.SUB else t
+        if self.steady(a):
+            self.beyond[to] = t, y
+        elif self.steady(b):
+            self.beyond[to] = self.tail(a)
+        else:
+            s, x = self.tail(a)
+            opposite = self.sums.get((negative(s), x, negative(t), y))
+            if opposite is not None:
+                self.beyond[to] = self.minus_one, opposite
+                return
+            self.sums[s, x, t, y] = to
+            self.nodes[to] = SeriesOp.SUM, (to,), (s, x, t, y)
+
+    def product(self, to: int, a: int, b: int) -> None:
+        """a b: numbers are multiplied, bases convolved."""
+        if self.steady(a) or self.steady(b):
+            number, x = (a, b) if self.steady(a) else (b, a)
+            self.scaled(to, partial(self.builder.times, number), x)
+            return
+        (s, x), (t, y) = self.form(a), self.form(b)
+        base = self.mul(x, y)
+        self.nodes[base] = SeriesOp.MUL, (base,), (x, y)
+        if base != to:
+            self.whole[to] = self.builder.times(s, t), base
+
+    def quotient(self, to: int, a: int, b: int) -> None:
+        """a / b: the inverse of b's base is shared."""
+        if self.steady(b):
+            self.scaled(to, partial(self.builder.times, self.builder.inverse(b)), a)
+            return
+        t, y = self.form(b)
+        inverse = self.inverse(y)
+        self.nodes[inverse] = SeriesOp.INVERSE, (inverse,), (y,)
+        if self.steady(a):
+            if inverse != to:
+                self.whole[to] = self.builder.times(a, self.builder.inverse(t)), inverse
+            return
+        s, x = self.form(a)
+        base = self.mul(x, inverse)
+        self.nodes[base] = SeriesOp.MUL, (base,), (x, inverse)
+        self.whole[to] = self.builder.times(s, self.builder.inverse(t)), base
+
+    def power_of(self, to: int, a: int, b: int) -> None:
+        """a^b."""
+        if self.steady(b):
+            self.chain(to, b, a, self.div(to, a))
+        elif self.steady(a):
+            self.chain(to, self.builder.emit(Op.LOG, a), b, to)
+        else:
+            logarithm = self.builder.emit(Op.LOG, a)
+            self.two_parts(to, (a, self.div(self.mul(to, b), a)), (b, self.mul(to, logarithm)))
+
+    def chain(self, to: int, scale: int, a: int, slope: int) -> None:
+        """c′ = s g a′, where ``slope`` is g."""
+        number, base = self.tail(a)
+        if base not in self.rates:
+            self.rates[base] = self.new(self.zero)
+            self.nodes[self.rates[base]] = SeriesOp.RATE, (self.rates[base],), (base,)
+        self.nodes[to] = (
+            SeriesOp.CHAIN,
+            (to,),
+            (self.builder.times(scale, number), self.rates[base]),
+        )
+        self.slopes[to] = slope
+
+    def two_parts(self, to: int, *parts: tuple[int, int]) -> None:
+        """c′ = g a′ + h b′."""
+        names = []
+        for x, slope in parts:
+            if not self.steady(x):
+                names.append(self.new(self.zero))
+                self.chain(names[-1], self.one, x, slope)
+        if len(names) == 1:
+            self.beyond[to] = self.one, names[0]
+        else:
+            self.nodes[to] = SeriesOp.SUM, (to,), (self.one, names[0], self.one, names[1])
+
+    # values of slopes
+
+    def mul(self, a: int, b: int) -> int:
+        """Return the register of a product of values."""
+        return self.builder.emit(Op.MUL, a, b)
+
+    def div(self, a: int, b: int) -> int:
+        """Return the register of a quotient of values."""
+        return self.builder.emit(Op.DIV, a, b)
+
+    def inverse(self, a: int) -> int:
+        """Return the register of an inverse."""
+        return self.div(self.one, a)
+
+    def squared(self, first: float, sign: int, a: int) -> int:
+        """Emit first ± a²."""
+        op = Op.ADD if sign > 0 else Op.SUB
+        return self.builder.emit(op, self.builder.constant(first), self.mul(a, a))
+
+    # what is wanted
+
+    def expand(self, results: Iterable[int], names: Mapping[int, int] | None = None) -> None:
+        """Take the operations that results need; ``names`` are other names of what they make."""
+        while needed := self.needed([*results, *self.slopes.values()]):
+            for x, (op, *operands) in needed:
+                self.taken.add(x)
+                if not all(map(self.steady, operands)):
+                    self.moving.add(x)
+                    self.operation(Op(op), x, *operands)
+                if names and x in names:
+                    self.rename(x, names[x])
+
+    def needed(self, results: Iterable[int]) -> list[tuple[int, tuple[int, ...]]]:
+        """Return what is to be taken for results, operands first: registers and operations."""
+        first, operations = self.builder.inputs, list(self.builder.operations)
+        found: set[int] = set()
+        waiting = list(results)
+        while waiting:
+            x = waiting.pop()
+            if x >= first and x not in found and x not in self.taken:
+                found.add(x)
+                waiting += operations[x - first][1:]
+        return [(x, operations[x - first]) for x in sorted(found)]
+
+    def rename(self, x: int, name: int) -> None:
+        """Give a series another name, that of a register with its first coefficient."""
+        form = (self.one, NOUGHT) if self.steady(x) else self.tail(x)
+        self.beyond.pop(x, None)
+        self.whole[x] = self.one, name
+        if form == (self.one, x) and x in self.nodes:
+            op, _, operands = self.nodes.pop(x)
+            self.nodes[name] = op, (name,), operands
+        else:
+            self.nodes[name] = SeriesOp.SCALE, (name,), form
+
+    def result(self, x: int) -> int:
+        """Return the series that is an output, made from its base where it must be."""
+        if self.steady(x):
+            return NOUGHT
+        number, base = self.tail(x)
+        if number == self.one:
+            return base
+        self.nodes[x] = SeriesOp.SCALE, (x,), (number, base)
+        return x
+
+    def node(self, x: int) -> Node | None:
+        """Return the operation that makes a series; None for those of the state."""
+        if x not in self.nodes and x in self.beyond:  # convolved: its first coefficient counts
+            return SeriesOp.SCALE, (x,), self.beyond[x]
+        node = self.nodes.get(x)
+        if node and node[0] == SeriesOp.CHAIN and len(node[2]) == 2:
+            number, slope = self.form(self.slopes[x])
+            scale, rate = node[2]
+            node = SeriesOp.CHAIN, (x,), (self.builder.times(scale, number), rate, slope + BEFORE)
+        return node
+
+    def wanted(self, results: Sequence[int]) -> list[Node]:
+        """Return the operations that results need, operands first; slopes count as earlier."""
+        found: dict[int, Node] = {}
+        waiting = [(x, False) for x in reversed(results)]
+        later: list[int] = []
+        while waiting or later:
+            x, ready = waiting.pop() if waiting else (later.pop(), False)
+            node = None if x in found else self.node(x)
+            if node is None:
+                continue
+            op, _, operands = node
+            numbers = NUMBERS.get(op, ())
+            if ready:
+                tagged = [y + NUMBER if i in numbers else y for i, y in enumerate(operands)]
+                if op == SeriesOp.INVERSE:
+                    tagged.append(x + BEFORE)
+                found[x] = op, (x,), tuple(tagged)
+                continue
+            waiting.append((x, True))
+            for i, y in enumerate(operands):
+                if y >= BEFORE:
+                    later.append(y - BEFORE)
+                elif i not in numbers:
+                    waiting.append((y, False))
+        return list(found.values())
+
+
+def _error_slope(e: SeriesExpansion, a: int) -> int:
+    return e.builder.emit(Op.EXP, e.builder.emit(Op.NEG, e.mul(a, a)))
+
+
+def _over_root(e: SeriesExpansion, x: int) -> int:
+    return e.inverse(e.builder.emit(Op.SQRT, x))
+
+
+#: c = f(a) → s and g with c′ = s g a′, from a and c.
+_SLOPES: dict[Op, Callable[[SeriesExpansion, int, int], tuple[float, int]]] = {
+    Op.SQRT: lambda e, a, c: (0.5, e.inverse(c)),
+    Op.SIN: lambda e, a, c: (1.0, e.builder.emit(Op.COS, a)),
+    Op.COS: lambda e, a, c: (-1.0, e.builder.emit(Op.SIN, a)),
+    Op.TAN: lambda e, a, c: (1.0, e.squared(1.0, 1, c)),
+    Op.ASIN: lambda e, a, c: (1.0, _over_root(e, e.squared(1.0, -1, a))),
+    Op.ACOS: lambda e, a, c: (-1.0, _over_root(e, e.squared(1.0, -1, a))),
+    Op.ATAN: lambda e, a, c: (1.0, e.inverse(e.squared(1.0, 1, a))),
+    Op.SINH: lambda e, a, c: (1.0, e.builder.emit(Op.COSH, a)),
+    Op.COSH: lambda e, a, c: (1.0, e.builder.emit(Op.SINH, a)),
+    Op.TANH: lambda e, a, c: (1.0, e.squared(1.0, -1, c)),
+    Op.ASINH: lambda e, a, c: (1.0, _over_root(e, e.squared(1.0, 1, a))),
+    Op.ACOSH: lambda e, a, c: (1.0, _over_root(e, e.squared(-1.0, 1, a))),
+    Op.ATANH: lambda e, a, c: (1.0, e.inverse(e.squared(1.0, -1, a))),
+    Op.EXP: lambda e, a, c: (1.0, c),
+    Op.LOG: lambda e, a, c: (1.0, e.inverse(a)),
+    Op.ERF: lambda e, a, c: (2.0 / math.sqrt(math.pi), _error_slope(e, a)),
+    Op.ERFC: lambda e, a, c: (-2.0 / math.sqrt(math.pi), _error_slope(e, a)),
+}

@@ -1,0 +1,267 @@
+"""A long program for power series → operations on vectors of series, and what is left of it.
+
+As in `lagcli.engine.program.vectorize`, operations of a level and of one kind whose operands are at
+equal distances become one on vectors. Series lie in layers: a layer holds the coefficients of one
+order of all that is kept, so that a vector's coefficients lie side by side, and a convolution is
+made for many series at once. What is in no vector is done one by one; for convolutions of these,
+copies of what they read have rows, as in short programs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from lagcli.engine.program.nodes import VECTOR, Node
+from lagcli.engine.program.progressions import SHORTEST, pieces, progressions, steps
+from lagcli.engine.program.slots import LINE, Memory
+from lagcli.engine.program.vectorize import WORTH, last_uses, together
+from lagcli.engine.taylor.series_nodes import AHEAD, BEFORE, CONVOLVED, NUMBERS, SeriesOp
+
+#: Operations from which on vectors are looked for: those of a chain of 20 bodies.
+LONG = 500
+#: Elements that a vector has at most, as in core/series.c.
+LONGEST = 1024
+#: Where temporary places begin until it is known how many others there are.
+_TEMPORARY = 1 << 24
+
+
+class SeriesVector(NamedTuple):
+    """One operation on vectors: the places of its results and, for each operand, its elements."""
+
+    op: int
+    results: list[int]
+    operands: list[list[int]]
+
+    @property
+    def numbers(self) -> list[tuple[int, ...]]:
+        """The registers of the operands that are numbers; one if all elements have the same."""
+        found = [tuple(self.operands[n]) for n in NUMBERS.get(self.op, ())]
+        return [x[:1] if len(set(x)) == 1 else x for x in found]
+
+
+class Layers(NamedTuple):
+    """A program in part on vectors.
+
+    Parameters
+    ----------
+    parts : list
+        In order: vectors, and lists of nodes.
+    place : dict of int to int
+        Places of series in a layer. Temporary ones lie beyond it, where later layers will be.
+    size : int
+        Of a layer.
+    end : int
+        The first place after all.
+    kept : dict of int to int
+        Places in the layer → the series there, but for those of the state.
+    """
+
+    parts: list[SeriesVector | list[Node]]
+    place: dict[int, int]
+    size: int
+    end: int
+    kept: dict[int, int]
+
+
+def layered(
+    nodes: Sequence[Node],
+    kept: Collection[int],
+    state: Sequence[Sequence[int]],
+    results: Sequence[Sequence[int]],
+) -> Layers | None:
+    """Put operations on series in vectors; None where too few of them fit.
+
+    Parameters
+    ----------
+    nodes : sequence of Node
+        In an order in which every operand is ready.
+    kept : collection of int
+        Series whose coefficients of all orders are needed.
+    state, results : sequences of sequences of int
+        Families: series that are to lie side by side.
+    """
+    layering = _Layering(nodes, kept, state, results)
+    layering.go()
+    return layering.finished() if layering.packed >= WORTH * len(nodes) else None
+
+
+def _needs(node: Node) -> tuple[int, ...]:
+    """Return the series that must be there before an operation."""
+    op, _, operands = node
+    numbers = NUMBERS.get(op, ())
+    return tuple([x for i, x in enumerate(operands) if i not in numbers and x < BEFORE])
+
+
+class _Layering:
+    """Finds vectors and gives results their places."""
+
+    def __init__(
+        self,
+        nodes: Sequence[Node],
+        kept: Collection[int],
+        state: Sequence[Sequence[int]],
+        results: Sequence[Sequence[int]],
+    ):
+        self.nodes, self.kept = nodes, set(kept)
+        self.place: dict[int, int] = {}
+        self.size = 0
+        self.memory = Memory(_TEMPORARY)
+        self.vectors: list[Sequence[int] | None] = []  # the nodes of each, or None: see below
+        self.singles: list[list[int]] = []  # the nodes of each None
+        self.packed = 0
+        self.copies: dict[tuple[int, ...], list[int]] = {}  # side by side, of series that are not
+        self.copied: dict[int, int] = {}  # places in the layer → the series there
+        for family in state:
+            first = self.keep(len(family))
+            self.put(family, first)
+            self.put([x + AHEAD for x in family], first)
+        self.state = self.size
+        for family in results:
+            self.take(family)
+
+    def put(self, names: Sequence[int], first: int) -> None:
+        """Note places side by side."""
+        self.place.update(zip(names, range(first, first + len(names)), strict=True))
+
+    def copy(self, names: Sequence[int], copies: dict[tuple[int, ...], list[int]]) -> SeriesVector:
+        """Return the operation that puts series side by side, and note where."""
+        first, places = self.keep(len(names)), [self.place[x] for x in names]
+        side_by_side = list(range(first, first + len(names)))
+        copies[tuple(names)] = side_by_side
+        self.copied.update(zip(side_by_side, names, strict=True))
+        return SeriesVector(SeriesOp.COPY, side_by_side, [places])
+
+    def go(self) -> None:
+        """Go through the levels."""
+        needs = [(node[0], node[1], _needs(node)) for node in self.nodes]
+        sets = together(needs)
+        for group, dying in zip(sets, last_uses(needs, sets, self.kept), strict=True):
+            there = [self.nodes[i][1][0] in self.place for i in group]
+            for placed in (True, False):
+                part = [i for i, known in zip(group, there, strict=True) if known == placed]
+                self.put_in_vectors(part, needs, placed)
+            for x in dying:
+                if self.place[x] >= _TEMPORARY:
+                    self.memory.give_back(self.place[x])
+
+    def put_in_vectors(self, group: list[int], needs: Sequence[Node], placed: bool) -> None:
+        """Find the vectors of a level, whose results have places or get them side by side."""
+        points = [
+            [self.place[x] for x in (*needs[i][2], *(needs[i][1] if placed else ()))] for i in group
+        ]
+        found, rest = progressions(points) if len(group) >= SHORTEST else ([], range(len(group)))
+        for run in found:
+            for members in pieces([group[i] for i in run], LONGEST):
+                if not placed:
+                    self.take([self.nodes[i][1][0] for i in members])
+                self.vectors.append(members)
+                self.packed += len(members)
+        if rest:
+            singles = [group[i] for i in rest]
+            if not placed:
+                for i in singles:
+                    self.take(list(self.nodes[i][1]))
+            self.vectors.append(None)
+            self.singles.append(singles)
+
+    def take(self, names: Sequence[int]) -> None:
+        """Give results places side by side."""
+        if self.kept.isdisjoint(names):
+            self.put(names, self.memory.take(len(names)))
+        else:
+            self.put(names, self.keep(len(names)))
+
+    def keep(self, size: int) -> int:
+        """Return the first of as many places in the layer, where the cache has no line's end."""
+        if size > 1:
+            self.size = -(-self.size // LINE) * LINE
+        self.size += size
+        return self.size - size
+
+    # once all have places
+
+    def finished(self) -> Layers:
+        """Return the parts, with what goes from layers to rows."""
+        kept = {at: x for x, at in self.place.items() if self.state <= at < _TEMPORARY}
+        parts: list[SeriesVector | list[Node]] = []
+        later: list[SeriesVector | list[Node]] = []
+        late: dict[tuple[int, ...], list[int]] = {}
+        entered: set[int] = set()
+        entering: dict[int, None] = {}
+        singles = iter(self.singles)
+        for members in self.vectors:
+            if members is None:
+                batch = [self.nodes[i] for i in next(singles)]
+                enter: list[Node] = []
+                for op, _, operands in batch:
+                    entering.update((x - BEFORE, None) for x in operands if x >= BEFORE)
+                    needed = dict.fromkeys(operands[n] for n in CONVOLVED.get(op, ()))
+                    enter += [_enters(x) for x in needed if x not in entered]
+                    entered.update(needed)
+                parts += [enter, batch] if enter else [batch]
+                continue
+            nodes = [self.nodes[i] for i in members]
+            op = nodes[0][0]
+            columns = [list(column) for column in zip(*[o for _, _, o in nodes], strict=True)]
+            for n in range(len(columns)):
+                if n in NUMBERS.get(op, ()):
+                    continue
+                before = columns[n][0] >= BEFORE
+                names = tuple([x - BEFORE if before else x for x in columns[n]])
+                columns[n] = [self.place[x] for x in names]
+                if (before or n in CONVOLVED.get(op, ())) and steps(columns[n])[1] != 1:
+                    # what is not there before the operation is copied at the end
+                    known = late if before and names not in self.copies else self.copies
+                    if names not in known:
+                        (later if before else parts).append(self.copy(names, known))
+                    columns[n] = known[names]
+            parts.append(SeriesVector(op, [self.place[to] for _, (to,), _ in nodes], columns))
+        enter = [_enters(x) for x in entering if x not in entered]
+        parts += [*later, *([enter] if enter else [])]
+        return self.moved(parts, {**kept, **self.copied})
+
+    def moved(self, parts: list[SeriesVector | list[Node]], kept: dict[int, int]) -> Layers:
+        """Put temporary places beyond the layer and the next one's state."""
+        # an odd number of lines of the cache: those of one place do not get into each other's way
+        size = -(-self.size // LINE) * LINE
+        size += 0 if size // LINE % 2 else LINE
+        offset = size + -(-self.state // LINE) * LINE - _TEMPORARY
+
+        def to(places: list[int]) -> list[int]:
+            return [at + offset if at >= _TEMPORARY else at for at in places]
+
+        found: list[SeriesVector | list[Node]] = []
+        for part in parts:
+            if isinstance(part, SeriesVector):
+                numbers = NUMBERS.get(part.op, ())
+                operands = [x if n in numbers else to(x) for n, x in enumerate(part.operands)]
+                part = SeriesVector(part.op, to(part.results), operands)
+            found.append(part)
+        place = dict(zip(self.place, to(list(self.place.values())), strict=True))
+        return Layers(found, place, size, to([self.memory.end])[0], kept)
+
+
+def vector_stream(vector: SeriesVector, place: Mapping[Any, int]) -> list[int]:
+    """Return the stream of an operation on vectors.
+
+    Parameters
+    ----------
+    vector : Vector
+    place : mapping
+        Places of its numbers; see `Vector.numbers`.
+    """
+    numbers = iter(vector.numbers)
+    found = [VECTOR + vector.op, len(vector.results), *steps(vector.results)]
+    for n, x in enumerate(vector.operands):
+        if n in NUMBERS.get(vector.op, ()):
+            part = next(numbers)
+            found += (place[part], int(len(part) > 1))
+        else:
+            found += steps(x)
+    return found
+
+
+def _enters(x: int) -> Node:
+    """Return the operation that copies a series' coefficient to its row."""
+    return SeriesOp.ENTER, (x,), (x,)

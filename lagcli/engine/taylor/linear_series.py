@@ -1,0 +1,93 @@
+"""Power series of the solution of [[M, −Bᵀ], [B, 0]] [a; λ] = [f; γ], from one factorization.
+
+Where K x = r, coefficient k of x is the solution of K_0 x_k = r_k − K_1 x_{k−1} − … − K_k x_0: all
+orders have the matrix of order 0, whose factors the tape yields anyway. So what stands between the
+matrix and its solution needs no series, and substitutions are sums of numbers times coefficients.
+
+References
+----------
+N. S. Nedialkov and J. D. Pryce, Solving differential-algebraic equations by Taylor series (I):
+computing Taylor coefficients, BIT 45 (2005), doi:10.1007/s10543-005-0019-y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lagcli.engine.system import System
+from lagcli.engine.taylor.expansion import SeriesExpansion
+from lagcli.engine.taylor.forms import Form
+
+
+class LinearSystem:
+    """Makes the series of a and λ.
+
+    Parameters
+    ----------
+    expansion : Expansion
+    system : System
+    outputs : sequence of int
+        Registers of the outputs of the dynamics tape with its elimination.
+    """
+
+    def __init__(self, expansion: SeriesExpansion, system: System, outputs: Sequence[int]):
+        mass, jacobian = system.mass_pattern, system.jacobian_pattern
+        nm, nq, nb, nc = len(mass), len(system.coordinates), len(jacobian), len(system.constraints)
+        first, size = len(system.dynamics.outputs), nq + nc
+        rows = outputs[nm + nq : nm + nq + nb]
+        self.expansion = expansion
+        # rows, columns and registers of the matrix, and the signs that they have in r − K x
+        self.entries = [
+            *((i, j, x, -1) for (i, j), x in zip(mass, outputs, strict=False)),
+            *((nq + i, j, x, -1) for (i, j), x in zip(jacobian, rows, strict=True)),
+            *((j, nq + i, x, 1) for (i, j), x in zip(jacobian, rows, strict=True)),
+        ]
+        self.right = [*outputs[nm : nm + nq], *outputs[nm + nq + nb : nm + nb + size]]
+        self.values = outputs[first : first + size]
+        self.solution = outputs[len(outputs) - nq - size : len(outputs) - nq]
+        self.other_right = range(system.dynamics.inputs, system.dynamics.inputs + size)
+
+    def solve(self) -> list[int]:
+        """Take the matrix and the right side, then the substitutions; return the unknowns."""
+        expansion = self.expansion
+        expansion.expand([*(x for _, _, x, _ in self.entries), *self.right])
+        unknowns = self.unknowns()
+        rows: list[dict[int, list[Form]]] = [{} for _ in unknowns]
+        for i, j, x, sign in self.entries:
+            if not expansion.steady(x):
+                number, base = expansion.tail(x)
+                number = number if sign > 0 else expansion.builder.negative(number)
+                rows[i].setdefault(base, []).append((number, unknowns[j]))
+        moving = set()
+        for to, right, row in zip(self.other_right, self.right, rows, strict=True):
+            terms = [] if expansion.steady(right) else [expansion.tail(right)]
+            terms += [self.product(base, factors) for base, factors in row.items()]
+            if terms:
+                moving.add(to)
+                expansion.whole[to] = expansion.add(terms)
+        # from the right side to the solution all else is of order 0: numbers
+        before, expansion.moving = expansion.moving, moving
+        names = dict(zip(self.solution, unknowns, strict=True))
+        for x in names.keys() & set(self.other_right):  # without any operation
+            expansion.rename(x, names[x])
+        expansion.expand(names, names)
+        expansion.moving = before
+        return unknowns
+
+    def unknowns(self) -> list[int]:
+        """Return names of the series of a and λ: registers where these are not made otherwise."""
+        expansion = self.expansion
+        found: list[int] = []
+        for x in self.values:
+            known = x in expansion.taken or x < expansion.builder.inputs
+            if not known:
+                expansion.taken.add(x)
+                expansion.moving.add(x)
+            found.append(expansion.new(x) if known else x)
+        return found
+
+    def product(self, base: int, factors: list[Form]) -> Form:
+        """Return a series, but its first coefficient, times a sum."""
+        expansion = self.expansion
+        number, x = factors[0] if len(factors) == 1 else expansion.bracket(factors, list)
+        return number, expansion.multiply(base, x, past=True)

@@ -1,0 +1,397 @@
+"""The dynamics tape → a program for power series: the motion's Taylor coefficients, order by order.
+
+What is done on coefficients is in `lagcli.engine.taylor.expansion`; here it is put in order and
+gets its places.
+
+References
+----------
+À. Jorba and M. Zou, A software package for the numerical integration of ODEs by means of high-order
+Taylor methods, Experimental Mathematics 14 (2005), doi:10.1080/10586458.2005.10128904.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.program.program import Node, allocate, in_order, stream
+from lagcli.engine.program.slots import LINE
+from lagcli.engine.system import System, without_numbers
+from lagcli.engine.tape.arithmetic import Arithmetic
+from lagcli.engine.tape.tape import Builder, Op, Tape
+from lagcli.engine.taylor.expansion import SeriesExpansion
+from lagcli.engine.taylor.factoring import factored
+from lagcli.engine.taylor.layers import LONG, Layers, SeriesVector, layered, vector_stream
+from lagcli.engine.taylor.linear_series import LinearSystem
+from lagcli.engine.taylor.series_nodes import (
+    AHEAD,
+    BEFORE,
+    CONVOLVED,
+    NOUGHT,
+    NUMBER,
+    NUMBERS,
+    WORK,
+    SeriesOp,
+)
+
+#: Places between rows: where four coefficients are read at a time, some beside a row are.
+PADDING = 4
+#: The largest order; the core's loops know their lengths up to here.
+MOST = 31
+#: A sum with one more term.
+_WIDER: dict[int, int] = {SeriesOp.SUM: SeriesOp.SUM3, SeriesOp.SUM3: SeriesOp.SUM4}
+
+
+class SeriesProgram(NamedTuple):
+    """A program for the Taylor coefficients of a motion.
+
+    A file of numbers holds those that series are multiplied by, steady ones first, then a row of
+    coefficients for each series that is convolved, then one place for each of the others: they are
+    not kept. Their places move by one with each order, so that an offset means the same for both.
+    The first rows are t, q, v, W, and one of zeros. A long program has layers after that: see
+    `lagcli.engine.taylor.layers`; there the state lies in them.
+
+    Parameters
+    ----------
+    values : Tape
+        (t, q, v, parameters) → the numbers, what series other than the state's begin with,
+        a, power.
+    stream : int32 array
+        Operations on offsets in the file, as those of `Program`; for a vector each operand has two,
+        numbers too.
+    convolutions : int
+        How many convolutions there are outside vectors.
+    order : int
+    steady, numbers : int
+        How many numbers are steady; with those that are found at each state.
+    begins : int32 array
+        Offsets of the first coefficients of series other than the state's.
+    origin, layer : int
+        Where layers begin, and how far one order is from the next.
+    state : int32 array
+        Offsets of t, q, v, W from there.
+    size : int
+        Of the file.
+    """
+
+    values: Tape
+    stream: NDArray[np.int32]
+    convolutions: int
+    order: int
+    steady: int
+    numbers: int
+    begins: NDArray[np.int32]
+    origin: int
+    layer: int
+    state: NDArray[np.int32]
+    size: int
+
+
+def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> SeriesProgram:
+    """Make the program for the series of a motion up to an order.
+
+    Parameters
+    ----------
+    system : System
+    tape : Tape
+        Its dynamics with the elimination unrolled, and the solution for another right side.
+    order : int
+        At most ``MOST``.
+    working : iterable of int
+        The constraints whose forces' work is counted: all, or where the motion stays on them those
+        that depend on time.
+
+    Raises
+    ------
+    NotAnalytic
+    """
+    builder = Arithmetic(tape.inputs, tape.parameters, tape.other)
+    outputs = builder.extend(tape)
+    nq, first = len(system.coordinates), len(system.dynamics.outputs)
+    expansion = SeriesExpansion(builder, range(1 + 2 * nq))
+    unknowns = LinearSystem(expansion, system, outputs).solve()
+    power = _power(system, builder, outputs, first, working)
+    expansion.expand([power])
+    rates = [*range(1 + nq, 1 + 2 * nq), *unknowns[:nq], expansion.result(power)]
+    kinds = system.families[1 : 1 + 2 * nq]
+    families = (
+        [[0], [NOUGHT], *_alike(range(1, 1 + 2 * nq), kinds), [WORK]],
+        [
+            *_alike(unknowns[:nq], kinds[:nq]),
+            *_alike(unknowns[nq:], map(without_numbers, system.constraints)),
+        ],
+    )
+    return _program(expansion, families, rates, [*outputs[first : first + nq], power], order)
+
+
+def _alike(values: Iterable[int], kinds: Iterable[str | None]) -> list[list[int]]:
+    """Return the values of each kind."""
+    members: dict[str | None, list[int]] = {}
+    for x, kind in zip(values, kinds, strict=True):
+        members.setdefault(kind, []).append(x)
+    return list(members.values())
+
+
+def order_for(rtol: float) -> int:
+    """Return the order that takes the least time at a relative tolerance.
+
+    Jorba and Zou's would be −ln(rtol)/2 + 1. Here a step costs more beside its series: it is
+    projected and watched, so longer ones pay; measured, six more are best within a few orders.
+    """
+    return min(math.ceil(-math.log(rtol) / 2) + 6, MOST)
+
+
+def depending_on_time(system: System) -> list[int]:
+    """Return the constraints ψ = B v + b_0 with b_0 that is not zero everywhere."""
+    tape, first = system.constraint, len(system.holonomic) + len(system.jacobian_pattern)
+    drift = tape.outputs[first : first + len(system.constraints)]
+    values = dict(enumerate(tape.constants, tape.inputs))
+    return [i for i, x in enumerate(drift) if values.get(x) != 0.0]
+
+
+def _power(
+    system: System, builder: Builder, outputs: Sequence[int], first: int, working: Iterable[int]
+) -> int:
+    """Emit the power of the applied forces, of time, and of the constraints that work."""
+    nq, entries = len(system.coordinates), len(system.mass_pattern) + len(system.coordinates)
+    total = outputs[first - 1]
+    for i in working:
+        for n, (row, column) in enumerate(system.jacobian_pattern):
+            if row == i:
+                force = builder.emit(Op.MUL, outputs[first + nq + i], outputs[entries + n])
+                part = builder.emit(Op.MUL, force, 1 + nq + column)
+                total = builder.emit(Op.ADD, total, part)
+    return total
+
+
+def _program(
+    expansion: SeriesExpansion,
+    families: tuple[list[list[int]], list[list[int]]],
+    rates: Sequence[int],
+    outputs: Sequence[int],
+    order: int,
+) -> SeriesProgram:
+    """Return the program; rates are the series v, a, power, and outputs the values of a, power."""
+    nodes = _merged(factored(expansion, rates), rates, SeriesOp.MUL, SeriesOp.MULSUM)
+    state = [*range(len(rates)), WORK]
+    kept = _kept(nodes, {*state, NOUGHT})
+    ends: list[Node] = [
+        (SeriesOp.NEXT, (x + AHEAD,), (y,)) for x, y in zip(state[1:], rates, strict=True)
+    ]
+    found = layered([*nodes, *ends], kept, *families) if len(nodes) >= LONG else None
+    if found is None:
+        nodes = _merged(nodes, rates, SeriesOp.PAST, SeriesOp.PASTSUM)
+        nodes = _widened(nodes, {*kept, *rates}, expansion.one + NUMBER)
+        return _in_rows(expansion, [*in_order(nodes), *ends], state, kept, outputs, order)
+    return _in_layers(expansion, found, state, outputs, order)
+
+
+def _in_rows(
+    expansion: SeriesExpansion,
+    nodes: list[Node],
+    state: Sequence[int],
+    kept: Sequence[int],
+    outputs: Sequence[int],
+    order: int,
+) -> SeriesProgram:
+    """Return a program with rows for what is convolved; those of the state are the first."""
+    place, numbers, steady = _place_numbers(expansion, _numbers(nodes), [])
+    row, first = _row(order), _first(numbers)
+    rows = [*state, NOUGHT, *kept]
+    end = _place_rows(place, rows, first, row)
+    place.update((x + AHEAD, place[x]) for x in state)
+    ordered, count = allocate(nodes, place, end, {*rows, *(x + AHEAD for x in state)})
+    return SeriesProgram(
+        values=_values(expansion, numbers, kept, outputs),
+        stream=stream(ordered, SeriesOp.END),
+        convolutions=sum(op in CONVOLVED for op, _, _ in nodes),
+        order=order,
+        steady=steady,
+        numbers=len(numbers),
+        begins=_array(place[x] for x in kept),
+        origin=0,
+        layer=1,
+        state=_array(place[x] for x in state),
+        size=count + order + 2 * PADDING,
+    )
+
+
+def _in_layers(
+    expansion: SeriesExpansion,
+    layers: Layers,
+    state: Sequence[int],
+    outputs: Sequence[int],
+    order: int,
+) -> SeriesProgram:
+    """Return a program with layers, and rows for what is in no vector and convolved."""
+    singles = [x for part in layers.parts if not isinstance(part, SeriesVector) for x in part]
+    vectors = [x.numbers for x in layers.parts if isinstance(x, SeriesVector)]
+    place, numbers, steady = _place_numbers(expansion, _numbers(singles), chain(*vectors))
+    rows = _kept(singles, set())
+    row, first = _row(order), _first(numbers)
+    in_rows: dict[Any, int] = {}
+    end = _place_rows(in_rows, rows, first, row)
+    whole: list[int] = []
+    for part in layers.parts:
+        if isinstance(part, SeriesVector):
+            whole += vector_stream(part, place)
+        else:
+            placed = [_placed(node, place, in_rows, layers.place) for node in part]
+            whole += stream(placed).tolist()[:-2]
+    origin = -(-end // LINE) * LINE
+    # beyond the last order core/series.c puts sums of the state, as far as W
+    last = layers.place[WORK]
+    return SeriesProgram(
+        values=_values(expansion, numbers, [*rows, *layers.kept.values()], outputs),
+        stream=_array([*whole, SeriesOp.END, 0]),
+        convolutions=sum(op in CONVOLVED for op, _, _ in singles),
+        order=order,
+        steady=steady,
+        numbers=len(numbers),
+        begins=_array([*(in_rows[x] for x in rows), *(origin + x for x in layers.kept)]),
+        origin=origin,
+        layer=layers.size,
+        state=_array(layers.place[x] for x in state),
+        size=origin + order * layers.size + max(layers.end, 2 * last + 2 * LINE),
+    )
+
+
+def _array(values: Iterable[int]) -> NDArray[np.int32]:
+    return np.array([*values], dtype=np.int32)
+
+
+def _placed(
+    node: Node, numbers: Mapping[Any, int], rows: Mapping[Any, int], layer: Mapping[int, int]
+) -> Node:
+    """Return an operation with the places of numbers, of rows, and in the layer."""
+    op, (to,), operands = node
+    if op == SeriesOp.ENTER:
+        return op, (rows[to],), (layer[to],)
+    places = []
+    for i, x in enumerate(operands):
+        if i in NUMBERS.get(op, ()):
+            places.append(numbers[x])
+        else:
+            places.append(rows[x] if x >= BEFORE or i in CONVOLVED.get(op, ()) else layer[x])
+    return op, (layer[to],), tuple(places)
+
+
+def _numbers(nodes: Iterable[Node]) -> Iterator[tuple[int]]:
+    return ((o[i],) for op, _, o in nodes for i in NUMBERS.get(op, ()))
+
+
+def _place_numbers(
+    expansion: SeriesExpansion, numbers: Iterable[tuple[int]], of_vectors: Iterable[tuple[int, ...]]
+) -> tuple[dict[Any, int], list[int], int]:
+    """Give numbers places, those of vectors side by side and steady ones first.
+
+    Returns
+    -------
+    place : dict
+        A number's; of a vector's numbers, the first one's.
+    found : list of int
+        The registers.
+    steady : int
+        How many of them are steady.
+    """
+    known = expansion.builder.steady
+    parts: tuple[list[tuple[int, ...]], list[tuple[int, ...]]] = [], []
+    for part in dict.fromkeys(chain(numbers, of_vectors)):
+        changing = any(x - NUMBER >= 0 and x - NUMBER not in known for x in part)
+        parts[changing].append(part)
+    place: dict[Any, int] = {}
+    found: list[int] = []
+    for part in chain(*parts):
+        place[part] = len(found)
+        if len(part) == 1:
+            place[part[0]] = len(found)
+        found += part
+    return place, found, sum(map(len, parts[0]))
+
+
+def _row(order: int) -> int:
+    return -(-(PADDING + order + 1) // 4) * 4
+
+
+def _first(numbers: Sequence[int]) -> int:
+    """Return where the first row begins: where a line of the cache does, which is 3 % of a run."""
+    return -(-(len(numbers) + PADDING) // LINE) * LINE
+
+
+def _place_rows(place: dict[int, int], rows: Sequence[int], first: int, row: int) -> int:
+    """Give series rows, the same when orders up to k − 1 are needed; return their end."""
+    for n, x in enumerate(rows):
+        place[x] = place[x + BEFORE] = first + n * row
+    return first + len(rows) * row
+
+
+def _values(
+    expansion: SeriesExpansion,
+    numbers: Sequence[int],
+    begins: Sequence[int],
+    outputs: Sequence[int],
+) -> Tape:
+    begun = map(expansion.begin, begins)
+    return expansion.builder.finish([*(x - NUMBER for x in numbers), *begun, *outputs])
+
+
+def _merged(
+    nodes: list[Node], results: Sequence[int], product: SeriesOp, merged: SeriesOp
+) -> list[Node]:
+    """Merge each product of a kind that is used once, by a sum, into that sum."""
+    uses: dict[int, int] = dict.fromkeys(results, 2)
+    for op, _, operands in nodes:
+        for i, x in enumerate(operands):
+            if i not in NUMBERS.get(op, ()):
+                x = x - BEFORE if x >= BEFORE else x
+                # a series that is convolved keeps a row of its own
+                uses[x] = uses.get(x, 0) + (1 if op == SeriesOp.SUM else 2)
+    products = {
+        to: operands for op, (to,), operands in nodes if op == product and uses.get(to) == 1
+    }
+    found: dict[int, Node] = {}
+    for op, to, operands in nodes:
+        found[to[0]] = op, to, operands
+        if op == SeriesOp.SUM:
+            s, a, t, b = operands
+            if b in products:
+                s, a, t, b = t, b, s, a
+            if a in products:
+                del found[a]
+                found[to[0]] = merged, to, (s, *products[a], t, b)
+    return list(found.values())
+
+
+def _widened(nodes: Iterable[Node], kept: set[int], one: int) -> list[Node]:
+    """Merge sums that are used once, by a sum, into sums of up to four terms."""
+    uses: dict[int, int] = dict.fromkeys(kept, 2)
+    for op, _, operands in nodes:
+        for i, x in enumerate(operands):
+            if i not in NUMBERS.get(op, ()):
+                uses[x] = uses.get(x, 0) + 1
+    found: dict[int, Node] = {}
+    for op, to, operands in nodes:
+        found[to[0]] = op, to, operands
+        if op == SeriesOp.SUM:
+            s, a, t, b = operands
+            if t == one and b in found and found[b][0] in _WIDER and uses[b] == 1:
+                s, a, t, b = t, b, s, a
+            if s == one and a in found and found[a][0] in _WIDER and uses[a] == 1:
+                kind, _, terms = found.pop(a)
+                found[to[0]] = _WIDER[kind], to, (*terms, t, b)
+    return list(found.values())
+
+
+def _kept(nodes: Iterable[Node], state: set[int]) -> list[int]:
+    """Return the series beside the state's whose coefficients of all orders are needed."""
+    kept: dict[int, None] = {}
+    for op, _, operands in nodes:
+        if op in CONVOLVED:
+            kept.update((operands[i], None) for i in CONVOLVED[op])
+            kept.update((x - BEFORE, None) for x in operands if x >= BEFORE)
+    return [x for x in kept if x not in state]

@@ -1,0 +1,1 @@
+"""Derivation: Lagrange's equations, their Jacobians, integrability, degrees of freedom."""

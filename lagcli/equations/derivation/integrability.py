@@ -1,0 +1,83 @@
+"""Whether a constraint between velocities is the derivative of one between positions."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterator
+from itertools import combinations
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
+from lagcli.model import model as symbols
+from lagcli.model.expression.functions import derivative
+
+MAX_VARIABLES = 14  # the test takes their triples
+POINTS = 3
+TOLERANCE = 1e-9  # of a sum relative to its terms: rounding is some 1e-15
+
+
+def integrable(c: ConstraintEquation, equations: Equations) -> bool | None:
+    """Test ω∧dω = 0 for ω = Σ b_i dq_i + b_0 dt (Frobenius).
+
+    Then an integrating factor exists, and the constraint restricts the positions as well.
+
+    Parameters
+    ----------
+    c : ConstraintEquation
+        Nonholonomic in form.
+    equations : Equations
+
+    Returns
+    -------
+    bool or None
+        None where the constraint knows too many variables for the test.
+
+    Notes
+    -----
+    One constraint is tested by itself; several may be integrable together though none is alone.
+    What does not vanish symbolically is tested at random points, with the model's parameters.
+    """
+    form = {equations.q[j]: b for j, b in c.row.items()}
+    if c.drift != 0:
+        form[symbols.TIME] = c.drift
+    free = set().union(*(b.free_symbols for b in form.values()))
+    variables = [x for x in (*equations.q, symbols.TIME) if x in free or x in form]
+    if len(variables) > MAX_VARIABLES:
+        return None
+    values = {se.Symbol(n): se.RealDouble(x) for n, x in equations.model.parameter_values.items()}
+    points = [values | point for point in _points(variables)]
+    return all(_vanishes(list(terms), points) for terms in _coefficients(form, variables))
+
+
+def _coefficients(form: dict[Basic, Basic], variables: list[Basic]) -> Iterator[list[Basic]]:
+    """Yield the coefficients of ω∧dω, each as a list of terms."""
+    zero = se.Integer(0)
+    for x, y, z in combinations(variables, 3):
+        a, b, c = (form.get(s, zero) for s in (x, y, z))
+        yield [
+            *(a * derivative(c, y), -a * derivative(b, z)),
+            *(b * derivative(a, z), -b * derivative(c, x)),
+            *(c * derivative(b, x), -c * derivative(a, y)),
+        ]
+
+
+def _points(variables: list[Basic]) -> list[dict[Basic, Basic]]:
+    source = random.Random(8)  # the same answer every time
+    return [{x: se.RealDouble(source.uniform(0.3, 1.7)) for x in variables} for _ in range(POINTS)]
+
+
+def _vanishes(terms: list[Basic], points: list[dict[Basic, Basic]]) -> bool:
+    terms = [t for t in terms if t != 0]
+    if not terms or se.expand(se.Add(*terms)) == 0:
+        return True
+    for point in points:
+        try:
+            values = [float(t.xreplace(point).n(53, real=True)) for t in terms]
+        except RuntimeError:  # not real at this point
+            continue
+        if abs(math.fsum(values)) > TOLERANCE * math.fsum(map(abs, values)):
+            return False
+    return True

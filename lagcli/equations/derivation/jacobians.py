@@ -1,0 +1,102 @@
+"""First derivatives of the equations of motion, for implicit methods.
+
+At fixed a and λ, G = f − M a + Bᵀλ and Γ = γ − B a vanish on the motion. Their derivatives with
+respect to q, v and t say how a and λ follow a change of the state:
+
+    M δa − Bᵀ δλ = G_q δq + G_v δv + G_t δt,  B δa = Γ_q δq + Γ_v δv + Γ_t δt.
+
+They are taken only where a symbol occurs, so that N bodies cost N times one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from symengine import Basic
+
+from lagcli.equations.derivation.lagrange import Equations, Row
+from lagcli.equations.derivation.motion import ZERO, Motion, addends
+from lagcli.model.model import TIME
+
+
+@dataclass(frozen=True, eq=False)
+class Gradient:
+    """The nonzero derivatives of one expression, by coordinate, and that by time."""
+
+    position: Row
+    velocity: Row
+    time: Basic
+
+
+@dataclass(frozen=True, eq=False)
+class Jacobians:
+    """Derivatives of the equations of motion at fixed a and λ.
+
+    k coordinates, r constraints; in q, v, a, t, multipliers and parameters.
+
+    Parameters
+    ----------
+    force : k Gradients
+        Of G = f − M a + Bᵀλ.
+    rhs : r Gradients
+        Of Γ = γ − B a.
+    power : Gradient
+        Of the power of all forces, Q·v − ∂L/∂t + λ·(B v).
+    """
+
+    force: tuple[Gradient, ...]
+    rhs: tuple[Gradient, ...]
+    power: Gradient
+
+
+def vary(equations: Equations) -> Jacobians:
+    """Differentiate the equations of motion.
+
+    Parameters
+    ----------
+    equations : Equations
+
+    Returns
+    -------
+    Variation
+    """
+    eq = equations
+    reactions: list[list[Basic]] = [[] for _ in eq.q]
+    for multiplier, c in zip(eq.multipliers, eq.constraints, strict=True):
+        for j, b in c.row.items():
+            reactions[j].append(multiplier * b)
+    defects = [
+        [f, *(-m * eq.a[j] for j, m in row.items()), *reaction]
+        for f, row, reaction in zip(eq.forcing, eq.mass_matrix, reactions, strict=True)
+    ]
+    power = [q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)]
+    power += [v * x for v, reaction in zip(eq.v, reactions, strict=True) for x in reaction]
+    differ = _Gradients(Motion.of(eq.model))
+    return Jacobians(
+        force=tuple(differ(parts) for parts in defects),
+        rhs=tuple(
+            differ([c.rhs, *(-b * eq.a[j] for j, b in c.row.items())]) for c in eq.constraints
+        ),
+        power=differ([*power, eq.time_power]),
+    )
+
+
+class _Gradients:
+    """Gradients with respect to q, v and t."""
+
+    def __init__(self, motion: Motion):
+        self.motion = motion
+        self.positions = {x: i for i, x in enumerate(motion.q)}
+        self.rates = {x: i for i, x in enumerate(motion.v)}
+
+    def __call__(self, parts: Sequence[Basic]) -> Gradient:
+        known = self.motion.by_symbol(term for part in parts for term in addends(part))
+        slopes = {s: self.motion.sum_diff(terms, s) for s, terms in known.items()}
+        time = slopes.pop(TIME, ZERO)
+        return Gradient(self._row(slopes, self.positions), self._row(slopes, self.rates), time)
+
+    @staticmethod
+    def _row(slopes: dict[Basic, Basic], places: dict[Basic, int]) -> Row:
+        found = {places[s]: x for s, x in slopes.items() if s in places and x != ZERO}
+        return dict(sorted(found.items()))

@@ -1,0 +1,318 @@
+"""Lagrange's equations of the first kind.
+
+With L = T − V and p = ∂L/∂v, every system is brought to
+
+    M a = f + Bᵀλ,  B a = γ,  φ = 0,  ψ = 0,
+
+M = ∂p/∂v,  f = ∂L/∂q − (∂p/∂q) v − ∂p/∂t + Q,  B = ∂ψ/∂v,  γ = −(∂ψ/∂q) v − ∂ψ/∂t,
+
+where ψ is φ̇ for a holonomic constraint (seed equations 8.78 to 8.86). Derivatives are taken with
+plain symbols q, v, t, and only where a symbol occurs: the terms of a sum are sorted by the
+coordinates that they know, so that N bodies cost N times one. Products of velocities, of which most
+Lagrangians consist, are not differentiated as they stand: see `quadratic`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.equations.derivation.motion import TWO, ZERO, Motion, addends
+from lagcli.equations.derivation.quadratic import QuadraticForms, QuadraticPart
+from lagcli.model import model as symbols
+from lagcli.model.expression.linearity import written_out
+from lagcli.model.model import Constraint, Model
+
+Row = Mapping[int, Basic]  # the nonzero entries, by column
+
+
+class ConstraintEquation(NamedTuple):
+    """One constraint and its derivatives.
+
+    Parameters
+    ----------
+    constraint : Constraint
+    position : expression or None
+        φ(q, t); None for a nonholonomic constraint.
+    velocity : expression
+        ψ(q, v, t) = Σ b_i v_i + b_0.
+    row : mapping of int to expression
+        The nonzero b_i, by coordinate (row β of B).
+    drift : expression
+        b_0: what of ψ does not depend on v.
+    rhs : expression
+        γ of B a = γ.
+    """
+
+    constraint: Constraint
+    position: Basic | None
+    velocity: Basic
+    row: Row
+    drift: Basic
+    rhs: Basic
+
+    @property
+    def rheonomic(self) -> bool:
+        """Whether the constraint depends on time."""
+        return symbols.TIME in self.constraint.expression.free_symbols
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """The system of a model in symbols.
+
+    k coordinates, r constraints.
+
+    Parameters
+    ----------
+    model : Model
+    q, v, a : tuples of k symbols
+    lagrangian : expression
+        L = T − V.
+    kinetic, potential : expressions
+        T and V; of a model written with L, the part of L quadratic in v and minus the rest.
+    applied_forces : k expressions
+        Q_i, the Rayleigh dissipation's −∂D/∂v_i included.
+    mass_matrix : k mappings of int to expression
+        The nonzero entries of M, by row and column; both triangles.
+    forcing : k expressions
+        f_i.
+    constraints : r ConstraintEquations
+    energy : expression
+        v·p − L, which is T + V when T is a quadratic form in v.
+    time_power : expression
+        −∂L/∂t.
+    outputs : mapping of str to expression
+        In q, v, a, t, parameters and multipliers.
+    """
+
+    model: Model
+    q: tuple[Basic, ...]
+    v: tuple[Basic, ...]
+    a: tuple[Basic, ...]
+    lagrangian: Basic
+    kinetic: Basic
+    potential: Basic
+    applied_forces: tuple[Basic, ...]
+    mass_matrix: tuple[Row, ...]
+    forcing: tuple[Basic, ...]
+    constraints: tuple[ConstraintEquation, ...]
+    energy: Basic
+    time_power: Basic
+    outputs: Mapping[str, Basic]
+
+    @cached_property
+    def _motion(self) -> Motion:
+        return Motion.of(self.model)
+
+    @cached_property
+    def momenta(self) -> tuple[Basic, ...]:
+        """The k momenta p_i = ∂L/∂v_i."""
+        terms = self._motion.by_symbol(addends(self.lagrangian))
+        return tuple(self._motion.sum_diff(terms.get(x, ()), x) for x in self.v)
+
+    @cached_property
+    def gradient(self) -> tuple[Basic, ...]:
+        """The k derivatives ∂L/∂q_i."""
+        terms = self._motion.by_symbol(addends(self.lagrangian))
+        return tuple(self._motion.sum_diff(terms.get(x, ()), x) for x in self.q)
+
+    @cached_property
+    def momentum_rates(self) -> tuple[Basic, ...]:
+        """The k rates d/dt p_i, with accelerations."""
+        motion = self._motion
+        rates = []
+        for p in self.momenta:
+            row = _slopes_by_velocity(p, motion)
+            moving = [m * self.a[j] for j, m in row.items()]
+            rates.append(se.Add(*moving, motion.convective(p)))
+        return tuple(rates)
+
+    @property
+    def multipliers(self) -> tuple[Basic, ...]:
+        """The symbols λ_β, in the model's order."""
+        return tuple(symbols.multiplier(c.constraint.name) for c in self.constraints)
+
+
+def derive(model: Model) -> Equations:
+    """Derive Lagrange's equations of the first kind (8.85).
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    Equations
+    """
+    motion = Motion.of(model)
+    q, v, a = motion.q, motion.v, motion.a
+    lagrangian = -model.potential if model.kinetic is None else model.kinetic - model.potential
+    dynamics = _dynamics(model, lagrangian, motion)
+    dissipation = motion.by_symbol(addends(model.dissipation or ZERO))
+    applied = tuple(
+        model.applied_forces.get(name, ZERO) - motion.sum_diff(dissipation.get(x, ()), x)
+        for name, x in zip(model.coordinate_names, v, strict=True)
+    )
+    constraints = tuple(_constraint(c, motion) for c in model.constraints)
+    kinetic, potential = model.kinetic, model.potential
+    if kinetic is None:
+        kinetic = se.Add(
+            *[m * v[i] * v[j] / TWO for i, row in enumerate(dynamics.mass) for j, m in row.items()]
+        )
+        potential = kinetic - lagrangian
+    return Equations(
+        model=model,
+        q=q,
+        v=v,
+        a=a,
+        lagrangian=lagrangian,
+        kinetic=kinetic,
+        potential=potential,
+        applied_forces=applied,
+        mass_matrix=tuple(dynamics.mass),
+        forcing=tuple(f + force for f, force in zip(dynamics.forcing, applied, strict=True)),
+        constraints=constraints,
+        energy=dynamics.energy,
+        time_power=dynamics.time_power,
+        outputs=with_forces(model, constraints, model.outputs),
+    )
+
+
+class _Dynamics(NamedTuple):
+    """What follows from L alone: M, ∂L/∂q − (∂p/∂q) v − ∂p/∂t, v·p − L and −∂L/∂t."""
+
+    mass: list[dict[int, Basic]]
+    forcing: list[Basic]
+    energy: Basic
+    time_power: Basic
+
+
+def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
+    forms = QuadraticForms(motion)
+    products, rest = forms.split(lagrangian)
+    timed = [term for term in addends(lagrangian) if motion.occurring(term).timed]
+    quadratic = QuadraticPart(products, motion)
+    mass, forces = quadratic.mass_matrix(), quadratic.forces()
+    terms = motion.by_symbol(rest)
+    # T may have terms without velocities, such as those of a given rotation: then it is not T + V
+    squares = quadratic.homogeneous and terms.keys().isdisjoint(motion.v)
+    if squares and model.kinetic is not None and _same(rest, forms.split(-model.potential)[1]):
+        energy = [model.kinetic, model.potential]  # as written, so that they are built once
+    else:
+        energy = [quadratic.energy(), *(-term for term in rest)]
+    for i, (q, v) in enumerate(zip(motion.q, motion.v, strict=True)):
+        if q in terms:
+            forces[i].append(motion.sum_diff(terms[q], q))
+        if v not in terms:
+            continue
+        p = motion.sum_diff(terms[v], v)
+        forces[i].append(-motion.convective(p))
+        energy.append(v * p)
+        for j, m in _slopes_by_velocity(p, motion).items():
+            mass[i][j] = mass[i].get(j, ZERO) + m
+    return _Dynamics(
+        [{j: m for j, m in sorted(row.items()) if m != ZERO} for row in mass],
+        [se.Add(*parts) for parts in forces],
+        se.Add(*energy),
+        -motion.sum_diff(timed, symbols.TIME),
+    )
+
+
+def _same(terms: list[Basic], others: list[Basic]) -> bool:
+    """Whether two sums are alike, term by term."""
+    return bool(se.Add(*terms) == se.Add(*others))
+
+
+def _slopes_by_velocity(p: Basic, motion: Motion) -> dict[int, Basic]:
+    """Return the ∂p/∂v_j that are not zero."""
+    terms = motion.by_symbol(addends(p))
+    rates = motion.occurring(p).rates
+    row = {j: motion.sum_diff(terms[motion.v[j]], motion.v[j]) for j in rates}
+    return {j: m for j, m in row.items() if m != ZERO}
+
+
+def _constraint(constraint: Constraint, motion: Motion) -> ConstraintEquation:
+    expression = constraint.expression
+    position: Basic | None = None
+    if constraint.kind == "holonomic":
+        position = expression
+        acceleration = _second_rate(expression, motion)
+        slopes = motion.slopes(expression)
+        row, drift = slopes.by_position, slopes.by_time
+    else:
+        rates = motion.occurring(expression).rates
+        row = {j: _slope(expression, j, motion) for j in rates}
+        row = {j: b for j, b in row.items() if b != ZERO}
+        drift = expression.subs({motion.v[j]: ZERO for j in rates})
+    velocity = se.Add(*[b * motion.v[j] for j, b in row.items()], drift)
+    if position is None:
+        acceleration = motion.convective(velocity)
+    return ConstraintEquation(constraint, position, velocity, row, drift, -acceleration)
+
+
+def _slope(expression: Basic, j: int, motion: Motion) -> Basic:
+    """Return ∂/∂v_j of an expression affine in v; written out only where that is not seen."""
+    slope = motion.diff(expression, motion.v[j])
+    return written_out(slope) if motion.occurring(slope).rates else slope
+
+
+def _second_rate(expression: Basic, motion: Motion) -> Basic:
+    """Return φ̈ without accelerations; of a square c w² as 2 c (ẇ² + w ẅ)."""
+    found: list[Basic] = []
+    others: list[Basic] = []
+    for term in addends(expression):
+        factors = term.args if isinstance(term, se.Mul) else (term,)
+        still = [x for x in factors if motion.occurring(x).still]
+        moving = [x for x in factors if not motion.occurring(x).still]
+        square = len(moving) == 1 and isinstance(moving[0], se.Pow) and moving[0].args[1] == TWO
+        if square and isinstance(moving[0].args[0], se.Add):
+            w = moving[0].args[0]
+            rate = motion.convective(w)
+            found.append(TWO * se.Mul(*still) * (rate**TWO + w * motion.convective(rate)))
+        else:
+            others.append(term)
+    rest = motion.convective(motion.convective(se.Add(*others)))
+    return se.Add(*found, rest)
+
+
+def with_forces(
+    model: Model, constraints: tuple[ConstraintEquation, ...], expressions: Mapping[str, Basic]
+) -> dict[str, Basic]:
+    """Return expressions with the constraint forces in them written as λ b."""
+    forces = _ConstraintForces(model, constraints)
+    found = {}
+    for name, expression in expressions.items():
+        used = {s: forces.of(s.name) for s in expression.free_symbols if s.name.startswith("Qc.")}
+        found[name] = expression.subs(used) if used else expression
+    return found
+
+
+class _ConstraintForces:
+    """The constraint forces by the names that outputs give them, built when asked for."""
+
+    def __init__(self, model: Model, constraints: tuple[ConstraintEquation, ...]):
+        self.places = {name: j for j, name in enumerate(model.coordinate_names)}
+        self.constraints = {c.constraint.name: c for c in constraints}
+        self.by_coordinate: dict[int, list[ConstraintEquation]] = {}
+
+    def of(self, name: str) -> Basic:
+        """Return Qc.COORDINATE or Qc.CONSTRAINT.COORDINATE as λ b."""
+        _, *constraint, coordinate = name.split(".")
+        j = self.places[coordinate]
+        if constraint:
+            return self.part(self.constraints[constraint[0]], j)
+        if not self.by_coordinate:
+            for c in self.constraints.values():
+                for i in c.row:
+                    self.by_coordinate.setdefault(i, []).append(c)
+        return se.Add(*[self.part(c, j) for c in self.by_coordinate.get(j, ())])
+
+    def part(self, c: ConstraintEquation, j: int) -> Basic:
+        """Return λ b of one constraint on one coordinate."""
+        return symbols.multiplier(c.constraint.name) * c.row.get(j, ZERO)

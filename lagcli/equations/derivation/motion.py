@@ -1,0 +1,152 @@
+"""Derivatives of expressions in q, v and t along the motion, taken only by what occurs in them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.model import model as symbols
+from lagcli.model.expression.functions import derivative
+from lagcli.model.model import Model
+
+ZERO = se.Integer(0)
+ONE = se.Integer(1)
+TWO = se.Integer(2)
+
+
+class Slopes(NamedTuple):
+    """The partial derivatives of an expression that are not zero.
+
+    Parameters
+    ----------
+    by_position : dict of int to expression
+        ∂/∂q_j, by coordinate.
+    by_time : expression
+        ∂/∂t.
+    """
+
+    by_position: dict[int, Basic]
+    by_time: Basic
+
+
+class Occurring(NamedTuple):
+    """The indices of the q and v that occur in an expression, and whether t does."""
+
+    positions: tuple[int, ...]
+    rates: tuple[int, ...]
+    timed: bool
+
+    @property
+    def still(self) -> bool:
+        """Whether the expression is a constant of the motion: made of parameters alone."""
+        return not (self.positions or self.rates or self.timed)
+
+
+@dataclass(eq=False)
+class Motion:
+    """The coordinates and velocities of a system.
+
+    Parameters
+    ----------
+    q, v, a : tuples of k symbols
+    smooth : bool
+        Whether no function with kinks or jumps occurs: the derivatives of these cost time.
+    """
+
+    q: tuple[Basic, ...]
+    v: tuple[Basic, ...]
+    a: tuple[Basic, ...]
+    smooth: bool
+    _places: dict[Basic, tuple[int, int]] = field(init=False, repr=False)
+    _slopes: dict[Basic, Slopes] = field(default_factory=dict, init=False, repr=False)
+    _occurring: dict[Basic, Occurring] = field(default_factory=dict, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._places = {x: (0, i) for i, x in enumerate(self.q)}
+        self._places.update({x: (1, i) for i, x in enumerate(self.v)})
+        self._places[symbols.TIME] = (2, 0)
+
+    @classmethod
+    def of(cls, model: Model) -> Motion:
+        """Return that of a model."""
+        names = model.coordinate_names
+        return cls(
+            tuple(map(symbols.coordinate, names)),
+            tuple(map(symbols.velocity, names)),
+            tuple(map(symbols.acceleration, names)),
+            model.names.smooth,
+        )
+
+    def occurring(self, expression: Basic) -> Occurring:
+        """Return which q, v and t occur."""
+        found = self._occurring.get(expression)
+        if found is None:
+            kinds: tuple[list[int], list[int], list[int]] = ([], [], [])
+            for symbol in expression.free_symbols:
+                kind, i = self._places.get(symbol, (-1, 0))
+                if kind >= 0:
+                    kinds[kind].append(i)
+            positions, rates, times = kinds
+            found = Occurring(tuple(sorted(positions)), tuple(sorted(rates)), bool(times))
+            self._occurring[expression] = found
+        return found
+
+    def diff(self, expression: Basic, symbol: Basic) -> Basic:
+        """Return ∂expression/∂symbol."""
+        return expression.diff(symbol) if self.smooth else derivative(expression, symbol)
+
+    def sum_diff(self, terms: Iterable[Basic], symbol: Basic) -> Basic:
+        """Return ∂/∂symbol of a sum of terms."""
+        return se.Add(*[self.diff(term, symbol) for term in terms])
+
+    def slopes(self, expression: Basic) -> Slopes:
+        """Return the partial derivatives by q and t."""
+        found = self._slopes.get(expression)
+        if found is None:
+            terms = self.by_symbol(addends(expression))
+            explicit = ZERO
+            if symbols.TIME in terms:
+                explicit = self.sum_diff(terms.pop(symbols.TIME), symbols.TIME)
+            places = sorted(self._places[x] for x in terms)
+            partial = {
+                i: self.sum_diff(terms[self.q[i]], self.q[i]) for kind, i in places if not kind
+            }
+            found = Slopes({i: x for i, x in partial.items() if x != ZERO}, explicit)
+            self._slopes[expression] = found
+        return found
+
+    def convective(self, expression: Basic) -> Basic:
+        """Return (∂/∂q) v + ∂/∂t of an expression: its rate without accelerations."""
+        slopes = self.slopes(expression)
+        terms = [x * self.v[j] for j, x in slopes.by_position.items()]
+        return se.Add(*terms, slopes.by_time)
+
+    def by_symbol(self, terms: Iterable[Basic]) -> dict[Basic, list[Basic]]:
+        """Return the terms in which each q, v and t occurs."""
+        found: dict[Basic, list[Basic]] = defaultdict(list)
+        for term in terms:
+            for symbol in term.free_symbols:
+                if symbol in self._places:
+                    found[symbol].append(term)
+        return found
+
+
+def addends(expression: Basic) -> tuple[Basic, ...]:
+    """Return the terms of a sum; a constant times a sum is written out, one level deep."""
+    parts = expression.args if isinstance(expression, se.Add) else (expression,)
+    terms: list[Basic] = []
+    for part in parts:
+        if isinstance(part, se.Mul):
+            factors = part.args
+            sums = [i for i, x in enumerate(factors) if isinstance(x, se.Add)]
+            if len(sums) == 1 and len(factors[sums[0]].args) > 2:
+                rest = se.Mul(*(x for i, x in enumerate(factors) if i != sums[0]))
+                terms.extend(rest * x for x in factors[sums[0]].args)
+                continue
+        terms.append(part)
+    return tuple(terms)

@@ -1,0 +1,1 @@
+"""Presentation: equations as formulas and steps, independent of the output format."""

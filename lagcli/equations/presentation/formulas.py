@@ -1,0 +1,172 @@
+"""The formulas of one system as they are to be written, line by line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from lagcli.equations.derivation.freedom import Freedom
+from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
+from lagcli.equations.presentation import general
+from lagcli.equations.presentation.typeset import (
+    ZERO,
+    Node,
+    Symbol,
+    Variation,
+    product_of,
+    sum_of,
+    symbols_in,
+)
+from lagcli.equations.presentation.written import named_in, sides_built, written
+from lagcli.equations.simplification.arrange import Arranger
+from lagcli.model.expression.grammar import Tree
+
+
+@dataclass(frozen=True)
+class Line:
+    """A formula lhs = rhs [= rhs …], or one side alone.
+
+    Parameters
+    ----------
+    sides : tuple of Node
+    label : Node or str, optional
+        Whose formula it is: a coordinate, or the name of a constraint.
+    note : str, optional
+        What is to be said about it.
+    """
+
+    sides: tuple[Node, ...]
+    label: Node | str | None = None
+    note: str | None = None
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of a derivation.
+
+    Parameters
+    ----------
+    title : str
+    lines : tuple of Line
+    remark : str or None
+        A sentence on what was done, or where it comes from.
+    packed : bool
+        Whether short lines may stand side by side.
+    """
+
+    title: str
+    lines: tuple[Line, ...]
+    remark: str | None = None
+    packed: bool = False
+
+
+class Formulas:
+    """The formulas of a system as they are to be written.
+
+    Parameters
+    ----------
+    equations : Equations
+    numeric : bool
+        Whether the parameters stand for their values.
+    named : bool
+        Whether roots that the model defines go by the names of their definitions.
+    freedom : Freedom, optional
+        The degrees of freedom, if B's rank at the start is known.
+    """
+
+    def __init__(
+        self,
+        equations: Equations,
+        numeric: bool = False,
+        named: bool = True,
+        freedom: Freedom | None = None,
+    ):
+        self.equations = equations
+        self.model = equations.model
+        self.freedom = freedom or Freedom(len(equations.q), len(equations.constraints))
+        self.values: Mapping[str, Fraction] = {}
+        if numeric:
+            values = self.model.parameter_values
+            self.values = {name: Fraction(repr(value)) for name, value in values.items()}
+        self.arrange = Arranger(self.model, self.values, named).arrange
+
+    @property
+    def coordinates(self) -> tuple[Symbol, ...]:
+        """The coordinates q_i."""
+        return tuple(Symbol(name) for name in self.model.coordinate_names)
+
+    def written(self, tree: Tree, indices: Mapping[str, int] | None = None) -> Node:
+        """Return a tree of the model as its author wrote it; of a family, for some indices."""
+        return written(tree, self.model, self.values, indices or {})
+
+    def definition_lines(
+        self, constraints: Iterable[ConstraintEquation], nodes: Iterable[Node] = ()
+    ) -> tuple[Line, ...]:
+        """Return the definitions that constraints and formulas use, as written."""
+        definitions = self.model.definitions
+        used: dict[str, None] = {}
+        for c in constraints:
+            for tree in self.constraint_trees(c):
+                used.update(dict.fromkeys(named_in(tree, self.model, c.constraint.indices)))
+        for name in symbols_in(nodes):
+            if name in definitions:
+                d = definitions[name]
+                used.update(dict.fromkeys(named_in(d.tree, self.model, d.indices)))
+                used[name] = None
+        return tuple(self._definition_line(name) for name in definitions if name in used)
+
+    def all_definition_lines(self) -> tuple[Line, ...]:
+        """Return all definitions, as written."""
+        return tuple(map(self._definition_line, self.model.definitions))
+
+    def _definition_line(self, name: str) -> Line:
+        definition = self.model.definitions[name]
+        return Line((Symbol(name), self.written(definition.tree, definition.indices)))
+
+    def uses_definitions(self, tree: Tree) -> bool:
+        """Whether a tree names definitions."""
+        return bool(named_in(tree, self.model))
+
+    def constraint_trees(self, c: ConstraintEquation) -> list[Tree]:
+        """Return the sides of a constraint as trees."""
+        sides = (c.constraint.left, c.constraint.right)
+        return [side for side in sides if side is not None]
+
+    def constraint_line(self, c: ConstraintEquation) -> Line:
+        """Return a constraint as written."""
+        indices = c.constraint.indices
+        sides = tuple(self.written(tree, indices) for tree in self.constraint_trees(c))
+        return Line(sides if len(sides) == 2 else (*sides, ZERO))
+
+    def variation_line(self, c: ConstraintEquation) -> Line:
+        """Return Σ b_i δq_i = 0 (8.79)."""
+        terms = [
+            (1, product_of([self.arrange(b), Variation(self.coordinates[j])]))
+            for j, b in sorted(c.row.items())
+        ]
+        return Line((sum_of(terms), ZERO))
+
+    def rate_line(self, c: ConstraintEquation) -> Line:
+        """Return the time derivative of a holonomic constraint, side by side."""
+        sides = sides_built(c.constraint, self.model)
+        rates = [self.arrange(general.total_rate(side, self.equations)) for side in sides]
+        return Line(tuple(rates) if len(rates) == 2 else (*rates, ZERO))
+
+    def right_side(self, i: int, forces_named: bool = False) -> Node:
+        """Return Q_i + Σ_β λ_β b_iβ, Q_i by its name or written out."""
+        applied = self.arrange(self.equations.applied_forces[i])
+        if forces_named and applied != ZERO:
+            applied = general.force(self.coordinates[i])
+        terms = [(1, applied)]
+        for c in self.equations.constraints:
+            if i in c.row:
+                label = Symbol(c.constraint.name, kind="multiplier")
+                terms.append((1, product_of([label, self.arrange(c.row[i])])))
+        return sum_of(terms)
+
+    def equation_line(self, i: int) -> Line:
+        """Return the i-th equation of motion, assembled."""
+        e = self.equations
+        left = self.arrange(e.momentum_rates[i] - e.gradient[i])
+        return Line((left, self.right_side(i)), self.coordinates[i])

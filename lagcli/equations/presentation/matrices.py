@@ -1,0 +1,220 @@
+"""A large system as M q̈ = f + Bᵀλ, B q̈ = γ: entries by name, common subexpressions abbreviated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping
+from functools import cache, cached_property
+from typing import TypeVar
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.equations.presentation.abbreviations import Abbreviations, abbreviate
+from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.typeset import Entry, Node, Sign, Symbol
+
+_M, _F, _B, _GAMMA = (
+    Sign("M", "M"),
+    Sign("f", "f"),
+    Sign("B", "B"),
+    Sign("γ", r"\gamma"),
+)
+_A = Sign("q̈", r"\ddot{q}")
+_LAW = Sign("M q̈", r"M \, \ddot{q}"), Sign("f + Bᵀ λ", r"f + B^{\mathrm{T}} \lambda")
+_HELD = Sign("B q̈", r"B \, \ddot{q}"), _GAMMA
+
+T = TypeVar("T")
+#: What can be asked for: M, f, B, γ, b_0 and φ or ψ of the constraints, Q, and T, V, L.
+PARTS = ("M", "f", "B", "gamma", "drift", "expression", "Q", "energy")
+Place = tuple[str, int, int]  # the matrix, row and column
+
+
+class Matrices:
+    """The entries of M, f, B and γ, with abbreviations.
+
+    Parameters
+    ----------
+    formulas : Formulas
+        Of the system.
+    parts : collection of str
+        Which of `PARTS`.
+    """
+
+    def __init__(self, formulas: Formulas, parts: Collection[str] = ("M", "f", "B", "gamma")):
+        self.formulas, self.parts = formulas, parts
+        self.equations, self.model = formulas.equations, formulas.model
+
+    @cached_property
+    def entries(self) -> Mapping[Place, Basic]:
+        """The nonzero entries; of M those on and above the diagonal. Vectors have one column."""
+        e, constraints = self.equations, self.equations.constraints
+        found: dict[Place, Basic] = {}
+        for i, row in enumerate(e.mass_matrix):
+            found |= {("M", i, j): m for j, m in sorted(row.items()) if j >= i}
+        for i, c in enumerate(constraints):
+            found |= {("B", i, j): b for j, b in sorted(c.row.items())}
+        columns = {
+            "f": e.forcing,
+            "gamma": [c.rhs for c in constraints],
+            "drift": [c.drift for c in constraints],
+            "expression": [c.constraint.expression for c in constraints],
+            "Q": e.applied_forces,
+            "energy": (e.kinetic, e.potential, e.lagrangian),
+        }
+        for part, column in columns.items():
+            found |= {(part, i, 0): x for i, x in enumerate(column)}
+        return {place: x for place, x in found.items() if x != 0 and place[0] in self.parts}
+
+    @cached_property
+    def short(self) -> Abbreviations:
+        """The entries, in the order of `entries`, with the abbreviations that they use."""
+        names = (*self.model.coordinate_names, *self.model.parameters, *self.model.definitions)
+        known = {
+            d.value: name
+            for name, d in self.model.definitions.items()
+            if isinstance(d.value, Basic) and not isinstance(d.value, se.Symbol | se.Number)
+        }
+        return abbreviate(list(self.entries.values()), names, known)
+
+    @cached_property
+    def size(self) -> float:
+        """About how many lines of text all this takes."""
+        return sum(map(self._packed, self.short.named.values())) + sum(
+            map(self._alone, self.short.expressions)
+        )
+
+    @cached_property
+    def _operation(self) -> float:
+        """Letters for each operation: its sign and a name."""
+        names = self.model.coordinate_names
+        return 4.0 + 0.9 * sum(map(len, names)) / len(names)
+
+    @cached_property
+    def _letters(self) -> Callable[[Basic], float]:
+        """How many letters a formula takes; estimated where many would have to be arranged."""
+        parts = (*self.short.named.values(), *self.short.expressions)
+        if sum(map(se.count_ops, parts)) > _ESTIMATED:
+            return lambda value: self._operation * float(se.count_ops(value))
+        from lagcli.equations.render.formula_text import TextFormula
+        from lagcli.equations.render.names import Notation
+
+        text = TextFormula(Notation(self.model)).text
+        return cache(lambda value: float(len(text(self.formulas.arrange(value)))))
+
+    def _packed(self, value: Basic) -> float:
+        """Return about how much of a line of text a short formula takes."""
+        return (self._letters(value) + _NAME) / _LINE
+
+    def _alone(self, value: Basic) -> float:
+        """Return about how many lines of text a formula takes that stands by itself."""
+        return float(math.ceil((self._letters(value) + 2 * _NAME) / _LINE))
+
+    def abbreviations(self, share: float = 1.0) -> list[Line]:
+        """Return the abbreviations, each after those that it uses; or a first part of them."""
+        shown = first_part(list(self.short.named.items()), lambda x: self._packed(x[1]), share)
+        return [Line((Symbol(name), self.formulas.arrange(value))) for name, value in shown]
+
+    def formulas_of(self) -> dict[Place, Node]:
+        """Return all entries, arranged."""
+        pairs = zip(self.entries, self.short.expressions, strict=True)
+        return {place: self.formulas.arrange(value) for place, value in pairs}
+
+    def lines(self, matrix: str, share: float = 1.0) -> list[Line]:
+        """Return the entries of M, f, B or gamma, equal ones together; or a first part of them."""
+        same: dict[Basic, list[Place]] = {}
+        for place, value in zip(self.entries, self.short.expressions, strict=True):
+            if place[0] == matrix:
+                same.setdefault(value, []).append(place)
+        shown = first_part(list(same.items()), lambda x: self._alone(x[0]), share)
+        return [
+            Line((*self.names(places), self.formulas.arrange(value))) for value, places in shown
+        ]
+
+    def names(self, places: list[Place]) -> list[Node]:
+        """Return the names of equal entries; of many, the first ones and the last."""
+        if len(places) <= _ALIKE + 2:
+            return list(map(self.entry, places))
+        dots = Sign(f"⋯ ({len(places)} entries)", rf"\cdots_{{\text{{{len(places)} entries}}}}")
+        return [*map(self.entry, places[:_ALIKE]), dots, self.entry(places[-1])]
+
+    def entry(self, place: Place) -> Node:
+        """Return the name of an entry."""
+        matrix, i, j = place
+        q, constraints = self.formulas.coordinates, self.equations.constraints
+        if matrix == "M":
+            return Entry(_M, (q[i], q[j]))
+        if matrix == "f":
+            return Entry(_F, (q[i],))
+        row = Symbol(constraints[i].constraint.name, kind="constraint")
+        return Entry(_B, (row, q[j])) if matrix == "B" else Entry(_GAMMA, (row,))
+
+    def steps(self, room: float | None = None) -> list[Step]:
+        """Return the system as it is to be read.
+
+        Parameters
+        ----------
+        room : float, optional
+            Lines of text; where more are needed, a first part of each list is given.
+        """
+        share = 1.0 if room is None else min(1.0, room / max(self.size, 1.0))
+        remark = _REMARK
+        if "gamma" not in self.parts and self.equations.constraints:
+            remark = _WITHOUT_GAMMA
+        law = [Line(_LAW if self.equations.constraints else (_LAW[0], _F))]
+        law += [Line(_HELD)] if self.equations.constraints else []
+        found = [Step("Equations of motion, in matrices", tuple(law), remark)]
+        if self.short.named:
+            lines, count = self.abbreviations(share), len(self.short.named)
+            said = cut_short(len(lines), count)
+            found.append(Step("Abbreviations", tuple(lines), said, packed=True))
+        for matrix, title in _TITLES.items():
+            values = [
+                value
+                for place, value in zip(self.entries, self.short.expressions, strict=True)
+                if place[0] == matrix
+            ]
+            if values:
+                lines = self.lines(matrix, share)
+                found.append(Step(title, tuple(lines), cut_short(len(lines), len(set(values)))))
+        return found
+
+
+_REMARK = (
+    "Entries are named by the coordinates and constraints that they belong to. M is symmetric, its"
+    " upper triangle is listed; entries that are not listed are zero."
+)
+_WITHOUT_GAMMA = (
+    f"{_REMARK} γ = −(∂ψ/∂q) q̇ − ∂ψ/∂t is left out for its length; --format json gives it."
+)
+_TITLES = {
+    "M": "Mass matrix M",
+    "f": "Forces f",
+    "B": "Constraint matrix B",
+    "gamma": "Right side γ",
+}
+#: Equal entries that are listed before the dots.
+_ALIKE = 4
+#: Letters of a name with its equality sign, and of a line.
+_NAME, _LINE = 8.0, 92.0
+#: Operations from which lengths are estimated: arranging them takes seconds.
+_ESTIMATED = 8000
+
+
+def first_part(items: list[T], cost: Callable[[T], float], share: float) -> list[T]:
+    """Return the first items, up to a share of what all cost; at least one."""
+    if share >= 1.0:
+        return items
+    costs = list(map(cost, items))
+    allowed, spent, shown = share * sum(costs), 0.0, 0
+    while shown < len(items) and spent + costs[shown] <= allowed:
+        spent += costs[shown]
+        shown += 1
+    return items[: max(1, shown)]
+
+
+def cut_short(shown: int, count: int) -> str | None:
+    """Say that a list is not whole."""
+    return (
+        None if shown == count else f"The first {shown} of {count}; --full writes everything out."
+    )

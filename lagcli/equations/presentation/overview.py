@@ -1,0 +1,179 @@
+"""The equations of a model on one page: coordinates, constraints, equations, convention."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+from lagcli.equations.derivation.integrability import integrable
+from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
+from lagcli.equations.presentation import general
+from lagcli.equations.presentation.extent import ROOM, Extent, abridged, is_large
+from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.matrices import Matrices
+from lagcli.equations.presentation.typeset import Sign, sum_of, whole
+
+
+def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
+    """Return what a reader wants to know of a system first.
+
+    Parameters
+    ----------
+    f : Formulas
+        Of the system.
+    full : bool
+        Whether everything is written out, however long it is; see
+        `lagcli.equations.presentation.extent`.
+
+    Returns
+    -------
+    tuple of Step
+        Coordinates, constraints, degrees of freedom, equations of motion and their convention.
+    """
+    if in_matrices(f, full):
+        return in_short(f)
+    found = _written_out(f)
+    return tuple(found if full else Extent(f).shortened(found))
+
+
+def in_matrices(f: Formulas, full: bool = False) -> bool:
+    """Whether the equations are given as matrices with abbreviations, not written out."""
+    if full:
+        return False
+    if is_large(f.equations):
+        return True
+    extent = Extent(f)
+    whole = extent.size(_written_out(f))
+    longest = extent.longest(_written_out(f))
+    if whole <= ROOM or longest <= _READABLE:
+        return False
+    return extent.size(_before(f)) + Matrices(f).size < _SHORTER * whole
+
+
+def in_short(f: Formulas, remark: str = "") -> tuple[Step, ...]:
+    """Return the overview with M, f, B and γ as matrices of entries with abbreviations."""
+    extent, last = Extent(f), convention(f)
+    before = extent.shortened(_before(f), _BEFORE)
+    room = ROOM - extent.size([*before, last])
+    matrices = Matrices(f)
+    if matrices.size > room:
+        matrices = Matrices(f, ("M", "f", "B"))
+    law, *others = matrices.steps(room)
+    said = remark or "Written out, the equations are long: --full does."
+    return (*before, replace(law, remark=f"{law.remark} {said}"), *others, last)
+
+
+#: The part of the lines that matrices must save to be preferred.
+_SHORTER = 0.5
+#: Lines of a formula that is read as it is.
+_READABLE = 8
+_BEFORE = 150  # lines of what stands before the matrices, at most
+
+
+def _before(f: Formulas) -> list[Step]:
+    found = [
+        _coordinates(f),
+        _all_definitions(f),
+        _energies(f),
+        _constraints(f, False),
+        _freedom(f),
+    ]
+    return [step for step in found if step is not None]
+
+
+@lru_cache(maxsize=1)  # it is measured, and then printed
+def _written_out(f: Formulas) -> list[Step]:
+    constraints, equations = _constraints(f), _equations(f)
+    shown = [equations, *([constraints] if constraints else [])]
+    found = [_coordinates(f), _definitions(f, shown), constraints, _freedom(f), equations]
+    return [*(step for step in found if step is not None), convention(f)]
+
+
+def _all_definitions(f: Formulas) -> Step | None:
+    lines = f.all_definition_lines()
+    return Step("Definitions", lines) if lines else None
+
+
+def _energies(f: Formulas) -> Step:
+    signs, trees = general.Signs(f.model), f.model.trees
+    stated = {"T": signs.kinetic, "V": signs.potential, "L": signs.lagrangian}
+    lines = [
+        Line((sign, abridged(f.written(trees[key]))))
+        for key, sign in stated.items()
+        if key in trees
+    ]
+    return Step("Energies", tuple(lines))
+
+
+def kind_of(c: ConstraintEquation, equations: Equations) -> str:
+    """Say what kind of constraint it is: holonomic, scleronomic."""
+    time = "rheonomic" if c.rheonomic else "scleronomic"
+    if c.position is not None:
+        return f"holonomic, {time}"
+    found = integrable(c, equations)
+    if found:
+        return f"nonholonomic in form, but integrable by itself; {time}"
+    return f"nonholonomic, {time}" + (" (integrability not tested)" if found is None else "")
+
+
+def convention(f: Formulas) -> Step:
+    """Return the equations in general, which fix the sign of λ (8.85)."""
+    lines = [general.law(f.model), *general.coefficients(f.equations)]
+    remark = None
+    if f.equations.constraints:
+        remark = "lhs and rhs are the sides of constraint β as written."
+    return Step("Sign convention (8.85)", tuple(Line(sides) for sides in lines), remark)
+
+
+def _coordinates(f: Formulas) -> Step:
+    lines = []
+    for symbol, c in zip(f.coordinates, f.model.coordinates, strict=True):
+        unit = f"[{c.unit}]" if c.unit else None
+        note = " ".join(part for part in (c.description, unit) if part)
+        lines.append(Line((symbol,), note=note or None))
+    return Step(f"Coordinates: k = {len(lines)}", tuple(lines))
+
+
+def _definitions(f: Formulas, shown: list[Step]) -> Step | None:
+    nodes = [side for step in shown for line in step.lines for side in line.sides]
+    lines = f.definition_lines(f.equations.constraints, nodes)
+    return Step("Definitions used below", lines) if lines else None
+
+
+def _constraints(f: Formulas, variations: bool = True) -> Step | None:
+    constraints = f.equations.constraints
+    if not constraints:
+        return None
+    lines = []
+    for c in constraints:
+        note = kind_of(c, f.equations)
+        lines.append(Line(f.constraint_line(c).sides, c.constraint.name, note))
+        if variations:
+            lines.append(f.variation_line(c))
+    return Step(f"Constraints: r = {len(constraints)}", tuple(lines))
+
+
+def _freedom(f: Formulas) -> Step:
+    k, r = len(f.coordinates), len(f.equations.constraints)
+    if not r:
+        return Step("Degrees of freedom", (Line((Sign("k", "k"), whole(k))),))
+    freedom = f.freedom
+    less, subtracted = Sign("r", "r"), r
+    note = "the constraints are independent at the start"
+    if freedom.rank is None:
+        note = "for independent constraints"
+    elif freedom.rank < r:
+        less, subtracted = Sign("rank B", r"\operatorname{rank} B"), freedom.rank
+        note = f"at the start; r = {r}"
+    sides = (
+        sum_of([(1, Sign("k", "k")), (-1, less)]),
+        sum_of([(1, whole(k)), (-1, whole(subtracted))]),
+        whole(freedom.degrees),
+    )
+    remark = " ".join(freedom.remarks) or None
+    return Step("Degrees of freedom", (Line(sides, note=note),), remark)
+
+
+def _equations(f: Formulas) -> Step:
+    lines = tuple(f.equation_line(i) for i in range(len(f.coordinates)))
+    return Step("Equations of motion", lines)

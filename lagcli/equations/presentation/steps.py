@@ -1,0 +1,138 @@
+"""The derivation step by step, the textbook's way."""
+
+from __future__ import annotations
+
+from lagcli.equations.presentation import general
+from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.typeset import Node, Partial, Rate, Symbol, sum_of
+
+
+def steps(f: Formulas) -> tuple[Step, ...]:
+    """Derive the equations step by step, as the textbook does.
+
+    Parameters
+    ----------
+    f : Formulas
+        Of the system.
+
+    Returns
+    -------
+    tuple of Step
+    """
+    signs = general.Signs(f.model)
+    found = [_definitions(f), _energies(f, signs)]
+    found += _derivatives(f, signs)
+    found += [_forces(f), _constraints(f), _variations(f), _unassembled(f, signs), _assembled(f)]
+    found.append(_closing(f))
+    return tuple(step for step in found if step is not None)
+
+
+def _definitions(f: Formulas) -> Step | None:
+    lines = f.all_definition_lines()
+    return Step("Definitions", lines) if lines else None
+
+
+def _energies(f: Formulas, signs: general.Signs) -> Step:
+    e, trees = f.equations, f.model.trees
+    if f.model.kinetic is None:
+        sides: list[Node] = [signs.lagrangian, f.written(trees["L"])]
+        if f.uses_definitions(trees["L"]):
+            sides.append(f.arrange(e.lagrangian))
+        return Step("Lagrangian", (Line(tuple(sides)),))
+    lines, out = [], []
+    for sign, key, expression in (
+        (signs.kinetic, "T", e.kinetic),
+        (signs.potential, "V", e.potential),
+    ):
+        sides = [sign]
+        if key in trees:
+            sides.append(f.written(trees[key]))
+        if key not in trees or f.uses_definitions(trees[key]):
+            sides += [x for x in [f.arrange(expression)] if x not in sides]
+        out.append(sides[-1])
+        lines.append(Line(tuple(sides)))
+    difference = sum_of([(1, signs.kinetic), (-1, signs.potential)])
+    lines.append(Line((signs.lagrangian, difference, sum_of([(1, out[0]), (-1, out[1])]))))
+    return Step("Kinetic energy, potential energy, Lagrangian", tuple(lines))
+
+
+def _derivatives(f: Formulas, signs: general.Signs) -> list[Step]:
+    e, lag = f.equations, signs.lagrangian
+    q = f.coordinates
+    v = [Symbol(x.name, 1) for x in q]
+    by_position = [Partial(lag, x) for x in q]
+    by_velocity = [Partial(lag, x) for x in v]
+    rates = [Rate(p) for p in by_velocity]
+    return [
+        Step(title, tuple(Line((x, f.arrange(y))) for x, y in zip(left, right, strict=True)))
+        for title, left, right in (
+            ("Derivatives by the coordinates", by_position, e.gradient),
+            ("Derivatives by the velocities", by_velocity, e.momenta),
+            ("Their total time derivatives", rates, e.momentum_rates),
+        )
+    ]
+
+
+def _forces(f: Formulas) -> Step | None:
+    applied = zip(f.coordinates, f.equations.applied_forces, strict=True)
+    lines = tuple(Line((general.force(x), f.arrange(q))) for x, q in applied if q != 0)
+    if not lines:
+        return None
+    remark = "From the virtual work of the forces that have no potential (8.78)."
+    if f.model.dissipation is not None:
+        remark += " The dissipation function adds minus its derivatives by the velocities."
+    return Step("Generalized forces", lines, remark)
+
+
+def _constraints(f: Formulas) -> Step | None:
+    lines: list[Line] = []
+    for c in f.equations.constraints:
+        name = c.constraint.name
+        lines.append(Line(f.constraint_line(c).sides, name, c.constraint.kind))
+        if c.position is not None:
+            lines.append(f.rate_line(c))
+    if not lines:
+        return None
+    differentiated = any(c.position is not None for c in f.equations.constraints)
+    remark = "Below each holonomic one stands its time derivative." if differentiated else None
+    return Step("Constraints", tuple(lines), remark)
+
+
+def _variations(f: Formulas) -> Step | None:
+    lines = tuple(
+        Line(f.variation_line(c).sides, c.constraint.name) for c in f.equations.constraints
+    )
+    if not lines:
+        return None
+    remark = "Virtual displacements are taken at a fixed time (8.79)."
+    return Step("Virtual displacements", lines, remark)
+
+
+def _unassembled(f: Formulas, signs: general.Signs) -> Step:
+    lag = signs.lagrangian
+    lines = []
+    for i, x in enumerate(f.coordinates):
+        left = sum_of([(1, Rate(Partial(lag, Symbol(x.name, 1)))), (-1, Partial(lag, x))])
+        lines.append(Line((left, f.right_side(i, forces_named=True))))
+    forced = any(q != 0 for q in f.equations.applied_forces)
+    law = "(8.85), written with the Lagrangian" if forced else "(8.86)"
+    title = "Lagrange's equations of the first kind"
+    if not f.equations.constraints:
+        title, law = "Lagrange's equations", "without constraints"
+    return Step(title, tuple(lines), f"Equations {law}.")
+
+
+def _assembled(f: Formulas) -> Step:
+    lines = tuple(Line(f.equation_line(i).sides, x) for i, x in enumerate(f.coordinates))
+    return Step("Equations of motion", lines)
+
+
+def _closing(f: Formulas) -> Step | None:
+    constraints = f.equations.constraints
+    if not constraints:
+        return None
+    lines = tuple(Line(f.constraint_line(c).sides, c.constraint.name) for c in constraints)
+    k, r = len(f.coordinates), len(constraints)
+    unknowns = f"{k} coordinate{'s' * (k > 1)} and {r} multiplier{'s' * (r > 1)}"
+    remark = f"{k + r} equations in {k + r} unknowns: {unknowns}."
+    return Step("Closed by the constraints", lines, remark)

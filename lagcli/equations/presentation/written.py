@@ -1,0 +1,199 @@
+"""The model's own text as formulas: as the author wrote it, with the names of definitions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from functools import lru_cache, partial
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.equations.presentation import typeset
+from lagcli.equations.presentation.typeset import Node, product_of, quotient_of, sum_of
+from lagcli.equations.simplification.monomials import Exact
+from lagcli.model.expression import trees
+from lagcli.model.expression.building import build
+from lagcli.model.expression.grammar import Tree
+from lagcli.model.expression.quantities import constant
+from lagcli.model.model import Constraint, Model
+from lagcli.model.names.members import family_of
+from lagcli.model.names.scope import ModelScope
+from lagcli.model.names.scoping import Sized
+from lagcli.model.symbols import Context, Symbols
+
+_HALF = typeset.Number(Fraction(1, 2))
+
+
+Indices = Mapping[str, int]
+_NONE: Indices = {}
+
+
+def written(
+    tree: Tree,
+    model: Model,
+    values: Mapping[str, Exact] | None = None,
+    indices: Indices = _NONE,
+) -> Node:
+    """Return a tree of the grammar as a formula, sums over an index term by term.
+
+    Parameters
+    ----------
+    tree : Tree
+        Of the model.
+    model : Model
+    values : mapping of str to exact numbers, optional
+        Parameters to be replaced by their values.
+    indices : mapping of str to int
+        The values of the index, in the tree of a family.
+    """
+    return _SourceFormulas(model, dict(values or {}), indices).node(tree)
+
+
+def named_in(tree: Tree, model: Model, indices: Indices = _NONE) -> tuple[str, ...]:
+    """Return the definitions that a tree uses, each after those that it needs itself."""
+    scope = scope_of(model)
+    found: dict[str, None] = {}
+    stack: list[tuple[Tree | str, Indices, bool]] = [(tree, indices, False)]
+    while stack:
+        item, here, done = stack.pop()
+        if isinstance(item, str):
+            definition = model.definitions[item]
+            if done:
+                found[item] = None
+            elif item not in found:
+                stack += [(item, here, True), (definition.tree, definition.indices, False)]
+            continue
+        scope.values.clear()
+        scope.values.update(here)
+        if isinstance(item, trees.Name):
+            name, _ = scope.named(item)
+            if name in model.definitions:
+                stack.append((name, {}, False))
+        elif isinstance(item, trees.IndexedSumExpr):
+            values = reversed(scope.indices.range(item.range))
+            stack.extend((item.term, {**here, item.index: k}, False) for k in values)
+        else:
+            stack.extend((part, here, False) for part in reversed(item.parts))
+    return tuple(found)
+
+
+def sides_built(constraint: Constraint, model: Model) -> tuple[Basic, ...]:
+    """Return the sides of a constraint as expressions, definitions written out."""
+    scope = scope_of(model)
+    scope.values.update(constraint.indices)
+    sides = (constraint.left, constraint.right)
+    return tuple(build(side, scope).value for side in sides if side is not None)
+
+
+def scope_of(model: Model) -> ModelScope:
+    """Return the names of a model, definitions standing for what they are written out."""
+    return ModelScope(_names(model), Context("the formula", accelerations=True, multipliers=True))
+
+
+@lru_cache(maxsize=2)  # a formula is written for each of many members
+def _names(model: Model) -> Symbols:
+    families: dict[str, set[str]] = {}
+    for kind, known in (
+        ("coordinate", model.coordinate_names),
+        ("definition", model.definitions),
+        ("parameter", model.parameters),
+    ):
+        for name in known:
+            if name.endswith("]"):
+                families.setdefault(family_of(name), set()).add(kind)
+    return Symbols(
+        coordinates=dict.fromkeys(model.coordinate_names),
+        constraints=dict.fromkeys(model.constraint_names),
+        parameters={name: partial(se.Symbol, name) for name in model.parameters},
+        definitions={name: partial(Sized, d.value, 1) for name, d in model.definitions.items()},
+        constants={n: partial(constant, p.value) for n, p in model.parameters.items()},
+        families=families,
+    )
+
+
+class _SourceFormulas:
+    def __init__(self, model: Model, values: dict[str, Exact], indices: Indices):
+        self.model, self.values = model, values
+        self.scope = scope_of(model)
+        self.scope.values.update(indices)
+
+    def node(self, tree: Tree) -> Node:
+        match tree:
+            case trees.NumberExpr():
+                return typeset.Number(tree.value)
+            case trees.Name():
+                return self._name(tree)
+            case trees.SumExpr():
+                return sum_of((sign, self.node(term)) for sign, term in tree.terms)
+            case trees.IndexedSumExpr():
+                return sum_of((1, self.node(tree.term)) for _ in self.scope.each(tree))
+            case trees.ProductExpr():
+                return self._product(tree)
+            case trees.PowerExpr():
+                return self._power(self.node(tree.base), self.node(tree.exponent))
+            case trees.CallExpr():
+                return self._call(tree)
+            case trees.VectorExpr():
+                return typeset.Vector(tuple(map(self.node, tree.items)))
+            case trees.Comparison():
+                sides = [self.node(operand) for operand in tree.operands]
+                pairs = zip(sides, tree.operators, sides[1:], strict=False)
+                links = tuple(typeset.Relation(*pair) for pair in pairs)
+                return links[0] if len(links) == 1 else typeset.Logical("and", links)
+            case trees.LogicalExpr():
+                return typeset.Logical(tree.operator, tuple(map(self.node, tree.operands)))
+        raise AssertionError(f"no such tree: {tree!r}")
+
+    def _name(self, tree: trees.Name) -> Node:
+        if tree.text in self.scope.values:
+            return typeset.Number(Fraction(self.scope.values[tree.text]))
+        name, dots = self.scope.named(tree)
+        if name in self.values:
+            return typeset.Number(Fraction(self.values[name]))
+        if name == "pi" and name not in self.model.parameters:
+            return typeset.Symbol("pi", kind="constant")
+        if name.startswith("lambda."):
+            return typeset.Symbol(name.removeprefix("lambda."), kind="multiplier")
+        return typeset.Symbol(name, dots)
+
+    def _product(self, tree: trees.ProductExpr) -> Node:
+        above: list[Node] = []
+        below: list[Node] = []
+        number = Fraction(1)
+        for exponent, factor in tree.factors:
+            node = self.node(factor)
+            if exponent > 0:
+                above.append(node)
+            elif isinstance(node, typeset.Number) and node.value:
+                number /= node.value
+            else:
+                below.append(node)
+        above.insert(0, typeset.Number(number))
+        return quotient_of(product_of(above), product_of(below)) if below else product_of(above)
+
+    def _power(self, base: Node, exponent: Node) -> Node:
+        if exponent == _HALF:
+            return typeset.Root(base)
+        if (
+            isinstance(base, typeset.Number)
+            and isinstance(exponent, typeset.Number)
+            and exponent.value.denominator == 1
+            and abs(exponent.value) <= 20
+            and (base.value or exponent.value > 0)
+        ):
+            return typeset.Number(base.value ** int(exponent.value))
+        return typeset.Power(base, exponent)
+
+    def _call(self, tree: trees.CallExpr) -> Node:
+        arguments = tuple(map(self.node, tree.arguments))
+        match tree.function:
+            case "sqrt":
+                return typeset.Root(arguments[0])
+            case "cbrt":
+                return typeset.Root(arguments[0], 3)
+            case "if":
+                return typeset.Cases(*arguments)
+            case "pow":
+                return self._power(*arguments)
+        return typeset.Call("abs" if tree.function == "fabs" else tree.function, arguments)

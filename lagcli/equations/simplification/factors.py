@@ -1,0 +1,198 @@
+"""Factors of a term: their order on paper, and sums written as products."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Literal
+
+from lagcli.equations.presentation.typeset import (
+    Node,
+    Number,
+    Power,
+    Root,
+    Sum,
+    product_of,
+    quotient_of,
+    sum_of,
+)
+from lagcli.equations.simplification.monomials import (
+    Exact,
+    Monomial,
+    Polynomial,
+    content_of,
+    product,
+    times,
+)
+
+Place = tuple[Any, ...]
+ContentStyle = Literal["shortest", "whole", "decimal"]
+
+# the order of factors in a term: λ m (a + b) r (φ̇ + ψ̇) φ̇ sin φ (φ̇ + ψ̇)² […]
+MULTIPLIER, PARAMETER, POSITION, BRACKET = range(4)
+ACCELERATION, VELOCITY, FUNCTION, SQUARE, LAST = range(4, 9)
+
+
+#: Of a number that is written as a fraction; a larger one makes it a decimal.
+LARGEST_DENOMINATOR = 12
+
+
+@dataclass(frozen=True)
+class TermFactor:
+    """A factor base^exponent and its place among the others."""
+
+    node: Node
+    exponent: Fraction
+    place: Place
+
+    @property
+    def written(self) -> Node:
+        """The factor without the sign of its exponent."""
+        power = abs(self.exponent)
+        if power == 1:
+            return self.node
+        if power in (Fraction(1, 2), Fraction(1, 3)):
+            return Root(self.node, power.denominator)
+        return Power(self.node, Number(power))
+
+
+@dataclass(frozen=True)
+class Term:
+    """A number times factors."""
+
+    coefficient: Fraction
+    factors: tuple[TermFactor, ...]
+
+    def __mul__(self, other: Term) -> Term:
+        a, b = self.coefficient, other.coefficient
+        return Term(b if a == 1 else a if b == 1 else a * b, self.factors + other.factors)
+
+    def node(self) -> Node:
+        """Return the term as it is written, factors in order, negative powers below the line."""
+        ordered = sorted(self.factors, key=lambda f: f.place)
+        below = [f.written for f in ordered if f.exponent < 0]
+        above = [f.written for f in ordered if f.exponent > 0]
+        number = Number(self.coefficient)
+        if self.coefficient == -1 and len(above) == len(ordered) == 1 and isinstance(above[0], Sum):
+            opened = [(-sign, term) for sign, term in above[0].terms]  # −(a − b) is b − a
+            return sum_of(sorted(opened, key=lambda x: x[0] < 0))
+        if not below:
+            return product_of([number, *above])
+        brackets: list[Node] = [n for n in above if isinstance(n, Sum)]
+        plain: list[Node] = [n for n in above if not isinstance(n, Sum)]
+        if not plain and len(brackets) == 1:
+            plain, brackets = brackets, plain
+        fraction = quotient_of(product_of([number, *plain]), product_of(below))
+        return product_of([fraction, *brackets])
+
+
+@dataclass(frozen=True)
+class Factored:
+    """content · common · rest^exponent."""
+
+    content: Fraction
+    common: Monomial
+    rest: Polynomial
+    exponent: int
+
+
+def factored(terms: Polynomial, order: Callable[[Monomial], Any], style: ContentStyle) -> Factored:
+    """Write a sum as a product, as far as a person sees it: common factors, a perfect square.
+
+    Parameters
+    ----------
+    terms : polynomial of two terms or more
+    order : function of a monomial
+        A key: in which order the terms will be written.
+    style : str
+        See `presentable_content`.
+    """
+    common = common_part(terms)
+    content = presentable_content(terms.values(), style)
+    leading = terms[min(terms, key=order)]
+    if all(c < 0 for c in terms.values()) or (leading < 0 and common):
+        content = -content
+    rest: Polynomial = {divide(m, common): c / content for m, c in terms.items()}
+    root = square_root(rest)
+    if root is not None:
+        return Factored(content, common, root, 2)
+    return Factored(content, common, rest, 1)
+
+
+def common_part(terms: Iterable[Monomial]) -> Monomial:
+    """Return the greatest monomial that divides all, below the line the least."""
+    shared: dict[int, int] | None = None
+    for monomial in terms:
+        exponents = dict(monomial)
+        if shared is None:
+            shared = exponents
+            continue
+        for g in set(shared) | set(exponents):
+            shared[g] = min(shared.get(g, 0), exponents.get(g, 0))
+    return tuple(sorted((g, n) for g, n in (shared or {}).items() if n))
+
+
+def divide(monomial: Monomial, by: Monomial) -> Monomial:
+    """Return monomial/by."""
+    if not by:
+        return monomial
+    return times(monomial, tuple((g, -n) for g, n in by))
+
+
+def presentable_content(values: Iterable[Exact], style: ContentStyle) -> Fraction:
+    """Return the number to take out of a sum.
+
+    ``shortest`` takes out what leaves less to write, ``whole`` leaves whole numbers without a
+    common factor, ``decimal`` leaves decimals as they are unless they are all the same.
+    """
+    listed = [Fraction(v) for v in values]
+    if len({abs(v) for v in listed}) == 1:
+        return abs(listed[0])
+    if style == "decimal" or any(v.denominator > LARGEST_DENOMINATOR for v in listed):
+        return Fraction(1)  # 0.0589 x − 0.0076 y, not 0.0001 (589 x − 76 y)
+    content = content_of(listed)
+    if style == "whole":
+        return content
+    kept = sum(_signs(v) for v in listed)
+    taken = _signs(content) + sum(_signs(v / content) for v in listed)
+    return content if taken < kept or (taken == kept and content > 1) else Fraction(1)
+
+
+def _signs(value: Fraction) -> int:
+    """Count the signs that a coefficient takes."""
+    if abs(value) == 1:
+        return 0
+    return len(str(abs(value.numerator))) + (value.denominator > LARGEST_DENOMINATOR) * 2
+
+
+def square_root(terms: Mapping[Monomial, Exact]) -> Polynomial | None:
+    """Return the linear form of which the terms are the square; None if there is none."""
+    if not 3 <= len(terms) <= 15:
+        return None
+    roots: dict[int, Fraction] = {}
+    for monomial, c in terms.items():
+        if sum(n for _, n in monomial) != 2 or any(n < 0 for _, n in monomial):
+            return None
+        if len(monomial) == 1:
+            value = _rational_root(Fraction(c))
+            if value is None:
+                return None
+            roots[monomial[0][0]] = value
+    if not roots:
+        return None
+    first = min(roots)
+    form: Polynomial = {}
+    for g, value in roots.items():
+        cross = terms.get(tuple(sorted(((first, 1), (g, 1)))), 0) if g != first else 1
+        form[((g, 1),)] = value if cross > 0 else -value
+    squared = product(form, form)
+    return form if squared == dict(terms) else None
+
+
+def _rational_root(value: Fraction) -> Fraction | None:
+    if value < 0:
+        return None
+    root = Fraction(math.isqrt(value.numerator), math.isqrt(value.denominator))
+    return root if root * root == value else None

@@ -1,0 +1,365 @@
+"""SymEngine expressions as sums of monomials.
+
+A monomial is a product of generators with integer exponents; a generator is a symbol, a function
+of something, a root, or a sum that is better left whole. Generators fall into three classes, by
+which formulas are arranged: parameters, functions of position and time, and what moves
+(multipliers, accelerations, velocities).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.model.expression.identities import constant_value
+from lagcli.model.model import Model, acceleration, multiplier, velocity
+
+Exact = int | Fraction
+Monomial = tuple[tuple[int, int], ...]  # (generator, exponent), by generator
+Polynomial = dict[Monomial, Exact]
+Place = tuple[tuple[int, ...], int, str]
+Head = Literal["symbol", "function", "root", "power", "sum", "cases"]
+Class = Literal["parameter", "function", "multiplier", "acceleration", "velocity"]
+
+MAX_TERMS = 500  # beyond it nobody reads an expansion
+UNIT: Monomial = ()
+
+
+class TooLarge(Exception):
+    """An expansion grows beyond what is worth printing."""
+
+
+@dataclass(frozen=True)
+class Generator:
+    """What monomials are made of.
+
+    Parameters
+    ----------
+    head : str
+        What it is.
+    name : str
+        Of a symbol or function.
+    arguments : tuple of expressions
+        Of a function; the base of a root; base and exponent of a power; the sum or the cases.
+    degree : int
+        Of a root: the generator is base^(1/degree).
+    """
+
+    head: Head
+    name: str = ""
+    arguments: tuple[Basic, ...] = ()
+    degree: int = 1
+
+
+def exact(value: Basic) -> Exact:
+    """Return the value of a SymEngine number."""
+    if isinstance(value, se.Integer):
+        return int(value)
+    if isinstance(value, se.Rational):
+        p, q = value.get_num_den()
+        return Fraction(int(p), int(q))
+    return Fraction(repr(float(value)))  # the decimal that the double was written as
+
+
+def times(a: Monomial, b: Monomial) -> Monomial:
+    """Return the product of two monomials."""
+    if not a:
+        return b
+    if not b:
+        return a
+    exponents = dict(a)
+    for generator, power in b:
+        exponents[generator] = exponents.get(generator, 0) + power
+    return tuple(sorted((g, n) for g, n in exponents.items() if n))
+
+
+def add_to(total: Polynomial, monomial: Monomial, coefficient: Exact) -> None:
+    """Add a term in place."""
+    value = total.get(monomial, 0) + coefficient
+    if value:
+        total[monomial] = value
+    else:
+        total.pop(monomial, None)
+
+
+def product(a: Polynomial, b: Polynomial) -> Polynomial:
+    """Return the product of two polynomials."""
+    if len(a) * len(b) > 4 * MAX_TERMS:
+        raise TooLarge
+    total: Polynomial = {}
+    for m, x in a.items():
+        for n, y in b.items():
+            add_to(total, times(m, n), x * y)
+    if len(total) > MAX_TERMS:
+        raise TooLarge
+    return total
+
+
+class MonomialExpansion:
+    """The generators of a model's formulas, and expressions expanded in them.
+
+    Parameters
+    ----------
+    model : Model
+    order : sequence of str
+        The parameters, in the order in which they are to be written.
+    values : mapping of str to exact numbers, optional
+        Parameters to be replaced by their values.
+    open_sums : bool
+        Whether sums of parameters are multiplied out too, or stay whole: (e − e_a).
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        order: Iterable[str],
+        values: Mapping[str, Exact] | None = None,
+        open_sums: bool = False,
+    ):
+        self.values = dict(values or {})
+        self.open_sums = open_sums
+        self.generators: list[Generator] = []
+        self.classes: list[Class] = []
+        self.places: list[Place] = []
+        self._index: dict[Generator, int] = {}
+        self._known: dict[Basic, Polynomial] = {}
+        self._class_of: dict[str, Class] = {"pi": "parameter"}
+        # the written order of symbols is the order of their indices
+        for name in ("pi", *order):
+            self._class_of[name] = "parameter"
+        coordinates = model.coordinate_names
+        self._class_of.update(dict.fromkeys(coordinates, "function"))
+        for c in model.constraint_names:
+            self._class_of[multiplier(c).name] = "multiplier"
+        self._class_of.update({acceleration(q).name: "acceleration" for q in coordinates})
+        self._class_of.update({velocity(q).name: "velocity" for q in coordinates})
+        for name in self._class_of:
+            self.index(Generator("symbol", name))
+
+    def index(self, generator: Generator) -> int:
+        """Return the number of a generator."""
+        found = self._index.get(generator)
+        if found is None:
+            found = self._index[generator] = len(self.generators)
+            self.generators.append(generator)
+            self.classes.append(self._classify(generator))
+            self.places.append(((), 0, ""))
+            self.places[found] = self._place(generator, found)
+        return found
+
+    def order(self, monomial: Monomial) -> tuple[tuple[Place, int], ...]:
+        """Return a key that sorts x² before x y before y², sin before cos, as names are written."""
+        return tuple(sorted((self.places[g], -n) for g, n in monomial))
+
+    def ranks(self, symbols: Iterable[Basic]) -> tuple[int, ...]:
+        """Return the places of symbols in the order of writing."""
+        return tuple(sorted(self.index(Generator("symbol", s.name)) for s in symbols))
+
+    def _place(self, generator: Generator, index: int) -> Place:
+        """Return where a generator stands among others: by its symbols, then sin before cos."""
+        if generator.head == "symbol":
+            return (index,), 0, ""
+        free = set().union(*(a.free_symbols for a in generator.arguments))
+        kind = {"sin": 1, "cos": 2, "tan": 3}.get(generator.name, 4)
+        return self.ranks(free), kind, f"{generator.name} {generator.arguments}"
+
+    def _classify(self, generator: Generator) -> Class:
+        if generator.head == "symbol":
+            return self._class_of.get(generator.name, "function")
+        free = set().union(*(a.free_symbols for a in generator.arguments))
+        inside = {self._class_of.get(s.name, "function") for s in free}
+        return "parameter" if inside <= {"parameter"} else "function"
+
+    def class_of(self, symbol: Basic) -> Class:
+        """Return the class of a symbol."""
+        return self._class_of.get(symbol.name, "function")
+
+    def is_parameter(self, symbol: Basic) -> bool:
+        """Whether a symbol is a parameter."""
+        return self.class_of(symbol) == "parameter"
+
+    def polynomial(self, expression: Basic) -> Polynomial:
+        """Expand an expression.
+
+        Raises
+        ------
+        TooLarge
+            It has more than `MAX_TERMS` terms.
+        """
+        known = self._known.get(expression)
+        if known is None:
+            known = self._known[expression] = self._expand(expression)
+        return known
+
+    def _expand(self, e: Basic) -> Polynomial:
+        if isinstance(e, se.Number):
+            value = exact(e)
+            return {UNIT: value} if value else {}
+        if isinstance(e, se.Symbol):
+            if e.name in self.values:
+                value = self.values[e.name]
+                return {UNIT: value} if value else {}
+            return self._one(Generator("symbol", e.name))
+        if isinstance(e, se.Add):
+            return self._sum(e)
+        if isinstance(e, se.Mul):
+            total: Polynomial = {UNIT: 1}
+            for factor in e.args:
+                total = product(total, self.polynomial(factor))
+            return total
+        if isinstance(e, se.Pow):
+            return self._power(*e.args)
+        if isinstance(e, se.Piecewise):
+            return self._cases(e)
+        if e == se.pi:
+            return self._constant(math.pi) or self._one(Generator("symbol", "pi"))
+        return self._function(e)
+
+    def _one(self, generator: Generator, exponent: int = 1) -> Polynomial:
+        return {((self.index(generator), exponent),): 1}
+
+    def _constant(self, value: float) -> Polynomial | None:
+        """Return a number where parameters have values; else constants stay what they are."""
+        return {UNIT: Fraction(repr(value))} if self.values and math.isfinite(value) else None
+
+    def _number(self, e: Basic) -> Fraction | None:
+        """Return the value of an expression that is a number once parameters have values."""
+        if not self.values or any(s.name not in self.values for s in e.free_symbols):
+            return None
+        terms = self.polynomial(e)
+        if not terms:
+            return Fraction(0)
+        return Fraction(terms[UNIT]) if set(terms) == {UNIT} else None
+
+    def _sum(self, e: Basic) -> Polynomial:
+        if self._of_parameters(e):
+            sign, whole = self.oriented(e)
+            numbers = whole.as_coefficients_dict()
+            content = Fraction(0)
+            for c in numbers.values():
+                content = _gcd(content, Fraction(exact(c)))
+            if content not in (0, 1):
+                whole = se.Add(*[x / se.Rational(*content.as_integer_ratio()) for x in whole.args])
+            if isinstance(whole, se.Add):
+                return {((self.index(Generator("sum", "", (whole,))), 1),): sign * content}
+        total: Polynomial = {}
+        for term in e.args:
+            for monomial, coefficient in self.polynomial(term).items():
+                add_to(total, monomial, coefficient)
+            if len(total) > MAX_TERMS:
+                raise TooLarge
+        return total
+
+    def _of_parameters(self, e: Basic) -> bool:
+        """Whether a sum holds parameters only, and stands for itself: (e − e_a)."""
+        if self.values or self.open_sums:
+            return False
+        return all(self._class_of.get(s.name) == "parameter" for s in e.free_symbols)
+
+    def oriented(self, e: Basic) -> tuple[int, Basic]:
+        """Return ±1 and ±e, so that the first name in writing order has a positive sign."""
+        first: tuple[tuple[int, ...], Exact] | None = None
+        for term, coefficient in e.as_coefficients_dict().items():
+            ranks = tuple(
+                sorted(self.index(Generator("symbol", s.name)) for s in term.free_symbols)
+            ) or (10**9,)
+            if first is None or ranks < first[0]:
+                first = ranks, exact(coefficient)
+        if first is not None and first[1] < 0:
+            return -1, se.expand(-e)
+        return 1, e
+
+    def _power(self, base: Basic, exponent: Basic) -> Polynomial:
+        number = self._number(exponent) if self.values else None
+        if number is not None and not isinstance(exponent, se.Number):
+            exponent = se.Rational(*number.as_integer_ratio())
+        if base == se.E:
+            value = self._number(exponent)
+            if value is not None:
+                return self._constant(math.exp(value)) or {}
+            return self._one(Generator("function", "exp", (exponent,)))
+        if not isinstance(exponent, se.Integer | se.Rational):
+            return self._one(Generator("power", "", (base, exponent)))
+        power = Fraction(exact(exponent))
+        value = self._number(base)
+        if value is None and isinstance(base, se.Add) and (power < 0 or power.denominator > 1):
+            hidden = constant_value(base)
+            if hidden is not None and exact(hidden) > 0:
+                return self.polynomial(hidden**exponent)
+        if value is not None:
+            if power.denominator == 1 and (value != 0 or power > 0) and abs(power) <= 20:
+                return {UNIT: value ** int(power)} if value else {}
+            if value > 0:
+                return self._constant(float(value) ** float(power)) or {}
+        if power.denominator != 1:
+            root = Generator("root", "", (base,), power.denominator)
+            return self._one(root, power.numerator)
+        n = power.numerator
+        if isinstance(base, se.Add):
+            inside = self.polynomial(base)
+            if len(inside) == 1:  # a sum of parameters, or one that collapsed
+                ((monomial, coefficient),) = inside.items()
+                return {tuple((g, k * n) for g, k in monomial): Fraction(coefficient) ** n}
+            if n < 0 or n > 8 or (n > 1 and self._hard(inside)):
+                return self._one(Generator("sum", "", (base,)), n)
+            total = inside
+            for _ in range(n - 1):
+                total = product(total, inside)
+            return total
+        inside = self.polynomial(base)
+        if len(inside) == 1:
+            ((monomial, coefficient),) = inside.items()
+            return {tuple((g, k * n) for g, k in monomial): Fraction(coefficient) ** n}
+        return self._one(Generator("sum", "", (base,)), n)
+
+    def _hard(self, terms: Polynomial) -> bool:
+        """Whether a sum knows roots or quotients, which squaring would only multiply."""
+        return any(
+            exponent < 0 or self.generators[g].head in ("root", "cases", "power")
+            for monomial in terms
+            for g, exponent in monomial
+            if self.classes[g] != "parameter"
+        )
+
+    def _cases(self, e: Basic) -> Polynomial:
+        """Return cases that agree as their common value; else a generator."""
+        first, *others = [self.polynomial(value) for value in e.args[::2]]
+        if all(other == first for other in others):
+            return first
+        return self._one(Generator("cases", "", (e,)))
+
+    def _function(self, e: Basic) -> Polynomial:
+        name = type(e).__name__.lower()
+        arguments = e.args
+        if self.values:
+            numbers = [self._number(a) for a in arguments]
+            if all(n is not None for n in numbers):
+                value = float(e.func(*[float(n) for n in numbers if n is not None]))
+                return self._constant(value) or {}
+        if name in ("sin", "cos", "tan") and isinstance(arguments[0], se.Add | se.Mul):
+            sign, argument = self.oriented(arguments[0])
+            sign = 1 if name == "cos" else sign
+            return {((self.index(Generator("function", name, (argument,))), 1),): sign}
+        return self._one(Generator("function", name, arguments))
+
+
+def _gcd(a: Fraction, b: Fraction) -> Fraction:
+    """Return the greatest fraction of which both are multiples."""
+    return Fraction(
+        math.gcd(a.numerator * b.denominator, b.numerator * a.denominator),
+        a.denominator * b.denominator,
+    )
+
+
+def content_of(values: Iterable[Exact]) -> Fraction:
+    """Return the greatest fraction of which all values are multiples."""
+    found = Fraction(0)
+    for value in values:
+        found = _gcd(found, Fraction(value))
+    return found or Fraction(1)

@@ -1,0 +1,1 @@
+"""Expressions of the model language: text to tokens, trees and SymEngine."""

@@ -1,0 +1,410 @@
+"""Trees of the grammar → SymEngine expressions, vectors and matrices.
+
+Nothing of the user's text reaches an evaluator: names are looked up in a scope, operations are
+SymEngine's, every step is bounded, and every constant is checked as soon as it is built.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import symengine as se
+from symengine import Basic
+from symengine.lib.symengine_wrapper import Boolean
+
+from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken
+from lagcli.model.expression import tensors
+from lagcli.model.expression.calls import TENSOR_FUNCTIONS, check_call, tensor_call
+from lagcli.model.expression.constants import cases, fault, relation
+from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.model.expression.linearity import count_operations
+from lagcli.model.expression.tensors import ShapeError, Tensor
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.trees import (
+    CallExpr,
+    Comparison,
+    IndexedSumExpr,
+    LogicalExpr,
+    Name,
+    NumberExpr,
+    PowerExpr,
+    ProductExpr,
+    SumExpr,
+    Tree,
+    VectorExpr,
+)
+from lagcli.model.names.renaming import Repeated
+from lagcli.model.names.scoping import Scope, Sized, Value
+
+MAX_POWER = 1000  # larger constant exponents are typing errors
+MAX_BITS = 10_000  # of an exact number
+MAX_SIZE = 2_000_000  # operations of one expression when its definitions are written out
+MAX_TERMS = 100_000  # of the sums over an index in one expression
+MAX_DEPTH = 200  # functions of functions; SymEngine differentiates by recursion
+
+
+def name_errors(tree: Tree, scope: Scope) -> tuple[list[ExpressionError], bool]:
+    """Return what is wrong with the names and calls of a tree, and whether one is broken.
+
+    The search ends where there are more errors than a report shows.
+    """
+    errors: list[ExpressionError] = []
+    subjects: set[str | int] = set()
+    broken = False
+    stack = [(tree, scope)]
+    while stack and len(subjects) <= MAX_DIAGNOSTICS:
+        part, inside = stack.pop()
+        try:
+            if isinstance(part, Name):
+                inside.check(part)
+            elif isinstance(part, CallExpr):
+                check_call(part, inside)
+            elif isinstance(part, IndexedSumExpr):
+                inside = inside.check_series(part)
+        except ExpressionError as error:
+            errors.append(error)
+            subjects.add(error.subject or error.start)
+            if isinstance(part, IndexedSumExpr):
+                continue
+        except Broken:
+            broken = True
+        stack.extend((below, inside) for below in reversed(part.parts))
+    return errors, broken
+
+
+def build(tree: Tree, scope: Scope) -> Sized:
+    """Turn a tree into a value.
+
+    Raises
+    ------
+    ExpressionError
+        A name, function, shape, number or size that does not fit, at its place.
+    """
+    return _ExpressionBuilder(scope).operand(tree)
+
+
+def _is_boolean(value: object) -> bool:
+    return isinstance(value, (bool, Boolean))
+
+
+def kind_of(value: Value) -> str:
+    """Say what a value is, for messages."""
+    return value.kind if isinstance(value, Tensor) else "a scalar"
+
+
+def _error(kind: str, message: str, tree: Tree, help_: str | None = None) -> ExpressionError:
+    return ExpressionError(kind, message, tree.start, tree.end, help_)
+
+
+_NOT_REAL = (
+    "roots and logarithms need positive arguments, asin, acos and atanh arguments in [-1, 1],"
+    " acosh at least 1"
+)
+
+
+# how often a function of vectors or rotations repeats its arguments
+_COPIES = {"cross": 2, "norm": 2, "rot_x": 4, "rot_y": 4, "rot_z": 4, "rot": 12, "quat": 6}
+
+
+class _ExpressionBuilder:
+    def __init__(self, scope: Scope):
+        self.scope = scope
+        self.terms = 0  # of sums over an index
+
+    def any(self, tree: Tree) -> Sized:
+        """Build a value or a condition."""
+        try:
+            match tree:
+                case NumberExpr():
+                    value = se.Rational(tree.value.numerator, tree.value.denominator)
+                    return self.made(tree, value, [])
+                case Name():
+                    return self.scope.lookup(tree)
+                case SumExpr():
+                    return self.sum(tree)
+                case IndexedSumExpr():
+                    return self.series(tree)
+                case ProductExpr():
+                    return self.product(tree)
+                case PowerExpr():
+                    return self.power(tree)
+                case CallExpr():
+                    return self.call(tree)
+                case VectorExpr():
+                    return self.vector(tree)
+                case Comparison():
+                    return self.comparison(tree)
+                case LogicalExpr():
+                    return self.logical(tree)
+        except ShapeError as error:
+            raise _error("shape", str(error), tree) from None
+        except (RuntimeError, ValueError):  # what SymEngine says to infinities in functions
+            raise _error("not-a-number", "this has no value", tree, _NOT_REAL) from None
+        raise AssertionError(f"no such tree: {tree!r}")
+
+    def made(
+        self,
+        tree: Tree,
+        value: Any,
+        parts: Sequence[Sized],
+        copies: int = 1,
+        levels: int = 0,
+        size: int | None = None,
+    ) -> Sized:
+        """Return a value made of parts, if it is a real number and not too large.
+
+        Its size is that of the copies of its parts, if not given; its depth that of the deepest
+        part and the levels put on it.
+        """
+        if size is None:
+            size = 1 + copies * sum(p.size for p in parts)
+        depth = levels + max((p.depth for p in parts), default=0)
+        if size > MAX_SIZE or depth > MAX_DEPTH:
+            raise _error(
+                "too-large",
+                f"the expression takes more than {MAX_SIZE:,} operations when its definitions"
+                " are written out"
+                if size > MAX_SIZE
+                else f"with its definitions written out, the expression is nested more than"
+                f" {MAX_DEPTH} functions deep",
+                tree,
+                "let definitions refer to each other less often",
+            )
+        constant = all(p.constant for p in parts)
+        entries = value.entries if isinstance(value, Tensor) else (value,)
+        for entry in entries:
+            if isinstance(entry, se.Number) or (constant and not _is_boolean(entry)):
+                self.check_constant(entry, tree)
+        order = max((p.order for p in parts), default=-1)
+        return Sized(value, size, depth, constant, order)
+
+    def check_constant(self, value: Basic, tree: Tree) -> None:
+        why = fault(value)
+        if why is None:
+            return
+        help_ = None
+        if why == "is not a real number":
+            help_ = _NOT_REAL
+            if isinstance(tree, PowerExpr) and isinstance(tree.exponent, ProductExpr):
+                help_ = "a power of a negative number is real for whole exponents only; cbrt(x) is"
+                help_ += " the real cube root"
+        raise _error("not-a-number", f"this {why}", tree, help_)
+
+    def operand(self, tree: Tree) -> Sized:
+        """Build something that arithmetic can use."""
+        built = self.any(tree)
+        if _is_boolean(built.value):
+            raise _error(
+                "not-a-value", "a condition is not a value", tree, "write if(condition, a, b)"
+            )
+        return built
+
+    def scalar(self, tree: Tree, where: str) -> Sized:
+        built = self.operand(tree)
+        if isinstance(built.value, Tensor):
+            raise _error("shape", f"{where} must be a scalar, not {built.value.kind}", tree)
+        return built
+
+    # arithmetic
+
+    def sum(self, tree: SumExpr) -> Sized:
+        parts = [self.operand(term) for _, term in tree.terms]
+        signed = [(sign, part.value) for (sign, _), part in zip(tree.terms, parts, strict=True)]
+        if not any(isinstance(value, Tensor) for _, value in signed):
+            terms = [value if sign > 0 else -value for sign, value in signed]  # type: ignore[operator]
+            return self.made(tree, se.Add(*terms), parts)
+        sign, total = signed[0]
+        if sign < 0 and isinstance(total, Tensor):
+            total = total.map(lambda x: -x)
+        for (sign, value), (_, term) in zip(signed[1:], tree.terms[1:], strict=True):
+            if not (isinstance(total, Tensor) and isinstance(value, Tensor)):
+                raise _error(
+                    "shape", f"{kind_of(total)} and {kind_of(value)} cannot be added", term
+                )
+            total = tensors.add(total, value, sign)
+        return self.made(tree, total, parts)
+
+    def series(self, tree: IndexedSumExpr) -> Sized:
+        parts: list[Sized] = []
+        term: Repeated | None = None
+        for _ in self.scope.each(tree):
+            term = term or Repeated(tree.term, self.scope, self.operand)
+            self.terms += 1
+            if self.terms > MAX_TERMS:
+                raise _error(
+                    "too-large",
+                    f"the sums of this expression have more than {MAX_TERMS:,} terms",
+                    tree,
+                    "a definition by index, such as `s[i = 1..N]: s[i-1] + x[i]`, shares its terms",
+                )
+            parts.append(term.value())
+        if not parts:
+            return Sized(se.Integer(0), constant=True)
+        if not isinstance(parts[0].value, Tensor):
+            return self.made(tree, se.Add(*[p.value for p in parts]), parts)
+        total = parts[0].value
+        for part in parts[1:]:
+            total = tensors.add(total, part.value)
+        return self.made(tree, total, parts)
+
+    def product(self, tree: ProductExpr) -> Sized:
+        parts = [self.operand(factor) for _, factor in tree.factors]
+        plain: list[Basic] = []
+        tensor: Tensor | None = None
+        size = 0
+        for (exponent, factor), part in zip(tree.factors, parts, strict=True):
+            value = part.value
+            if isinstance(value, Tensor):
+                if exponent < 0:
+                    raise _error("shape", f"cannot divide by {value.kind}", factor)
+                if tensor is None:
+                    tensor, size = value, part.size
+                else:
+                    # an entry goes into a whole row, or a whole column, of the product
+                    size = size * value.shape[1] + part.size * tensor.shape[0]
+                    tensor = tensors.multiply(tensor, value)
+            elif exponent > 0:
+                plain.append(value)
+            elif value == 0:
+                raise _error("not-a-number", "division by zero", factor)
+            else:
+                plain.append(value**-1)
+        if tensor is None:
+            return self.made(tree, se.Mul(*plain), parts, levels=1)
+        scale = se.Mul(*plain)
+        scaled = tensor.map(lambda x: scale * x) if plain else tensor
+        size += len(tensor.entries) * sum(p.size for p in parts if not isinstance(p.value, Tensor))
+        return self.made(tree, scaled, parts, levels=1, size=size)
+
+    def power(self, tree: PowerExpr) -> Sized:
+        base = self.operand(tree.base)
+        exponent = self.scalar(tree.exponent, "an exponent")
+        if isinstance(base.value, Tensor):
+            raise _error(
+                "shape",
+                f"{base.value.kind} cannot be raised to a power",
+                tree,
+                "the square of a vector is dot(a, a)",
+            )
+        return self.raised(tree, base, exponent)
+
+    def raised(self, tree: Tree, base: Sized, exponent: Sized) -> Sized:
+        self.bound_power(base.value, exponent.value, tree)
+        value = se.Pow(base.value, exponent.value)
+        return self.made(tree, value, [base, exponent], levels=1)
+
+    def bound_power(self, base: Basic, exponent: Basic, tree: Tree) -> None:
+        exact_base = isinstance(base, se.Rational)
+        if not isinstance(exponent, se.Rational):
+            # the derivative of a^x is a^x log(a) x'
+            if isinstance(base, se.Number) and base <= 0 and self.varies(exponent):
+                raise _error(
+                    "not-a-number",
+                    f"{base} cannot be raised to a power that varies",
+                    tree,
+                    "a power with a variable exponent needs a positive base",
+                )
+            return
+        p, q = (int(x) for x in exponent.get_num_den())
+        bits = 0
+        if exact_base:
+            bits = sum(abs(int(x)).bit_length() for x in base.get_num_den())
+        if max(abs(p), q) > MAX_POWER or bits * abs(p) > MAX_BITS:
+            raise _error(
+                "too-large",
+                "this power is too large to be meant",
+                tree,
+                f"exponents go up to {MAX_POWER}, and numbers up to 1.8e308",
+            )
+        if base == 0 and p < 0:
+            raise _error("not-a-number", "division by zero", tree)
+
+    def varies(self, value: Basic) -> bool:
+        return bool(self.scope.derivative(value) != 0)
+
+    # functions
+
+    def call(self, tree: CallExpr) -> Sized:
+        check_call(tree, self.scope)
+        name = tree.function
+        if name == "if":
+            condition = self.condition(tree.arguments[0])
+            branches = [self.scalar(a, "a case of if()") for a in tree.arguments[1:]]
+            value = cases(condition.value, *(b.value for b in branches))
+            self.scope.note_kink()
+            return self.made(tree, value, [condition, *branches], levels=1)
+        if name in TENSOR_FUNCTIONS:
+            return self.tensor_call(tree)
+        arguments = [self.scalar(a, f"the argument of {name}") for a in tree.arguments]
+        if name == "pow":
+            return self.raised(tree, *arguments)
+        function = FUNCTIONS[name]
+        value = function.apply(*(a.value for a in arguments))
+        if not function.smooth:
+            self.scope.note_kink()
+        copies = function.copies(len(arguments))
+        return self.made(tree, value, arguments, copies, levels=copies.bit_length())
+
+    def tensor_call(self, tree: CallExpr) -> Sized:
+        name = tree.function
+        arguments: list[Sized] = []
+        for wanted, argument in zip(TENSOR_FUNCTIONS[name], tree.arguments, strict=True):
+            built = self.operand(argument)
+            if isinstance(built.value, Tensor) != (wanted == "tensor"):
+                expected = "a scalar" if wanted == "scalar" else "a vector or matrix"
+                raise _error(
+                    "shape",
+                    f"`{name}` needs {expected} here, not {kind_of(built.value)}",
+                    argument,
+                )
+            arguments.append(built)
+        value = tensor_call(name, [a.value for a in arguments], self.scope)
+        if name == "omega":  # how large it is depends on the kinds of the rotations
+            levels = 2 + len(arguments[0].value.factors)
+            size = count_operations(value.entries)
+            return self.made(tree, value, arguments, levels=levels, size=size)
+        return self.made(tree, value, arguments, _COPIES.get(name, 1), levels=2)
+
+    # conditions
+
+    def condition(self, tree: Tree) -> Sized:
+        built = self.any(tree)
+        if not _is_boolean(built.value):
+            raise _error(
+                "not-a-condition", "a condition is missing here", tree, "compare, as in `x > 0`"
+            )
+        return built
+
+    def comparison(self, tree: Comparison) -> Sized:
+        parts = [self.scalar(operand, "what is compared") for operand in tree.operands]
+        pairs = zip(tree.operators, parts, parts[1:], strict=False)
+        value = se.And(*[relation(sign, a.value, b.value) for sign, a, b in pairs])
+        return self.made(tree, value, parts, copies=2)
+
+    def logical(self, tree: LogicalExpr) -> Sized:
+        parts = [self.condition(operand) for operand in tree.operands]
+        values = [p.value for p in parts]
+        if tree.operator == "not":
+            return self.made(tree, se.Not(*values), parts)
+        value = (se.And if tree.operator == "and" else se.Or)(*values)
+        return self.made(tree, value, parts)
+
+    # vectors
+
+    def vector(self, tree: VectorExpr) -> Sized:
+        parts = [self.operand(item) for item in tree.items]
+        if not parts:
+            raise ShapeError("a vector needs entries")
+        if not any(isinstance(p.value, Tensor) for p in parts):
+            return self.made(tree, tensors.vector(*(p.value for p in parts)), parts)
+        rows: list[tuple[Basic, ...]] = []
+        for part, item in zip(parts, tree.items, strict=True):
+            if not (isinstance(part.value, Tensor) and part.value.is_vector):
+                raise _error(
+                    "shape", f"a row of a matrix is a vector, not {kind_of(part.value)}", item
+                )
+            rows.append(part.value.entries)
+        if len({len(row) for row in rows}) > 1:
+            raise ShapeError("the rows of a matrix must have one length")
+        return self.made(tree, Tensor(tuple(rows)), parts)

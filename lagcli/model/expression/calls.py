@@ -1,0 +1,144 @@
+"""Calls of functions in expressions: what exists, what it takes, and vectors and rotations."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.model.expression import tensors
+from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.model.expression.tensors import ShapeError, Tensor
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.trees import CallExpr
+from lagcli.model.spelling import did_you_mean, nearest
+
+TENSOR_FUNCTIONS: dict[str, tuple[str, ...]] = {
+    "dot": ("tensor", "tensor"),
+    "cross": ("tensor", "tensor"),
+    "norm": ("tensor",),
+    "transpose": ("tensor",),
+    "omega": ("tensor",),
+    "rot_x": ("scalar",),
+    "rot_y": ("scalar",),
+    "rot_z": ("scalar",),
+    "rot": ("tensor", "scalar"),
+    "quat": ("scalar", "scalar", "scalar", "scalar"),
+}
+
+_OTHER_NAMES = {
+    "arcsin": "asin",
+    "arccos": "acos",
+    "arctan": "atan",
+    "arctan2": "atan2",
+    "arcsinh": "asinh",
+    "arccosh": "acosh",
+    "arctanh": "atanh",
+    "ln": "log",
+    "lg": "log10",
+    "sgn": "sign",
+    "signum": "sign",
+    "ceiling": "ceil",
+    "heaviside": "step",
+    "Heaviside": "step",
+    "Abs": "abs",
+    "piecewise": "if",
+    "where": "if",
+    "mod": "floor",
+    "sine": "sin",
+    "cosine": "cos",
+    "tangent": "tan",
+}
+_ZERO, _ONE = se.Integer(0), se.Integer(1)
+_AXES = {
+    "rot_x": tensors.vector(_ONE, _ZERO, _ZERO),
+    "rot_y": tensors.vector(_ZERO, _ONE, _ZERO),
+    "rot_z": tensors.vector(_ZERO, _ZERO, _ONE),
+}
+
+
+class CallScope(Protocol):
+    """What a call needs of the place where it stands."""
+
+    def declared(self, text: str) -> bool:
+        """Whether a name is declared."""
+        ...
+
+    def derivative(self, expression: Basic) -> Basic:
+        """Return the total time derivative."""
+        ...
+
+
+def check_call(tree: CallExpr, scope: CallScope) -> None:
+    """Raise ExpressionError for an unknown function or a wrong number of arguments."""
+    name, count = tree.function, len(tree.arguments)
+    fewest: int
+    most: int | None
+    if name == "if":
+        fewest = most = 3
+    elif name in TENSOR_FUNCTIONS:
+        fewest = most = len(TENSOR_FUNCTIONS[name])
+    elif name in FUNCTIONS:
+        fewest, most = FUNCTIONS[name].fewest, FUNCTIONS[name].most
+    else:
+        raise _unknown(tree, scope)
+    if count < fewest or (most is not None and count > most):
+        wanted = f"{fewest}" if most == fewest else f"{fewest} or more"
+        if most not in (fewest, None):
+            wanted = f"{fewest} or {most}"
+        raise ExpressionError(
+            "wrong-arguments",
+            f"`{name}` takes {wanted} argument{'s' if wanted != '1' else ''}, not {count}",
+            tree.start,
+            tree.end,
+            "write if(condition, a, b)" if name == "if" else None,
+        )
+
+
+def _unknown(tree: CallExpr, scope: CallScope) -> ExpressionError:
+    name, end = tree.function, tree.start + len(tree.function)
+    if scope.declared(name):
+        message, help_ = f"`{name}` is not a function", f"write a product as `{name}*(…)`"
+    elif name in _OTHER_NAMES:
+        message = f"there is no function `{name}`"
+        help_ = f"write it with `{name_of(name)}`"
+    else:
+        message = f"there is no function `{name}`"
+        close = nearest(name, [*FUNCTIONS, *TENSOR_FUNCTIONS, "if"])
+        help_ = did_you_mean(close) or "the functions are listed in docs/model-file.md"
+    return ExpressionError("unknown-function", message, tree.start, end, help_, f"{name}()")
+
+
+def name_of(name: str) -> str:
+    """Return what the grammar calls a function that is known elsewhere by another name."""
+    return _OTHER_NAMES.get(name, name)
+
+
+def tensor_call(name: str, arguments: list[Basic | Tensor], scope: CallScope) -> Basic | Tensor:
+    """Apply a function of vectors or rotations to arguments of the right kinds.
+
+    Raises
+    ------
+    ShapeError
+        The shapes do not fit.
+    """
+    a, *rest = arguments
+    match name:
+        case "dot":
+            return tensors.dot(a, *rest)
+        case "cross":
+            return tensors.cross(a, *rest)
+        case "norm":
+            return tensors.norm(a)
+        case "transpose":
+            return tensors.transpose(a)
+        case "quat":
+            return tensors.quaternion(a, *rest)
+        case "omega":
+            return tensors.angular_velocity(a, scope.derivative)
+        case "rot":
+            if any(scope.derivative(x) != 0 for x in a.entries):
+                raise ShapeError("the axis of rot() must be constant")
+            return tensors.rotation(a, *rest)
+    return tensors.rotation(_AXES[name], a)

@@ -1,0 +1,423 @@
+"""The grammar of expressions: text → tree.
+
+::
+
+    condition  := conjunction ("or" conjunction)*
+    conjunction:= negation ("and" negation)*
+    negation   := "not" negation | comparison
+    comparison := sum (("<" | "<=" | ">" | ">=" | "==" | "!=") sum)*
+    sum        := ["+" | "-"] product (("+" | "-") product)*
+    product    := power (("*" | "/") power)*
+    power      := ["+" | "-"] primary [("^" | "**") power]
+    primary    := NUMBER | name "'"* | NAME "(" condition ("," condition)* ")"
+                | "sum" "(" condition "," NAME "=" range ")"
+                | "(" condition ")" | "[" condition ("," condition)* "]"
+    name       := NAME ["[" sum "]"] ("." NAME ["[" sum "]"])*
+    range      := sum ".." sum
+
+A sign in front of a product applies to the product's first power as a whole: -x^2 is -(x^2), and
+an exponent may carry a sign: x^-2.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from fractions import Fraction
+
+from lagcli.model.expression.syntax_hints import choice, leftover
+from lagcli.model.expression.tokens import ExpressionError, Token, tokenize
+from lagcli.model.expression.trees import (
+    CallExpr,
+    Comparison,
+    IndexedSumExpr,
+    LogicalExpr,
+    Name,
+    NumberExpr,
+    PowerExpr,
+    ProductExpr,
+    Range,
+    SumExpr,
+    Tree,
+    VectorExpr,
+)
+
+MAX_NESTING = 50  # what a person can read ends at 10; each level costs eleven Python frames
+MAX_DIGITS = 400  # digits of one number
+# of a number as written: beyond them lies no double
+MAX_EXPONENT = 308
+MIN_EXPONENT = -340
+
+COMPARISONS = ("<=", ">=", "==", "!=", "<", ">")
+_SIGNS, _FACTORS, _POWERS = ("+", "-"), ("*", "/"), ("^", "**")
+KEYWORDS = frozenset({"and", "or", "not", "if"})
+
+
+def parse(text: str) -> Tree:
+    """Parse one expression.
+
+    Raises
+    ------
+    ExpressionError
+        The text is not of the grammar, or exceeds one of its bounds.
+    """
+    parser = _Parser(text)
+    tree = parser.condition()
+    parser.expect_end()
+    return tree
+
+
+def parse_range(text: str, start: int, end: int) -> tuple[str | None, Range | Tree]:
+    """Parse what stands between the brackets of a declaration, ``text[start:end]``.
+
+    Returns
+    -------
+    index : str or None
+        The name of the index, if there is one.
+    range : Range, or Tree
+        The indices of the members; the index of a single one.
+
+    Raises
+    ------
+    ExpressionError
+    """
+    parser = _Parser(text[:end], start)
+    index = parser.index_name()
+    found = parser.sum()
+    if index is not None or parser.at(".."):
+        found = parser.range_from(found)
+    if parser.at(","):
+        raise parser.fail("a family has one index", parser.current)
+    parser.expect_end()
+    return index, found
+
+
+def parse_equation(text: str) -> tuple[Tree, Tree | None]:
+    """Parse ``lhs`` or ``lhs = rhs``; the right side is None where there is no ``=``."""
+    parser = _Parser(text)
+    left = parser.condition()
+    right = None
+    if parser.at("="):
+        parser.advance()
+        right = parser.condition()
+        if parser.at("="):
+            raise parser.fail(
+                "a second `=` in one equation",
+                parser.current,
+                "give each equation a name and a line of its own",
+            )
+    parser.expect_end()
+    return left, right
+
+
+class _Parser:
+    def __init__(self, text: str, start: int = 0):
+        self.text = text
+        self.tokens = tokenize(text, start)
+        self.position = 0
+        self.current = self.tokens[0]
+        self.nesting = 0
+        if self.current.kind == "end":
+            raise ExpressionError("syntax", "an expression is missing", start, start)
+
+    def advance(self) -> Token:
+        """Return the current token, and go on to the next one; the end stays."""
+        token = self.current
+        if token.kind != "end":
+            self.position += 1
+            self.current = self.tokens[self.position]
+        return token
+
+    def at(self, *texts: str) -> bool:
+        return self.current.text in texts
+
+    def fail(self, message: str, token: Token, help_: str | None = None) -> ExpressionError:
+        return ExpressionError("syntax", message, token.start, token.end, help_)
+
+    def nest(self) -> None:
+        self.nesting += 1
+        if self.nesting > MAX_NESTING:
+            raise self.fail(
+                f"nested deeper than {MAX_NESTING} levels",
+                self.current,
+                "name parts of it under `definitions`",
+            )
+
+    def expect_end(self) -> None:
+        """Raise ExpressionError if anything is left."""
+        token = self.current
+        if token.kind != "end":
+            before = self.tokens[self.position - 1] if self.position else token
+            raise leftover(before, token, self.tokens[self.position + 1], self.text)
+
+    def condition(self) -> Tree:
+        self.nest()
+        tree = self._joined("or", self._conjunction)
+        self.nesting -= 1
+        return tree
+
+    def _conjunction(self) -> Tree:
+        return self._joined("and", self._negation)
+
+    def _joined(self, word: str, part: Callable[[], Tree]) -> Tree:
+        operands = [part()]
+        while self.at(word):
+            self.advance()
+            operands.append(part())
+        if len(operands) == 1:
+            return operands[0]
+        return LogicalExpr(operands[0].start, operands[-1].end, word, tuple(operands))
+
+    def _negation(self) -> Tree:
+        if self.at("not"):
+            token = self.advance()
+            self.nest()
+            inner = self._negation()
+            self.nesting -= 1
+            return LogicalExpr(token.start, inner.end, "not", (inner,))
+        return self._comparison()
+
+    def _comparison(self) -> Tree:
+        operands, operators = [self.sum()], []
+        while self.at(*COMPARISONS):
+            operators.append(self.advance().text)
+            operands.append(self.sum())
+        if not operators:
+            return operands[0]
+        return Comparison(operands[0].start, operands[-1].end, tuple(operands), tuple(operators))
+
+    def sum(self) -> Tree:
+        """Read terms with their signs."""
+        start = self.current.start
+        terms = [(self._sign(), self._product())]
+        while self.current.text in _SIGNS:
+            terms.append((self._sign(), self._product()))
+        if len(terms) == 1 and terms[0][0] == 1:
+            return terms[0][1]
+        return SumExpr(start, terms[-1][1].end, tuple(terms))
+
+    def _sign(self) -> int:
+        """Read any number of signs: the operator and the sign of what follows it."""
+        sign = 1
+        while self.current.text in _SIGNS:
+            if self.advance().text == "-":
+                sign = -sign
+        return sign
+
+    def _product(self) -> Tree:
+        factors = [(1, self._power())]
+        while self.current.text in _FACTORS:
+            exponent = 1 if self.advance().text == "*" else -1
+            factors.append((exponent, self._power()))
+        if len(factors) == 1:
+            return factors[0][1]
+        return ProductExpr(factors[0][1].start, factors[-1][1].end, tuple(factors))
+
+    def _power(self) -> Tree:
+        start = self.current.start
+        sign = self._sign()
+        base = self._primary()
+        if self.current.text in _POWERS:
+            self.advance()
+            self.nest()
+            exponent = self._power()
+            self.nesting -= 1
+            base = PowerExpr(base.start, exponent.end, base, exponent)
+        return base if sign == 1 else SumExpr(start, base.end, ((-1, base),))
+
+    def _primary(self) -> Tree:
+        token = self.advance()
+        if token.kind == "number":
+            return self._number(token)
+        if token.kind == "name" and token.text not in KEYWORDS - {"if"}:
+            return self._name(token)
+        if token.text == "(":
+            inner = self.condition()
+            self._close(")", token)
+            return inner
+        if token.text == "[":
+            items = self._arguments("]", token)
+            return VectorExpr(token.start, self.tokens[self.position - 1].end, items)
+        if token.kind == "end":
+            raise self.fail(
+                "the expression ends too early", token, "complete it, or remove its end"
+            )
+        help_ = None
+        if token.text in ("*", "/", "^", "**"):
+            help_ = "an operator needs something on both sides"
+        elif token.text in KEYWORDS:
+            help_ = f"`{token.text}` is a word of the grammar and cannot be a name"
+        elif token.text == "'":
+            help_ = "a prime follows a name directly"
+        elif token.text in (")", "]", ",", "="):
+            raise self.fail(f"something is missing before `{token.text}`", token)
+        raise self.fail(f"unexpected `{token.text}`", token, help_)
+
+    def _number(self, token: Token) -> NumberExpr:
+        mantissa, _, exponent = token.text.lower().partition("e")
+        power = int(exponent[:9] or 0)
+        if len(mantissa) > MAX_DIGITS or not MIN_EXPONENT <= power <= MAX_EXPONENT:
+            raise ExpressionError(
+                "bad-number",
+                "this number is beyond what a double can hold",
+                token.start,
+                token.end,
+                f"numbers have at most {MAX_DIGITS} digits and exponents from {MIN_EXPONENT} to"
+                f" {MAX_EXPONENT}",
+            )
+        if re.match("0[0-9]", mantissa):
+            raise self.fail(
+                f"`{token.text}` is not a number of the grammar: it begins with 0",
+                token,
+                "write the number without the 0; dates and times are not numbers",
+            )
+        following = self.current
+        if following.start == token.end:
+            whole = token.text + following.text
+            if following.kind == "number":
+                raise ExpressionError(
+                    "syntax",
+                    f"`{whole}` is not a number: it has two points",
+                    token.start,
+                    following.end,
+                    "write one decimal point",
+                )
+            if re.fullmatch(r"0[xXbBoO][0-9a-fA-F]+", whole):
+                raise ExpressionError(
+                    "syntax",
+                    f"`{whole}` is not a number of the grammar",
+                    token.start,
+                    following.end,
+                    "write a decimal number",
+                )
+        return NumberExpr(token.start, token.end, Fraction(token.text.lower()))
+
+    def _name(self, token: Token) -> Tree:
+        if self.at("("):
+            opening = self.advance()
+            if token.text == "sum":
+                return self._series(token, opening)
+            arguments = self._arguments(")", opening)
+            return CallExpr(token.start, self.tokens[self.position - 1].end, token.text, arguments)
+        text, indices, end, primes = self._member(token)
+        while self.at("'") and self.current.start == end:
+            end = self.advance().end
+            primes += 1
+        if token.text == "if":
+            raise self.fail("`if` needs three arguments", token, choice(self.text))
+        if self.at("^", "**") and self.tokens[self.position + 1].kind == "number":
+            power, following = self.tokens[self.position + 1 : self.position + 3]
+            if following.text == "(":  # sin^2(x): no name can be followed by a number and "("
+                raise self.fail(
+                    f"`{token.text}^{power.text}(…)` is not an expression",
+                    token,
+                    f"write `{token.text}(…)^{power.text}`",
+                )
+        return Name(token.start, end, text, primes, indices)
+
+    def _member(self, token: Token) -> tuple[str, tuple[Tree, ...], int, int]:
+        """Read the indices after a name, and the names with dots that follow them."""
+        text, end, primes = token.text, token.end, 0
+        indices: list[Tree] = []
+        while self.at("[") and self.current.start == end:
+            opening = self.advance()
+            if self.at("]"):
+                raise self.fail("an index is missing", self.current, f"write `{token.text}[1]`")
+            indices.append(self.sum())
+            if self.at("..", "="):
+                raise self.fail(
+                    "a range cannot stand here",
+                    self.current,
+                    "ranges stand where a family is declared, and in `sum(x[i], i = 1..N)`",
+                )
+            if self.at(","):
+                raise self.fail("a member has one index", self.current)
+            self._close("]", opening)
+            end = self.tokens[self.position - 1].end
+            text += "[]"
+            if self.at("."):
+                self.advance()
+                following = self.advance()
+                text, end = f"{text}.{following.text}", following.end
+            elif self.at("_dot", "_ddot"):
+                suffix = self.advance()
+                primes, end = 1 + (suffix.text == "_ddot"), suffix.end
+                break
+        return text, tuple(indices), end, primes
+
+    # sums over an index
+
+    def index_name(self) -> str | None:
+        """Read ``i =``, if it stands here."""
+        if self.current.kind != "name" or self.tokens[self.position + 1].text != "=":
+            return None
+        token = self.advance()
+        self.advance()
+        if "." in token.text or token.text in KEYWORDS:
+            raise self.fail(f"`{token.text}` cannot be the name of an index", token)
+        return token.text
+
+    def range_from(self, first: Tree) -> Range:
+        """Read the rest of a range."""
+        if not self.at(".."):
+            raise self.fail(
+                "a range is missing here",
+                self.current,
+                "write a range as `i = 1..N`, ends included",
+            )
+        self.advance()
+        last = self.sum()
+        return Range(first.start, last.end, first, last)
+
+    def _series(self, token: Token, opening: Token) -> IndexedSumExpr:
+        if not self.at(")"):
+            term = self.condition()
+            if self.at(","):
+                self.advance()
+                index = self.index_name()
+                if index is not None:
+                    span = self.range_from(self.sum())
+                    if self.at(","):
+                        raise self.fail(
+                            "a sum has one range", self.current, "write a sum in the sum"
+                        )
+                    self._close(")", opening)
+                    end = self.tokens[self.position - 1].end
+                    return IndexedSumExpr(token.start, end, term, index, span)
+        raise self.fail(
+            "a sum needs an index and its range",
+            token,
+            "write `sum(x[i], i = 1..N)`; a sum of a few terms is `a + b + c`",
+        )
+
+    def _arguments(self, closing: str, opening: Token) -> tuple[Tree, ...]:
+        if self.at(closing):
+            self.advance()
+            return ()
+        items = [self.condition()]
+        while self.at(","):
+            self.advance()
+            items.append(self.condition())
+        self._close(closing, opening)
+        return tuple(items)
+
+    def _close(self, closing: str, opening: Token) -> None:
+        if self.at(closing):
+            self.advance()
+            return
+        token = self.current
+        if token.kind == "end":
+            raise self.fail(f"`{opening.text}` is never closed", opening, f"add `{closing}`")
+        if token.text == "=":
+            raise self.fail(
+                "an equation cannot stand in parentheses",
+                token,
+                "conditions compare with `==`; a range stands last, as in `sum(x[i], i = 1..N)`"
+                if self.tokens[self.position - 1].kind == "name"
+                else "conditions compare with `==`",
+            )
+        if token.text in (")", "]"):
+            raise self.fail(
+                f"`{opening.text}` is closed by `{token.text}`", token, f"write `{closing}`"
+            )
+        self.expect_end()

@@ -1,0 +1,134 @@
+"""What an expression is in some of its symbols: linear or not, zero or not."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterable, Sequence
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.model.expression.constants import number
+from lagcli.model.expression.functions import KINKS, derivative, pieces
+
+_LARGEST = 20_000  # terms of an expansion
+
+
+def nonlinear_in(expression: Basic, rates: Sequence[Basic]) -> Basic | None:
+    """Return a symbol in which the expression is not affine, or None.
+
+    Only an expression that is affine after all, such as (v + 1)^2 − v^2, needs to be expanded; one
+    that would take too many terms counts as not affine.
+    """
+    free = expression.free_symbols
+    present = [v for v in rates if v in free]
+    if present and (kinked := kinked_in(expression, present)) is not None:
+        return kinked
+    for v in present:
+        slope = derivative(expression, v)
+        if not slope.free_symbols.isdisjoint(present):
+            if count_terms(slope) > _LARGEST:
+                return v
+            left = written_out(slope).free_symbols
+            for w in present:
+                if w in left:
+                    return w
+    return None
+
+
+def kinked_in(expression: Basic, symbols: Sequence[Basic]) -> Basic | None:
+    """Return a symbol in which the expression has kinks or jumps, or None.
+
+    The slopes need not show it: those of floor(v) and of if(v > 0, 1, 2) are zero.
+    """
+    for kink in expression.atoms(*KINKS):
+        deciding = kink.args[1::2] if isinstance(kink, se.Piecewise) else kink.args
+        for symbol in symbols:
+            if any(symbol in part.free_symbols for part in deciding):
+                return symbol
+    return None
+
+
+def written_out(expression: Basic) -> Basic:
+    """Return an expression with products and powers of sums multiplied out, inside cases too."""
+    # SymEngine multiplies out some denominators and not others, which then are not the same
+    powers = (x.args for x in expression.atoms(se.Pow))
+    below = {base for base, exponent in powers if _is_negative(exponent)}
+    held = {
+        part: se.Symbol(f"\ufdd0{i}")
+        for i, part in enumerate(expression.atoms(se.Piecewise) | below)
+    }
+    rest = se.expand(expression.xreplace(held))
+    inside = rest.free_symbols
+    shown = {name: _cases_written_out(part) for part, name in held.items() if name in inside}
+    return rest.xreplace(shown) if shown else rest
+
+
+def _is_negative(exponent: Basic) -> bool:
+    return isinstance(exponent, se.Number) and bool(exponent.is_negative)
+
+
+def _cases_written_out(part: Basic) -> Basic:
+    if not isinstance(part, se.Piecewise):
+        return part
+    values = [written_out(value) for value in part.args[0::2]]
+    return pieces(values, part.args[1::2])
+
+
+def count_terms(expression: Basic) -> float:
+    """Return a bound on the number of terms when powers and products are multiplied out."""
+    args = expression.args
+    if isinstance(expression, se.Add):
+        return sum(map(count_terms, args))
+    if isinstance(expression, se.Mul):
+        return math.prod(map(count_terms, args))
+    if isinstance(expression, se.Pow) and isinstance(args[1], se.Integer) and args[1] > 0:
+        count, power = count_terms(args[0]), int(args[1])
+        return math.comb(int(min(count, 1e6)) + power - 1, power) if count > 1 else 1
+    if isinstance(expression, se.Piecewise):
+        return sum(map(count_terms, args[0::2]))
+    return 1
+
+
+def count_operations(expressions: Iterable[Basic]) -> int:
+    """Return how many operations expressions take when they are written out."""
+    sizes: dict[Basic, int] = {}
+    total = 0
+    for expression in expressions:
+        stack = [expression]
+        while stack:
+            top = stack[-1]
+            if top in sizes:
+                stack.pop()
+                continue
+            parts = getattr(top, "args", ())  # a condition may be Python's True
+            missing = [part for part in parts if part not in sizes]
+            if missing:
+                stack.extend(missing)
+                continue
+            sizes[top] = 1 + sum(sizes[part] for part in parts)
+            stack.pop()
+        total += sizes[expression]
+    return total
+
+
+def is_zero(expression: Basic) -> bool:
+    """Whether an expression is zero whatever its symbols: tried at three points.
+
+    An expression with cases or jumps may be zero there and not elsewhere: it is written out.
+    """
+    if expression.atoms(*KINKS):
+        return count_terms(expression) <= _LARGEST and bool(written_out(expression) == 0)
+    chance = random.Random(8)
+    symbols = sorted(expression.free_symbols, key=str)
+    for _ in range(3):
+        at = {s: se.RealDouble(chance.uniform(0.3, 0.9)) for s in symbols}
+        terms = expression.args if isinstance(expression, se.Add) else (expression,)
+        try:
+            values = [number(term.xreplace(at)) for term in terms]
+        except (ValueError, RuntimeError):
+            return False
+        if abs(math.fsum(values)) > 1e-12 * math.fsum(map(abs, values)):
+            return False
+    return True

@@ -1,0 +1,202 @@
+"""Numbers with a unit, and expressions of parameters: text → SI."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.model.draft import NO_INDICES, Draft, Formula, Indices, Parsed
+from lagcli.model.expression.constants import number
+from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.trees import NumberExpr, SumExpr
+from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit, to_si
+from lagcli.model.spelling import shorten
+from lagcli.model.symbols import Context, Symbols
+from lagcli.model.yaml.source import Scalar, YamlNode
+
+_WITH_UNIT = re.compile(
+    r"\s*([+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?)"
+    r"\s*+(?![eE][+-]?[0-9])((?:[^\W\d_]|°|1\s*/).*)",
+    re.DOTALL,
+)
+
+
+_LARGEST = 2**1023  # larger numbers may be beyond a double, which building an expression reports
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with a unit, or an expression, read but not evaluated."""
+
+    parsed: Parsed
+    factor: Factor
+    unit: str | None
+
+    @property
+    def number(self) -> Fraction | None:
+        """The number as written; None for any other expression."""
+        sign, tree = 1, self.parsed.tree
+        if isinstance(tree, SumExpr) and len(tree.terms) == 1:
+            sign, tree = tree.terms[0]
+        if not isinstance(tree, NumberExpr) or tree.value >= _LARGEST:
+            return None
+        return sign * tree.value
+
+
+def read_quantity(
+    draft: Draft, node: YamlNode, what: str, names: Symbols, unit: str | None = None
+) -> Quantity | None:
+    """Read a number with a unit, or an expression that stands for a number of a given unit.
+
+    Parameters
+    ----------
+    draft : Draft
+    node : Node
+    what : str
+        What has the value, for messages.
+    names : Names
+        Those that the expression may use.
+    unit : str, optional
+        The unit given elsewhere; known to be one.
+    """
+    report = draft.report
+    if not isinstance(node, Scalar):
+        report.add(
+            "wrong-type",
+            f"{what} must be a number or an expression, not {node.what}",
+            node.location,
+            "write a number, or an expression of parameters",
+        )
+        return None
+    if node.missing:
+        report.add(
+            "missing-value",
+            f"{what} has no value",
+            node.location,
+            "write a number, or an expression of parameters",
+        )
+        return None
+    text = node.value
+    if match := _WITH_UNIT.fullmatch(text):
+        own = match[2].strip()
+        if re.fullmatch("0", match[1]) and re.match("[xXoObB][0-9a-fA-F]", own):
+            place = node.span(match.start(1), match.end(2))
+            message = f"`{shorten(text.strip())}` is not a number of the grammar"
+            report.add("syntax", message, place, "write a decimal number")
+            return None
+        if names.declared(own.split("*")[0].strip()) and not _is_unit(own):
+            place = node.span(match.start(1), match.end(2))
+            help_ = f"write a product as `{match[1]}*{own}`"
+            report.add("syntax", f"`{text.strip()}` is no number with a unit", place, help_)
+            return None
+        try:
+            factor = to_si(own)
+        except UnknownUnit as error:
+            start = match.start(2)
+            place = node.span(start, start + len(own))
+            help_ = UNIT_HELP
+            if re.search("[-+]", own):
+                help_ = "an expression with a unit is `{value: 2 + 1/2, unit: m}`"
+            report.add("unknown-unit", f"{what}: {error}", place, help_)
+            return None
+        if unit is not None:
+            report.add(
+                "contradiction",
+                f"{what} has two units, `{own}` and `{unit}`",
+                node.span(match.start(2), match.start(2) + len(own)),
+                "keep one of them",
+            )
+            return None
+        # blanks in place of what precedes the number keep its offsets
+        text, unit = " " * match.start(1) + match[1], own
+    else:
+        factor = to_si(unit) if unit else 1
+    with report.expression(node):
+        try:
+            return Quantity(Parsed(node, parse(text)), factor, unit)
+        except ExpressionError as error:
+            if error.message.startswith("an operator is missing") and error.help:
+                error.help += ";\nan expression with a unit is `{value: 2*pi, unit: rad/s}`"
+            raise
+    return None
+
+
+def unit_of(node: YamlNode | None) -> str | None:
+    """Return the unit that stands behind a number, or None."""
+    match = _WITH_UNIT.fullmatch(node.value) if isinstance(node, Scalar) else None
+    return match[2].strip() if match and _is_unit(match[2].strip()) else None
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        to_si(text)
+    except UnknownUnit:
+        return False
+    return True
+
+
+def formula_of(
+    draft: Draft, quantity: Quantity, context: Context, names: Symbols, index: str | None = None
+) -> Formula | None:
+    """Return the formula of a quantity; None for a plain number, which needs none."""
+    if quantity.number is not None:
+        return None
+    return Formula(draft, quantity.parsed, context, names, index)
+
+
+def evaluate(
+    draft: Draft,
+    quantity: Quantity,
+    formula: Formula | None,
+    what: str,
+    indices: Indices = NO_INDICES,
+) -> float | None:
+    """Return the SI value of a quantity; report why it has none.
+
+    Parameters
+    ----------
+    draft : Draft
+    quantity : Quantity
+    formula : Formula or None
+        Of the quantity's expression.
+    what : str
+        What has the value, for messages.
+    indices : mapping of str to int
+    """
+    if formula is None:
+        written = quantity.number
+        assert written is not None
+        value: Basic = se.Rational(written.numerator, written.denominator)
+    else:
+        value = formula.scalar(indices)
+        if value is None:
+            return None
+    factor = quantity.factor
+    if isinstance(factor, float) or not isinstance(value, se.Rational):
+        scaled = value if factor == 1 else value * float(factor)
+    else:
+        # exact until the last step: 7 mm is 0.007 m
+        scaled = value * se.Rational(factor.numerator, factor.denominator)
+    try:
+        return number(scaled)
+    except ValueError:
+        if formula is not None:
+            formula.good = False
+        draft.report.add(
+            "not-a-number",
+            f"{what} has no real, finite value",
+            quantity.parsed.node.location,
+            "the largest number is 1.8e308",
+        )
+    return None
+
+
+def constant(value: float) -> Basic:
+    """Return a number as an expression: a whole one is exact, so that x^n can be a power."""
+    exact = value.is_integer() and abs(value) < 2**53
+    return se.Integer(int(value)) if exact else se.RealDouble(value)

@@ -1,0 +1,236 @@
+"""Vectors, matrices and rotations of the model language, with SymEngine entries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.model.expression.identities import constant_value
+from lagcli.model.expression.linearity import is_zero
+
+Rows = tuple[tuple[Basic, ...], ...]
+Derivative = Callable[[Basic], Basic]
+
+
+class ShapeError(ValueError):
+    """An operation on shapes that do not fit."""
+
+
+@dataclass(frozen=True)
+class Tensor:
+    """A matrix; a vector is a matrix of one column.
+
+    Parameters
+    ----------
+    rows : tuple of tuples of expressions
+    factors : tuple of Turn
+        Of a rotation, or a product of 3×3 matrices: what was multiplied. `omega` uses the factors,
+        so that the angular velocity needs no product of matrices.
+    """
+
+    rows: Rows
+    factors: tuple[Turn, ...] = field(default=(), compare=False)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return len(self.rows), len(self.rows[0])
+
+    @property
+    def is_vector(self) -> bool:
+        """Whether there is one column."""
+        return self.shape[1] == 1
+
+    @property
+    def entries(self) -> tuple[Basic, ...]:
+        """All entries, row by row."""
+        return tuple(x for row in self.rows for x in row)
+
+    @property
+    def kind(self) -> str:
+        """Say what it is, for messages."""
+        m, n = self.shape
+        return f"a vector of {m}" if n == 1 else f"a {m}×{n} matrix"
+
+    def map(self, function: Callable[[Basic], Basic]) -> Tensor:
+        """Apply a function to each entry."""
+        return Tensor(tuple(tuple(function(x) for x in row) for row in self.rows))
+
+
+class Turn(NamedTuple):
+    """A factor of a product of rotations.
+
+    Parameters
+    ----------
+    rows : 3 rows of 3 expressions
+    parameters : tuple of expressions
+        (angle,) of a rotation about a constant axis, (e0, e1, e2, e3) of a quaternion, () of a
+        matrix that is given by its entries.
+    axis : tuple of 3 expressions, or None
+        Of unit length.
+    """
+
+    rows: Rows
+    parameters: tuple[Basic, ...] = ()
+    axis: tuple[Basic, ...] | None = None
+
+    def reversed(self) -> Turn:
+        """Return the inverse rotation."""
+        rows = tuple(zip(*self.rows, strict=True))
+        if self.axis is not None:
+            return Turn(rows, (-self.parameters[0],), self.axis)
+        return Turn(rows, (*self.parameters[:1], *[-e for e in self.parameters[1:]]))
+
+    @property
+    def certain(self) -> bool:
+        """Whether this is a rotation, RᵀR = 1 and det R = 1.
+
+        A quaternion counts as one: its constraint is the model's to state. A matrix is tried at
+        some points.
+        """
+        if self.parameters:
+            return True
+        columns = [Tensor(tuple((x,) for x in column)) for column in zip(*self.rows, strict=True)]
+        x, y, z = columns
+        pairs = [(x, x, 1), (y, y, 1), (z, z, 1), (x, y, 0), (y, z, 0), (cross(x, y), z, 1)]
+        return all(is_zero(dot(a, b) - value) for a, b, value in pairs)
+
+    def rate(self, derivative: Derivative) -> tuple[Basic, ...]:
+        """Return the body-frame angular velocity of this rotation alone."""
+        if not self.parameters:
+            return _from_matrix(self.rows, derivative)
+        if self.axis is not None:
+            rate = derivative(self.parameters[0])
+            return tuple(n * rate for n in self.axis)
+        e0, e1, e2, e3 = self.parameters
+        d0, d1, d2, d3 = (derivative(e) for e in self.parameters)
+        return (
+            2 * (e0 * d1 - e1 * d0 - e2 * d3 + e3 * d2),
+            2 * (e0 * d2 - e2 * d0 - e3 * d1 + e1 * d3),
+            2 * (e0 * d3 - e3 * d0 - e1 * d2 + e2 * d1),
+        )
+
+
+def vector(*entries: Basic) -> Tensor:
+    """Return a column."""
+    return Tensor(tuple((x,) for x in entries))
+
+
+def add(a: Tensor, b: Tensor, sign: int = 1) -> Tensor:
+    """Return a ± b."""
+    if a.shape != b.shape:
+        raise ShapeError(f"{a.kind} and {b.kind} cannot be added")
+    return Tensor(
+        tuple(
+            tuple(x + sign * y for x, y in zip(r, s, strict=True))
+            for r, s in zip(a.rows, b.rows, strict=True)
+        )
+    )
+
+
+def multiply(a: Tensor, b: Tensor) -> Tensor:
+    """Return the matrix product."""
+    if a.is_vector and b.is_vector:
+        raise ShapeError(f"{a.kind} times {b.kind} is ambiguous: use dot(a, b) or cross(a, b)")
+    if a.shape[1] != b.shape[0]:
+        raise ShapeError(f"{a.kind} cannot be multiplied by {b.kind}")
+    columns = list(zip(*b.rows, strict=True))
+    rows = tuple(
+        tuple(se.Add(*[x * y for x, y in zip(row, column, strict=True)]) for column in columns)
+        for row in a.rows
+    )
+    factors = _factors(a) + _factors(b) if a.shape == b.shape == (3, 3) else ()
+    return Tensor(rows, factors)
+
+
+def _factors(a: Tensor) -> tuple[Turn, ...]:
+    return a.factors or (Turn(a.rows),)
+
+
+def transpose(a: Tensor) -> Tensor:
+    """Return aᵀ."""
+    rows = tuple(tuple(column) for column in zip(*a.rows, strict=True))
+    return Tensor(rows, tuple(f.reversed() for f in reversed(a.factors)))
+
+
+def dot(a: Tensor, b: Tensor) -> Basic:
+    """Return the scalar product of two vectors."""
+    if not (a.is_vector and b.is_vector and a.shape == b.shape):
+        raise ShapeError(f"dot needs two vectors of one length, not {a.kind} and {b.kind}")
+    return se.Add(*[x * y for x, y in zip(a.entries, b.entries, strict=True)])
+
+
+def cross(a: Tensor, b: Tensor) -> Tensor:
+    """Return the vector product of two vectors of three."""
+    if a.shape != (3, 1) or b.shape != (3, 1):
+        raise ShapeError(f"cross needs two vectors of 3, not {a.kind} and {b.kind}")
+    (a1, a2, a3), (b1, b2, b3) = a.entries, b.entries
+    return vector(a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1)
+
+
+def norm(a: Tensor) -> Basic:
+    """Return the Euclidean norm of a vector."""
+    return se.sqrt(dot(a, a))
+
+
+def rotation(axis: Tensor, angle: Basic) -> Tensor:
+    """Return the rotation about a constant axis (normalized here) by an angle (Rodrigues)."""
+    if axis.shape != (3, 1):
+        raise ShapeError(f"the axis of a rotation is a vector of 3, not {axis.kind}")
+    square = dot(axis, axis)
+    length = se.sqrt(constant_value(square) or square)  # [sin(a), 0, cos(a)] has the length 1
+    x, y, z = n = tuple(e / length for e in axis.entries)
+    s, c = se.sin(angle), se.cos(angle)
+    u = 1 - c
+    rows = (
+        (c + x * x * u, x * y * u - z * s, x * z * u + y * s),
+        (y * x * u + z * s, c + y * y * u, y * z * u - x * s),
+        (z * x * u - y * s, z * y * u + x * s, c + z * z * u),
+    )
+    # x*x*(1 - c) + c is 1 for a coordinate axis, and should read so
+    shown = tuple(tuple(se.expand(e) for e in r) for r in rows)
+    return Tensor(shown, (Turn(shown, (angle,), n),))
+
+
+def quaternion(e0: Basic, e1: Basic, e2: Basic, e3: Basic) -> Tensor:
+    """Return the rotation of a unit quaternion (e0 is the scalar part)."""
+    rows = (
+        (e0**2 + e1**2 - e2**2 - e3**2, 2 * (e1 * e2 - e0 * e3), 2 * (e1 * e3 + e0 * e2)),
+        (2 * (e1 * e2 + e0 * e3), e0**2 - e1**2 + e2**2 - e3**2, 2 * (e2 * e3 - e0 * e1)),
+        (2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), e0**2 - e1**2 - e2**2 + e3**2),
+    )
+    return Tensor(rows, (Turn(rows, (e0, e1, e2, e3)),))
+
+
+def angular_velocity(r: Tensor, derivative: Derivative) -> Tensor:
+    """Return the body-frame angular velocity ω of a rotation R: RᵀṘ = ω×.
+
+    For R = R₁R₂…: ω = R₂ᵀω₁ + ω₂, from left to right.
+    """
+    if r.shape != (3, 3):
+        raise ShapeError(f"omega needs a rotation (a 3×3 matrix), not {r.kind}")
+    if len(r.factors) < 2 or not all(turn.certain for turn in r.factors):
+        single = r.factors[0] if len(r.factors) == 1 else Turn(r.rows)
+        return vector(*single.rate(derivative))
+    first, *others = r.factors
+    omega = vector(*first.rate(derivative))
+    for turn in others:
+        turned = multiply(transpose(Tensor(turn.rows)), omega)
+        omega = add(turned, vector(*turn.rate(derivative)))
+    return omega
+
+
+def _from_matrix(rows: Rows, derivative: Derivative) -> tuple[Basic, ...]:
+    """Return ω of a rotation from its matrix."""
+    r = Tensor(rows)
+    spin = multiply(transpose(r), r.map(derivative)).rows
+    half = se.Rational(1, 2)
+    return (
+        half * (spin[2][1] - spin[1][2]),
+        half * (spin[0][2] - spin[2][0]),
+        half * (spin[1][0] - spin[0][1]),
+    )

@@ -1,0 +1,158 @@
+"""What the grammar makes of an expression: a tree whose pieces know their place in the text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+
+@dataclass(eq=False, slots=True)
+class Tree:
+    """A piece of an expression, from ``start`` to ``end`` of its text."""
+
+    start: int
+    end: int
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The trees directly below this one."""
+        return ()
+
+
+@dataclass(eq=False, slots=True)
+class NumberExpr(Tree):
+    """A number, exactly as written."""
+
+    value: Fraction
+
+
+@dataclass(eq=False, slots=True)
+class Name(Tree):
+    """A name with its primes; ``text`` may be dotted (``lambda.guide``).
+
+    The member of a family has ``[]`` in its text for each of its indices: ``x[i - 1]`` is ``x[]``.
+    """
+
+    text: str
+    primes: int
+    indices: tuple[Tree, ...] = ()
+
+
+@dataclass(eq=False, slots=True)
+class CallExpr(Tree):
+    """A function applied to arguments."""
+
+    function: str
+    arguments: tuple[Tree, ...]
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The arguments."""
+        return self.arguments
+
+
+@dataclass(eq=False, slots=True)
+class SumExpr(Tree):
+    """Terms with their signs, +1 or -1."""
+
+    terms: tuple[tuple[int, Tree], ...]
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The terms."""
+        return tuple(term for _, term in self.terms)
+
+
+@dataclass(eq=False, slots=True)
+class Range(Tree):
+    """``first..last``, both included."""
+
+    first: Tree
+    last: Tree
+
+
+@dataclass(eq=False, slots=True)
+class IndexedSumExpr(Tree):
+    """``sum(term, index = first..last)``."""
+
+    term: Tree
+    index: str
+    range: Range
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The term; the bounds of the range are no values, but whole numbers."""
+        return (self.term,)
+
+
+@dataclass(eq=False, slots=True)
+class ProductExpr(Tree):
+    """Factors with their exponents, +1 or -1, from left to right."""
+
+    factors: tuple[tuple[int, Tree], ...]
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The factors."""
+        return tuple(factor for _, factor in self.factors)
+
+
+@dataclass(eq=False, slots=True)
+class PowerExpr(Tree):
+    """Base and exponent."""
+
+    base: Tree
+    exponent: Tree
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """Base and exponent."""
+        return (self.base, self.exponent)
+
+
+@dataclass(eq=False, slots=True)
+class Comparison(Tree):
+    """A chain of comparisons: a < b <= c."""
+
+    operands: tuple[Tree, ...]
+    operators: tuple[str, ...]
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """What is compared."""
+        return self.operands
+
+
+@dataclass(eq=False, slots=True)
+class LogicalExpr(Tree):
+    """``and``, ``or``, ``not`` and what they join."""
+
+    operator: str
+    operands: tuple[Tree, ...]
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """What is joined."""
+        return self.operands
+
+
+@dataclass(eq=False, slots=True)
+class VectorExpr(Tree):
+    """A vector of scalars, or a matrix of rows."""
+
+    items: tuple[Tree, ...]
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The entries."""
+        return self.items
+
+
+def walk(tree: Tree) -> Iterator[Tree]:
+    """Yield a tree and all trees below it, from left to right."""
+    stack = [tree]
+    while stack:
+        top = stack.pop()
+        yield top
+        stack.extend(reversed(top.parts))

@@ -1,0 +1,1 @@
+"""Names: what is declared, what an expression may use, families and indices."""

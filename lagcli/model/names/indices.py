@@ -1,0 +1,159 @@
+"""Indices: whole numbers made of whole numbers, indices and parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.trees import (
+    CallExpr,
+    Name,
+    NumberExpr,
+    PowerExpr,
+    ProductExpr,
+    Range,
+    SumExpr,
+    Tree,
+    walk,
+)
+
+MAX_MEMBERS = 10_000  # of one range; a chain of 5000 bodies needs no more
+_LARGEST = 10**9  # of an index; larger ones are typing errors
+
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "floor": math.floor,
+    "ceil": math.ceil,
+    "min": min,
+    "max": max,
+    "abs": abs,
+}
+
+
+class Indices(NamedTuple):
+    """What an index may be made of.
+
+    Parameters
+    ----------
+    values : mapping of str to int
+        The indices that have a value, by name.
+    parameter : callable
+        The value of a parameter that is a whole number; raises ExpressionError for anything else.
+    """
+
+    values: Mapping[str, int]
+    parameter: Callable[[Name], int]
+
+    def at(self, tree: Tree) -> int:
+        """Return the value of an index.
+
+        Raises
+        ------
+        ExpressionError
+            It is no whole number, or made of other things than whole numbers.
+        """
+        value = self._value(tree)
+        if not isinstance(value, int):
+            if value != int(value):
+                raise _error(tree, f"an index is a whole number, not {float(value):g}")
+            value = int(value)
+        if abs(value) > _LARGEST:
+            raise _error(tree, "this index is too large to be meant")
+        return value
+
+    def range(self, tree: Range) -> range:
+        """Return the indices of a range, both ends included; it is empty where it ends before 1.
+
+        Raises
+        ------
+        ExpressionError
+            As `at`, and for a range that is too long.
+        """
+        first, last = self.at(tree.first), self.at(tree.last)
+        if last - first >= MAX_MEMBERS:
+            raise _error(
+                tree,
+                f"the range {first}..{last} is too long",
+                f"a range has at most {MAX_MEMBERS:,} members",
+                "too-large",
+            )
+        return range(first, last + 1)
+
+    def _value(self, tree: Tree) -> Any:
+        match tree:
+            case Name():
+                if tree.text in self.values:
+                    return self.values[tree.text]
+                if tree.text == "pi":
+                    return math.pi
+                return self.parameter(tree)
+            case NumberExpr():
+                value = tree.value
+                return value.numerator if value.denominator == 1 else value
+            case SumExpr():
+                return sum(sign * self._value(term) for sign, term in tree.terms)
+            case ProductExpr():
+                return self._product(tree)
+            case PowerExpr():
+                base, exponent = self._value(tree.base), self.at(tree.exponent)
+                if not 0 <= exponent <= 60 or abs(base) > _LARGEST:
+                    raise _error(tree, "this power cannot be an index")
+                return base**exponent
+            case CallExpr() if tree.function in _FUNCTIONS:
+                arguments = [self._value(a) for a in tree.arguments]
+                single = tree.function in ("floor", "ceil", "abs")
+                if not arguments or (single and len(arguments) > 1):
+                    raise _error(tree, f"`{tree.function}` takes another number of arguments")
+                function = _FUNCTIONS[tree.function]
+                return function(*arguments) if single else function(arguments)
+        raise _not_whole(tree)
+
+    def _product(self, tree: ProductExpr) -> Any:
+        result: Any = 1
+        for exponent, factor in tree.factors:
+            value = self._value(factor)
+            if exponent < 0 and value == 0:
+                raise _error(factor, "division by zero", kind="not-a-number")
+            if exponent > 0:
+                result = result * value
+            else:
+                result = (Fraction(result) if isinstance(result, int) else result) / value
+            if abs(result) > _LARGEST**2:
+                raise _error(tree, "this index is too large to be meant")
+        return result
+
+
+def names_in(tree: Tree) -> Iterator[Name]:
+    """Yield the names that an index or a range is made of."""
+    for root in (tree.first, tree.last) if isinstance(tree, Range) else (tree,):
+        for part in walk(root):
+            if isinstance(part, Name):
+                yield part
+
+
+def form_errors(tree: Tree) -> Iterator[ExpressionError]:
+    """Yield what can be seen to be wrong with an index or a range without any values."""
+    for root in (tree.first, tree.last) if isinstance(tree, Range) else (tree,):
+        for part in walk(root):
+            good = isinstance(part, (NumberExpr, Name, SumExpr, ProductExpr, PowerExpr)) or (
+                isinstance(part, CallExpr) and part.function in _FUNCTIONS
+            )
+            if not good:
+                yield _not_whole(part)
+                break
+
+
+def _not_whole(tree: Tree) -> ExpressionError:
+    return _error(
+        tree,
+        "an index cannot be made of this",
+        "indices are made of whole numbers and pi with + - * / ^, floor, ceil, min, max, abs",
+    )
+
+
+def _error(
+    tree: Tree, message: str, help_: str | None = None, kind: str = "bad-index"
+) -> ExpressionError:
+    return ExpressionError(kind, message, tree.start, tree.end, help_)

@@ -1,0 +1,53 @@
+"""The members of families: how they are named, and how they are told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.trees import Range
+
+
+def with_indices(family: str, indices: Iterable[int]) -> str:
+    """Return the name of a member: ``Qc.rod[].x[]`` with 2 and 3 is ``Qc.rod[2].x[3]``."""
+    first, *others = family.split("[]")
+    return first + "".join(f"[{k}]{rest}" for k, rest in zip(indices, others, strict=True))
+
+
+def index_of(member: str) -> int | None:
+    """Return the index of a member's name; None for the name of no member."""
+    return int(member[member.index("[") + 1 : -1]) if member.endswith("]") else None
+
+
+def family_of(member: str) -> str:
+    """Return the name of a member's family, ``x[]``; any other name as it is."""
+    return f"{member[: member.index('[')]}[]" if member.endswith("]") else member
+
+
+def told(base: str, members: Sequence[str]) -> str:
+    """Return the members of a family in few words: x[0], x[1..20]."""
+    found = sorted({k for k in map(index_of, members) if k is not None})
+    runs: list[list[int]] = []
+    for k in found:
+        if runs and k == runs[-1][1] + 1:
+            runs[-1][1] = k
+        else:
+            runs.append([k, k])
+    shown = [f"`{base}[{a}]`" if a == b else f"`{base}[{a}..{b}]`" for a, b in runs[:4]]
+    return ", ".join(shown) + (", …" if len(runs) > 4 else "")
+
+
+def there_is(base: str, members: Sequence[str]) -> str:
+    """Return a clause that says which members a family has."""
+    return f"there is only {told(base, members)}" if members else f"the family `{base}` is empty"
+
+
+def descending(tree: Range, span: range) -> ExpressionError:
+    """Return the error of a range that ends before it begins."""
+    return ExpressionError(
+        "bad-range",
+        f"the range {span.start}..{span.stop - 1} runs backwards",
+        tree.start,
+        tree.end,
+        "a range runs upwards: first..last",
+    )

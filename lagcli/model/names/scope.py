@@ -1,0 +1,398 @@
+"""The names of a model as seen from one place in it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.model import model as symbols
+from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken
+from lagcli.model.expression.tensors import Tensor
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
+from lagcli.model.names.indices import Indices, form_errors, names_in
+from lagcli.model.names.members import descending, family_of, there_is, with_indices
+from lagcli.model.names.scoping import Sized
+from lagcli.model.names.unknown import as_written, unknown, unknown_index, unknown_part
+from lagcli.model.symbols import MOTION, Context, Symbols
+
+
+class ModelScope:
+    """The names of a model as seen from one place in it.
+
+    Parameters
+    ----------
+    names : Names
+    context : Context
+    bound : collection of str
+        The indices that have a value here.
+    """
+
+    def __init__(self, names: Symbols, context: Context, bound: Collection[str] = ()):
+        self.names = names
+        self.context = context
+        self.bound = frozenset(bound)
+        self.values: dict[str, int] = {}
+        self.indices = Indices(self.values, self._whole)
+        self.missing: dict[int, ExpressionError] = {}
+        # names without indices, with their primes
+        self._good: set[tuple[str, int]] = set()
+        self._known: dict[tuple[str, int], Sized] = {}
+
+    def derivative(self, expression: Basic) -> Basic:
+        """Return the total time derivative."""
+        return self.names.derivative(expression)
+
+    def note_kink(self) -> None:
+        """Take notice of a function with kinks or jumps."""
+        self.names.smooth = False
+
+    def declared(self, text: str) -> bool:
+        """Whether a name is declared."""
+        return self.names.declared(text)
+
+    # before there are values
+
+    def check(self, name: Name) -> None:
+        """Raise ExpressionError for a name that is unknown or may not stand here.
+
+        Raises
+        ------
+        ExpressionError
+        Broken
+            The name's own declaration is in error.
+        """
+        if name.indices:
+            self._check(name)
+        elif (name.text, name.primes) not in self._good:
+            self._check(name)
+            self._good.add((name.text, name.primes))
+
+    def _check(self, name: Name) -> None:
+        names = self.names
+        if name.text in self.bound:
+            if name.primes:
+                raise self._error("constant", name, f"`{name.text}` is an index: it has no rate")
+            return
+        for tree in name.indices:
+            self.check_index(tree)
+        text, primes = names.resolve(name)
+        if text in names.broken:
+            raise Broken
+        kinds = names.families.get(text, ())
+        if text in names.coordinates or "coordinate" in kinds:
+            self._check_coordinate(name, primes)
+        elif text in names.definitions or "definition" in kinds:
+            if not self.context.definitions:
+                raise self._not_here(name, "definitions")
+        elif "." in text:
+            self._dotted(name, text)
+        elif text in names.parameters or "parameter" in kinds:
+            if primes:
+                raise self._error(
+                    "constant", name, f"`{text}` is a parameter: its time derivative is zero"
+                )
+        elif text in ("t", "pi"):
+            if text == "t" and not self.context.time:
+                raise self._not_here(name, "time")
+            if primes:
+                raise self._error("constant", name, f"`{text}` has no time derivative to speak of")
+        else:
+            raise unknown(names, self.context, name)
+
+    def check_index(self, tree: Tree) -> None:
+        """Raise ExpressionError for an index or a range that is made of other things than numbers.
+
+        Raises
+        ------
+        ExpressionError, Broken
+            As `check`.
+        """
+        for error in form_errors(tree):
+            raise error
+        names = self.names
+        for name in names_in(tree):
+            text = name.text
+            if text in names.broken:
+                raise Broken
+            if (text in self.bound or text == "pi") and not name.primes:
+                continue
+            whole = text in names.constants or "parameter" in names.families.get(text, ())
+            if whole and not name.primes:
+                continue
+            if text in ("t", "pi") or text in self.bound or names.declared(text):
+                what = "rate" if name.primes else names.lines.get(text, ("value that varies", 0))[0]
+                message = "an index is made of whole numbers and parameters; "
+                shown = text + "'" * name.primes
+                raise self._error("bad-index", name, f"{message}`{shown}` is a {what}")
+            raise unknown_index(names, self.context, name)
+
+    def check_series(self, tree: IndexedSumExpr) -> ModelScope:
+        """Return the scope of a sum's term.
+
+        Raises
+        ------
+        ExpressionError
+            The index has a name that something else has, or is not used.
+        Broken
+        """
+        self.check_index(tree.range)
+        self.check_index_name(tree.index, tree)
+        if not uses(tree.term, tree.index):
+            raise ExpressionError(
+                "unused-index",
+                f"the term of this sum does not use the index `{tree.index}`",
+                tree.start,
+                tree.end,
+                "write a product with the number of terms",
+            )
+        return ModelScope(self.names, self.context, self.bound | {tree.index})
+
+    def check_index_name(self, index: str, tree: Tree) -> None:
+        """Raise ExpressionError for an index that would hide another name."""
+        names = self.names
+        what = None
+        if index in self.bound:
+            what = "the index of what surrounds it"
+        elif index in ("t", "pi"):
+            what = {"t": "the time", "pi": "the number π"}[index]
+        elif names.declared(index) or f"{index}[]" in names.families:
+            what = "a " + names.lines.get(index, names.lines.get(f"{index}[]", ("name", 0)))[0]
+        if what is not None:
+            raise ExpressionError(
+                "index-hides-name",
+                f"the index `{index}` has the name of something else: `{index}` is {what}",
+                tree.start,
+                tree.end,
+                "choose another name for the index",
+                f"index {index}",
+            )
+
+    # with values
+
+    def each(self, tree: IndexedSumExpr) -> Iterator[int]:
+        """Give the index of a sum one value after the other.
+
+        Raises
+        ------
+        ExpressionError
+            The range is too long, or runs backwards.
+        """
+        span = self.indices.range(tree.range)
+        fixed = all(name.text not in self.values for name in names_in(tree.range))
+        if fixed and span.stop < span.start:
+            raise descending(tree.range, span)
+        for value in span:
+            self.values[tree.index] = value
+            yield value
+        self.values.pop(tree.index, None)
+
+    def has_value(self, index: str) -> bool:
+        """Whether a name is an index."""
+        return index in self.values
+
+    def symbol(self, name: Name) -> Basic | None:
+        """Return the symbol of a member; None for a member that stands for anything else."""
+        names = self.names
+        text, primes = self.named(name)
+        if text in names.coordinates:
+            return MOTION[primes](text)
+        if text in names.definitions or primes:
+            return None
+        if "." in text:
+            return self._dotted(name, text)
+        value = names.parameters[text]() if text in names.parameters else None
+        return value if isinstance(value, se.Symbol) else None
+
+    def at(self) -> str:
+        """Say which values the indices have, for messages: `` for i = 1``; empty without any."""
+        values = ", ".join(f"{name} = {value}" for name, value in self.values.items())
+        return f" for {values}" if values else ""
+
+    def lookup(self, name: Name) -> Sized:
+        """Return what a name stands for. A member that is not there is kept in ``missing``.
+
+        Raises
+        ------
+        ExpressionError, Broken
+            As `check`.
+        """
+        if name.indices:
+            return self._member(name, *self.named(name))
+        if name.text in self.values:
+            return Sized(se.Integer(self.values[name.text]), constant=True)
+        known = self._known.get((name.text, name.primes))
+        if known is None:
+            self.check(name)
+            known = self._single(name, *self.names.resolve(name))
+            self._known[name.text, name.primes] = known
+        return known
+
+    def _single(self, name: Name, text: str, primes: int) -> Sized:
+        if text in self.names.coordinates:
+            return Sized(MOTION[primes](text), order=primes)
+        if text in self.names.definitions:
+            return self._definition(name, text, primes)
+        if "." in text:
+            return Sized(self._dotted(name, text))
+        if text in self.names.parameters:
+            value = self.names.parameters[text]()
+            return Sized(value, constant=not value.free_symbols)
+        return Sized(symbols.TIME) if text == "t" else Sized(se.pi, constant=True)
+
+    def named(self, name: Name) -> tuple[str, int]:
+        """Return a name with its indices as numbers, and the number of its dots."""
+        text, primes = self.names.resolve(name)
+        if name.indices:
+            text = with_indices(text, [self.indices.at(tree) for tree in name.indices])
+        return text, primes
+
+    def _member(self, name: Name, text: str, primes: int) -> Sized:
+        names = self.names
+        if "." in text:
+            return Sized(self._dotted(name, text))
+        if text in names.coordinates:
+            return Sized(MOTION[primes](text), order=primes)
+        if text in names.definitions:
+            return self._definition(name, text, primes)
+        if text in names.parameters:
+            value = names.parameters[text]() if not primes else se.Integer(0)
+            return Sized(value, constant=not value.free_symbols)
+        if family_of(text) in names.broken or names.incomplete:
+            raise Broken
+        if name.start not in self.missing and len(self.missing) <= MAX_DIAGNOSTICS:
+            base = text.partition("[")[0]
+            others = there_is(base, names.members(base))
+            self.missing[name.start] = self._error(
+                "no-member",
+                name,
+                f"{self.context.where} uses `{text}`{self.at()}, but {others}",
+                "end the range where its neighbours end, or give a fixed member under"
+                f" `definitions`: `{text}: 0`",
+            )
+        return Sized(se.Symbol(text))
+
+    def _whole(self, name: Name) -> int:
+        """Return the value of a parameter in an index."""
+        names = self.names
+        text = name.text
+        if name.indices:
+            text = with_indices(text, [self.indices.at(tree) for tree in name.indices])
+        if text not in names.constants:
+            raise self._error("no-member", name, f"there is no parameter `{text}`{self.at()}")
+        value = names.constants[text]()
+        names.structural.add(text)
+        if not isinstance(value, se.Integer):
+            raise ExpressionError(
+                "not-whole",
+                f"`{text}` counts members here and must be a whole number, but is {value}",
+                name.start,
+                name.end,
+                f"give a whole number, as in `{text}: 10` or --set {text}=10",
+                text,
+            )
+        return int(value)
+
+    # complaints
+
+    def _error(
+        self, kind: str, name: Name, message: str, help_: str | None = None
+    ) -> ExpressionError:
+        return ExpressionError(kind, message, name.start, name.end, help_)
+
+    def _not_here(self, name: Name, what: str, help_: str | None = None) -> ExpressionError:
+        shown = as_written(name) + "'" * name.primes
+        return self._error(
+            "not-allowed-here",
+            name,
+            f"{self.context.where} cannot depend on {what}, but uses `{shown}`",
+            help_,
+        )
+
+    def _check_coordinate(self, name: Name, primes: int) -> None:
+        if not self.context.coordinates:
+            raise self._not_here(name, "coordinates", "it may depend on parameters only")
+        if primes > 2:
+            raise self._error(
+                "too-many-primes", name, "derivatives of coordinates end at accelerations, q''"
+            )
+        if primes == 2 and not self.context.accelerations:
+            raise self._not_here(name, "accelerations", _ACCELERATIONS)
+
+    def _definition(self, name: Name, text: str, primes: int) -> Sized:
+        sized = self.names.definitions[text]()
+        value, size = sized.value, sized.size
+        order = sized.order + primes if sized.order >= 0 else sized.order
+        if order > 2:
+            raise self._error(
+                "too-many-primes", name, "derivatives of coordinates end at accelerations, q''"
+            )
+        if order == 2 and not self.context.accelerations:
+            raise self._not_here(name, "accelerations", _ACCELERATIONS)
+        for _ in range(primes):
+            value = (
+                value.map(self.names.derivative)
+                if isinstance(value, Tensor)
+                else self.names.derivative(value)
+            )
+            size *= 3  # a product rule's worth
+        return Sized(value, size, sized.depth + 2 * primes, sized.constant, order)
+
+    def _dotted(self, name: Name, text: str) -> Basic:
+        """Return the symbol of a multiplier or constraint force; of a family's before its values
+        are known.
+        """
+        head, *rest = text.split(".")
+        if head in ("lambda", "Qc") and not self.context.multipliers:
+            raise self._error(
+                "not-allowed-here",
+                name,
+                f"{self.context.where} cannot depend on multipliers, but uses `{as_written(name)}`",
+                "multipliers may stand in `outputs` and in the vectors of a `view`",
+            )
+        if head == "lambda" and len(rest) == 1 and not name.primes:
+            self._known_part(name, text, rest[0], "constraint")
+            return symbols.multiplier(rest[0])
+        if head == "Qc" and len(rest) in (1, 2) and not name.primes:
+            self._known_part(name, text, rest[-1], "coordinate")
+            if len(rest) == 1:
+                return symbols.constraint_force(rest[0])
+            self._known_part(name, text, rest[0], "constraint")
+            return symbols.constraint_force(rest[1], rest[0])
+        raise self._error(
+            "unknown-name",
+            name,
+            f"{self.context.where} uses `{text}`, which is not declared",
+            "names with dots are `lambda.CONSTRAINT`, `Qc.COORDINATE` and"
+            " `Qc.CONSTRAINT.COORDINATE`;\na decimal number needs no letters around its point",
+        )
+
+    def _known_part(self, name: Name, text: str, part: str, what: str) -> None:
+        names = self.names
+        if what == "constraint":
+            known, family = names.constraints, part in names.constraint_families
+        else:
+            known, family = names.coordinates, "coordinate" in names.families.get(part, ())
+        if not family and part not in known:
+            raise unknown_part(
+                names, self.context, name, (text, part, self.at()), list(known), what
+            )
+
+
+_ACCELERATIONS = "accelerations may stand in `outputs` and in the vectors of a `view`"
+
+
+def uses(tree: Tree, index: str) -> bool:
+    """Whether an index occurs in a term, as a number or in the index of a member."""
+    for part in walk(tree):
+        if isinstance(part, Name):
+            inner = [name for i in part.indices for name in names_in(i)]
+            if part.text == index or any(name.text == index for name in inner):
+                return True
+        if isinstance(part, IndexedSumExpr) and any(
+            name.text == index for name in names_in(part.range)
+        ):
+            return True
+    return False

@@ -1,0 +1,182 @@
+"""Names that are declared nowhere: what may have been meant."""
+
+from __future__ import annotations
+
+from lagcli.model.diagnostics import Broken
+from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.model.expression.tokens import ExpressionError, is_name
+from lagcli.model.expression.trees import Name, NumberExpr
+from lagcli.model.names.members import there_is, told
+from lagcli.model.spelling import did_you_mean, nearest
+from lagcli.model.symbols import Context, Symbols
+
+_CONSTANTS = {
+    "e": "e^x is written `exp(x)`, e itself `exp(1)`",
+    "E": "e^x is written `exp(x)`, e itself `exp(1)`",
+    "Pi": "the constant is `pi`",
+    "PI": "the constant is `pi`",
+    "π": "the constant is `pi`",
+}
+
+
+def unknown(names: Symbols, context: Context, name: Name) -> ExpressionError:
+    """Return the error of a name that is not declared, with its nearest neighbours.
+
+    Raises
+    ------
+    Broken
+        Something has been meant to declare it.
+    """
+    text = name.text
+    base = text.partition("[")[0]
+    if names.incomplete or base in names.suspects:
+        raise Broken
+    if text != base and (names.declared(base) or base in ("t", "pi")):
+        what = names.lines.get(base, ("name", 0))[0]
+        return ExpressionError(
+            "not-a-family",
+            f"{context.where} uses a member of `{base}`, but `{base}` is a single {what}",
+            name.start,
+            name.end,
+            f"write `{base}` without an index, or declare a family, as in `{base}[1..3]`",
+            base,
+        )
+    if text == base and f"{text}[]" in names.families:
+        members = names.members(base)
+        which = f": {there_is(base, members)}" if members else ""
+        return ExpressionError(
+            "a-family",
+            f"{context.where} uses `{text}`, which is a family{which}",
+            name.start,
+            name.end,
+            f"name a member, as in `{members[0] if members else base + '[1]'}`",
+            text,
+        )
+    return ExpressionError(
+        "unknown-name",
+        f"{context.where} uses `{as_written(name)}`, which is not declared",
+        name.start,
+        name.end,
+        _help(names, context, name, base),
+        text,
+    )
+
+
+def unknown_index(names: Symbols, context: Context, name: Name) -> ExpressionError:
+    """Return the error of a name in an index or a range that is not declared.
+
+    Raises
+    ------
+    Broken
+        Something has been meant to declare it.
+    """
+    if names.incomplete or name.text in names.suspects:
+        raise Broken
+    close = _close(names, Context(context.where, False, definitions=False), name.text)
+    index = name.text if is_name(name.text) else "i"
+    return ExpressionError(
+        "unknown-name",
+        f"{context.where} uses `{as_written(name)}` in an index, which is not declared",
+        name.start,
+        name.end,
+        did_you_mean(close)
+        or f"an index has its range in the name of its entry, as in `name[{index} = 1..N]: …`, or"
+        f" in a sum, `sum(…, {index} = 1..N)`",
+        f"index {name.text}",
+    )
+
+
+def as_written(name: Name) -> str:
+    """Return a name as it stands in the text, long indices shortened."""
+    text = name.text
+    for index in name.indices:
+        short = str(index.value) if isinstance(index, NumberExpr) else "…"
+        short = index.text if isinstance(index, Name) else short
+        text = text.replace("[]", f"[{short}]", 1)
+    return text
+
+
+def _help(names: Symbols, context: Context, name: Name, base: str) -> str | None:
+    text = name.text
+    if text == "lambda":
+        return "name the constraint: `lambda.NAME`"
+    if text in FUNCTIONS:
+        return f"`{text}` is a function: write `{text}(x)`"
+    if text.lower() in ("inf", "nan", "infinity"):
+        return "numbers are finite"
+    if text in _CONSTANTS:
+        return _CONSTANTS[text]
+    if close := _close(names, context, text):
+        return did_you_mean(close)
+    if text != base:
+        return f"declare the family, for instance under `coordinates`: `{base}[1..3]`"
+    if name.primes or not context.coordinates:
+        block = "coordinates" if name.primes else "parameters"
+        return f"declare it under `{block}`"
+    return f"declare it, for instance under `parameters`: `{text}: 1`"
+
+
+def _close(names: Symbols, context: Context, text: str) -> list[str]:
+    """Return the nearest names that could stand in a place, with what they are."""
+    known: list[str] = []
+    for mapping, kind, allowed in (
+        (names.parameters, "parameter", True),
+        (names.coordinates, "coordinate", context.coordinates),
+        (names.definitions, "definition", context.definitions),
+    ):
+        if allowed:
+            known += [k for k in mapping if not k.endswith("]")]
+            known += [k for k, kinds in names.families.items() if kind in kinds]
+    shown = []
+    for other in nearest(text, known):
+        what, line = names.lines.get(other, ("", 0))
+        place = f", line {line}" if line else ""
+        label = _shown(other)
+        shown.append(f"`{label}` ({what}{place})" if what else f"`{label}`")
+    return shown
+
+
+def _shown(text: str) -> str:
+    return text.replace("[]", "[i]")
+
+
+def unknown_part(
+    names: Symbols,
+    context: Context,
+    name: Name,
+    used: tuple[str, str, str],
+    known: list[str],
+    what: str,
+) -> ExpressionError:
+    """Return the error of a name with dots whose constraint or coordinate is not declared.
+
+    Parameters
+    ----------
+    names, context, name : Names, Context, Name
+    used : three of str
+        The whole name, the part that is unknown, and for which indices.
+    known : list of str
+        The constraints or coordinates.
+    what : str
+        Which of them.
+
+    Raises
+    ------
+    Broken
+        Something has been meant to declare it.
+    """
+    text, part, at = used
+    text = as_written(name) if "[]" in text else text
+    base = part.partition("[")[0]
+    if base in names.suspects or names.incomplete or f"{base}[]" in names.broken:
+        raise Broken
+    members = [k for k in known if k.startswith(f"{base}[")]
+    close = nearest(_shown(part), known) or known[:3]
+    help_ = f"the members are {told(base, members)}" if members else did_you_mean(close)
+    return ExpressionError(
+        "unknown-name",
+        f"{context.where} uses `{text}`{at}, but there is no {what} `{_shown(part)}`",
+        name.start,
+        name.end,
+        help_ or f"the model has no {what}s",
+    )

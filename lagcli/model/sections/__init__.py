@@ -1,0 +1,1 @@
+"""The keys of a model file, one module each."""

@@ -1,0 +1,279 @@
+"""Names: the keys of a model, its coordinates, and what is declared twice."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from lagcli.errors import SourceLocation
+from lagcli.model.draft import Draft
+from lagcli.model.expression.tokens import is_name
+from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, to_si
+from lagcli.model.model import Coordinate
+from lagcli.model.names.families import Declaration, Member, by_name, members_of, read_key
+from lagcli.model.names.members import family_of, index_of
+from lagcli.model.spelling import did_you_mean, nearest, shorten
+from lagcli.model.symbols import DOTS, Symbols
+from lagcli.model.yaml.source import Mapping, Scalar, Sequence, YamlNode
+
+_OTHER_KEYS = {
+    **dict.fromkeys(["forces", "generalized_forces", "F"], "Q"),
+    **dict.fromkeys(["kinetic", "kinetic_energy", "kinetic energy"], "T"),
+    **dict.fromkeys(["potential", "potential_energy", "potential energy", "U"], "V"),
+    **dict.fromkeys(["lagrangian", "Lagrangian"], "L"),
+    **dict.fromkeys(["dissipation", "R"], "D"),
+    **dict.fromkeys(["variables", "q", "dof"], "coordinates"),
+    **dict.fromkeys(["constants", "params"], "parameters"),
+    **dict.fromkeys(["title", "model"], "name"),
+    **dict.fromkeys(["ic", "initial_conditions", "start", "init"], "initial"),
+    **dict.fromkeys(["settings", "solver", "options"], "simulation"),
+}
+
+
+def check_keys(draft: Draft, keys: tuple[str, ...], later: tuple[str, ...]) -> None:
+    """Report the keys that a model file does not have; what they are meant for is not missing."""
+    for name, key, _ in draft.root:
+        if name in keys:
+            continue
+        if name in later:
+            draft.report.add(
+                "not-yet",
+                f"the key `{name}` is not part of this version",
+                key.location,
+                "remove it; see docs/model-file.md for the keys of this version",
+            )
+            continue
+        close = [_OTHER_KEYS[name]] if name in _OTHER_KEYS else nearest(name, keys, 1)
+        draft.meant.update(close)
+        draft.report.add(
+            "unknown-key",
+            f"there is no key `{shorten(name)}` in a model file",
+            key.location,
+            did_you_mean(close) or "the keys are " + ", ".join(keys),
+        )
+
+
+class CoordinateEntry(NamedTuple):
+    """An entry of `coordinates`: its key, and what it says of each member."""
+
+    declaration: Declaration
+    coordinate: Coordinate
+
+
+def read_coordinates(draft: Draft) -> list[CoordinateEntry]:
+    """Return the coordinates' entries; where they cannot be read, any name may be one."""
+    node = draft.get("coordinates")
+    found: list[CoordinateEntry] = []
+    if node is None and "coordinates" in draft.meant:
+        pass
+    elif node is None or (isinstance(node, Scalar) and node.missing):
+        draft.report.add(
+            "missing-key",
+            "the model declares no `coordinates`",
+            node.location if node else draft.source.location(0, 0),
+            "add a line such as `coordinates: [x, y]`",
+        )
+    elif isinstance(node, Sequence):
+        found = _listed(draft, node)
+    elif isinstance(node, Mapping):
+        for _, key, value in node:
+            declaration = read_key(draft, key, value, "coordinate")
+            if declaration is not None:
+                found.append(CoordinateEntry(declaration, _coordinate(draft, declaration)))
+    elif isinstance(node, Scalar):
+        names = [n for n in re.split(r"[\s,;]+", node.value.strip(" []()")) if n]
+        good = all(map(is_name, names)) and len(set(names)) == len(names)
+        draft.report.add(
+            "wrong-type",
+            f"`coordinates` must be a list of names, not {node.what}",
+            node.location,
+            f"write `coordinates: [{shorten(', '.join(names))}]`"
+            if good
+            else "write `coordinates: [x, y]`",
+        )
+        if good:
+            plain = [Declaration(name, node, node) for name in names]
+            return [CoordinateEntry(d, Coordinate(d.name, location=node.location)) for d in plain]
+    empty = isinstance(node, (Sequence, Mapping)) and not (
+        node.items if isinstance(node, Sequence) else node.entries
+    )
+    if node is not None and empty:
+        draft.report.add(
+            "missing-key",
+            "the model has no coordinates",
+            node.location,
+            "name them, as in `coordinates: [x, y]`",
+        )
+    if not found:
+        draft.names.incomplete = True
+    return found
+
+
+def _listed(draft: Draft, node: Sequence) -> list[CoordinateEntry]:
+    found: dict[str, CoordinateEntry] = {}
+    for item in node.items:
+        if not isinstance(item, Scalar):
+            draft.report.add(
+                "wrong-type",
+                f"a coordinate in a list is a name, not {item.what}",
+                item.location,
+                "to give units, write a mapping:\ncoordinates:\n  x: {unit: m}",
+            )
+            if isinstance(item, Mapping):
+                draft.names.suspects.update(item.entries)
+        elif item.value in found:
+            draft.report.add(
+                "duplicate-name",
+                f"the coordinate `{item.value}` stands twice in the list",
+                item.location,
+                "remove one of the two",
+                (("the first one is here", found[item.value].declaration.key.location),),
+            )
+        elif (declaration := read_key(draft, item, item, "coordinate")) is not None:
+            coordinate = Coordinate(declaration.name, location=item.location)
+            found[item.value] = CoordinateEntry(declaration, coordinate)
+    return list(found.values())
+
+
+def _coordinate(draft: Draft, declaration: Declaration) -> Coordinate:
+    name, key, value = declaration.title, declaration.key, declaration.node
+    if isinstance(value, Scalar):
+        unit = si_unit(draft, None if value.missing else value.value.strip(), value)
+        return Coordinate(name, unit, location=key.location)
+    if not isinstance(value, Mapping):
+        draft.report.add(
+            "wrong-type",
+            f"the coordinate `{name}` must be followed by a unit or a mapping, not {value.what}",
+            value.location,
+            f"write `{name}: m`, or `{name}: {{unit: m, description: …}}`",
+        )
+        return Coordinate(name, location=key.location)
+    what = f"the coordinate `{name}`"
+    fields = draft.fields(value, what, ("unit", "description", "latex"))
+    texts = {f: draft.text(n, f"`{f}` of {what}") for f, n in fields.items()}
+    unit = si_unit(draft, texts.get("unit"), fields["unit"]) if texts.get("unit") else None
+    latex = fields["latex"].location if "latex" in fields else None
+    return Coordinate(name, unit, texts.get("description"), texts.get("latex"), key.location, latex)
+
+
+def si_unit(draft: Draft, unit: str | None, node: YamlNode) -> str | None:
+    """Check a unit in which results are stated: it must be coherent SI."""
+    if unit is None:
+        return None
+    try:
+        factor = to_si(unit)
+    except UnknownUnit as error:
+        draft.report.add("unknown-unit", str(error), node.location, UNIT_HELP)
+        return None
+    if factor != 1:
+        draft.report.add(
+            "not-si",
+            f"coordinates, outputs and vectors are in SI, but `{shorten(unit)}` is not",
+            node.location,
+            "write m, rad, N, …; parameters and initial values may have any unit",
+        )
+        return None
+    return unit
+
+
+def declare(
+    draft: Draft,
+    coordinates: list[CoordinateEntry],
+    parameters: list[Declaration],
+    definitions: list[Declaration],
+) -> None:
+    """Enter the names, and report those declared twice. Members of families are entered later."""
+    names, report = draft.names, draft.report
+    places: dict[str, tuple[str, SourceLocation]] = {}
+
+    def enter(name: str, what: str, location: SourceLocation) -> None:
+        other, place = places.setdefault(name, (what, location))
+        if place is location or (name.endswith("[]") and " " not in what + other):
+            return  # members may be declared in several places
+        shown = name.removesuffix("[]")
+        report.add(
+            "duplicate-name",
+            f"`{shorten(shown)}` is declared twice: as {other} and as {what}",
+            location,
+            "rename one of the two",
+            ((f"the {other.split()[0]} is declared here", place),),
+        )
+        names.broken.add(name)
+
+    located = [(entry.declaration, "coordinate") for entry in coordinates]
+    for d, _ in located:
+        enter(d.family, "coordinate", d.key.location)
+    for family in dict.fromkeys(d.family for d, _ in located):
+        stem = family.removesuffix("[]")
+        for suffix, order in DOTS:
+            primed = stem + "'" * order
+            what = f"coordinate (`{stem}{suffix}` is `{primed}`)"
+            enter(family.replace(stem, stem + suffix), what, places[family][1])
+    located += [(d, "parameter") for d in parameters] + [(d, "definition") for d in definitions]
+    for d, what in located:
+        if what != "coordinate":
+            enter(d.family, what, d.key.location)
+        if d.span is not None:
+            names.families.setdefault(d.family, set()).add(what)
+    for family in names.families:
+        if family.removesuffix("[]") in places:
+            enter(family.removesuffix("[]"), "family", places[family][1])
+            names.broken.add(family)
+    single = [d.name for d, what in located if what == "coordinate" and d.span is None]
+    names.coordinates = dict.fromkeys(single)
+    names.lines = {
+        name: (what, place.line) for name, (what, place) in places.items() if " " not in what
+    }
+    names.places = {name: place for name, (_, place) in places.items()}
+
+
+def expand_coordinates(
+    draft: Draft, entries: list[CoordinateEntry], constants: Symbols
+) -> tuple[Coordinate, ...]:
+    """Return the coordinates, and enter them into the draft's names."""
+    given = {id(entry.declaration): entry.coordinate for entry in entries}
+    found = by_name(draft, expanded(draft, (entry.declaration for entry in entries), constants))
+    draft.names.coordinates = dict.fromkeys(found)
+    return tuple(_named(given[id(member.declaration)], name) for name, member in found.items())
+
+
+def _named(coordinate: Coordinate, name: str) -> Coordinate:
+    """Return a coordinate as the member of its family."""
+    index, latex = index_of(name), coordinate.latex
+    if index is not None and latex:
+        latex = f"{{{latex}}}_{{{index}}}" if set("_^") & set(latex) else f"{latex}_{{{index}}}"
+    return coordinate._replace(name=name, latex=latex)
+
+
+def expanded(draft: Draft, found: Iterable[Declaration], constants: Symbols) -> list[Member]:
+    """Return all members of several entries."""
+    return [member for d in found for member in members_of(draft, d, constants)]
+
+
+def report_overlaps(draft: Draft) -> None:
+    """Report members that are declared as several kinds of things."""
+    names = draft.names
+    kinds = {
+        "coordinate": names.coordinates,
+        "definition": names.definitions,
+        "parameter": names.constants,
+    }
+    for family, declared in names.families.items():
+        if len(declared) < 2 or family in names.broken:
+            continue
+        seen: dict[str, str] = {}
+        for kind, known in kinds.items():
+            if kind not in declared:
+                continue
+            for name in (n for n in known if family_of(n) == family):
+                other = seen.setdefault(name, kind)
+                if other != kind:
+                    draft.report.add(
+                        "duplicate-name",
+                        f"`{name}` is declared twice: as {other} and as {kind}",
+                        names.places[family],
+                        "let the ranges not overlap",
+                    )
+                    names.broken.add(family)
+                    break

@@ -1,0 +1,329 @@
+"""Measures: expressions over a run, such as ``max(abs(lambda.guide))``, taken apart.
+
+A measure is an expression of reductions. A reduction makes one number of a signal, an expression
+that varies along the run; what stands outside of reductions is the same along it. ``max`` and
+``min`` of one argument are reductions, of several the functions of the grammar.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from typing import NamedTuple
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.model.diagnostics import Broken, Diagnostics
+from lagcli.model.expression.building import build, name_errors
+from lagcli.model.expression.constants import number
+from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.tensors import Tensor
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.trees import (
+    CallExpr,
+    Comparison,
+    IndexedSumExpr,
+    LogicalExpr,
+    Name,
+    NumberExpr,
+    PowerExpr,
+    ProductExpr,
+    SumExpr,
+    Tree,
+    VectorExpr,
+    walk,
+)
+from lagcli.model.model import Model
+from lagcli.model.names.scope import ModelScope
+from lagcli.model.names.scoping import Sized
+from lagcli.model.symbols import Context
+from lagcli.model.yaml.source import Scalar, Source
+
+#: The reductions, and the numbers of arguments that make a call one.
+REDUCTIONS = {
+    **dict.fromkeys(["max", "min", "argmax", "argmin", "mean", "rms", "final", "time_of"], 1),
+    "at": 2,
+}
+#: Signals that every run has, by the names that they have in result files.
+COLUMNS = (
+    *("energy_kinetic", "energy_potential", "energy_total", "energy_balance"),
+    *("power_applied", "power_constraint", "power_time"),
+    *("residual_position", "residual_velocity", "residual_equation"),
+)
+_RESIDUALS = ("residual_position", "residual_velocity")
+_MARK = "#"  # no name of the grammar begins with it
+
+
+class Reduction(NamedTuple):
+    """One number of a signal.
+
+    Parameters
+    ----------
+    kind : str
+        Of ``REDUCTIONS``.
+    signal : expression
+        In t, q, v, a, multipliers, constraint forces, parameters and ``COLUMNS``; of ``time_of``
+        1 where the condition holds, and 0 elsewhere.
+    time : float, optional
+        Of ``at``, s.
+    """
+
+    kind: str
+    signal: Basic
+    time: float | None = None
+
+
+class Measure(NamedTuple):
+    """A measure taken apart.
+
+    Parameters
+    ----------
+    name, text : str
+    value : expression
+        In parameters and the symbols of `reduced`.
+    reductions : tuple of Reduction
+    """
+
+    name: str
+    text: str
+    value: Basic
+    reductions: tuple[Reduction, ...]
+
+
+def reduced(place: int) -> Basic:
+    """Return the symbol that stands for a measure's reduction of this place in its value."""
+    return se.Symbol(f"{_MARK}{place}")
+
+
+def read_measures(model: Model, texts: Sequence[tuple[str, str]]) -> tuple[Measure, ...]:
+    """Take measures apart.
+
+    Parameters
+    ----------
+    model : Model
+    texts : sequence of (name, expression)
+
+    Raises
+    ------
+    ModelError
+        Something is wrong with them; all of it, each at its place.
+    """
+    report = Diagnostics([])
+    found = []
+    for name, text in texts:
+        option = "--measure" if name == text else f"--measure {name}"
+        node = Scalar(Source(text, option, numbered=False), (0, 0), (0, len(text)), text)
+        with report.expression(node):
+            found.append(_MeasureReader(model, name, text).read())
+    report.finish()
+    return tuple(found)
+
+
+class _SignalScope(ModelScope):
+    """The names of a model, its outputs and the columns of result files."""
+
+    def __init__(self, model: Model, context: Context):
+        super().__init__(model.names, context)
+        self.model = model
+
+    def column(self, name: Name) -> Basic | None:
+        """Return what a name stands for that a model's own expressions do not know."""
+        if name.primes or name.text in self.bound:
+            return None
+        text = name.text
+        if not name.indices:
+            if text in self.model.outputs:
+                return self.model.outputs[text]
+            if text in COLUMNS and not self.names.declared(text):
+                return se.Symbol(text)
+        head, _, constraint = text.partition(".")
+        if head in _RESIDUALS and constraint:
+            whole = self.named(name)[0].partition(".")[2]
+            if whole in self.names.constraints:
+                return se.Symbol(f"{head}.{whole}")
+            known = ", ".join(self.names.constraints) or "none"
+            raise ExpressionError(
+                "unknown-name",
+                f"{self.context.where} uses `{text}`, but the model has no constraint `{whole}`",
+                name.start,
+                name.end,
+                f"its constraints are {known}",
+            )
+        if name.indices and not self.names.declared(text):
+            return self.model.outputs.get(self.named(name)[0])
+        return None
+
+    def check(self, name: Name) -> None:
+        """Raise ExpressionError for a name that may not stand here."""
+        if self.column(name) is None:
+            super().check(name)
+
+    def lookup(self, name: Name) -> Sized:
+        """Return what a name stands for."""
+        value = self.column(name)
+        return super().lookup(name) if value is None else Sized(value)
+
+    def check_series(self, tree: IndexedSumExpr) -> ModelScope:
+        """Return the scope of a sum's term."""
+        inside = super().check_series(tree)
+        found = _SignalScope(self.model, self.context)
+        found.bound = inside.bound
+        return found
+
+
+class _ValueScope(_SignalScope):
+    """What may stand outside of reductions: what they give, parameters, and pi."""
+
+    def column(self, name: Name) -> Basic | None:
+        """Return the symbol of a reduction; refuse what varies along a run."""
+        if name.text.startswith(_MARK):
+            return se.Symbol(name.text)
+        found = super().column(name)
+        if found is not None and _varies(self.model, found):
+            raise self.varying(name)
+        return found
+
+    def check(self, name: Name) -> None:
+        """Raise ExpressionError for a name that varies along a run."""
+        if self.column(name) is not None:
+            return
+        super().check(name)
+        text, _ = self.names.resolve(name)
+        if (
+            text == "t"
+            or "." in text
+            or text in self.names.coordinates
+            or "coordinate" in self.names.families.get(text, ())
+        ):
+            raise self.varying(name)
+
+    def lookup(self, name: Name) -> Sized:
+        """Return what a name stands for."""
+        sized = super().lookup(name)
+        if not isinstance(sized.value, Tensor) and _varies(self.model, sized.value):
+            raise self.varying(name)
+        return sized
+
+    def varying(self, name: Name) -> ExpressionError:
+        return ExpressionError(
+            "not-a-measure",
+            f"`{name.text + chr(39) * name.primes}` varies along the run, and a measure is one"
+            " number",
+            name.start,
+            name.end,
+            f"say which of its values: max({name.text}), final({name.text}), at({name.text}, 1)",
+        )
+
+
+def _varies(model: Model, value: Basic) -> bool:
+    """Whether an expression has other symbols than parameters and reductions."""
+    return any(
+        s.name not in model.parameters and not s.name.startswith(_MARK) for s in value.free_symbols
+    )
+
+
+class _MeasureReader:
+    """Takes one measure apart."""
+
+    def __init__(self, model: Model, name: str, text: str):
+        self.model, self.name, self.text = model, name, text
+        where = f"the measure `{name}`" if name != text else "the measure"
+        self.signals = _SignalScope(model, Context(where, accelerations=True, multipliers=True))
+        self.values = _ValueScope(model, Context(where, accelerations=True, multipliers=True))
+        self.reductions: list[Reduction] = []
+
+    def read(self) -> Measure:
+        tree = _replaced(parse(self.text), self.reduction)
+        return Measure(self.name, self.text, self.built(tree, self.values), tuple(self.reductions))
+
+    def reduction(self, tree: Tree) -> Tree | None:
+        """Return the name that stands for a reduction; None for any other tree."""
+        if not isinstance(tree, CallExpr) or tree.function not in REDUCTIONS:
+            return None
+        kind, count = tree.function, len(tree.arguments)
+        if count != REDUCTIONS[kind]:
+            if kind in ("max", "min") and count > 1:
+                return None
+            wanted = "at(EXPRESSION, TIME)" if kind == "at" else f"{kind}(EXPRESSION)"
+            raise _error("arguments", f"`{kind}` is written {wanted}", tree)
+        for below in tree.arguments:
+            for part in walk(below):
+                if isinstance(part, CallExpr) and REDUCTIONS.get(part.function) == len(
+                    part.arguments
+                ):
+                    raise _error(
+                        "nested-measure",
+                        f"`{part.function}` stands in the argument of `{kind}`: it is one number"
+                        " along the run, not a signal",
+                        part,
+                        "take it out, as in max(x) - mean(x)",
+                    )
+        inner = tree.arguments[0]
+        if kind == "time_of":  # 1 where the condition holds
+            one, zero = (NumberExpr(inner.start, inner.end, Fraction(x)) for x in (1, 0))
+            inner = CallExpr(inner.start, inner.end, "if", (inner, one, zero))
+        signal = self.built(inner, self.signals)
+        time = self.time(tree.arguments[1]) if kind == "at" else None
+        found = Reduction(kind, signal, time)
+        if found not in self.reductions:
+            self.reductions.append(found)
+        return Name(tree.start, tree.end, f"{_MARK}{self.reductions.index(found)}", 0)
+
+    def time(self, tree: Tree) -> float:
+        value = self.built(tree, self.values)
+        if value.free_symbols:
+            raise _error(
+                "bad-time", "the time of `at` is a number", tree, "write at(x, 0.5), in seconds"
+            )
+        try:
+            return number(value)
+        except ValueError:
+            raise _error("bad-time", "the time of `at` is no finite number", tree) from None
+
+    def built(self, tree: Tree, scope: _SignalScope) -> Basic:
+        errors, _ = name_errors(tree, scope)
+        for error in errors:
+            raise error
+        scope.missing.clear()
+        try:
+            value = build(tree, scope).value
+        except Broken:
+            raise _error("unknown-name", "this has no value", tree) from None
+        for error in scope.missing.values():
+            raise error
+        if isinstance(value, Tensor):
+            raise _error("shape", f"a measure is a number, not {value.kind}", tree)
+        return value
+
+
+def _error(kind: str, message: str, tree: Tree, help_: str | None = None) -> ExpressionError:
+    return ExpressionError(kind, message, tree.start, tree.end, help_)
+
+
+def _replaced(tree: Tree, replacement: Callable[[Tree], Tree | None]) -> Tree:
+    """Return a tree with others in place of some of its parts."""
+    found = replacement(tree)
+    if found is not None:
+        return found
+
+    def below(part: Tree) -> Tree:
+        return _replaced(part, replacement)
+
+    match tree:
+        case SumExpr():
+            return dataclasses.replace(tree, terms=tuple((s, below(x)) for s, x in tree.terms))
+        case ProductExpr():
+            return dataclasses.replace(tree, factors=tuple((s, below(x)) for s, x in tree.factors))
+        case PowerExpr():
+            return dataclasses.replace(tree, base=below(tree.base), exponent=below(tree.exponent))
+        case CallExpr():
+            return dataclasses.replace(tree, arguments=tuple(map(below, tree.arguments)))
+        case Comparison() | LogicalExpr():
+            return dataclasses.replace(tree, operands=tuple(map(below, tree.operands)))
+        case VectorExpr():
+            return dataclasses.replace(tree, items=tuple(map(below, tree.items)))
+        case IndexedSumExpr():
+            return dataclasses.replace(tree, term=below(tree.term))
+    return tree

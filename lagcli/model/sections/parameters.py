@@ -1,0 +1,373 @@
+"""The parameters: numbers, numbers with a unit, and expressions of other parameters."""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.errors import SourceLocation
+from lagcli.model.diagnostics import Broken
+from lagcli.model.draft import Draft, Formula
+from lagcli.model.expression.quantities import (
+    Quantity,
+    constant,
+    evaluate,
+    formula_of,
+    read_quantity,
+    unit_of,
+)
+from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
+from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, to_si
+from lagcli.model.model import Parameter, Written
+from lagcli.model.names.dependencies import Unbuilt, build_on_demand, in_order
+from lagcli.model.names.families import Declaration, Member, bounds, by_name, members_of
+from lagcli.model.names.indices import names_in
+from lagcli.model.names.members import family_of, there_is
+from lagcli.model.sections.definitions import report_circle
+from lagcli.model.spelling import did_you_mean, nearest, shorten
+from lagcli.model.symbols import Context, Symbols
+from lagcli.model.yaml.source import Mapping as MappingNode
+from lagcli.model.yaml.source import Scalar, Sequence, Source, YamlNode
+
+
+@dataclass
+class _ParameterEntry:
+    """A parameter's entry as it is given."""
+
+    declaration: Declaration
+    unit: str | None
+    description: str | None
+    value: YamlNode | None
+    quantities: tuple[Quantity, ...] = ()
+
+
+class _Job(NamedTuple):
+    """A parameter whose value is still an expression."""
+
+    member: Member
+    quantity: Quantity
+    description: str | None
+
+
+def read_parameters(
+    draft: Draft, declared: list[Declaration], overrides: Mapping[str, object]
+) -> tuple[dict[str, Parameter], Symbols]:
+    """Evaluate the parameters, and enter them into the draft's names.
+
+    Returns
+    -------
+    parameters : dict of str to Parameter
+        Those that have a value.
+    constants : Names
+        The parameters alone, each standing for its value: where a number is wanted. In the draft's
+        names a parameter stands for its symbol.
+    """
+    reader = _ParameterReader(draft, overrides)
+    names = list(reader.read(declared))
+    for name, given in overrides.items():
+        if _plain(name) not in reader.jobs and _plain(name) not in reader.broken:
+            _report_unknown_override(draft, name, given, names)
+    reader.evaluate()
+    draft.names.parameters = {name: partial(se.Symbol, name) for name in names}
+    draft.names.constants = reader.constants.parameters
+    draft.parameter_needs = reader.needs()
+    return {name: reader.found[name] for name in names if name in reader.found}, reader.constants
+
+
+def _plain(name: str) -> str:
+    return "".join(name.split())
+
+
+class _ParameterReader:
+    """Parameters on their way from text to numbers."""
+
+    def __init__(self, draft: Draft, overrides: Mapping[str, object]):
+        self.draft = draft
+        self.overrides = {_plain(name): value for name, value in overrides.items()}
+        self.jobs: dict[str, _Job] = {}
+        self.found: dict[str, Parameter] = {}
+        self.formulas: dict[int, Formula | None] = {}
+        self.broken: set[str] = set()
+        self.expanded = False
+        self.known: dict[str, partial[Basic]] = {}
+        self.constants = replace(draft.names, parameters=self.known, constants=self.known)
+
+    # from entries to members
+
+    def read(self, declared: list[Declaration]) -> dict[str, Member]:
+        """Read the entries, and find out which members they declare."""
+        for d in declared:
+            if d.span is None:
+                self.known[d.name] = partial(self.value, d.name)
+        entries = {id(d): self.entry(d) for d in declared}
+        for d in declared:
+            if d.span is None:
+                self.enter(Member(d.name, d), entries[id(d)], 0)
+        members: list[Member] = []
+        for d in declared:
+            members += self.members(d)
+        self.expanded = True
+        found = by_name(self.draft, members, singles_win=True)
+        self.known.update({name: partial(self.value, name) for name in found})
+        places: dict[int, int] = {}
+        for member in members:
+            d = member.declaration
+            place = places[id(d)] = places.get(id(d), -1) + 1
+            if d.span is not None and found.get(member.name) is member:
+                self.enter(member, entries[id(d)], place)
+        for d in declared:
+            count = places.get(id(d), -1) + 1
+            self.check_list(d, entries[id(d)], count)
+        return found
+
+    def members(self, d: Declaration) -> list[Member]:
+        """Return what an entry declares; the parameters in its range are evaluated for it."""
+        while True:
+            try:
+                return members_of(self.draft, d, self.constants)
+            except Unbuilt as need:
+                build_on_demand([need.name], self.build, self.circle)
+
+    def enter(self, member: Member, entry: _ParameterEntry, place: int) -> None:
+        quantity: Quantity | None = None
+        if member.name in self.overrides:
+            quantity = self.overridden(member, entry)
+        elif len(entry.quantities) > 1:
+            quantity = entry.quantities[min(place, len(entry.quantities) - 1)]
+        elif entry.quantities:
+            quantity = entry.quantities[0]
+        if quantity is None:
+            self.broken.add(member.name)
+            self.draft.names.broken.add(family_of(member.name))
+        else:
+            self.jobs[member.name] = _Job(member, quantity, entry.description)
+
+    def check_list(self, d: Declaration, entry: _ParameterEntry, count: int) -> None:
+        """Report a list that is not as long as the range of its entry."""
+        given = len(entry.quantities)
+        if isinstance(entry.value, Sequence) and given and d.several and given != count:
+            self.draft.report.add(
+                "wrong-length",
+                f"`{d.title}` has {count} members, but its list has {given} values",
+                entry.value.location,
+                "give one value for each member, or one expression for all of them",
+            )
+            self.draft.names.broken.add(d.family)
+
+    # entries
+
+    def entry(self, d: Declaration) -> _ParameterEntry:
+        draft, what = self.draft, f"the parameter `{d.title}`"
+        description, unit, good = None, None, True
+        value: YamlNode | None = d.node
+        if isinstance(d.node, MappingNode):
+            fields = draft.fields(d.node, what, ("value", "unit", "description"))
+            description = draft.text(fields.get("description"), f"`description` of {what}")
+            unit, good = _unit(draft, fields.get("unit"), what)
+            value = fields.get("value")
+            if value is None and d.name not in self.overrides:
+                draft.report.add(
+                    "missing-value",
+                    f"{what} has no `value`",
+                    d.node.location,
+                    f"write `{d.title}: {{value: 1}}`, or just `{d.title}: 1`",
+                )
+        entry = _ParameterEntry(d, unit, description, value)
+        if value is None or not good or (d.span is None and d.name in self.overrides):
+            return entry
+        nodes = value.items if isinstance(value, Sequence) and d.several else [value]
+        read = [read_quantity(draft, node, what, self.constants, unit) for node in nodes]
+        quantities = tuple(q for q in read if q is not None)
+        if len(quantities) == len(read):
+            entry.quantities = quantities
+        return entry
+
+    def overridden(self, member: Member, entry: _ParameterEntry) -> Quantity | None:
+        """Return the value that the command line gives in place of the file's."""
+        name, what = member.name, f"the parameter `{member.name}`"
+        given = entry.quantities[0].unit if entry.quantities else unit_of(entry.value)
+        unit = entry.unit or given
+        value = override_node("--set", name, self.overrides[name])
+        if not _is_number(value.value):
+            unit = None
+        elif unit is not None and to_si(unit) != 1:
+            self.draft.report.add(
+                "ambiguous-unit",
+                f"`{name}` is given in {unit} in the file, and without a unit here",
+                value.location,
+                f"write the unit: --set '{name}={value.value} {unit}'",
+            )
+            return None
+        return read_quantity(self.draft, value, what, self.constants, unit)
+
+    # values
+
+    def evaluate(self) -> None:
+        """Evaluate all parameters, each after those that it needs."""
+        below: dict[str, list[str]] = {}
+        for name in self.jobs:
+            below.setdefault(family_of(name), []).append(name)
+        order, _ = in_order(self.needs())
+        names = [name for family in order for name in below.get(family, ())]
+        build_on_demand(names, self.build, self.circle)
+
+    def needs(self) -> dict[str, list[str]]:
+        """Return the parameters and families that each of them uses."""
+        needs: dict[str, list[str]] = {}
+        seen: set[tuple[int, int]] = set()
+        for name, job in self.jobs.items():
+            d = job.member.declaration
+            if (id(d), id(job.quantity)) not in seen:
+                seen.add((id(d), id(job.quantity)))
+                used = [*names_used(job.quantity.parsed.tree), *bounds(d)]
+                needs.setdefault(family_of(name), []).extend(used)
+        return needs
+
+    def value(self, name: str) -> Basic:
+        """Return the value of a parameter, if it has one already."""
+        if name in self.found:
+            return constant(self.found[name].value)
+        if name in self.draft.names.broken or family_of(name) in self.draft.names.broken:
+            raise Broken
+        raise Unbuilt(name)
+
+    def build(self, name: str) -> None:
+        """Evaluate one parameter."""
+        job = self.jobs.get(name)
+        if job is None or name in self.found or family_of(name) in self.draft.names.broken:
+            return
+        parameter = self.evaluated(name, job)
+        if parameter is None:
+            self.draft.names.broken.add(family_of(name))
+        else:
+            self.found[name] = parameter
+
+    def evaluated(self, name: str, job: _Job) -> Parameter | None:
+        quantity, d = job.quantity, job.member.declaration
+        parsed = quantity.parsed
+        if not self.expanded and any(isinstance(p, Name) and p.indices for p in walk(parsed.tree)):
+            self.draft.report.add(
+                "bad-range",
+                f"`{name}` stands in a range, and cannot depend on the members of a family",
+                parsed.node.location,
+                "the number of members is a whole number, or an expression of whole numbers",
+            )
+            return None
+        where = f"the parameter `{d.title}`"
+        if id(quantity) not in self.formulas:
+            context = Context(where, coordinates=False, definitions=False, time=False)
+            formula = formula_of(self.draft, quantity, context, self.constants, d.index)
+            self.formulas[id(quantity)] = formula
+        formula = self.formulas[id(quantity)]
+        value = evaluate(self.draft, quantity, formula, where, job.member.indices)
+        if value is None:
+            return None
+        written = Written(parsed.tree, quantity.factor, job.member.indices)
+        return Parameter(
+            name,
+            value,
+            quantity.unit,
+            job.description,
+            parsed.node.value,
+            written=written,
+            location=parsed.node.location,
+        )
+
+    def circle(self, circle: list[str]) -> None:
+        """Report parameters that are defined by each other."""
+        keys: dict[str, YamlNode] = {}
+        for name in circle:
+            job = self.jobs[name]
+            own = name in self.overrides
+            keys[name] = job.quantity.parsed.node if own else job.member.declaration.key
+        report_circle(self.draft, "parameter", circle, keys)
+
+
+def names_used(tree: Tree) -> list[str]:
+    """Return the names that an expression uses, those in indices and ranges included."""
+    found: list[str] = []
+    for part in walk(tree):
+        if isinstance(part, Name):
+            found.append(part.text)
+            found += [name.text for index in part.indices for name in names_in(index)]
+        elif isinstance(part, IndexedSumExpr):
+            found += [name.text for name in names_in(part.range)]
+    return found
+
+
+def structural(draft: Draft, parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
+    """Return the parameters, marked where the number of members depends on them."""
+    found = {family_of(name) for name in draft.names.structural}
+    stack = list(found)
+    while stack:
+        for name in draft.parameter_needs.get(stack.pop(), ()):
+            if name not in found:
+                found.add(name)
+                stack.append(name)
+    return {
+        name: p._replace(structural=True) if family_of(name) in found else p
+        for name, p in parameters.items()
+    }
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _unit(draft: Draft, node: YamlNode | None, what: str) -> tuple[str | None, bool]:
+    """Return the unit that a field gives, and whether it is one."""
+    if node is None:
+        return None, True
+    unit = draft.text(node, f"`unit` of {what}")
+    if unit is None:
+        return None, isinstance(node, Scalar)
+    try:
+        to_si(unit)
+    except UnknownUnit as error:
+        draft.report.add("unknown-unit", f"{what}: {error}", node.location, UNIT_HELP)
+        return None, False
+    return unit, True
+
+
+def override_node(option: str, name: str, value: object) -> Scalar:
+    """Return a value from the command line, or from Python, as a node."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        text = str(value)
+    else:
+        text = str(int(value)) if isinstance(value, numbers.Integral) else repr(float(value))
+    source = Source(text, f"{option} {name}={text}", numbered=False)
+    return Scalar(source, (0, 0), (0, len(text)), text)
+
+
+def _report_unknown_override(draft: Draft, name: str, given: object, known: list[str]) -> None:
+    names = draft.names
+    where = override_node("--set", name, given).source.path
+    base = name.rstrip("'").removesuffix("_ddot").removesuffix("_dot")
+    if f"{name}[]" in names.families and "parameter" in names.families[f"{name}[]"]:
+        members = [k for k in known if k.startswith(f"{name}[")]
+        message = f"`{name}` is a family: {there_is(name, members)}"
+        help_ = f"give the members their values one by one: --set '{name}[1]={given}'"
+    elif base in names.coordinates or "coordinate" in names.families.get(
+        f"{base.partition('[')[0]}[]", ()
+    ):
+        message = f"`{name}` is an initial value, not a parameter"
+        help_ = f'give --set-initial "{name}={given}"'
+    elif name in names.definitions:
+        message, help_ = f"`{name}` is a definition, not a parameter", "change it in the file"
+    elif known or not names.incomplete:
+        message = f"the model has no parameter `{shorten(name)}`"
+        close = did_you_mean(nearest(name, known))
+        help_ = close or "its parameters are " + (", ".join(known[:30]) or "none")
+    else:
+        return
+    draft.report.add("unknown-name", message, SourceLocation(where, 0, 0), help_)

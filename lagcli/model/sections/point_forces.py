@@ -1,0 +1,96 @@
+"""The force of a constraint at points of a view: whether it can stand there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from symengine import Basic
+
+from lagcli.model.diagnostics import Broken
+from lagcli.model.draft import Draft
+from lagcli.model.expression.functions import derivative
+from lagcli.model.expression.linearity import is_zero
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.trees import Name
+from lagcli.model.model import Constraint, coordinate, velocity
+from lagcli.model.names.members import told
+from lagcli.model.names.scope import ModelScope
+from lagcli.model.sections.pointing import member_name
+from lagcli.model.spelling import did_you_mean, nearest
+from lagcli.model.yaml.source import YamlNode
+
+
+def constraint_named(draft: Draft, tree: Name, scope: ModelScope) -> str:
+    """Return the name of the constraint that a tree stands for.
+
+    Raises
+    ------
+    ExpressionError
+        There is no such constraint.
+    Broken
+        Something may have been meant to declare it.
+    """
+    known = list(draft.names.constraints)
+    text = member_name(tree, scope)
+    if text in draft.names.constraints:
+        return text
+    base = text.partition("[")[0]
+    if base in draft.names.suspects or draft.names.incomplete:
+        raise Broken
+    members = [name for name in known if name.startswith(f"{base}[")]
+    help_ = f"the members are {told(base, members)}" if members else None
+    raise ExpressionError(
+        "unknown-name",
+        f"{scope.context.where} names `{text}`{scope.at()}, which is not a constraint",
+        tree.start,
+        tree.end,
+        help_ or did_you_mean(nearest(text, known) or known[:3]) or "the model has no constraints",
+    )
+
+
+def check_force(
+    draft: Draft,
+    constraint: Constraint,
+    at: tuple[str, ...],
+    points: Mapping[str, tuple[Basic, ...]],
+    node: YamlNode,
+) -> bool:
+    """Report a constraint that acts on coordinates that none of the points depends on.
+
+    λ b is the force of the constraint on the coordinates, Jᵀ F that of forces F at points, with J
+    their derivatives by the coordinates: where J has no column for a coordinate, b must have none.
+    """
+    coordinates = draft.names.coordinates
+    symbols = {s for name in at for x in points[name] for s in x.free_symbols}
+    where = " and ".join(f"`{name}`" for name in at)
+    moving = sorted(s.name for s in symbols if s.name.rstrip("'") in coordinates)
+    rates = [name for name in moving if name.endswith("'")]
+    if rates:
+        draft.report.add(
+            "velocity-in-position",
+            f"a force stands at a position, but {where} depends on the velocity `{rates[0]}`",
+            node.location,
+            "name a point that is a position",
+        )
+        return False
+    symbol = coordinate if constraint.kind == "holonomic" else velocity
+    free = constraint.expression.free_symbols
+    others = [
+        name
+        for name in coordinates
+        if name not in moving
+        and symbol(name) in free
+        and not is_zero(derivative(constraint.expression, symbol(name)))
+    ]
+    if not others:
+        return True
+    draft.report.add(
+        "force-elsewhere",
+        f"the constraint `{constraint.name}` acts on `{others[0]}` too, and {where} does not depend"
+        " on that: its force does not stand there alone",
+        node.location,
+        "name all points that it acts on, as in `at: [A, B]`; or, in place of `force`, give the"
+        f" vector itself: `components: [lambda.{constraint.name}, 0]`",
+        subject=f"{constraint.name.partition('[')[0]} {node.location.line}",
+    )
+    return False

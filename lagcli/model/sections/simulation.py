@@ -1,0 +1,131 @@
+"""The `simulation` block: settings for the command line's options of the same names."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from lagcli.model.draft import Draft
+from lagcli.model.expression.quantities import evaluate, formula_of, read_quantity
+from lagcli.model.model import Settings
+from lagcli.model.names.families import members_of, read_key
+from lagcli.model.sections.initial import canonical_name
+from lagcli.model.sections.parameters import names_used
+from lagcli.model.spelling import did_you_mean, nearest, shorten
+from lagcli.model.symbols import Context, Symbols
+from lagcli.model.yaml.source import Mapping, Scalar, Sequence, YamlNode
+
+_WORDS = ("method", "formulation", "engine")
+_WHOLE = ("samples", "max_steps")
+
+
+def read_settings(draft: Draft, constants: Symbols) -> tuple[Settings, frozenset[str]]:
+    """Return the settings of the file, None where it gives none, and what they are made of."""
+    needs: set[str] = set()
+    return _read(draft, constants, needs), frozenset(needs)
+
+
+def _read(draft: Draft, constants: Symbols, needs: set[str]) -> Settings:
+    node = draft.get("simulation")
+    if draft.entries("simulation") is None or not isinstance(node, Mapping):
+        return Settings()
+    known = tuple(f.name for f in dataclasses.fields(Settings))
+    fields = draft.fields(node, "`simulation`", known)
+    values = {
+        name: _setting(draft, name, field, constants, needs) for name, field in fields.items()
+    }
+    settings = Settings(**values)
+    for problem in settings.problems():
+        place = fields.get(problem.key, node)
+        draft.report.add("bad-setting", str(problem), place.location, problem.help)
+    return settings
+
+
+def _setting(draft: Draft, name: str, node: YamlNode, constants: Symbols, needs: set[str]) -> Any:
+    """Return the value of a setting; None if there is something wrong with it."""
+    if name == "times" and isinstance(node, Sequence):
+        times = [_number(draft, "a time of `times`", item, constants, needs) for item in node.items]
+        return None if None in times else tuple(times)
+    if name == "atol" and isinstance(node, Mapping):
+        return _tolerances(draft, node, constants, needs)
+    if name in _WORDS or name == "through_singular":
+        if not isinstance(node, Scalar) or node.missing:
+            draft.report.add(
+                "wrong-type", f"`{name}` must be a word, not {node.what}", node.location
+            )
+            return None
+        text = node.value.strip()
+        if name in _WORDS:
+            return text
+        if text not in ("true", "false"):
+            draft.report.add(
+                "bad-setting",
+                f"`{name}` must be true or false, not {node.what}",
+                node.location,
+                "write `true` or `false`",
+            )
+            return None
+        return text == "true"
+    value = _number(draft, f"`{name}`", node, constants, needs)
+    if value is None or name not in _WHOLE:
+        return (value,) if name == "times" and value is not None else value
+    if value != int(value):
+        draft.report.add(
+            "bad-setting",
+            f"`{name}` must be a whole number, not {node.what}",
+            node.location,
+            f"write `{name}: {round(value)}`",
+        )
+        return None
+    return int(value)
+
+
+def _tolerances(
+    draft: Draft, node: Mapping, constants: Symbols, needs: set[str]
+) -> dict[str, float] | None:
+    """Return the absolute tolerances by coordinate and velocity (``phi'``)."""
+    found: dict[str, float] = {}
+    for name, (key, entry) in node.entries.items():
+        value = _number(draft, f"the tolerance of `{shorten(name)}`", entry, constants, needs)
+        for canonical in _members(draft, name, key, constants):
+            if value is not None:
+                found[canonical] = value
+    return found or None
+
+
+def _members(draft: Draft, name: str, key: Scalar, constants: Symbols) -> list[str]:
+    """Return the coordinates or velocities that an entry names; an unknown name is reported."""
+    found = canonical_name(draft, name)
+    if found is not None:
+        return [found]
+    names = draft.names
+    if "[" in name:
+        declaration = read_key(draft, key, key, "tolerance", primed=True)
+        if declaration is None:
+            return []
+        ending = "'" * declaration.primes
+        members = [member.name for member in members_of(draft, declaration, constants)]
+        if members and all(member in names.coordinates for member in members):
+            return [member + ending for member in members]
+    if not names.incomplete:
+        every = [name for q in names.coordinates for name in (q, f"{q}'")]
+        draft.report.add(
+            "unknown-name",
+            f"`atol` names `{shorten(name)}`, which is not a coordinate or a velocity",
+            key.location,
+            did_you_mean(nearest(name, every))
+            or "the coordinates are " + ", ".join(f"`{q}`" for q in list(names.coordinates)[:12]),
+        )
+    return []
+
+
+def _number(
+    draft: Draft, what: str, node: YamlNode, constants: Symbols, needs: set[str]
+) -> float | None:
+    quantity = read_quantity(draft, node, what, constants)
+    if quantity is None:
+        return None
+    needs.update(names_used(quantity.parsed.tree))
+    context = Context(what, coordinates=False, definitions=False, time=False)
+    formula = formula_of(draft, quantity, context, constants)
+    return evaluate(draft, quantity, formula, what)

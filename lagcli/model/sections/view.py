@@ -1,0 +1,421 @@
+"""The view: what to draw of a model."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from itertools import pairwise
+from typing import Literal
+
+from symengine import Basic
+
+from lagcli.model.draft import Draft, Formula
+from lagcli.model.expression.tensors import Tensor
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.model import Arrow, Constraint, Definition, Disc, Segment, View
+from lagcli.model.names.families import Declaration, by_name, declarations, members_of
+from lagcli.model.sections.coordinates import si_unit
+from lagcli.model.sections.point_forces import check_force, constraint_named
+from lagcli.model.sections.pointing import Path, Points, each, read_path
+from lagcli.model.symbols import Context, Symbols
+from lagcli.model.yaml.source import Mapping as MappingNode
+from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
+
+KEYS = (
+    *("points", "rods", "springs", "discs", "grounds", "guides", "trails", "labels"),
+    "vectors",
+)
+_SEGMENTS: tuple[tuple[str, Literal["rod", "spring", "guide"]], ...] = (
+    ("rods", "rod"),
+    ("springs", "spring"),
+    ("guides", "guide"),
+)
+_EXAMPLES = {
+    "points": "A: [x_A, y_A]",
+    "rods": "crank: O-A",
+    "springs": "suspension: O-A",
+    "guides": "rail: G-H",
+    "discs": "wheel: {center: C, radius: R, angle: phi}",
+    "grounds": "O",
+    "trails": "B",
+    "labels": "A: mass m",
+    "vectors": "v_A: {velocity: A}",
+}
+#: What components in a unit are.
+_MEASURED: dict[str, Literal["velocity", "force"]] = {"m/s": "velocity", "N": "force"}
+_SHORT = re.compile(r"[^\W\d_](?:\d|_[^\W_]{1,2})?")  # names that are labels: O, P1, x_A
+
+
+def read_view(
+    draft: Draft,
+    constants: Symbols,
+    definitions: Mapping[str, Definition],
+    constraints: tuple[Constraint, ...],
+) -> View | None:
+    """Return what the model's ``view`` shows; None where it has none.
+
+    Parameters
+    ----------
+    draft : Draft
+    constants : Names
+        The parameters by their values, for ranges.
+    definitions, constraints : mapping, tuple
+        Those that are free of errors.
+    """
+    node = draft.get("view")
+    if node is None or (isinstance(node, Scalar) and node.missing):
+        return None
+    if not isinstance(node, MappingNode):
+        draft.report.add(
+            "wrong-type",
+            f"`view` must be a mapping of what to draw, not {node.what}",
+            node.location,
+            "begin with its points, as in\nview:\n  points:\n    A: [x_A, y_A]",
+        )
+        return None
+    return _ViewReader(draft, constants, definitions, constraints).read(node)
+
+
+class _ViewReader:
+    def __init__(
+        self,
+        draft: Draft,
+        constants: Symbols,
+        definitions: Mapping[str, Definition],
+        constraints: tuple[Constraint, ...],
+    ):
+        self.draft, self.constants = draft, constants
+        self.constraints = {c.name: c for c in constraints}
+        self.points = Points(draft, definitions)
+        self.plain: list[str] = []  # points that are no members of families
+        self.fields: dict[str, YamlNode] = {}
+
+    def read(self, node: MappingNode) -> View | None:
+        """Read the whole block."""
+        draft = self.draft
+        self.fields = draft.fields(node, "`view`", KEYS)
+        if "points" not in self.fields:
+            draft.report.add(
+                "missing-key",
+                "the view has no `points`",
+                draft.root.entries["view"][0].location,
+                "name the points that are drawn, as in\nview:\n  points:\n    A: [x_A, y_A]",
+            )
+            return None
+        self.read_points()
+        if not self.points.dimension:
+            return None
+        shapes = [s for key, kind in _SEGMENTS for s in self.segments(key, kind)]
+        discs = tuple(self.discs())
+        grounds, trails = tuple(self.marked("grounds")), tuple(self.marked("trails"))
+        labels, vectors = self.labels(), tuple(self.vectors())
+        points = self.points
+        return View(
+            points.dimension, points.found, tuple(shapes), discs, grounds, trails, labels, vectors
+        )
+
+    def entries(self, key: str, what: str) -> list[Declaration]:
+        """Return the declarations of a mapping under a key of the view."""
+        node = self.fields.get(key)
+        if node is None or (isinstance(node, Scalar) and node.missing):
+            return []
+        if isinstance(node, MappingNode):
+            return declarations(self.draft, list(node), what)
+        self.draft.report.add(
+            "wrong-type",
+            f"`{key}` must be a mapping of names, not {node.what}",
+            node.location,
+            f"write each on a line of its own, with a name, as in\n{key}:\n  {_EXAMPLES[key]}",
+        )
+        return []
+
+    # points
+
+    def read_points(self) -> None:
+        """Read the points; the first good one says how many dimensions there are."""
+        declared = self.entries("points", "point")
+        members = [m for d in declared for m in members_of(self.draft, d, self.constants)]
+        unique = by_name(self.draft, members)
+        self.points.declared = dict.fromkeys(unique)
+        self.plain = [d.name for d in declared if d.span is None]
+        for d in declared:
+            what = f"the point `{d.title}`"
+            parsed = self.draft.parse(d.node, what, "expression such as `[x, y]`")
+            if parsed is None:
+                continue
+            self.draft.trees[f"view.points.{d.title}"] = parsed.tree
+            formula = Formula(self.draft, parsed, Context(what), index=d.index)
+            for member in (m for m in unique.values() if m.declaration is d):
+                place = self.tuple_of(formula, member.indices, (2, 3))
+                if place is None:
+                    break
+                self.points.found[member.name] = place
+                self.points.dimension = self.points.dimension or len(place)
+
+    def tuple_of(
+        self, formula: Formula, indices: Mapping[str, int], lengths: tuple[int, ...]
+    ) -> tuple[Basic, ...] | None:
+        """Return the entries of a vector of as many dimensions as the view has."""
+        sized = formula.value(indices)
+        if sized is None:
+            return None
+        if self.points.dimension:
+            lengths = (self.points.dimension,)
+        value = sized.value
+        if isinstance(value, Tensor) and value.is_vector and len(value.entries) in lengths:
+            return value.entries
+        kind = value.kind if isinstance(value, Tensor) else "a scalar"
+        wanted = " or ".join(map(str, lengths))
+        tree = formula.parsed.tree
+        formula.good = False
+        error = ExpressionError(
+            "shape",
+            f"{formula.context.where} must be a vector of {wanted}, not {kind}",
+            tree.start,
+            tree.end,
+            "all points of a view have two coordinates, or all have three: `[x, y]`, `[x, y, z]`",
+        )
+        self.draft.report.add_expression_error(error, formula.parsed.node)
+        return None
+
+    # lines and marks
+
+    def segments(self, key: str, kind: Literal["rod", "spring", "guide"]) -> Iterator[Segment]:
+        """Yield the lines under a key of the view, which is a list or a mapping."""
+        example = "O-A"
+        node = self.fields.get(key)
+        if isinstance(node, Sequence) or (isinstance(node, Scalar) and not node.missing):
+            for item in node.items if isinstance(node, Sequence) else [node]:
+                path = read_path(self.draft, item, f"a {kind} of the view", None, example)
+                if path is not None:
+                    yield from self.along(path, kind, None)
+            return
+        for d in self.entries(key, kind):
+            path = read_path(self.draft, d.node, f"the {kind} `{d.title}`", None, example)
+            if path is not None:
+                yield from self.along(path, kind, d)
+
+    def along(
+        self, path: Path, kind: Literal["rod", "spring", "guide"], d: Declaration | None
+    ) -> Iterator[Segment]:
+        """Yield the lines along the points of one entry."""
+        found = each(self.draft, path, self.constants, d, self.points.at)
+        for points, name, _ in found:
+            for start, end in pairwise(points):
+                yield Segment(kind, name if d is not None else f"{start}-{end}", start, end)
+
+    def marked(self, key: str) -> Iterator[str]:
+        """Yield the points in a list under a key of the view."""
+        node = self.fields.get(key)
+        if node is None or (isinstance(node, Scalar) and node.missing):
+            return
+        for item in node.items if isinstance(node, Sequence) else [node]:
+            what = f"`{key}`"
+            path = read_path(self.draft, item, what, 1, _EXAMPLES[key])
+            if path is None:
+                continue
+            for points, _, _ in each(self.draft, path, self.constants, None, self.points.at):
+                yield points[0]
+
+    def labels(self) -> dict[str, str | None]:
+        """Return the labels: a mapping, a list, or by default the points with short names."""
+        node = self.fields.get("labels")
+        if node is None:
+            short = [name for name in self.plain if _SHORT.fullmatch(name)]
+            return dict.fromkeys(name for name in short if name in self.points.found)
+        if isinstance(node, Sequence):
+            return dict.fromkeys(self.marked("labels"))
+        found: dict[str, str | None] = {}
+        for d in self.entries("labels", "label"):
+            text = self.draft.text(d.node, f"the label of `{d.title}`")
+            path = read_path(self.draft, d.key, "a label", 1, "A") if d.span is None else None
+            if path is not None:
+                for points, _, _ in each(self.draft, path, self.constants, None, self.points.at):
+                    found[points[0]] = text
+            elif d.span is not None:
+                members = [m.name for m in members_of(self.draft, d, self.constants)]
+                missing = [name for name in members if name not in self.points.declared]
+                if missing:
+                    self.draft.report.add(
+                        "no-member",
+                        f"the view has no point `{missing[0]}` to be labelled",
+                        d.key.location,
+                        "let the ranges be the same",
+                    )
+                found.update({name: text for name in members if name in self.points.found})
+        return found
+
+    # discs
+
+    def discs(self) -> Iterator[Disc]:
+        """Yield the discs."""
+        for d in self.entries("discs", "disc"):
+            what = f"the disc `{d.title}`"
+            fields = self.mapping(d, what, ("center", "radius", "angle", "normal"))
+            if fields is None or not self.required(d, what, fields, ("center", "radius")):
+                continue
+            path = read_path(self.draft, fields["center"], f"the center of {what}", 1, "C")
+            radius = self.formula(d, fields, "radius", what)
+            angle = self.formula(d, fields, "angle", what)
+            normal = self.formula(d, fields, "normal", what)
+            if "normal" in fields and self.points.dimension == 2:
+                self.draft.report.add(
+                    "contradiction",
+                    f"{what} has a normal, but the view has two dimensions",
+                    fields["normal"].location,
+                    "remove it, or give all points three coordinates",
+                )
+                continue
+            if path is None or radius is None:
+                continue
+            for points, name, indices in each(self.draft, path, self.constants, d, self.points.at):
+                size = radius.scalar(indices)
+                if size is None:
+                    break
+                yield Disc(
+                    name,
+                    points[0],
+                    size,
+                    angle.scalar(indices) if angle else None,
+                    self.tuple_of(normal, indices, (3,)) if normal else None,
+                )
+
+    # vectors
+
+    def vectors(self) -> Iterator[Arrow]:
+        """Yield the vectors."""
+        kinds = ("velocity", "force", "components")
+        for d in self.entries("vectors", "vector"):
+            what = f"the vector `{d.title}`"
+            fields = self.mapping(d, what, ("at", *kinds, "unit"))
+            if fields is None:
+                continue
+            given = [kind for kind in kinds if kind in fields]
+            if len(given) != 1:
+                self.draft.report.add(
+                    "contradiction" if given else "missing-value",
+                    f"{what} has " + (" and ".join(f"`{k}`" for k in given) or "no value"),
+                    d.key.location,
+                    "give one of `velocity: POINT`, `force: CONSTRAINT`,"
+                    f" `components: {self.zero}`",
+                )
+                continue
+            kind = given[0]
+            if kind != "velocity" and not self.required(d, what, fields, ("at",)):
+                continue
+            unit = self.draft.text(fields.get("unit"), f"`unit` of {what}")
+            if unit is not None and not si_unit(self.draft, unit, fields["unit"]):
+                continue
+            read: Callable[..., Iterator[Arrow]] = {
+                "velocity": self.velocity,
+                "force": self.force,
+                "components": self.free_vector,
+            }[kind]
+            yield from read(d, what, fields, unit)
+
+    @property
+    def zero(self) -> str:
+        """An example of components."""
+        return "[0, 0]" if self.points.dimension == 2 else "[0, 0, 0]"
+
+    def velocity(
+        self, d: Declaration, what: str, fields: dict[str, YamlNode], unit: str | None
+    ) -> Iterator[Arrow]:
+        """Yield the velocities of points."""
+        path = read_path(self.draft, fields["velocity"], f"the velocity of {what}", 1, "A")
+        place = path
+        if "at" in fields:
+            place = read_path(self.draft, fields["at"], f"`at` of {what}", 1, "A")
+        if path is None or place is None:
+            return
+        moving = each(self.draft, path, self.constants, d, self.points.at)
+        standing = each(self.draft, place, self.constants, d, self.points.at)
+        for (points, name, _), (at, _, _) in zip(moving, standing, strict=False):
+            rates = tuple(map(self.draft.names.derivative, self.points.found[points[0]]))
+            yield Arrow(name, "velocity", at, rates, unit=unit)
+
+    def free_vector(
+        self, d: Declaration, what: str, fields: dict[str, YamlNode], unit: str | None
+    ) -> Iterator[Arrow]:
+        """Yield vectors given by their components."""
+        path = read_path(self.draft, fields["at"], f"`at` of {what}", 1, "A")
+        formula = self.formula(d, fields, "components", what, multipliers=True)
+        if path is None or formula is None:
+            return
+        for at, name, indices in each(self.draft, path, self.constants, d, self.points.at):
+            components = self.tuple_of(formula, indices, (2, 3))
+            if components is None:
+                break
+            yield Arrow(name, _MEASURED.get(unit or "", "vector"), at, components, unit=unit)
+
+    def force(
+        self, d: Declaration, what: str, fields: dict[str, YamlNode], unit: str | None
+    ) -> Iterator[Arrow]:
+        """Yield the forces of constraints."""
+        draft = self.draft
+        path = read_path(draft, fields["at"], f"`at` of {what}", 0, "A")
+        named = read_path(draft, fields["force"], f"`force` of {what}", 1, "guide")
+        if path is None or named is None:
+            return
+        places = each(draft, path, self.constants, d, self.points.at)
+        forces = each(draft, named, self.constants, d, partial(constraint_named, draft))
+        for (at, name, _), ((constraint,), _, _) in zip(places, forces, strict=False):
+            found = self.constraints.get(constraint)
+            if found is None:
+                break
+            if not check_force(draft, found, at, self.points.found, path.node):
+                break
+            yield Arrow(name, "force", at, constraint=constraint, unit=unit)
+
+    # fields
+
+    def mapping(
+        self, d: Declaration, what: str, known: tuple[str, ...]
+    ) -> dict[str, YamlNode] | None:
+        """Return the fields of an entry."""
+        if isinstance(d.node, MappingNode):
+            return self.draft.fields(d.node, what, known)
+        key = "vectors" if "vector" in what.split("`")[0] else "discs"
+        self.draft.report.add(
+            "wrong-type",
+            f"{what} must be a mapping, not {d.node.what}",
+            d.node.location,
+            f"write `{_EXAMPLES[key]}`",
+        )
+        return None
+
+    def required(
+        self, d: Declaration, what: str, fields: dict[str, YamlNode], names: tuple[str, ...]
+    ) -> bool:
+        """Report fields that are missing; say whether none is."""
+        missing = [name for name in names if name not in fields]
+        if missing:
+            self.draft.report.add(
+                "missing-value",
+                f"{what} has no " + " and no ".join(f"`{name}`" for name in missing),
+                d.key.location,
+                f"as in `{_EXAMPLES['discs']}`"
+                if "radius" in names
+                else "name the point where it is drawn: `at: A`",
+            )
+        return not missing
+
+    def formula(
+        self,
+        d: Declaration,
+        fields: dict[str, YamlNode],
+        key: str,
+        what: str,
+        multipliers: bool = False,
+    ) -> Formula | None:
+        """Return the expression of a field; None where there is none, or one in error."""
+        if key not in fields:
+            return None
+        where = f"`{key}` of {what}"
+        parsed = self.draft.parse(fields[key], where)
+        if parsed is None:
+            return None
+        self.draft.trees[f"view.{d.title}.{key}"] = parsed.tree
+        context = Context(where, accelerations=multipliers, multipliers=multipliers)
+        return Formula(self.draft, parsed, context, index=d.index)

@@ -1,0 +1,292 @@
+"""YAML text → nodes.
+
+Nodes are composed from the parser's events, never constructed into Python values: what a scalar
+means is decided by the model language, not by YAML's rules for numbers, booleans and dates.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import yaml
+
+from lagcli.errors import Diagnostic, ModelError
+from lagcli.model.spelling import shorten
+from lagcli.model.yaml.error_texts import explain
+from lagcli.model.yaml.source import Mapping, Place, Scalar, Sequence, Source, YamlNode
+
+MAX_DEPTH = 64  # the format needs 4
+MAX_NODES = 300_000  # aliases counted as often as they are used; 5000 bodies need 100 000
+
+# YAML ends a name inside [ ] and { } at a bracket; in a model file, x[1] is one name everywhere.
+# While YAML reads the text, the brackets after a name are characters that no text contains. An
+# index holds no quotes, and a prime only behind a name: brackets in two quoted texts are no pair.
+_INDEX = re.compile(r"""(?<=\w)\[(?:[^\[\]{}"':#\n]|(?<=\w)')*\]""")
+_BEFORE_VALUE = re.compile(r"(?:\s|&\S*)*")
+_COLON = re.compile(r"\s*:")
+_HIDE = str.maketrans("[],", "\ufdd0\ufdd1\ufdd2")
+_SHOW = str.maketrans("\ufdd0\ufdd1\ufdd2", "[],")
+
+
+def _hidden(match: re.Match[str]) -> str:
+    return match[0].translate(_HIDE)
+
+
+def compose(source: Source) -> tuple[Mapping, list[Diagnostic]]:
+    """Compose one YAML document whose root is a mapping.
+
+    Returns
+    -------
+    root : Mapping
+    diagnostics : list of Diagnostic
+        Duplicate keys, keys that are not names, values cut by a comma: the root is usable beside
+        them.
+
+    Raises
+    ------
+    ModelError
+        The text is not YAML, is empty, has another root, or exceeds a bound.
+    """
+    try:
+        return _Composer(source).document()
+    except yaml.YAMLError as error:
+        raise ModelError([explain(source, error)]) from None
+
+
+@dataclass(eq=False)
+class _ComposedEntry:
+    key: YamlNode
+    value: YamlNode
+    bare: bool  # stands in { } without a colon
+
+
+class _Composer:
+    """Builds nodes from events, with bounds on depth, size and aliases."""
+
+    def __init__(self, source: Source):
+        self.source = source
+        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+        self.events = yaml.parse(_INDEX.sub(_hidden, source.text), Loader=loader)
+        self.anchors: dict[str, tuple[YamlNode, int]] = {}
+        self.open: set[str] = set()
+        self.count = 0
+        self.diagnostics: list[Diagnostic] = []
+
+    def refuse(self, kind: str, message: str, event: yaml.Event, help_: str) -> ModelError:
+        (line, column), (last, end) = self.places(event, event)
+        location = self.source.location(line, column, end - column if last == line else 1)
+        return ModelError([*self.diagnostics, Diagnostic(kind, message, location, help_)])
+
+    def report(
+        self, kind: str, message: str, node: YamlNode, help_: str, first: YamlNode | None = None
+    ) -> None:
+        notes = (("the first one is here", first.location),) if first else ()
+        self.diagnostics.append(Diagnostic(kind, message, node.location, help_, notes))
+
+    # the document
+
+    def document(self) -> tuple[Mapping, list[Diagnostic]]:
+        root: YamlNode | None = None
+        for event in self.events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                if root is not None:
+                    raise self.refuse(
+                        "yaml", "a second document begins here", event, "one file holds one model"
+                    )
+                root = self.node(next(self.events), 0)
+        if root is None or (isinstance(root, Scalar) and root.missing):
+            place = self.source.location(0, 0)
+            help_ = "a model needs at least `coordinates`, `T`, `parameters` and `initial`"
+            raise ModelError([Diagnostic("empty-file", "the file holds no model", place, help_)])
+        if not isinstance(root, Mapping):
+            message = f"a model file is a mapping of keys, but this is {root.what}"
+            help_ = "begin with a line such as `coordinates: [x, y]`"
+            raise ModelError([Diagnostic("wrong-type", message, root.location, help_)])
+        return root, self.diagnostics
+
+    def grow(self, by: int, event: yaml.Event) -> None:
+        self.count += by
+        if self.count > MAX_NODES:
+            raise self.refuse(
+                "too-large",
+                f"the model holds more than {MAX_NODES:,} values",
+                event,
+                "an alias (*name) counts as often as it repeats what it names",
+            )
+
+    def node(self, event: yaml.Event, depth: int) -> YamlNode:
+        if depth > MAX_DEPTH:
+            raise self.refuse(
+                "too-deep",
+                f"nested deeper than {MAX_DEPTH} levels",
+                event,
+                "a model needs no more than four",
+            )
+        if isinstance(event, yaml.AliasEvent):
+            return self.alias(event)
+        assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
+        if event.tag:
+            tag = event.tag.replace("tag:yaml.org,2002:", "!!")
+            message = f"the tag {shorten(tag)} has no meaning in a model file"
+            raise self.refuse("yaml", message, event, "remove it")
+        anchor = event.anchor
+        if anchor:
+            self.open.add(anchor)
+        before = self.count
+        self.grow(1, event)
+        if isinstance(event, yaml.ScalarEvent):
+            start, end = self.places(event, event)
+            value = event.value.translate(_SHOW)
+            scalar = Scalar(self.source, start, end, value, event.style or None)
+            node: YamlNode = self.bared(scalar) if anchor else scalar
+        elif isinstance(event, yaml.SequenceStartEvent):
+            node = self.sequence(event, depth)
+        else:
+            assert isinstance(event, yaml.MappingStartEvent)
+            node = self.mapping(event, depth)
+        if anchor:
+            self.open.discard(anchor)
+            self.anchors[anchor] = (node, self.count - before)
+        return node
+
+    def places(self, first: yaml.Event, last: yaml.Event) -> tuple[Place, Place]:
+        start, end = first.start_mark, last.end_mark
+        assert start is not None
+        assert end is not None
+        return (start.line, start.column), (end.line, end.column)
+
+    def bared(self, node: Scalar) -> Scalar:
+        """Return a scalar that begins after its anchor."""
+        line, column = node.start
+        lines = self.source.lines
+        while line <= node.end[0] and line < len(lines):
+            skipped = _BEFORE_VALUE.match(lines[line], column)
+            column = skipped.end() if skipped else column
+            if column < len(lines[line]):
+                return Scalar(node.source, (line, column), node.end, node.value, node.style)
+            line, column = line + 1, 0
+        return node
+
+    def alias(self, event: yaml.AliasEvent) -> YamlNode:
+        help_ = (
+            "in YAML, * at the beginning of a value repeats another one (an alias);\n"
+            "put quotes around the value if a product is meant"
+        )
+        anchor = event.anchor or ""
+        if anchor in self.open:
+            message = f"the alias *{shorten(anchor)} stands inside what it names"
+            raise self.refuse("recursive-alias", message, event, help_)
+        if anchor not in self.anchors:
+            message = f"the alias *{shorten(anchor)} names nothing"
+            raise self.refuse("yaml", message, event, help_)
+        node, size = self.anchors[anchor]
+        self.grow(size, event)
+        return node
+
+    # collections
+
+    def sequence(self, event: yaml.Event, depth: int) -> Sequence:
+        items = []
+        while not isinstance(inner := next(self.events), yaml.SequenceEndEvent):
+            items.append(self.node(inner, depth + 1))
+        return Sequence(self.source, *self.places(event, inner), items)
+
+    def mapping(self, event: yaml.MappingStartEvent, depth: int) -> YamlNode:
+        found: list[_ComposedEntry] = []
+        while not isinstance(inner := next(self.events), yaml.MappingEndEvent):
+            key = self.node(inner, depth + 1)
+            value = self.node(next(self.events), depth + 1)
+            bare = bool(event.flow_style) and self.is_bare(key, value)
+            found.append(_ComposedEntry(key, value, bare))
+        start, end = self.places(event, inner)
+        if found and all(entry.bare for entry in found):
+            text = self.source.between(start, end)
+            if ":" not in text:  # braces where parentheses are meant: an expression will say so
+                return Scalar(self.source, start, end, text)
+        return Mapping(self.source, start, end, self.entries(self.rejoined(found)))
+
+    def is_bare(self, key: YamlNode, value: YamlNode) -> bool:
+        if not (isinstance(value, Scalar) and not value.value and value.style is None):
+            return False
+        line, column = key.end
+        return not _COLON.match(self.source.lines[line], column)
+
+    def rejoined(self, found: list[_ComposedEntry]) -> list[_ComposedEntry]:
+        """Report entries without a colon, and put together what a comma has cut."""
+        rejoined: list[_ComposedEntry] = []
+        cut: list[YamlNode] = []  # the keys that commas have made of one value
+        for entry in found:
+            key = entry.key
+            if not entry.bare:
+                self.join(cut, rejoined)
+                cut = []
+                rejoined.append(entry)
+            elif isinstance(key, Scalar) and ":" in key.value and key.style is None:
+                self.join(cut, rejoined)
+                cut = []
+                rejoined.append(self.split_at_colon(key))
+            elif rejoined and isinstance(rejoined[-1].value, Scalar):
+                cut.append(key)
+            else:
+                self.report("yaml", f"{key.what} has no value", key, "write `name: value`")
+        self.join(cut, rejoined)
+        return rejoined
+
+    def join(self, cut: list[YamlNode], rejoined: list[_ComposedEntry]) -> None:
+        """Put a value together that commas have cut, and report it."""
+        if not cut:
+            return
+        last, end = rejoined[-1], cut[-1].end
+        text = self.source.between(last.value.start, end)
+        last.value = Scalar(self.source, last.value.start, end, text)
+        name = last.key.value if isinstance(last.key, Scalar) else "…"
+        text = last.value.value if isinstance(last.value, Scalar) else "…"
+        self.report(
+            "comma",
+            f"inside {{ }} a comma ends the value: {cut[0].what} is taken for an entry of its own",
+            cut[0],
+            f'put quotes around the whole value: `{name}: "{shorten(text)}"`',
+        )
+
+    def split_at_colon(self, key: Scalar) -> _ComposedEntry:
+        name, _, rest = key.value.partition(":")
+        line, column = key.start
+        colon = (line, column + len(name))
+        self.diagnostics.append(
+            Diagnostic(
+                "yaml",
+                f"a space is missing after the colon of {key.what}",
+                self.source.location(*colon),
+                f"write `{shorten(name)}: {shorten(rest)}`",
+            )
+        )
+        after = (line, colon[1] + 1)
+        return _ComposedEntry(
+            Scalar(self.source, key.start, colon, name),
+            Scalar(self.source, after, key.end, rest),
+            bare=False,
+        )
+
+    def entries(self, found: list[_ComposedEntry]) -> dict[str, tuple[Scalar, YamlNode]]:
+        entries: dict[str, tuple[Scalar, YamlNode]] = {}
+        for entry in found:
+            key = entry.key
+            if not isinstance(key, Scalar):
+                self.report(
+                    "wrong-type",
+                    f"a key must be a name, but this is {key.what}",
+                    key,
+                    "put quotes around a value that contains braces or brackets",
+                )
+            elif key.value in entries:
+                self.report(
+                    "duplicate-key",
+                    f"the key `{shorten(key.value)}` stands twice in the same mapping",
+                    key,
+                    "remove or rename one of the two",
+                    entries[key.value][0],
+                )
+            else:
+                entries[key.value] = (key, entry.value)
+        return entries

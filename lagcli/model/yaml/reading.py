@@ -1,0 +1,109 @@
+"""File → text."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation
+from lagcli.model.spelling import nearest, shorten
+from lagcli.model.yaml.source import Source
+
+MAX_BYTES = 10_000_000
+
+_NOT_TEXT = re.compile("[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_IS_IT = "is it a model file at all?"
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+def read_text(path: str | Path) -> tuple[str, str]:
+    """Read a file, or standard input for "-".
+
+    Returns
+    -------
+    text, name : str
+        The name is what messages call the file.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read.
+    ModelError
+        It is not text.
+    """
+    name = "<stdin>" if str(path) == "-" else str(path)
+    try:
+        if str(path) == "-":
+            data = sys.stdin.buffer.read(MAX_BYTES + 1) if sys.stdin else b""
+        else:
+            with Path(path).open("rb") as file:
+                data = file.read(MAX_BYTES + 1)
+    except IsADirectoryError:
+        raise FileError(f"{name} is a folder; name the model file in it") from None
+    except FileNotFoundError:
+        raise FileError(_missing(Path(path))) from None
+    except PermissionError:
+        raise FileError(f"{name} may not be read: permission denied") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FileError(f"cannot read {name}: {reason}") from None
+    return _decode(data, name), name
+
+
+def _missing(path: Path) -> str:
+    if not path.parent.is_dir():
+        return f"there is no folder {path.parent}"
+    try:
+        beside = {p.stem: p for p in path.parent.iterdir() if p.suffix in (".yaml", ".yml")}
+    except OSError:
+        beside = {}
+    # compared without their endings, which would make any two names look alike
+    close = nearest(path.stem, list(beside))
+    guess = f"; did you mean {beside[close[0]]}?" if close else ""
+    return f"there is no file {path}{guess}"
+
+
+def _refuse(name: str, message: str, help_: str, place: SourceLocation | None = None) -> ModelError:
+    place = place or SourceLocation(name, 1, 1)
+    return ModelError([Diagnostic("not-text", message, place, help_)])
+
+
+def _decode(data: bytes, name: str) -> str:
+    if len(data) > MAX_BYTES:
+        raise _refuse(name, f"the file is larger than {MAX_BYTES // 10**6} MB", _IS_IT)
+    even, odd = any(data[:8:2]), any(data[1:8:2])
+    if data.startswith(_UTF16) or (len(data) >= 8 and even != odd):
+        raise _refuse(name, "the file is UTF-16 text, not UTF-8", "save it as UTF-8 in your editor")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = Source(error.object[: error.start].decode("utf-8"), name).lines
+        source = Source(error.object.decode("utf-8", errors="replace"), name)
+        raise _refuse(
+            name,
+            f"the file is not UTF-8 text: byte 0x{error.object[error.start]:02X}",
+            f"save it as UTF-8 in your editor; {_IS_IT}",
+            source.location(len(before) - 1, len(before[-1])),
+        ) from None
+
+
+def check_text(source: Source) -> None:
+    """Refuse characters that no text contains, and that YAML has no room for.
+
+    Raises
+    ------
+    ModelError
+    """
+    found = _NOT_TEXT.search(source.text)
+    if found is None:
+        return
+    line = next(i for i, text in enumerate(source.lines) if _NOT_TEXT.search(text))
+    column = _NOT_TEXT.search(source.lines[line])
+    assert column is not None
+    raise _refuse(
+        shorten(source.path, 200),
+        f"the file holds the character U+{ord(found[0]):04X}, which is not text",
+        f"remove it; {_IS_IT}",
+        source.location(line, column.start()),
+    )

@@ -1,0 +1,297 @@
+"""Other values in the text of a model file: written where the file's stand, all else kept."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+
+from lagcli.errors import Diagnostic, ModelError, SourceLocation
+from lagcli.model.expression.quantities import unit_of
+from lagcli.model.expression.units import to_si
+from lagcli.model.loader import load_text
+from lagcli.model.model import InitialValue, Model, Parameter
+from lagcli.model.names.members import family_of
+from lagcli.model.sections.initial import GUESS
+from lagcli.model.yaml.composing import compose
+from lagcli.model.yaml.source import Mapping as MappingNode
+from lagcli.model.yaml.source import Place, Scalar, Sequence, Source, YamlNode
+
+#: What YAML takes for plain text wherever it stands.
+_PLAIN = re.compile(r"[-+]?[\w.(][\w.+*/^()' °µ-]*")
+#: Numbers that are equal but for the rounding of a conversion between units.
+_ROUNDING = 4e-16
+
+
+def rewritten(
+    text: str,
+    path: str,
+    set: Mapping[str, str],
+    set_initial: Mapping[str, str],
+    t_end: float | None = None,
+) -> str:
+    """Return the text of a model file with other values in it.
+
+    A value is written in the place of the file's, and where an entry stands for many members of a
+    family, as an entry of its own behind it; comments and everything else stay as they are.
+
+    Parameters
+    ----------
+    text, path : str
+        The model file and its name.
+    set, set_initial : mapping of str to str
+        As for `load`.
+    t_end : float, optional
+        Another end of the simulation, s.
+
+    Returns
+    -------
+    str
+        It loads as a model with the same values as ``load(path, set, set_initial)``.
+
+    Raises
+    ------
+    ModelError
+        The file or a value is wrong, or a value cannot be written: an alias stands in its place.
+    """
+    text = text.removeprefix("\ufeff")
+    wanted = load_text(text, path, set, set_initial)
+    before = load_text(text, path)
+    source = Source(text, path)
+    writer = _Rewriter(source, compose(source)[0])
+    for block, given, old, new in (
+        ("parameters", set, before.parameters, wanted.parameters),
+        ("initial", set_initial, before.initial, wanted.initial),
+    ):
+        places = _places(old, new)
+        shared = Counter(places.values())
+        for name, value in _spelled(before, given).items():
+            place = places.get(name) or _relative(places, name)
+            alone = name in places and shared[place] == 1
+            if not alone and not name.rstrip("'").endswith("]"):
+                raise _not_written([name])
+            writer.write(block, name, value, new[name].value, place, in_place=alone)
+    if t_end is not None:
+        writer.write_setting("t_end", repr(t_end).removesuffix(".0"))
+    result = writer.text()
+    _check(result, wanted, t_end)
+    return result
+
+
+_Values = Mapping[str, Parameter] | Mapping[str, InitialValue]
+
+
+def _places(before: _Values, wanted: _Values) -> dict[str, SourceLocation]:
+    """Return where values stand in the file; those that it has with other numbers of members too.
+
+    A value that an option gives stands in no file: its line is 0.
+    """
+    both: dict[str, Parameter | InitialValue] = {**wanted, **before}
+    return {n: x.location for n, x in both.items() if x.location is not None and x.location.line}
+
+
+def _spelled(model: Model, given: Mapping[str, str]) -> dict[str, str]:
+    """Return the given values by the names that the model has for what they are given to."""
+    names = {}
+    for name, value in given.items():
+        plain = "".join(name.split())
+        if plain not in model.parameters and (match := re.fullmatch(r"(.+)_dot(\[.*\])?", plain)):
+            plain = f"{match[1]}{match[2] or ''}'"
+        names[plain] = value
+    return names
+
+
+def _relative(places: Mapping[str, SourceLocation], name: str) -> SourceLocation:
+    """Return the place of a member of the same family, for one that the file's own N has not."""
+    same = (p for n, p in places.items() if _family(n) == _family(name))
+    place = next(same, None)
+    if place is None:
+        raise _not_written([name])
+    return place
+
+
+def _family(name: str) -> tuple[str, bool]:
+    return family_of(name.rstrip("'")), name.endswith("'")
+
+
+class _Rewriter:
+    """Collects changes to a text, and makes them."""
+
+    def __init__(self, source: Source, root: MappingNode):
+        self.source, self.root = source, root
+        self.changes: list[tuple[int, int, str]] = []
+        self.lines = _line_starts(source)
+
+    def text(self) -> str:
+        """Return the text with all changes made."""
+        text = self.source.text
+        for start, end, new in sorted(self.changes, key=lambda c: c[:2])[::-1]:
+            text = text[:start] + new + text[end:]
+        return text
+
+    def offset(self, place: Place) -> int:
+        return (
+            self.lines[place[0]] + place[1] if place[0] < len(self.lines) else len(self.source.text)
+        )
+
+    def write(
+        self,
+        block: str,
+        name: str,
+        given: str,
+        value: float,
+        place: SourceLocation,
+        in_place: bool,
+    ) -> None:
+        """Write a value in the place of another, or behind the entry that stands for several."""
+        mapping = self.root.entries[block][1]
+        assert isinstance(mapping, MappingNode)
+        key, entry, node = next(
+            (key, entry, node)
+            for _, key, entry in mapping
+            for node in _values(entry)
+            if node.location == place
+        )
+        given = _with_unit(given, node)
+        if not in_place:
+            self.insert(mapping, key, entry, f"{name}: {_quoted(given)}")
+            return
+        if isinstance(entry, MappingNode) and isinstance(node, Scalar) and "unit" in entry.entries:
+            # the unit stands in a field of its own
+            unit = entry.entries["unit"][1]
+            given = _without(given, unit, value)
+        self.replace(node, _quoted(given))
+
+    def write_setting(self, name: str, given: str) -> None:
+        """Write a setting, and the block for it where there is none."""
+        node = self.root.entries["simulation"][1] if "simulation" in self.root.entries else None
+        if isinstance(node, MappingNode) and name in node.entries:
+            self.replace(node.entries[name][1], given)
+        elif isinstance(node, MappingNode) and node.entries:
+            key, last = list(node.entries.values())[-1]
+            self.insert(node, key, last, f"{name}: {given}")
+        elif node is None:
+            text = self.source.text
+            newline = "" if text.endswith("\n") else "\n"
+            self.changes.append((len(text), len(text), f"{newline}simulation: {{{name}: {given}}}"))
+        else:
+            self.replace(node, f"{{{name}: {given}}}")
+
+    def replace(self, node: YamlNode, new: str) -> None:
+        start = self.offset(node.start)
+        before = self.source.text[start - 1 : start]
+        space = "" if before.isspace() or before in ("[", "{") else " "
+        self.changes.append((start, self.end(node), space + new))
+
+    def insert(self, mapping: MappingNode, key: Scalar, entry: YamlNode, new: str) -> None:
+        """Insert an entry behind another one."""
+        end = self.end(entry)
+        if self.source.text[self.offset(mapping.start)] == "{":
+            self.changes.append((end, end, f", {new}"))
+            return
+        stop = re.compile("$", re.MULTILINE).search(self.source.text, end)
+        assert stop is not None
+        self.changes.append((stop.start(), stop.start(), f"\n{' ' * key.start[1]}{new}"))
+
+    def end(self, node: YamlNode) -> int:
+        """Return where the text of a node ends, before blanks and comments."""
+        flow = self.source.text[self.offset(node.start) :][:1] in ("{", "[")
+        if isinstance(node, MappingNode) and not flow:
+            return self.end(list(node.entries.values())[-1][1])
+        if isinstance(node, Sequence) and not flow:
+            return self.end(node.items[-1])
+        start, end = self.offset(node.start), self.offset(node.end)
+        return start + len(self.source.text[start:end].rstrip())
+
+
+def _line_starts(source: Source) -> list[int]:
+    """Return where in the text each of its lines begins."""
+    starts, at = [], 0
+    for line in source.lines:
+        starts.append(at)
+        at += len(line)
+        at += 2 if source.text[at : at + 2] == "\r\n" else 1
+    return starts
+
+
+def _values(entry: YamlNode) -> Iterator[YamlNode]:
+    """Yield an entry and what may be its value, outermost first."""
+    if isinstance(entry, MappingNode):
+        yield from (entry.entries[f][1] for f in ("value",) if f in entry.entries)
+    yield entry
+    if isinstance(entry, Sequence):
+        yield from entry.items
+
+
+def _quoted(text: str) -> str:
+    """Return a value as it may stand in YAML."""
+    if match := GUESS.fullmatch(text):
+        return f"{{guess: {_quoted(match[2])}}}"
+    if _PLAIN.fullmatch(text):
+        return text
+    return "'" + text.replace("'", "''") + "'"
+
+
+def _with_unit(given: str, node: YamlNode) -> str:
+    """Return a value with the unit of the file's, where it is a bare number of that unit."""
+    if isinstance(node, MappingNode) and "guess" in node.entries:
+        node = node.entries["guess"][1]
+    unit = unit_of(node)
+    match = GUESS.fullmatch(given)
+    if match is not None:
+        return f"{{guess: {_with_unit(match[2].strip(), node)}}}"
+    if unit is None or to_si(unit) != 1 or not _is_number(given):
+        return given
+    return f"{given} {unit}"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _without(given: str, unit: YamlNode, value: float) -> str:
+    """Return a value without its unit, which a field of the entry states."""
+    assert isinstance(unit, Scalar)
+    bare = given.strip().removesuffix(unit.value.strip()).strip()
+    return bare if _is_number(bare) else repr(value / float(to_si(unit.value)))
+
+
+def _check(text: str, wanted: Model, t_end: float | None) -> None:
+    """Refuse a text whose values are not those that were wanted."""
+    try:
+        found = load_text(text, wanted.path)
+    except ModelError:
+        raise _not_written([*wanted.set, *wanted.set_initial]) from None
+    wrong = [n for n, p in wanted.parameters.items() if not _same(found.parameters.get(n), p)]
+    for name, x in wanted.initial.items():
+        other = found.initial.get(name)
+        if other is None or other.fixed != x.fixed or not _same(other, x):
+            wrong.append(name)
+    if t_end is not None and found.settings.t_end != t_end:
+        wrong.append("t_end")
+    if wrong:
+        raise _not_written(wrong)
+
+
+def _same(one: Parameter | InitialValue | None, other: Parameter | InitialValue) -> bool:
+    found = math.nan if one is None else one.value
+    return math.isclose(found, other.value, rel_tol=_ROUNDING, abs_tol=0.0)
+
+
+def _not_written(names: list[str]) -> ModelError:
+    listed = ", ".join(f"`{n}`" for n in names[:5])
+    return ModelError(
+        [
+            Diagnostic(
+                "not-written",
+                f"the file's text cannot be given the values of {listed}",
+                None,
+                "an alias stands there, or one text for several values: change it by hand",
+            )
+        ]
+    )

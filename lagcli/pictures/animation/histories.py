@@ -1,0 +1,121 @@
+"""Coordinates over the time, with a mark that moves: for runs of models without a view."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.errors import LagcliError
+from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
+from lagcli.pictures.plots.figure_file import new_figure
+from lagcli.pictures.plots.panels import Panel, asked
+from lagcli.pictures.plots.run_plot import PanelDrawing
+from lagcli.pictures.plots.style import PALETTE, ROLES
+from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.raster import Pen
+from lagcli.trajectory.samples import Array
+
+Image = NDArray[np.uint8]
+Indices = NDArray[np.intp]
+
+_DPI = 100
+_MARKED = 10  # curves on which a dot moves: on more, dots would be a cloud
+
+
+class Histories:
+    """The coordinates of a run at some samples.
+
+    Parameters
+    ----------
+    run : Run
+    samples : (m,) array of int
+        Which, increasing.
+    """
+
+    def __init__(self, run: RunFile, samples: Indices):
+        self.run = run
+        self.panels: list[Panel] = asked(Catalogue(run), run.coordinates)
+        values = read_curves(run, {curve for panel in self.panels for curve in panel.curves})
+        self.values = {name: column[samples] for name, column in values.items()}
+        self.time: Array = self.values["t"]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what ``assets/histories.js`` draws."""
+        look = _labels(self.run)
+        return {
+            "time": self.time,
+            "palette": PALETTE,
+            "plots": [
+                {
+                    "title": "",
+                    "unit": pretty_unit(panel.curves[0].unit),
+                    "series": [
+                        {"name": c.name, "label": look(c), "values": self.values[c.name]}
+                        for c in panel.curves
+                    ],
+                }
+                for panel in self.panels
+            ],
+        }
+
+
+class HistoriesDrawing:
+    """Draws coordinates over the time, and where they are at a time.
+
+    Parameters
+    ----------
+    histories : Histories
+    width, height : int
+        Pixels.
+    """
+
+    def __init__(self, histories: Histories, width: int, height: int):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        self.histories = histories
+        unit = max(0.6, min(1.6, min(width, height) / 420))
+        self.pen = Pen(width, height, unit, ROLES["paper"])
+        self.strip = 26 * max(1.0, unit)
+        size = (width / _DPI, height / _DPI)
+        panels = histories.panels
+        with new_figure(size, _DPI) as figure:
+            canvas = FigureCanvasAgg(figure)
+            figure.get_layout_engine().set(rect=(0, 0, 1, 1 - self.strip / height))
+            drawing = PanelDrawing(figure, [histories.run], [histories.values], width)
+            drawing.draw([panels], [1.0] * len(panels))
+            canvas.draw()
+            self.still = np.asarray(canvas.buffer_rgba()).copy()
+            #: Of each panel: from numbers to pixels, and its left, lower, right and upper end.
+            self.axes = [(ax.transData.frozen(), ax.get_window_extent()) for ax in figure.axes]
+
+    def frame(self, time: float, note: str = "") -> Image:
+        """Return the picture of a time, with a line of text; see `SceneDrawing.frame`."""
+        pen, histories = self.pen, self.histories
+        pen.clear(self.still)
+        for panel, (place, box) in zip(histories.panels, self.axes, strict=True):
+            across = place.transform((time, 0.0))[0]
+            pen.line([(across, box.y0), (across, box.y1)], ROLES["point"], 1.2, alpha=0.6)
+            for curve in panel.curves[:_MARKED] if len(panel.curves) <= _MARKED else ():
+                value = np.interp(time, histories.time, histories.values[curve.name])
+                at = place.transform((time, value))
+                if np.isfinite(at).all():
+                    pen.dot(np.asarray(at), 3, ROLES["point"], ROLES["paper"])
+        pen.text(note, (14, pen.height - self.strip / 2), ROLES["label"])
+        return pen.image()
+
+
+def _labels(run: RunFile) -> Any:
+    """Return how coordinates are written: with Greek letters, where the model is there."""
+    from lagcli.equations.render.names import Notation
+
+    try:
+        names = Notation(run.model)
+    except LagcliError:
+        return lambda curve: curve.name
+
+    def look(curve: Curve) -> str:
+        return names.text(curve.name)
+
+    return look

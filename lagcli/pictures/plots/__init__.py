@@ -1,0 +1,1 @@
+"""Plots: curves of runs and of sweeps."""

@@ -1,0 +1,101 @@
+"""What runs differ in, so that their curves can be told apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lagcli.pictures.plots.curves import pretty_unit
+from lagcli.pictures.run_file import RunFile
+
+_DIGITS = 4
+_MOST = 3  # names in a label
+
+
+def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, str]:
+    """Return a label for each run, and their values where one number tells them apart.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+
+    Returns
+    -------
+    labels : list of str
+        By parameters that differ; else by initial values, by options, by file names.
+    values : list of float or None
+        Of the only parameter that differs.
+    name : str
+        That parameter with its unit.
+    """
+    if len(runs) < 2:
+        return [""] * len(runs), None, ""
+    tables = [dict(run.varied or run.record.parameters) for run in runs]
+    differing = _differing(tables)
+    units = runs[0].record.units
+    if differing:
+        labels = [
+            ", ".join(
+                f"{name} = {table[name]:.{_DIGITS}g} {pretty_unit(units.get(name, ''))}".rstrip()
+                for name in _chosen(differing, tables)
+                if name in table
+            )
+            for table in tables
+        ]
+        if len(differing) == 1 and all(differing[0] in table for table in tables):
+            name = differing[0]
+            unit = pretty_unit(units.get(name, ""))
+            titled = f"{name} [{unit}]" if unit else name
+            return _unique(labels, runs), [table[name] for table in tables], titled
+        return _unique(labels, runs), None, ""
+    starts = [_start(run) for run in runs]
+    chosen = _differing(starts)
+    if chosen and len(chosen) <= _MOST:
+        labels = [
+            ", ".join(f"{name}(0) = {start.get(name, math.nan):.{_DIGITS}g}" for name in chosen)
+            for start in starts
+        ]
+        return _unique(labels, runs), None, ""
+    options = [{k: str(v) for k, v in run.record.options.items()} for run in runs]
+    chosen = _differing(options)[:_MOST]
+    labels = [", ".join(f"{k} = {o[k]}" for k in chosen if k in o) for o in options]
+    return _unique(labels, runs), None, ""
+
+
+def _start(run: RunFile) -> dict[str, float]:
+    """Return the first coordinates and velocities of a run, by the names of their curves."""
+    if not run.count:
+        return {}
+    first = run.columns(("q", "v"), np.zeros(1, dtype=np.intp))
+    found = dict(zip(run.coordinates, first["q"][0].tolist(), strict=True))
+    rates = zip(run.coordinates, first["v"][0].tolist(), strict=True)
+    return found | {f"{name}_dot": value for name, value in rates}
+
+
+def _differing(tables: Sequence[dict[str, float]] | Sequence[dict[str, str]]) -> list[str]:
+    names = dict.fromkeys(name for table in tables for name in table)
+    return [name for name in names if len({table.get(name) for table in tables}) > 1]
+
+
+def _chosen(differing: list[str], tables: Sequence[dict[str, float]]) -> list[str]:
+    """Return the fewest of the differing names, from the front, that tell all runs apart."""
+    for count in range(1, len(differing) + 1):
+        seen = {tuple(table.get(name) for name in differing[:count]) for table in tables}
+        if len(seen) == len(tables):
+            return differing[:count]
+    return differing[:_MOST]
+
+
+def _unique(labels: list[str], runs: Sequence[RunFile]) -> list[str]:
+    """Return the labels, with the files' names where two are the same."""
+    if len(set(labels)) == len(labels) and all(labels):
+        return labels
+    stems = [Path(run.name).stem for run in runs]
+    if len(set(stems)) < len(stems):
+        stems = [run.name for run in runs]
+    return [
+        f"{label} ({stem})" if label else stem for label, stem in zip(labels, stems, strict=True)
+    ]

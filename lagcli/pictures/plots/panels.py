@@ -1,0 +1,105 @@
+"""Which curves share a panel of a plot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from lagcli.errors import UsageError
+from lagcli.pictures.plots.curves import Catalogue, Curve
+
+
+class Panel(NamedTuple):
+    """Curves over the time, or pairs of curves over each other.
+
+    Parameters
+    ----------
+    curves : tuple of Curve
+        What is drawn upwards.
+    over : tuple of Curve
+        What each of them is drawn over; empty for the time.
+    """
+
+    curves: tuple[Curve, ...]
+    over: tuple[Curve, ...] = ()
+
+    @property
+    def log(self) -> bool:
+        """Whether the panel's axis is logarithmic."""
+        return not self.over and all(c.log for c in self.curves)
+
+    @property
+    def alike(self) -> bool:
+        """Whether both axes are lengths, and one unit is to be as long on both."""
+        pairs = list(zip(self.curves, self.over, strict=False))
+        lengths = all(a.unit == b.unit == "m" for a, b in pairs)
+        unknown = all(a.unit == b.unit == "" and a.field == b.field == "q" for a, b in pairs)
+        return bool(pairs) and (lengths or unknown)
+
+
+def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
+    """Return the panels of the names on a command line.
+
+    Names of one kind and unit share a panel; those joined by commas do, whatever they are. ``a:b``
+    is b over a.
+
+    Raises
+    ------
+    UsageError
+        A name is unknown.
+    """
+    together: dict[object, list[Curve]] = {}
+    phases: list[Panel] = []
+    for place, text in enumerate(names):
+        parts = [part for part in text.split(",") if part.strip()]
+        pairs = [part for part in parts if ":" in part]
+        if not parts:
+            raise UsageError(f"{text!r} names nothing to plot")
+        if pairs and len(pairs) < len(parts):
+            raise UsageError(
+                f"{text!r} joins what is drawn over the time and what is not; give them apart"
+            )
+        if pairs:
+            phases.append(_phase(catalogue, pairs))
+            together[place] = []
+            continue
+        found = [curve for part in parts for curve in catalogue.find(part)]
+        if len(parts) > 1:
+            together[place] = found
+            continue
+        for curve in found:
+            together.setdefault((curve.group, curve.unit, curve.log), []).append(curve)
+    panels = []
+    for key, curves in together.items():
+        if curves:
+            panels.append(Panel(tuple(dict.fromkeys(curves))))
+        elif isinstance(key, int):
+            panels.append(phases.pop(0))
+    return panels
+
+
+def _phase(catalogue: Catalogue, pairs: Sequence[str]) -> Panel:
+    over, up = [], []
+    for pair in pairs:
+        ends = pair.split(":")
+        if len(ends) != 2 or not all(end.strip() for end in ends):
+            raise UsageError(f"{pair!r} is no pair of curves; write x:y, which draws y over x")
+        first, second = (catalogue.find(end) for end in ends)
+        if len(first) != len(second):
+            raise UsageError(f"{pair!r} pairs {len(first)} curves with {len(second)}")
+        over += first
+        up += second
+    return Panel(tuple(up), tuple(over))
+
+
+def usual(catalogue: Catalogue) -> list[Panel]:
+    """Return the panels of a plot without names: q, λ, energy balance and residuals."""
+    run = catalogue.run
+    names = [*run.coordinates, *(f"lambda.{c}" for c in run.constraints), "energy_balance"]
+    panels = asked(catalogue, names)
+    if run.constraints and catalogue.named("residual_velocity") is not None:
+        residuals = ["residual_velocity"]
+        if any(scale == scale for scale in run.record.scale_position) or not run.record.model:
+            residuals.insert(0, "residual_position")
+        panels += asked(catalogue, [",".join(residuals)])
+    return panels

@@ -1,0 +1,93 @@
+"""Plots of results: of runs, and of sweeps."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+from lagcli.errors import UsageError
+from lagcli.pictures.plots.figure_file import check_picture
+from lagcli.pictures.plots.run_plot import plot_runs
+from lagcli.pictures.plots.sweep_plot import PlottedTable, plot_table
+from lagcli.pictures.plots.sweep_rows import Rows
+from lagcli.pictures.run_file import RunFile
+from lagcli.trajectory.trajectory import Trajectory
+
+Source = str | os.PathLike[str] | Trajectory
+
+
+def plot(
+    results: Source | Sequence[Source],
+    output: str | os.PathLike[str],
+    names: Sequence[str] = (),
+    *,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+    dpi: float = 150,
+    model: str | None = None,
+    force: bool = False,
+) -> tuple[str, ...]:
+    """Plot results to a file.
+
+    Parameters
+    ----------
+    results : path or Trajectory, or sequence of them
+        Runs, drawn over each other, or one sweep file.
+    output : path
+        A name that ends with ``.png``, ``.svg`` or ``.pdf``.
+    names : sequence of str
+        What to plot: see docs/pictures.md. By default, of runs, coordinates, multipliers, energy
+        balance and residuals; of a sweep, its measures.
+    title : str, optional
+        By default the model's name, and what went wrong with a run that is not complete.
+    size : (float, float), optional
+        Width and height, inches.
+    dpi : float
+        Dots per inch; a vector format has them for nothing but how finely long runs are drawn.
+    model : str, optional
+        A model file in place of the text in the result.
+    force : bool
+        Replace an existing file.
+
+    Returns
+    -------
+    tuple of str
+        What the reader of the picture should know.
+
+    Raises
+    ------
+    UsageError
+        A name is unknown, there is nothing to draw, the picture is too large, or matplotlib is not
+        installed.
+    FileError
+        A file cannot be read or written.
+    """
+    path = os.fspath(output)
+    kind = check_picture(path, force)
+    sources = [results] if isinstance(results, (str, os.PathLike, Trajectory)) else list(results)
+    look: dict[str, Any] = {"title": title, "size": size, "dpi": dpi, "force": force}
+    sweep = next((found for found in map(_sweep, sources) if found is not None), None)
+    if sweep is None:
+        plot_runs([RunFile(source, model) for source in sources], names, path, kind, **look)
+        return ()
+    if len(sources) > 1:
+        raise UsageError(f"{sweep} is a sweep, which is plotted alone")
+    table = PlottedTable(sweep)
+    if not table.kept or (all(map(table.knows, names)) and (names or table.measures)):
+        plot_table(table, names, path, kind, **look)
+        return ()
+    rows = Rows(sweep, model)
+    plot_runs(rows.runs, names, path, kind, **look)
+    drawn = len(rows.runs)
+    return (f"{drawn} of {rows.good} rows are drawn",) if drawn < rows.good else ()
+
+
+def _sweep(source: Source) -> str | None:
+    """Return the name of a sweep file; None for anything else."""
+    if isinstance(source, Trajectory) or os.fspath(source).lower().endswith(".csv"):
+        return None
+    from lagcli.sweeps.file.store import is_sweep
+
+    path = os.fspath(source)
+    return path if is_sweep(path) else None

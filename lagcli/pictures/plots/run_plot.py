@@ -1,0 +1,269 @@
+"""Plots of runs: time histories, phase portraits, several runs over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from lagcli.errors import UsageError
+from lagcli.pictures.plots import style
+from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
+from lagcli.pictures.plots.differences import labels_of
+from lagcli.pictures.plots.figure_file import check_resolution, new_figure, write_figure
+from lagcli.pictures.plots.panels import Panel, asked, usual
+from lagcli.pictures.plots.thinning import thin
+from lagcli.pictures.plots.ticks import decades, drawable, plain_ticks
+from lagcli.pictures.run_file import RunFile
+from lagcli.trajectory.samples import ENDED, Array
+
+WIDTH = 7.0  # inches
+_TIME, _PHASE = 1.7, 4.2  # inches, of panels
+_LISTED = 10  # curves that a legend names
+_NAMED = 4  # curves that the label of an axis names
+#: Vector pictures have no pixels, but printers do.
+_PRINTED = 300
+#: Columns of time into which a curve that is not over the time is cut.
+_PORTRAIT = 20_000
+_GREY = {"color": "#404040"}
+
+Values = Mapping[str, Array]
+
+
+def plot_runs(
+    runs: Sequence[RunFile],
+    names: Sequence[str],
+    path: str,
+    kind: str,
+    *,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+    dpi: float = 150,
+    force: bool = False,
+) -> None:
+    """Plot runs to a file.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        At least one; several are drawn over each other.
+    names : sequence of str
+        What to plot, see `lagcli.pictures.plots.panels.asked`; by default coordinates, multipliers,
+        energy balance and residuals.
+    path, kind : str
+        The file to be, and its format: one of `lagcli.pictures.plots.figure_file.FORMATS`.
+    title, size, dpi, force
+        As for `lagcli.plot`.
+
+    Raises
+    ------
+    UsageError
+        A name is unknown, a run has no samples, or the picture is too large.
+    FileError
+        A file cannot be read or written.
+    """
+    catalogues = [Catalogue(run) for run in runs]
+    panels = [asked(c, names) if names else usual(c) for c in catalogues]
+    _check(runs, panels)
+    values = [
+        read_curves(run, {curve for p in own for curve in (*p.curves, *p.over)})
+        for run, own in zip(runs, panels, strict=True)
+    ]
+    heights = [_PHASE if panel.over else _TIME for panel in panels[0]]
+    size = size or (WIDTH, sum(heights) + 0.6)
+    check_resolution(size, dpi if kind == "png" else 10)
+    title = _title(runs) if title is None else title
+    with new_figure(size, dpi) as figure:
+        columns = int(size[0] * (dpi if kind == "png" else _PRINTED))
+        drawing = PanelDrawing(figure, runs, values, columns)
+        drawing.draw(panels, heights)
+        if title:
+            figure.suptitle(title.replace("$", r"\$"), fontsize=10)
+        write_figure(figure, path, kind, title, force)
+
+
+def _check(runs: Sequence[RunFile], panels: Sequence[Sequence[Panel]]) -> None:
+    """Raise unless there is something to draw."""
+    for run, own in zip(runs, panels, strict=True):
+        if not run.count:
+            raise UsageError(f"{run.name} holds no samples, so that there is nothing to plot")
+        mine, first = ([_shape(p) for p in found] for found in (own, panels[0]))
+        if mine != first:
+            raise UsageError(
+                f"{run.name} and {runs[0].name} are of different models; name what both have"
+            )
+
+
+def _shape(panel: Panel) -> tuple[list[str], list[str]]:
+    return [c.name for c in panel.curves], [c.name for c in panel.over]
+
+
+def _title(runs: Sequence[RunFile]) -> str:
+    """Return the model's name, and what went wrong."""
+    from lagcli.results.metadata import model_name
+
+    name = model_name(runs[0].record.model) or ""
+    bad = [run.record.status for run in runs if run.record.status not in (*ENDED, "")]
+    if not bad:
+        return name
+    return f"{name} ({bad[0]})" if name else bad[0]
+
+
+class PanelDrawing:
+    """Draws panels of runs into a figure.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    runs : sequence of Run
+    values : sequence of mappings of str to (nt,) array
+        The curves of each run, by name.
+    columns : int
+        Pixels, or what stands for them, along the axis of time.
+    """
+
+    def __init__(
+        self, figure: Any, runs: Sequence[RunFile], values: Sequence[Values], columns: int
+    ):
+        self.figure, self.runs, self.values, self.columns = figure, runs, values, columns
+        self.labels, numbers, self.difference = labels_of(runs)
+        #: Many runs are a family: coloured by what tells them apart, without a legend.
+        self.family: Sequence[float] | None = None
+        if len(runs) > len(style.PALETTE):
+            self.family = numbers or range(1, len(runs) + 1)
+            self.difference = self.difference or "run"
+            self.grades = style.grades(self.family)
+
+    def draw(self, panels: Sequence[Sequence[Panel]], heights: Sequence[float]) -> None:
+        """Draw all panels, one below the other."""
+        grid = self.figure.add_gridspec(len(heights), 1, height_ratios=heights)
+        axes: list[Any] = []
+        timed: Any = None
+        for place in range(len(heights)):
+            is_timed = not panels[0][place].over
+            ax = self.figure.add_subplot(grid[place], sharex=timed if is_timed else None)
+            timed = ax if is_timed and timed is None else timed
+            self.panel(ax, [own[place] for own in panels])
+            axes.append(ax)
+        over_time = [not panel.over for panel in panels[0]]
+        for place, ax in enumerate(axes):
+            if over_time[place]:  # the last one of several has the numbers of all
+                below = place + 1 < len(axes) and over_time[place + 1]
+                ax.set_xlabel("" if below else "$t$ [s]")
+                ax.tick_params(labelbottom=not below)
+            self.legend(ax, panels[0][place].curves, first=place == 0)
+        self.figure.align_ylabels(axes)
+        if self.family is not None:
+            self.scale(axes)
+
+    def scale(self, axes: Sequence[Any]) -> None:
+        """Draw the scale of a family's colours."""
+        self.figure.colorbar(self.grades, ax=axes, label=self.difference, aspect=40, pad=0.02)
+
+    def panel(self, ax: Any, panels: Sequence[Panel]) -> None:
+        """Draw one panel of all runs."""
+        first = panels[0]
+        count = len(first.curves)
+        shown: list[Array] = []
+        for number, (panel, values) in enumerate(zip(panels, self.values, strict=True)):
+            for place, curve in enumerate(panel.curves):
+                x, y = self.drawn(values, curve, panel.over[place] if panel.over else None)
+                look = self.look(number, place, count)
+                if panel.log:  # rounding errors jump: a line through them would cover the panel
+                    look = {"color": look["color"], **_points(place if count > 1 else number)}
+                    x, y = x[y > 0], y[y > 0]
+                elif len(x) == 1:
+                    look["marker"] = "o"
+                ax.plot(x, y, **look)
+                shown.append(y)
+        plain_ticks(ax.xaxis)
+        if first.log:
+            decades(ax, shown)
+            ax.set_xlim(*_span(self.values))
+        else:
+            plain_ticks(ax.yaxis)
+        if first.alike:
+            ax.set_aspect("equal", adjustable="datalim")
+        if first.over:
+            ax.margins(0.05)
+            ax.set_xlabel(_axis(first.over))
+        ax.set_ylabel(_axis(first.curves))
+
+    def drawn(self, values: Values, curve: Curve, over: Curve | None) -> tuple[Array, Array]:
+        """Return what is drawn of a curve."""
+        y, time = drawable(values[curve.name]), values["t"]
+        if over is None:
+            kept = thin(time, y, self.columns)
+            return time[kept], y[kept]
+        x = drawable(values[over.name])
+        kept = thin(time, np.stack((x, y), axis=1), _PORTRAIT)
+        return x[kept], y[kept]
+
+    def look(self, run: int, curve: int, count: int) -> dict[str, Any]:
+        """Return colour and dashes of a curve of a run."""
+        if self.family is not None:
+            return {"color": self.grades.to_rgba(self.family[run]), **_dash(curve)}
+        if len(self.runs) == 1:
+            if count <= _LISTED:
+                return style.line(curve)
+            return {"color": style.shade(curve / (count - 1)), "linewidth": 0.8}
+        if count == 1:
+            return style.line(run)
+        return {"color": style.line(run)["color"], **_dash(curve)}
+
+    def legend(self, ax: Any, curves: Sequence[Curve], first: bool) -> None:
+        """Draw the legend of a panel, if there is something to tell apart.
+
+        Several curves are named; the first panel names the runs too.
+        """
+        from matplotlib.lines import Line2D
+
+        entries: dict[str, dict[str, Any]] = {}
+        count, single = len(curves), len(self.runs) == 1
+        if count > 1:
+            chosen = list(range(count))
+            if count > _LISTED:  # of many, a few from the first to the last
+                chosen = sorted({round(i * (count - 1) / 4) for i in range(5)})
+            for place in chosen:
+                look = self.look(0, place, count) if single else _dash(place) | _GREY
+                if curves[place].log:
+                    look = {"color": look["color"], **_points(place), "markersize": 3}
+                entries[curves[place].label] = look
+        if first and not single and self.family is None:
+            for number, label in enumerate(self.labels):
+                entries[label.replace("$", r"\$")] = style.line(number)
+        if entries:
+            handles = [Line2D([], [], **look) for look in entries.values()]
+            # beside the panel, where it covers nothing
+            ax.legend(handles, list(entries), loc="upper left", bbox_to_anchor=(1.0, 1.0))
+
+
+def _points(number: int) -> dict[str, Any]:
+    marker = style.MARKERS[number % len(style.MARKERS)]
+    return {"linestyle": "none", "marker": marker, "markersize": 1.6, "markeredgewidth": 0.5}
+
+
+def _span(values: Sequence[Values]) -> tuple[float, float]:
+    """Return the first and the last time of several runs."""
+    first, last = min(v["t"][0] for v in values), max(v["t"][-1] for v in values)
+    return (first, last) if last > first else (first - 0.5, last + 0.5)
+
+
+def _dash(curve: int) -> dict[str, Any]:
+    return {"linestyle": style.DASHES[curve % len(style.DASHES)]}
+
+
+def _axis(curves: Sequence[Curve]) -> str:
+    """Return the label of an axis: its curves, if they are few, and their unit."""
+    curves = list(dict.fromkeys(curves))
+    groups = {c.group for c in curves}
+    if len(curves) <= _NAMED and not curves[0].log:
+        text = ", ".join(c.label for c in curves)
+    elif len(groups) == 1:
+        text = curves[0].group
+    else:
+        text = ""
+    units = {c.unit for c in curves}
+    unit = pretty_unit(units.pop()) if len(units) == 1 else ""
+    return f"{text} [{unit}]" if unit else text

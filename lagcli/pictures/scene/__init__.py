@@ -1,0 +1,1 @@
+"""Scenes: the view of a model at the samples, and its drawing."""

@@ -1,0 +1,161 @@
+"""Scenes drawn as pictures: what ``assets/scene.js`` is for pages, for frames and files."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.pictures.plots.style import ROLES
+from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
+from lagcli.pictures.scene.raster import Pen
+from lagcli.pictures.scene.scene import DrawnVector, Scene
+from lagcli.pictures.scene.shapes import BODIES, LAYERS, Moment, Stroke, arrow, joints, strokes
+from lagcli.pictures.scene.timing import TRAIL_PART
+
+Image = NDArray[np.uint8]
+
+_LISTED = 6  # vectors whose magnitudes are written
+
+
+class SceneDrawing:
+    """Draws a scene at any time.
+
+    Parameters
+    ----------
+    scene : Scene
+    width, height : int
+        Pixels.
+    forces : bool
+        Whether the arrows of constraint forces are shown.
+    trail : float, optional
+        How far back trails go, s; by default 30 % of the run.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        width: int,
+        height: int,
+        *,
+        forces: bool = True,
+        trail: float | None = None,
+    ):
+        self.scene = scene
+        span = float(scene.time[-1] - scene.time[0])
+        self.trail = TRAIL_PART * span if trail is None else trail
+        unit = max(0.6, min(1.6, min(width, height) / 420))
+        self.pen = Pen(width, height, unit, ROLES["paper"])
+        #: The height of the lines of text at the top and at the foot.
+        self.strip = 26 * max(1.0, unit)
+        camera = PlaneCamera if scene.dimension == 2 else OrbitCamera
+        self.camera = camera(scene.bounds, width, height, self.strip)
+        self.vectors = [v for v in scene.vectors if forces or v.quantity != "force"]
+        self._joints = joints(scene)
+
+    def frame(self, time: float, note: str = "") -> Image:
+        """Return the picture of a time.
+
+        Parameters
+        ----------
+        time : float
+            s; between samples, it is interpolated.
+        note : str
+            What is written at the top.
+
+        Returns
+        -------
+        (height, width, 3) array of uint8
+        """
+        pen, solid = self.pen, self.scene.dimension == 3
+        pen.clear()
+        if solid:
+            self._floor()
+        moment = Moment(self.scene, self.camera, pen, time, self.trail)
+
+        def order(stroke: Stroke) -> tuple[int, float]:
+            layer = "rod" if solid and stroke.layer in BODIES else stroke.layer
+            return LAYERS.index(layer), -stroke.depth if solid else 0.0
+
+        for stroke in sorted(strokes(moment, self._joints, self.vectors), key=order):
+            stroke.paint()
+        if solid:
+            self._triad()
+        else:
+            self._rule()
+        self._magnitudes(moment)
+        pen.text(note, (14, pen.height - self.strip / 2), ROLES["label"])
+        return pen.image()
+
+    def _floor(self) -> None:
+        """Draw a grid at the foot of the scene, without which depth is hard to see."""
+        (x_low, x_high), (y_low, y_high), (floor, _) = self.scene.bounds
+        step = round_length(max(x_high - x_low, y_high - y_low) / 5)
+
+        def ticks(low: float, high: float) -> NDArray[np.float64]:
+            first, last = math.floor(low / step + 1e-6), math.ceil(high / step - 1e-6)
+            return np.arange(first, last + 1, dtype=np.float64) * step
+
+        xs, ys = ticks(x_low, x_high), ticks(y_low, y_high)
+        lines = [[(x, ys[0], floor), (x, ys[-1], floor)] for x in xs]
+        lines += [[(xs[0], y, floor), (xs[-1], y, floor)] for y in ys]
+        for places in self.camera.project(np.array(lines)):
+            self.pen.line(places, ROLES["guide"], 1, alpha=0.4)
+
+    def _triad(self) -> None:
+        """Draw the directions of x, y and z in a corner."""
+        assert isinstance(self.camera, OrbitCamera)
+        length = 26 * self.pen.unit
+        corner = np.array([1.6 * length, 1.6 * length])
+        for name, seen in zip("xyz", self.camera.axes.T, strict=True):
+            arrow(self.pen, corner, corner + length * seen[:2], ROLES["ground"])
+            self.pen.text(name, corner + 1.35 * length * seen[:2], ROLES["ground"], 12, "center")
+
+    def _rule(self) -> None:
+        """Draw a length to measure by in a corner."""
+        pen = self.pen
+        length = round_length(0.2 * pen.width / self.camera.scale)
+        pixels, tick = length * self.camera.scale, 4 * pen.unit
+        ends = [(14, 12 + tick), (14, 12), (14 + pixels, 12), (14 + pixels, 12 + tick)]
+        pen.line(ends, ROLES["ground"], 1.2)
+        pen.text(
+            f"{length:g} {self.scene.unit}".rstrip(),
+            (14 + pixels / 2, 12 + 11 * pen.unit),
+            ROLES["ground"],
+            11,
+            "center",
+        )
+
+    def _magnitudes(self, moment: Moment) -> None:
+        """List what the arrows are, with their magnitudes now."""
+        pen = self.pen
+        right, space = pen.width - 14.0, 16 * pen.unit
+        for vector in reversed(self.vectors[:_LISTED]):
+            value = float(np.linalg.norm(moment.vector(vector.components)))
+            text = (
+                f"{named(vector, self.scene.vectors)} {three_digits(value)} {vector.unit}".rstrip()
+            )
+            if right < 0.4 * pen.width:
+                break
+            place = (right, self.strip / 2)
+            right -= pen.text(text, place, ROLES[vector.quantity], align="right") + space
+
+
+def named(vector: DrawnVector, among: tuple[DrawnVector, ...]) -> str:
+    """Return what a vector is called: with its point, where others have its name."""
+    alike = sum(v.name == vector.name for v in among) > 1
+    return f"{vector.name} at {vector.at}" if alike else vector.name
+
+
+def three_digits(value: float) -> str:
+    """Return a magnitude with three digits, without an exponent where it reads better so."""
+    if 1000 <= value < 1e6:
+        return f"{float(f'{value:.3g}'):.0f}"
+    return f"{value:#.3g}".rstrip(".")
+
+
+def round_length(length: float) -> float:
+    """Return the largest of 1, 2, 5 times a power of ten that is no greater."""
+    power = 10.0 ** math.floor(math.log10(length))
+    return power * next(n for n in (5, 2, 1) if n * power <= length * (1 + 1e-9))

@@ -1,0 +1,126 @@
+"""The force of a constraint at points: F of Jᵀ F = λ b, J = ∂P/∂q."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from symengine import Basic
+
+from lagcli.errors import UsageError
+from lagcli.model.expression.functions import derivative
+from lagcli.model.model import Arrow, Model, coordinate
+from lagcli.trajectory.samples import Array
+
+#: Relative to the largest λ b along the run: what may be left of Jᵀ F − λ b.
+_LEFT = 1e-6
+#: A direction in which the points move so much less than in others is one in which they do not.
+_SINGULAR, _NEVER = 1e-9, 1e-6
+
+
+class StandingForce:
+    """The force of a constraint at points, from their derivatives by the coordinates.
+
+    Parameters
+    ----------
+    model : Model
+    arrow : Arrow
+        A force.
+    rows : list of (str, int)
+        Point and axis of the rows of J: the directions in which the points can move at all.
+    columns : list of int
+        Coordinates of the columns of J: those that move the points.
+    entries : list of expressions
+        J, row by row.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        arrow: Arrow,
+        rows: list[tuple[str, int]],
+        columns: list[int],
+        entries: list[Basic],
+    ):
+        self.model, self.arrow = model, arrow
+        self.rows, self.columns, self.entries = rows, columns, entries
+
+    def at(self, work: Array, entries: Sequence[Array]) -> Iterator[tuple[str, tuple[Array, ...]]]:
+        """Yield the points and the components of the force at each.
+
+        Parameters
+        ----------
+        work : (nt, nq) array
+            λ b of the constraint.
+        entries : sequence of (nt,) or (1,) arrays
+            Values of ``entries``.
+
+        Raises
+        ------
+        UsageError
+            No force at these points does the work of the constraint, or many do.
+        """
+        count, shape = len(work), (len(self.columns), len(self.rows))
+        jacobian = np.empty((count, *shape))  # transposed
+        for place, values in enumerate(entries):
+            row, column = divmod(place, len(self.columns))
+            jacobian[:, column, row] = values
+        finite = np.isfinite(jacobian).all(axis=(1, 2)) & np.isfinite(work).all(axis=1)
+        force = np.full((count, len(self.rows)), np.nan)
+        force[finite] = self._solved(jacobian[finite], work[finite])
+        dimension = len(self.model.view.points[self.arrow.points[0]]) if self.model.view else 0
+        for point in dict.fromkeys(name for name, _ in self.rows):
+            components = [np.zeros(1)] * dimension
+            for place, (name, axis) in enumerate(self.rows):
+                if name == point:
+                    components[axis] = force[:, place]
+            yield point, tuple(components)
+
+    def _solved(self, jacobian: Array, work: Array) -> Array:
+        """Return F of Jᵀ F = λ b, of least magnitude where J is singular."""
+        q = work[:, self.columns]
+        if not len(q):
+            return np.empty((0, len(self.rows)))
+        u, s, vt = np.linalg.svd(jacobian, full_matrices=False)
+        largest = s[:, :1]
+        if len(self.rows) > len(self.columns) or not (s[:, -1:] > _NEVER * largest).any():
+            raise self._error(
+                "is not determined there: the points cannot move in every direction, and of what"
+                " acts along the others there is no trace in λ b"
+            )
+        inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > _SINGULAR * largest)
+        force = np.einsum("nji,nj->ni", vt, inverse * np.einsum("nij,ni->nj", u, q))
+        left = np.einsum("nij,nj->ni", jacobian, force) - q
+        if np.abs(left).max(initial=0.0) > _LEFT * np.abs(work).max(initial=0.0):
+            raise self._error(
+                "cannot do there what the constraint does (no F has Jᵀ F = λ b): the points are"
+                " written with the help of the constraint, or the constraint acts elsewhere too"
+            )
+        return np.asarray(force)
+
+    def _error(self, why: str) -> UsageError:
+        at = " and ".join(f"`{name}`" for name in self.arrow.points)
+        return UsageError(
+            f"{self.model.path}: view: vector `{self.arrow.name}`: the force of"
+            f" `{self.arrow.constraint}` at {at} {why};\ngive the vector by `components`, for"
+            f" instance [lambda.{self.arrow.constraint}, 0] (docs/view.md), and draw the result"
+            " with the corrected model file: --model FILE"
+        )
+
+
+def standing_force(model: Model, arrow: Arrow) -> StandingForce:
+    """Return the force that an arrow shows, with the derivatives of its points."""
+    assert model.view is not None
+    points = [(name, model.view.points[name]) for name in dict.fromkeys(arrow.points)]
+    names = model.coordinate_names
+    free = {s.name for _, place in points for x in place for s in x.free_symbols}
+    columns = [j for j, name in enumerate(names) if name in free]
+    symbols = [coordinate(names[j]) for j in columns]
+    rows: list[tuple[str, int]] = []
+    entries: list[Basic] = []
+    for name, place in points:
+        for axis, x in enumerate(place):
+            if not x.free_symbols.isdisjoint(symbols):
+                rows.append((name, axis))
+                entries += [derivative(x, s) for s in symbols]
+    return StandingForce(model, arrow, rows, columns, entries)

@@ -1,0 +1,260 @@
+"""Scene: the view of a model at the samples of a run, in numbers.
+
+As JSON, for programs that draw (`Scene.to_json`)::
+
+    {"dimension": 2 | 3,
+     "bounds": [[low, high], …],                    one pair by axis
+     "unit": "m" | "",                              of the points
+     "time": [nt],                                  s
+     "points": {NAME: [[x…], [y…], ([z…])]},        each axis nt values, or 1 where it is constant
+     "shapes": [
+       {"kind": "rod" | "spring" | "guide", "name": …, "from": POINT, "to": POINT},
+       {"kind": "disc", "name": …, "center": POINT, "radius": [nt | 1],
+        "angle": [nt | 1] | null, "normal": [[…], […], […]] | null},
+       {"kind": "ground", "at": POINT}, {"kind": "trail", "of": POINT},
+       {"kind": "label", "at": POINT, "text": …},
+       {"kind": "vector", "name": …, "quantity": "velocity" | "force" | "vector", "at": POINT,
+        "components": [[…], […], …], "unit": "N", "scale": s}]}
+
+A vector is drawn from its point to the point plus ``scale`` times its components; all vectors of
+one unit have one scale. A value that is not finite is null. In three dimensions z points up; the
+spoke of a disc turns by ``angle`` about ``normal`` from z × normal (from x where the normal is
+vertical): see `frames`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.model.model import Segment
+from lagcli.trajectory.samples import Array
+
+#: Of the picture's size: how much is left free around it, and the length of a long vector.
+MARGIN, LONG = 0.08, 0.3
+#: Of the largest axis of the bounds: what the others have at least.
+LEAST = 0.3
+
+
+class DrawnDisc(NamedTuple):
+    """A disc: arrays of nt values, or of 1 where they are constant."""
+
+    name: str
+    center: str
+    radius: Array
+    angle: Array | None
+    normal: tuple[Array, ...] | None
+
+
+class DrawnVector(NamedTuple):
+    """A vector at a point; ``scale`` times its components is what is drawn."""
+
+    name: str
+    quantity: str
+    at: str
+    components: tuple[Array, ...]
+    unit: str
+    scale: float = 1.0
+
+    def drawn(self) -> tuple[Array, ...]:
+        """Return the components in the units of the points."""
+        return tuple(self.scale * x for x in self.components)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is to be drawn, at nt samples; see the module for its JSON.
+
+    Parameters
+    ----------
+    dimension : int
+        2 or 3.
+    time : (nt,) array
+        s.
+    points : dict of str to arrays
+        By axis, of nt values, or of 1 where it is constant.
+    segments : tuple of Segment
+    discs : tuple of DrawnDisc
+    vectors : tuple of DrawnVector
+        Scaled.
+    grounds, trails : tuples of str
+        Names of points.
+    labels : dict of str to str
+        Texts by points.
+    unit : str
+        Of the points; empty where the model states no units.
+    """
+
+    dimension: int
+    time: Array
+    points: dict[str, tuple[Array, ...]]
+    segments: tuple[Segment, ...] = ()
+    discs: tuple[DrawnDisc, ...] = ()
+    vectors: tuple[DrawnVector, ...] = ()
+    grounds: tuple[str, ...] = ()
+    trails: tuple[str, ...] = ()
+    labels: dict[str, str] | None = None
+    unit: str = ""
+
+    def at(self, point: str, sample: int) -> tuple[float, ...]:
+        """Return a point at a sample."""
+        return tuple(float(x[sample if len(x) > 1 else 0]) for x in self.points[point])
+
+    @cached_property
+    def bounds(self) -> tuple[tuple[float, float], ...]:
+        """The least and the largest value that each axis shows, over all samples.
+
+        To be drawn with equal axes: one unit is as long on each of them.
+        """
+        extent = extent_of(self.points, self.discs)
+        for vector in self.vectors:
+            foot = self.points[vector.at]
+            tip = [a + b for a, b in zip(foot, vector.drawn(), strict=True)]
+            extent = [_joined(pair, _range(axis)) for pair, axis in zip(extent, tip, strict=True)]
+        size = max((high - low for low, high in extent), default=0.0) or 1.0
+        bounds = []
+        for low, high in extent:
+            middle, half = (low + high) / 2, max(high - low, LEAST * size) / 2 + MARGIN * size
+            bounds.append((middle - half, middle + half))
+        return tuple(bounds)
+
+    def to_json(self, numbers: Callable[[Array], Any] | None = None) -> dict[str, Any]:
+        """Return JSON values, as the module says.
+
+        Parameters
+        ----------
+        numbers : callable, optional
+            What stands for an array; a list by default.
+        """
+        numbers = numbers or _numbers
+        shapes: list[dict[str, Any]] = [
+            {"kind": "guide" if s.kind == "guide" else s.kind, "name": s.name}
+            | {"from": s.start, "to": s.end}
+            for s in self.segments
+        ]
+        shapes += [
+            {
+                "kind": "disc",
+                "name": d.name,
+                "center": d.center,
+                "radius": numbers(d.radius),
+                "angle": None if d.angle is None else numbers(d.angle),
+                "normal": None if d.normal is None else [numbers(x) for x in d.normal],
+            }
+            for d in self.discs
+        ]
+        shapes += [{"kind": "ground", "at": name} for name in self.grounds]
+        shapes += [{"kind": "trail", "of": name} for name in self.trails]
+        shapes += [
+            {"kind": "label", "at": at, "text": text} for at, text in (self.labels or {}).items()
+        ]
+        shapes += [
+            {
+                "kind": "vector",
+                "name": v.name,
+                "quantity": v.quantity,
+                "at": v.at,
+                "components": [numbers(x) for x in v.components],
+                "unit": v.unit,
+                "scale": v.scale,
+            }
+            for v in self.vectors
+        ]
+        return {
+            "dimension": self.dimension,
+            "bounds": [list(pair) for pair in self.bounds],
+            "unit": self.unit,
+            "time": numbers(self.time),
+            "points": {name: [numbers(x) for x in p] for name, p in self.points.items()},
+            "shapes": shapes,
+        }
+
+
+def scaled(
+    vectors: Sequence[DrawnVector], extent: Sequence[tuple[float, float]]
+) -> tuple[DrawnVector, ...]:
+    """Return vectors with their scales: those of one unit share one.
+
+    The longest one is `LONG` times as long as the picture; where it is a rare peak, three times
+    the root mean square is.
+    """
+    size = max((high - low for low, high in extent), default=0.0) or 1.0
+    groups: dict[str, list[Array]] = {}
+    for v in vectors:
+        length = np.sqrt(sum((x * x for x in v.components), np.zeros(1)))
+        groups.setdefault(v.unit or v.quantity, []).append(length[np.isfinite(length)])
+    scales = {}
+    for key, lengths in groups.items():
+        every = np.concatenate(lengths)
+        every = every[every > 0]
+        long = min(every.max(), 3 * np.sqrt(np.mean(every**2))) if every.size else 0.0
+        scales[key] = LONG * size / long if long > 0 else 1.0
+    return tuple(v._replace(scale=float(scales[v.unit or v.quantity])) for v in vectors)
+
+
+def extent_of(
+    points: dict[str, tuple[Array, ...]], discs: Sequence[DrawnDisc]
+) -> list[tuple[float, float]]:
+    """Return the least and the largest value of points and discs on each axis."""
+    dimension = len(next(iter(points.values())))
+    extent = [
+        _joined(*(_range(place[axis]) for place in points.values())) for axis in range(dimension)
+    ]
+    for disc in discs:
+        center = points[disc.center]
+        for axis in range(dimension):
+            reach = np.abs(disc.radius)
+            if disc.normal is not None:
+                length = np.sqrt(sum((x * x for x in disc.normal), np.zeros(1)))
+                with np.errstate(all="ignore"):
+                    tilt = 1 - (disc.normal[axis] / length) ** 2
+                reach = reach * np.sqrt(np.clip(tilt, 0, 1))
+            around = (_range(center[axis] - reach), _range(center[axis] + reach))
+            extent[axis] = _joined(extent[axis], *around)
+    return extent
+
+
+def frames(normal: Sequence[Array]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the two directions in which the discs of some normals lie.
+
+    Parameters
+    ----------
+    normal : three (n,) arrays
+
+    Returns
+    -------
+    first, second : (n, 3) arrays
+        Unit vectors: z × normal, or x where the normal is vertical, and normal × first. The spoke
+        of a disc is first cos(angle) + second sin(angle).
+    """
+    n = np.stack(np.broadcast_arrays(*normal), axis=-1).astype(np.float64)
+    n = n / np.linalg.norm(n, axis=-1, keepdims=True)
+    first = np.cross([0.0, 0.0, 1.0], n)
+    length = np.linalg.norm(first, axis=-1, keepdims=True)
+    first = np.where(length > 1e-9, first / np.where(length > 1e-9, length, 1.0), [1.0, 0.0, 0.0])
+    return first, np.cross(n, first)
+
+
+def _range(values: Array) -> tuple[float, float]:
+    finite = values[np.isfinite(values)]
+    return (float(finite.min()), float(finite.max())) if finite.size else (np.inf, -np.inf)
+
+
+def _joined(*ranges: tuple[float, float]) -> tuple[float, float]:
+    low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
+    return (low, high) if low <= high else (0.0, 0.0)
+
+
+def _numbers(values: Array) -> list[float | None]:
+    """Return values for JSON, with nine digits: finer than any screen."""
+    return list(_rounded(values))
+
+
+def _rounded(values: Array) -> Iterator[float | None]:
+    for x in values.tolist():
+        yield float(f"{x:.9g}") if np.isfinite(x) else None

@@ -1,0 +1,270 @@
+"""How each kind of shape of a scene looks; as ``assets/shapes.js`` has it for pages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.pictures.plots.style import ROLES
+from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
+from lagcli.pictures.scene.raster import Pen
+from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, frames
+
+Array = NDArray[np.float64]
+
+#: What is painted over what.
+LAYERS = ("guide", "ground", "trail", "disc", "spring", "rod", "joint", "vector", "label")
+#: In three dimensions these are one layer, the nearest painted last.
+BODIES = frozenset({"trail", "disc", "spring", "rod", "joint"})
+
+#: The pieces of one shade in a trail, and the most points.
+_PIECES, _POINTS = 40, 400
+_TURNS = 7  # of a spring
+
+
+class Stroke(NamedTuple):
+    """Something to be painted on its layer; what has the larger depth is farther away."""
+
+    layer: str
+    depth: float
+    paint: Callable[[], object]
+
+
+class Joint(NamedTuple):
+    """Where bodies end: how many meet, and the points at their other ends."""
+
+    bodies: int
+    others: tuple[str, ...]
+
+
+class Moment:
+    """A scene at a time, seen by a camera, with the pen that paints it.
+
+    Parameters
+    ----------
+    scene : Scene
+    camera : PlaneCamera or OrbitCamera
+    pen : Pen
+    now : float
+        s.
+    trail : float
+        How far back trails go, s.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        camera: PlaneCamera | OrbitCamera,
+        pen: Pen,
+        now: float,
+        trail: float,
+    ):
+        self.scene, self.camera, self.pen, self.now, self.trail = scene, camera, pen, now, trail
+        self.points = {name: self.vector(series) for name, series in scene.points.items()}
+        self.places = {name: camera.project(point) for name, point in self.points.items()}
+
+    def value(self, series: Array) -> float:
+        """Return a series now, between samples too."""
+        if len(series) == 1:
+            return float(series[0])
+        return float(np.interp(self.now, self.scene.time, series))
+
+    def vector(self, components: Sequence[Array]) -> Array:
+        """Return several series now."""
+        return np.array([self.value(series) for series in components])
+
+    @cached_property
+    def slim(self) -> float:
+        """By how much rods and joints are thinner than usual, where rods are short."""
+        rods = [s for s in self.scene.segments if s.kind == "rod"]
+        lengths = [math.dist(self.points[s.start], self.points[s.end]) for s in rods]
+        usual = 48 * self.pen.unit
+        pixels = float(np.median(lengths)) * self.camera.scale if rods else usual
+        return min(1.0, max(0.45, pixels / usual))
+
+
+def joints(scene: Scene) -> dict[str, Joint]:
+    """Return the points that are drawn: where rods, springs, grounds or trails are."""
+    found: dict[str, Joint] = {}
+
+    def meet(name: str, bodies: int, *others: str) -> None:
+        count, known = found.get(name, Joint(0, ()))
+        found[name] = Joint(count + bodies, known + others)
+
+    for segment in scene.segments:
+        if segment.kind != "guide":
+            meet(segment.start, 1, segment.end)
+            meet(segment.end, 1, segment.start)
+    for name in scene.grounds:
+        meet(name, 2)
+    for name in scene.trails:
+        meet(name, 0)
+    return found
+
+
+def strokes(
+    moment: Moment, drawn: Mapping[str, Joint], vectors: Sequence[DrawnVector]
+) -> Iterator[Stroke]:
+    """Yield the strokes of all shapes; what is nowhere (not finite) has none.
+
+    Parameters
+    ----------
+    moment : Moment
+    drawn : mapping of str to Joint
+        See `joints`.
+    vectors : sequence of DrawnVector
+        Those of the scene that are to be shown.
+    """
+    scene, places, pen = moment.scene, moment.places, moment.pen
+
+    def there(*names: str) -> bool:
+        return all(np.isfinite(places[name]).all() for name in names)
+
+    for segment in scene.segments:
+        if there(segment.start, segment.end):
+            ends = np.array([places[segment.start], places[segment.end]])
+            paint = partial(_LINES[segment.kind], moment, ends)
+            yield Stroke(segment.kind, float(ends[:, 2].mean()), paint)
+    for disc in scene.discs:
+        yield from _disc(moment, disc)
+    for name in filter(there, scene.grounds):
+        yield Stroke("ground", places[name][2], partial(_ground, pen, places[name]))
+    for name in scene.trails:
+        yield from _trail(moment, name)
+    for name, joint in drawn.items():
+        if there(name):
+            # in front of the rods that end here
+            middles = [(places[name][2] + places[o][2]) / 2 for o in joint.others if there(o)]
+            depth = min([places[name][2], *middles])
+            yield Stroke("joint", depth, partial(_joint, moment, places[name], joint))
+    for vector in vectors:
+        foot = moment.points[vector.at]
+        ends = moment.camera.project(np.array([foot, foot + moment.vector(vector.drawn())]))
+        if np.isfinite(ends).all():
+            paint = partial(arrow, pen, ends[0, :2], ends[1, :2], ROLES[vector.quantity])
+            yield Stroke("vector", float(ends[:, 2].mean()), paint)
+    for name, text in (scene.labels or {}).items():
+        if there(name):
+            at = places[name][:2] + 11 * pen.unit
+            write = partial(pen.text, text, at, ROLES["label"], 13, halo=True)
+            yield Stroke("label", places[name][2], write)
+
+
+def arrow(pen: Pen, start: Array, end: Array, color: str) -> None:
+    """Draw an arrow between two places."""
+    way = end - start
+    length = math.hypot(*way)
+    if length < 1.5:
+        return
+    head = min(11 * pen.unit, 0.6 * length)
+    along = way / length
+    across = np.array([-along[1], along[0]])
+    neck = end - head * along
+    pen.line([start, neck], color, 2.6, cap="butt")
+    side = 0.42 * head * across
+    pen.area(np.array([end, neck + side, neck - side]), color)
+
+
+def _rod(moment: Moment, ends: Array) -> None:
+    moment.pen.line(ends, ROLES["rod"], 5 * moment.slim)
+
+
+def _spring(moment: Moment, ends: Array) -> None:
+    """Draw a coil of as many turns at any length, between two straight ends."""
+    pen = moment.pen
+    start, end = ends[:, :2]
+    length = math.dist(start, end) or 1.0
+    along = (end - start) / length
+    across = np.array([-along[1], along[0]])
+    radius, lead = 6 * pen.unit, 0.15 * length
+    phase = np.linspace(0, 2 * np.pi * _TURNS, 16 * _TURNS + 1)
+    # seen a little from the side: the turns lean over
+    forward = np.linspace(lead, length - lead, len(phase)) + 0.4 * radius * (1 - np.cos(phase))
+    coil = start + np.outer(forward, along) + np.outer(radius * np.sin(phase), across)
+    pen.line(np.vstack([start, coil, end]), ROLES["spring"], 2)
+
+
+def _guide(moment: Moment, ends: Array) -> None:
+    moment.pen.line(ends, ROLES["guide"], 14, alpha=0.18, cap="butt")
+    moment.pen.line(ends, ROLES["guide"], 1, dash=(9, 4, 2, 4))
+
+
+_LINES = {"rod": _rod, "spring": _spring, "guide": _guide}
+
+
+def _ground(pen: Pen, place: Array) -> None:
+    """Draw a bearing that stands on hatched ground."""
+    x, y = place[:2]
+    color, height, half = ROLES["ground"], 15 * pen.unit, 17 * pen.unit
+    foot = y - height
+    bearing = np.array([(x, y), (x - 0.6 * half, foot), (x + 0.6 * half, foot)])
+    pen.area(bearing, ROLES["paper"], edge=color, width=1.5)
+    pen.line([(x - half, foot), (x + half, foot)], color, 1.5)
+    for i in range(-2, 4):
+        right = x + i * half / 3
+        pen.line([(right, foot), (right - half / 3, foot - half / 3)], color, 1)
+
+
+def _disc(moment: Moment, disc: DrawnDisc) -> Iterator[Stroke]:
+    """Yield a disc with a mark from its centre to its rim, which shows the angle."""
+    centre = moment.points[disc.center]
+    if disc.normal is not None:
+        spans = frames([np.array([x]) for x in moment.vector(disc.normal)])
+        first, second = spans[0][0], spans[1][0]
+    else:
+        first, second = np.eye(len(centre))[:2]
+    radius = moment.value(disc.radius)
+
+    def rim(angle: Array) -> Array:
+        turned = np.outer(np.cos(angle), first) + np.outer(np.sin(angle), second)
+        return moment.camera.project(centre + radius * turned)
+
+    around, at = rim(np.arange(60) * np.pi / 30), moment.places[disc.center]
+    mark = None if disc.angle is None else rim(np.array([moment.value(disc.angle)]))[0]
+    if not (np.isfinite(around).all() and np.isfinite(at).all()):
+        return
+
+    def paint() -> None:
+        color = ROLES["disc"]
+        moment.pen.area(around, color, 0.2, edge=color, width=2)
+        if mark is not None:
+            moment.pen.line([at, mark], color, 2.5)
+
+    yield Stroke("disc", at[2], paint)
+
+
+def _trail(moment: Moment, name: str) -> Iterator[Stroke]:
+    """Yield the path of a point in the recent past, fading."""
+    scene, now, length = moment.scene, moment.now, moment.trail
+    first = int(np.searchsorted(scene.time, now - length))
+    last = int(np.searchsorted(scene.time, now, side="right"))
+    stride = max(1, math.ceil((last - first) / _POINTS))
+    # samples are counted from the first of all, so that the same ones are shown as time goes on
+    samples = np.arange(math.ceil(first / stride) * stride, last, stride)
+    times = np.append(scene.time[samples], now)
+    past = [np.broadcast_to(x, len(scene.time))[samples] for x in scene.points[name]]
+    path = np.vstack([np.stack(past, axis=-1), moment.points[name]])
+    places = moment.camera.project(path)
+    step = max(1, math.ceil(len(times) / _PIECES))
+    for start in range(0, len(times) - 1, step):
+        piece = places[start : start + step + 1]
+        if not np.isfinite(piece).all():
+            continue
+        age = (now - times[min(start + step, len(times) - 1)]) / length
+        paint = partial(
+            moment.pen.line, piece, ROLES["trail"], 2.5, alpha=0.9 * (1 - age), cap="butt"
+        )
+        yield Stroke("trail", float(piece[[0, -1], 2].mean()), paint)
+
+
+def _joint(moment: Moment, place: Array, joint: Joint) -> None:
+    """Draw where bodies meet (open), or one ends (filled)."""
+    meet = joint.bodies > 1
+    radius = (4.5 if meet else 6) * moment.slim
+    color = ROLES["point"]
+    moment.pen.dot(place[:2], radius, ROLES["paper"] if meet else color, color)

@@ -1,0 +1,237 @@
+"""The view of a model, compiled: samples → Scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import symengine as se
+from numpy.typing import NDArray
+from symengine import Basic
+
+from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.tape.interpreter import run_arrays
+from lagcli.equations.render.names import Notation
+from lagcli.errors import UsageError
+from lagcli.model.model import (
+    TIME,
+    Arrow,
+    Model,
+    acceleration,
+    coordinate,
+    multiplier,
+    velocity,
+)
+from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.point_force import StandingForce, standing_force
+from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, extent_of, scaled
+from lagcli.trajectory.samples import Array, Terms
+
+Indices = NDArray[np.intp]
+
+#: Numbers that a tape holds at once: 32 MB.
+_HELD = 1 << 22
+
+
+def scene_of(run: RunFile, samples: Indices | None = None) -> Scene | None:
+    """Return the scene of a run; None where its model has no view.
+
+    Parameters
+    ----------
+    run : Run
+    samples : (m,) array of int, optional
+        Which samples are drawn, increasing; all by default.
+
+    Raises
+    ------
+    UsageError
+        There is no model, or the force of a constraint cannot stand where the view wants it.
+    ModelError, FileError
+        As `Run.model`.
+    """
+    if run.model.view is None:
+        return None
+    stage = Stage(run.model)
+    return stage.scene(run.columns(stage.needs, samples), run.terms)
+
+
+class Stage:
+    """Evaluates the view of a model.
+
+    Parameters
+    ----------
+    model : Model
+        With a view.
+
+    Attributes
+    ----------
+    needs : tuple of str
+        The fields of `Samples` that `scene` is to be given.
+    """
+
+    def __init__(self, model: Model):
+        assert model.view is not None
+        self._model, self._view = model, model.view
+        view = self._view
+        self._slots: list[Basic] = []
+        self._points = {name: self._put(place) for name, place in view.points.items()}
+        self._discs = [
+            (
+                self._put([d.radius])[0],
+                None if d.angle is None else self._put([d.angle])[0],
+                None if d.normal is None else self._put(d.normal),
+            )
+            for d in view.discs
+        ]
+        self._arrows = [self._put(a.components) for a in view.vectors]
+        self._forces: list[tuple[StandingForce, list[int]] | None] = []
+        for arrow in view.vectors:
+            force = standing_force(model, arrow) if arrow.constraint is not None else None
+            self._forces.append(None if force is None else (force, self._put(force.entries)))
+        self._parameters = [se.Symbol(name) for name in model.parameters]
+        self._moving = self._inputs()
+        places = {symbol: i for i, symbol in enumerate(self._moving)}
+        self._steady = [places.keys().isdisjoint(e.free_symbols) for e in self._slots]
+        self._tape = compile_tape(self._slots, self._moving, self._parameters)
+        self.needs: tuple[str, ...] = ("time", "q", *self._also())
+
+    def _put(self, expressions: Sequence[Basic]) -> list[int]:
+        """Add expressions to what is evaluated; return their places."""
+        self._slots.extend(expressions)
+        return list(range(len(self._slots) - len(expressions), len(self._slots)))
+
+    def _inputs(self) -> list[Basic]:
+        """Return the symbols that vary along the run, those that occur."""
+        q = self._model.coordinate_names
+        every = [TIME, *map(coordinate, q), *map(velocity, q), *map(acceleration, q)]
+        every += map(multiplier, self._model.constraint_names)
+        free = set().union(*(e.free_symbols for e in self._slots))
+        forces = sorted((s for s in free if s.name.startswith("Qc.")), key=str)
+        return [s for s in every if s in free] + forces
+
+    def _also(self) -> list[str]:
+        """Return the fields that are needed beside time and q."""
+        names = [s.name for s in self._moving]
+        found = {
+            "v": any(n.endswith("'") and not n.endswith("''") for n in names),
+            "a": any(n.endswith("''") for n in names),
+            "multipliers": any(n.startswith("lambda.") for n in names),
+            "constraint_force_by": any(self._forces) or any(n.startswith("Qc.") for n in names),
+        }
+        return [name for name, needed in found.items() if needed]
+
+    def scene(
+        self,
+        columns: Mapping[str, Array],
+        terms: Terms,
+        parameters: Mapping[str, float] | None = None,
+    ) -> Scene:
+        """Return the scene at some samples.
+
+        Parameters
+        ----------
+        columns : mapping of str to arrays
+            The fields of `Samples` that ``needs`` names.
+        terms : Terms
+            Of ``constraint_force_by``.
+        parameters : mapping of str to float, optional
+            In SI; by default those of the model. Structural ones must be the model's.
+
+        Raises
+        ------
+        UsageError
+            The force of a constraint cannot stand where the view wants it.
+        """
+        view, model = self._view, self._model
+        values = self._values(columns, terms, parameters or model.parameter_values)
+        points = {name: tuple(values[i] for i in at) for name, at in self._points.items()}
+        discs = tuple(
+            DrawnDisc(
+                d.name,
+                d.center,
+                values[radius],
+                None if angle is None else values[angle],
+                None if normal is None else tuple(values[i] for i in normal),
+            )
+            for d, (radius, angle, normal) in zip(view.discs, self._discs, strict=True)
+        )
+        vectors: list[DrawnVector] = []
+        for arrow, places, force in zip(view.vectors, self._arrows, self._forces, strict=True):
+            unit = self._unit(arrow)
+            if force is None:
+                components = tuple(values[i] for i in places)
+                at = arrow.points[0]
+                vectors.append(DrawnVector(arrow.name, arrow.quantity, at, components, unit))
+                continue
+            standing, slots = force
+            place = model.constraint_names.index(str(arrow.constraint))
+            work = terms.dense(columns["constraint_force_by"], place)
+            vectors += [
+                DrawnVector(arrow.name, arrow.quantity, at, components, unit)
+                for at, components in standing.at(work, [values[i] for i in slots])
+            ]
+        names = Notation(model)
+        labels = {at: names.text(at) if t is None else t for at, t in view.labels.items()}
+        return Scene(
+            view.dimension,
+            columns["time"],
+            points,
+            view.segments,
+            discs,
+            scaled(vectors, extent_of(points, discs)),
+            view.grounds,
+            view.trails,
+            labels,
+            "m" if self._stated() else "",
+        )
+
+    def _unit(self, arrow: Arrow) -> str:
+        """Return the unit of a vector: of points in metres, where the model has units at all."""
+        if arrow.unit is not None:
+            return arrow.unit
+        return {"velocity": "m/s", "force": "N"}.get(arrow.quantity, "") if self._stated() else ""
+
+    def _stated(self) -> bool:
+        """Return whether the model has units at all."""
+        stated = any(c.unit for c in self._model.coordinates)
+        return stated or any(p.unit for p in self._model.parameters.values())
+
+    def _values(
+        self, columns: Mapping[str, Array], terms: Terms, parameters: Mapping[str, float]
+    ) -> list[Any]:
+        """Return the value of each expression, (nt,) or (1,) where it is constant."""
+        count = len(columns["time"])
+        given = [float(parameters[name]) for name in self._model.parameters]
+        found = np.empty((len(self._slots), count))
+        rows = max(1, _HELD // max(1, self._tape.registers))
+        for start in range(0, count, rows):
+            part = slice(start, min(count, start + rows))
+            inputs = [self._column(columns, terms, s.name)[part] for s in self._moving]
+            found[:, part] = run_arrays(self._tape, [*inputs, *given], part.stop - start)
+        return [row[:1] if steady else row for row, steady in zip(found, self._steady, strict=True)]
+
+    def _column(self, columns: Mapping[str, Array], terms: Terms, name: str) -> Array:
+        """Return the values of a symbol."""
+        coordinates = self._model.coordinate_names
+        if name == TIME.name:
+            return columns["time"]
+        if name.startswith("lambda."):
+            place = self._model.constraint_names.index(name.removeprefix("lambda."))
+            return columns["multipliers"][:, place]
+        if name.startswith("Qc."):
+            _, *constraint, q = name.split(".")
+            by, place = columns["constraint_force_by"], coordinates.index(q)
+            if not constraint:
+                return terms.total(by)[:, place]
+            return terms.column(by, self._model.constraint_names.index(constraint[0]), place)
+        field = ("q", "v", "a")[len(name) - len(name.rstrip("'"))]
+        return columns[field][:, coordinates.index(name.rstrip("'"))]
+
+
+def no_model(run: RunFile) -> UsageError:
+    """Return the error of a run whose model has no view."""
+    return UsageError(
+        f"the model of {run.name} has no `view`, so that there is nothing to draw; add one to the"
+        " model file (docs/view.md) and name it with --model, or use lagcli plot"
+    )

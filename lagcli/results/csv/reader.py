@@ -1,0 +1,232 @@
+"""Trajectories from CSV: at once, or some columns piece by piece."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from itertools import islice, takewhile
+from typing import Any, TextIO
+
+import numpy as np
+
+from lagcli.errors import FileError
+from lagcli.results.csv.sidecar import read_sidecar
+from lagcli.results.csv.writer import columns
+from lagcli.results.layout import QUANTITIES, term_names
+from lagcli.results.metadata import check_times
+from lagcli.results.reasons import check_readable, read_failure
+from lagcli.trajectory.samples import SCHEMA_VERSION, Array, Terms
+from lagcli.trajectory.trajectory import Trajectory
+
+#: Numbers read in one go, where a file is read piece by piece.
+_NUMBERS_READ = 1 << 20
+
+
+def read_csv(path: str | os.PathLike[str]) -> Trajectory:
+    """Read the trajectory of a CSV file, and of its sidecar where there is one.
+
+    Parameters
+    ----------
+    path : str or path
+        A file that `write_csv` wrote; line ends may be ``\\r\\n`` and a byte order mark may lead.
+
+    Returns
+    -------
+    Trajectory
+        With the same bits in every array (every NaN becomes the one of Python). What only the
+        sidecar holds is empty without it: ``status`` and the other texts are ``""``, mappings
+        have no entry, ``scale_position`` and ``scale_velocity`` are NaN.
+
+    Raises
+    ------
+    FileError
+        A file is missing or unreadable, was not written by `write_csv`, is cut short or has a
+        line that is no sample; or the sidecar belongs to another CSV file.
+    """
+    with open_csv(path) as file:
+        return file.trajectory()
+
+
+@contextmanager
+def open_csv(path: str | os.PathLike[str]) -> Iterator[CsvReader]:
+    """Open a CSV file, to look at some of its columns; raises, then and later, as `read_csv`."""
+    path = os.fspath(path)
+    check_readable(path)
+    _check_last_line(path)
+    try:
+        with open(path, encoding="utf-8-sig", newline="") as file:
+            yield CsvReader(path, file)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"cannot read {path}: it is not CSV text ({error})") from error
+    except OSError as error:
+        raise read_failure(path, error) from error
+
+
+class CsvReader:
+    """An open file, to be read once; see `lagcli.results.formats.Reader`."""
+
+    def __init__(self, path: str, file: TextIO):
+        self._path, self._file = path, file
+        self._header = next(csv.reader(file, strict=True), [])
+        self.coordinates, self.constraints, self.terms, self.outputs = _names(path, self._header)
+        self.layout = SCHEMA_VERSION
+        self._reached = -math.inf  # the time of the last sample so far
+        self.record = read_sidecar(path, len(self.constraints))
+
+    def count(self) -> int:
+        """Return the number of samples: of lines, without the header."""
+        with open(self._path, "rb") as file:
+            return sum(piece.count(b"\n") for piece in iter(lambda: file.read(1 << 20), b"")) - 1
+
+    def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
+        """Yield columns of consecutive samples, by name."""
+        rows = max(1, _NUMBERS_READ // len(self._header))
+        while lines := list(islice(self._file, rows)):
+            columns = self._columns(_table(self._path, lines, self._header))
+            columns |= {f"outputs/{n}": values for n, values in columns["outputs"].items()}
+            yield {name: columns[name] for name in names}
+
+    def trajectory(self) -> Trajectory:
+        """Return all of it."""
+        columns = self._columns(_table(self._path, self._file, self._header))
+        del columns["constraint_force"]  # the sum of constraint_force_by
+        return Trajectory(
+            coordinates=self.coordinates,
+            constraints=self.constraints,
+            terms=self.terms,
+            **columns,
+            **vars(self.record),
+        )
+
+    def _columns(self, table: Array) -> dict[str, Any]:
+        """Return the columns of a table, by field of `Samples`."""
+        length = {
+            "time": len(table),
+            "coordinate": len(self.coordinates),
+            "constraint": len(self.constraints),
+            "term": len(self.terms.constraint),
+        }
+        axes = {quantity.name: quantity.axes for quantity in QUANTITIES}
+        fields: dict[str, Any] = {}
+        position = 0
+        names = term_names(self.terms, self.coordinates, self.constraints)
+        titles = columns(self.coordinates, self.constraints, names, self.outputs)
+        for name, of_name in titles.items():
+            block = np.ascontiguousarray(table[:, position : position + len(of_name)])
+            position += len(of_name)
+            if name == "outputs":
+                fields[name] = {n: block[:, i].copy() for i, n in enumerate(self.outputs)}
+            else:
+                fields[name] = block.reshape([length[axis] for axis in axes[name]])
+        self._check_times(fields["time"])
+        return fields
+
+    def _check_times(self, time: Array) -> None:
+        try:
+            check_times(time, self._reached)
+        except ValueError as error:
+            raise FileError(
+                f"cannot read {self._path}: {error}; copy it again, or run the simulation again"
+            ) from None
+        self._reached = float(time[-1]) if len(time) else self._reached
+
+
+def _check_last_line(path: str) -> None:
+    """Raise if the file does not end with a line end: then even its last number may be cut."""
+    try:
+        with open(path, "rb") as file:
+            file.seek(-1, os.SEEK_END)
+            complete = file.read() == b"\n"
+    except OSError as error:
+        raise read_failure(path, error) from error
+    if not complete:
+        raise FileError(
+            f"cannot read {path}: it ends within a line, so it is cut short or not CSV of lagcli; "
+            "copy it again, or run the simulation again"
+        )
+
+
+def _names(
+    path: str, header: list[str]
+) -> tuple[tuple[str, ...], tuple[str, ...], Terms, tuple[str, ...]]:
+    """Return the coordinates, constraints, terms and outputs that the header names."""
+    # Forces follow the accelerations; without a coordinate there are none, and energies follow.
+    ends = [i for i, n in enumerate(header) if n.startswith(("lambda.", "Qc."))]
+    ends += [i for i, n in enumerate(header) if n == "energy_kinetic"]
+    coordinates = tuple(header[1 : 1 + (ends[0] - 1) // 3]) if ends else ()
+    constraints = tuple(n.removeprefix("lambda.") for n in header if n.startswith("lambda."))
+    first = 1 + 4 * len(coordinates) + len(constraints)
+    acting = list(takewhile(lambda name: name.startswith("Qc."), header[first:]))
+    terms = _terms([name.removeprefix("Qc.") for name in acting], coordinates, constraints)
+    named = [] if terms is None else term_names(terms, coordinates, constraints)
+    fixed = [n for block in columns(coordinates, constraints, named, ()).values() for n in block]
+    if terms is None or header[: len(fixed)] != fixed:
+        raise FileError(
+            f"cannot read {path}: it is CSV, but not of lagcli, whose columns are t, coordinates, "
+            "their _dot and _ddot, lambda.CONSTRAINT, …; name a file of lagcli simulate"
+        )
+    for names in (coordinates, constraints, header[len(fixed) :]):
+        if len(set(names)) < len(names):
+            raise FileError(f"cannot read {path}: two of its columns have one name")
+    return coordinates, constraints, terms, tuple(header[len(fixed) :])
+
+
+def _terms(
+    names: list[str], coordinates: tuple[str, ...], constraints: tuple[str, ...]
+) -> Terms | None:
+    """Return the terms that columns name; None if they are not, or not in order."""
+    places = {q: j for j, q in enumerate(coordinates)}
+    rows = {c: i for i, c in enumerate(constraints)}
+    pairs = [(name.rpartition(".")[0], name.rpartition(".")[2]) for name in names]
+    if not all(c in rows and q in places for c, q in pairs):
+        return None
+    terms = Terms.of(((rows[c], places[q]) for c, q in pairs), (len(constraints), len(coordinates)))
+    try:
+        terms.check()
+    except ValueError:
+        return None
+    return terms
+
+
+def _table(path: str, lines: Iterable[str], header: list[str]) -> Array:
+    """Return the samples, one by row."""
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "loadtxt: input contained no data")
+            table = np.loadtxt(lines, delimiter=",", comments=None, ndmin=2)
+    except UnicodeDecodeError:
+        raise
+    except ValueError as error:
+        raise _bad_line(path, header, str(error)) from error
+    if table.size == 0:
+        return np.empty((0, len(header)))
+    if table.shape[1] != len(header):
+        raise _bad_line(path, header, f"{table.shape[1]} columns")
+    return table
+
+
+def _bad_line(path: str, header: list[str], reason: str) -> FileError:
+    """Return the error that names the first line that is no sample."""
+    with open(path, encoding="utf-8-sig", newline="") as file:
+        reader = csv.reader(file)
+        next(reader)
+        for row in reader:
+            where = f"cannot read {path}: line {reader.line_num}"
+            if row and len(row) != len(header):
+                return FileError(
+                    f"{where} has {len(row)} values for {len(header)} columns; "
+                    "copy the file again, or run the simulation again"
+                )
+            for name, text in zip(header, row, strict=False):
+                try:
+                    float(text)
+                except ValueError:
+                    return FileError(
+                        f"{where}, column {name}: {text!r} is not a number; "
+                        "copy the file again, or run the simulation again"
+                    )
+    return FileError(f"cannot read {path}: {reason}; copy it again, or run the simulation again")

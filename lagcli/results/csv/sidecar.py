@@ -1,0 +1,150 @@
+"""The sidecar of a CSV file: JSON beside it, with what CSV has no place for."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lagcli.errors import FileError
+from lagcli.results.metadata import (
+    KIND,
+    from_metadata,
+    from_number,
+    to_json,
+    to_metadata,
+    to_number,
+)
+from lagcli.results.reasons import check_readable, read_failure
+from lagcli.trajectory.samples import SCHEMA_VERSION, Record
+
+_MEND = "remove it to read the CSV file alone"
+
+
+def sidecar_path(path: str) -> str:
+    """Return the name of the sidecar.
+
+    Parameters
+    ----------
+    path : str
+        The CSV file.
+
+    Returns
+    -------
+    str
+        ``PATH.json``.
+    """
+    return f"{path}.json"
+
+
+def sidecar_text(record: Record, contents: Mapping[str, Any]) -> bytes:
+    """Return the whole text of a sidecar.
+
+    Parameters
+    ----------
+    record : Record
+        Of the run.
+    contents : mapping
+        What the CSV file holds: ``csv_sha256``, by which the two are known to belong together,
+        ``samples`` (their number), and the names of ``coordinates``, ``constraints``, ``outputs``.
+
+    Returns
+    -------
+    bytes
+        JSON in UTF-8: what `to_metadata` returns, the contents, and the scales of the
+        constraints (null for NaN).
+    """
+    metadata = to_metadata(record)
+    model = metadata.pop("model")
+    about: dict[str, Any] = {
+        **metadata,
+        **contents,
+        "scale_position": [to_number(x) for x in record.scale_position],
+        "scale_velocity": [to_number(x) for x in record.scale_velocity],
+        "model": model,  # last: it is long
+    }
+    about["sidecar_sha256"] = _digest(json.loads(to_json(about)))
+    return (to_json(about, indent=1) + "\n").encode()
+
+
+def _digest(about: Mapping[str, Any]) -> str:
+    """Return the digest of a sidecar's contents, whatever their spaces and line ends."""
+    others = {name: value for name, value in about.items() if name != "sidecar_sha256"}
+    return hashlib.sha256(json.dumps(others, sort_keys=True).encode()).hexdigest()
+
+
+def read_sidecar(path: str, constraints: int) -> Record:
+    """Return what CSV does not hold.
+
+    Parameters
+    ----------
+    path : str
+        The CSV file.
+    constraints : int
+        Their number, nc.
+
+    Returns
+    -------
+    Record
+        Without a sidecar texts and mappings are empty, and scales are NaN.
+
+    Raises
+    ------
+    FileError
+        The sidecar cannot be read, is none, or belongs to another CSV file.
+    """
+    sidecar = sidecar_path(path)
+    if not os.path.lexists(sidecar):
+        unknown = np.full(constraints, np.nan)
+        return Record(scale_position=unknown, scale_velocity=unknown.copy(), **from_metadata({}))
+    check_readable(sidecar)
+    try:
+        with open(sidecar, encoding="utf-8") as file:
+            about = json.load(file, object_pairs_hook=_without_twins)
+        with open(path, "rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise read_failure(sidecar, error) from error
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"cannot read {sidecar}: it is not JSON ({error}); {_MEND}") from error
+    if not isinstance(about, Mapping) or about.get("kind") != KIND:
+        raise FileError(f"cannot read {sidecar}: it is not the sidecar of a trajectory; {_MEND}")
+    if about.get("schema_version") not in ("1", SCHEMA_VERSION):  # 1 has no checksum of its own
+        raise FileError(
+            f"cannot read {sidecar}: its layout has version {about.get('schema_version')}, and "
+            f"this lagcli knows {SCHEMA_VERSION}; {_MEND}"
+        )
+    own = about.get("sidecar_sha256")
+    if own != _digest(about) and (own is not None or about["schema_version"] == SCHEMA_VERSION):
+        raise FileError(
+            f"cannot read {sidecar}: it was changed after lagcli wrote it (its checksum does not"
+            f" fit); {_MEND}"
+        )
+    if about.get("csv_sha256") != digest:
+        raise FileError(
+            f"cannot read {path}: its sidecar {sidecar} is of another run, or one of the two "
+            "was changed; remove the sidecar to read the CSV file alone"
+        )
+    try:
+        scales: dict[str, Any] = {
+            name: np.array([from_number(x) for x in about[name]], dtype=np.float64)
+            for name in ("scale_position", "scale_velocity")
+        }
+        for name, values in scales.items():
+            if values.shape != (constraints,):
+                raise ValueError(f"{name} has {len(values)} values for {constraints} constraints")
+        return Record(**scales, **from_metadata(about))
+    except (LookupError, ValueError, TypeError, ArithmeticError) as error:
+        raise FileError(f"cannot read {sidecar}: it is damaged ({error!r}); {_MEND}") from error
+
+
+def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object, in which each name stands once."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a name stands twice")
+    return found

@@ -1,0 +1,277 @@
+"""Trajectories to CSV: one header line, one line per sample, 17 significant digits."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from itertools import chain
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagcli.errors import FileError, UsageError
+from lagcli.results.atomic import abandon, check_writable, whole_file
+from lagcli.results.csv.sidecar import sidecar_path, sidecar_text
+from lagcli.results.layout import QUANTITIES, term_names
+from lagcli.results.reasons import write_failure
+from lagcli.trajectory.samples import Record, Samples
+
+if TYPE_CHECKING:
+    from lagcli.trajectory.trajectory import Trajectory
+
+#: Numbers formatted in one go: large enough to be fast, small enough for any memory.
+_NUMBERS_WRITTEN = 1 << 14
+
+
+def columns(
+    coordinates: Sequence[str],
+    constraints: Sequence[str],
+    terms: Sequence[str],
+    outputs: Iterable[str],
+) -> dict[str, list[str]]:
+    """Return the names of the columns of a CSV file.
+
+    Parameters
+    ----------
+    coordinates, constraints, outputs : sequence of str
+        Names, in the model's order.
+    terms : sequence of str
+        Names of the terms of constraint force, ``CONSTRAINT.COORDINATE``.
+
+    Returns
+    -------
+    dict
+        In the order of the file: field of `Trajectory` → names of its columns, the last axis
+        running fastest.
+    """
+    by_axes = {("time",): [""], ("time", "constraint"): [f".{c}" for c in constraints]}
+    named = {
+        "time": ["t"],
+        "q": list(coordinates),
+        "v": [f"{q}_dot" for q in coordinates],
+        "a": [f"{q}_ddot" for q in coordinates],
+        "multipliers": [f"lambda.{c}" for c in constraints],
+        "constraint_force": [f"Qc.{q}" for q in coordinates],
+        "constraint_force_by": [f"Qc.{term}" for term in terms],
+    }
+    for quantity in QUANTITIES:
+        if "time" in quantity.axes and quantity.name not in named:
+            named[quantity.name] = [quantity.name + end for end in by_axes[quantity.axes]]
+    return {**named, "outputs": list(outputs)}
+
+
+def write_csv(
+    trajectory: Trajectory,
+    output: str | os.PathLike[str],
+    force: bool = False,
+    meta: bool = False,
+) -> None:
+    """Write a trajectory as CSV, to a file (whole or not at all) or to standard output.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The run; nt, nc and the number of outputs may be 0.
+    output : str or path
+        The file, or ``-`` for standard output.
+    force : bool
+        Replace an existing file and its sidecar.
+    meta : bool
+        Write the sidecar ``OUTPUT.json`` too, with what CSV has no place for: status, message,
+        model, parameters, units, options, scales, …
+
+    Raises
+    ------
+    FileError
+        The file or its sidecar exists and ``force`` is false, or cannot be written; standard
+        output takes no more (a full disk). A closed pipe remains a ``BrokenPipeError``.
+    UsageError
+        A sidecar is asked for with standard output.
+
+    Notes
+    -----
+    As RFC 4180 says (comma, quotes doubled, quoted where needed), but for the line end, which is
+    ``\\n`` alone: awk, cut, sort and join would take the carriage return for a part of the last
+    column, and every reader of CSV accepts the newline. The text is UTF-8. NaN is ``nan``,
+    infinities are ``inf`` and ``-inf``.
+
+    The file gets its name just before the sidecar does. The sidecar carries the digest of its
+    CSV file, so that one that belongs to another run is noticed; with ``force`` and without
+    ``meta`` an old sidecar is removed.
+    """
+    path = os.fspath(output)
+    check_csv_target(path, force, meta)
+    with CsvWriter(path, force, meta) as writer:
+        writer.append(trajectory)
+        writer.finish(trajectory)
+
+
+class CsvWriter:
+    """Writes a run as CSV as its samples come; see `lagcli.results.formats.Writer`.
+
+    Parameters
+    ----------
+    output, force, meta
+        As for `write_csv`; that `check_csv_target` has nothing against them is supposed.
+    """
+
+    def __init__(self, output: str | os.PathLike[str], force: bool = False, meta: bool = False):
+        self._path, self._force, self._meta = os.fspath(output), force, meta
+        self._opened = ExitStack()
+        self._write: Callable[[bytes], object] | None = None
+        self._digest = hashlib.sha256()
+        self._samples = 0
+
+    def __enter__(self) -> CsvWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        abandon(self._opened, error)
+
+    def append(self, samples: Samples) -> None:
+        """Write the next samples."""
+        if self._write is None:
+            self._write = self._open(samples)
+            self._put(self._write, _header(samples))
+        for piece in _lines(samples):
+            self._put(self._write, piece)
+        self._samples += len(samples.time)
+
+    def finish(self, record: Record) -> None:
+        """Write the sidecar, and give the files their names."""
+        if self._meta:
+            contents = {
+                "csv_sha256": self._digest.hexdigest(),
+                "samples": self._samples,
+                **self._names,
+            }
+            self._beside.write(sidecar_text(record, contents))
+        self._opened.close()
+        if self._path != "-" and not self._meta:
+            _remove(sidecar_path(self._path))
+
+    def _open(self, samples: Samples) -> Callable[[bytes], object]:
+        self._names = {
+            "coordinates": list(samples.coordinates),
+            "constraints": list(samples.constraints),
+            "outputs": list(samples.outputs),
+        }
+        if self._path == "-":
+            return _standard_output()
+        if self._meta:  # opened first, so that it is named last
+            sidecar = whole_file(sidecar_path(self._path), self._force)
+            self._beside = self._opened.enter_context(sidecar)
+        return self._opened.enter_context(whole_file(self._path, self._force)).write
+
+    def _put(self, write: Callable[[bytes], object], data: bytes) -> None:
+        if self._meta:
+            self._digest.update(data)
+        write(data)
+
+
+def _remove(path: str) -> None:
+    """Remove a file, if there is one."""
+    if os.path.lexists(path):
+        try:
+            os.unlink(path)
+        except OSError as error:
+            raise write_failure(path, error) from error
+
+
+def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None:
+    """Raise if `write_csv` could not write there now.
+
+    Parameters
+    ----------
+    path, force, meta
+        As for `write_csv`.
+
+    Raises
+    ------
+    FileError
+        The file or its sidecar exists and ``force`` is false, or the folder takes no file.
+    UsageError
+        A sidecar is asked for with standard output.
+    """
+    if path == "-":
+        if meta:
+            raise UsageError(
+                "standard output has no sidecar for --meta; name a file: -o run.csv --meta"
+            )
+        return
+    # An old sidecar would be taken for one of the new file, so it stands in the way even of a
+    # file without.
+    check_writable(path, force)
+    check_writable(sidecar_path(path), force)
+
+
+def _header(samples: Samples) -> bytes:
+    """Return the first line."""
+    titles = _titles(samples)
+    header = io.StringIO()
+    csv.writer(header, lineterminator="\n").writerow(chain.from_iterable(titles.values()))
+    return header.getvalue().encode()
+
+
+def _titles(samples: Samples) -> dict[str, list[str]]:
+    """Return the names of the columns of samples."""
+    q, constraints = samples.coordinates, samples.constraints
+    return columns(q, constraints, term_names(samples.terms, q, constraints), samples.outputs)
+
+
+def _lines(samples: Samples) -> Iterator[bytes]:
+    """Yield the lines of samples, some at a time."""
+    count = len(samples.time)
+    titles = _titles(samples)
+    arrays = [
+        np.asarray(getattr(samples, name)).reshape(count, len(names))
+        for name, names in titles.items()
+        if name != "outputs"
+    ]
+    arrays += [np.asarray(values).reshape(count, 1) for values in samples.outputs.values()]
+    width = sum(array.shape[1] for array in arrays)
+    rows = max(1, _NUMBERS_WRITTEN // width)
+    line = ",".join(["%.17g"] * width) + "\n"
+    for start in range(0, count, rows):
+        block = np.hstack([array[start : start + rows] for array in arrays])
+        yield (line * len(block) % tuple(block.ravel().tolist())).encode("ascii")
+
+
+def _standard_output() -> Callable[[bytes], object]:
+    """Return what writes to standard output; no buffer is left that could fail at exit."""
+    stream = sys.stdout
+    if stream is None or stream.closed:  # a program without a console, which calls the library
+        raise FileError("cannot write to standard output: it is closed; name a file: -o run.csv")
+    try:
+        stream.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise write_failure("standard output", error) from error
+    try:
+        descriptor = stream.fileno()
+    except (AttributeError, io.UnsupportedOperation):  # a stream in memory: a test, a notebook
+        return lambda data: stream.write(data.decode())
+
+    def write(data: bytes) -> None:
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[os.write(descriptor, rest) :]
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise write_failure("standard output", error) from error
+
+    return write

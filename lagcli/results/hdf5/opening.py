@@ -1,0 +1,205 @@
+"""Open an HDF5 file of lagcli for reading, whoever it comes from and whatever happened to it.
+
+A file with a seal is checked byte for byte before the HDF5 library sees it. Files of layout 1 have
+none; another process, which may loop or crash without harm, copies them into the present layout.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import h5py
+
+from lagcli.errors import FileError
+from lagcli.results.hdf5.seal import is_sealed
+from lagcli.results.hdf5.structure import text_attribute
+from lagcli.results.reasons import check_readable, read_failure
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+#: How files of HDF5 1.8 and newer begin: signature, version, and where the file ends.
+_SUPERBLOCK = struct.Struct("<8sB19xQ")
+#: Seconds that a copy of layout 1 may take, and bytes per second beyond them.
+_SECONDS, _RATE = 20.0, 1 << 21
+
+#: The errors by which h5py, and what interprets the contents, report damage.
+_DAMAGE = (
+    *(OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError),
+    *(ArithmeticError, MemoryError),
+)
+
+
+class Opened(NamedTuple):
+    """An open file.
+
+    Parameters
+    ----------
+    root : h5py.File
+    kind : str
+        ``trajectory`` or ``sweep``.
+    layout : str
+        The version of the layout that the file itself has.
+    """
+
+    root: h5py.File
+    kind: str
+    layout: str
+
+
+@contextmanager
+def open_verified(path: str | os.PathLike[str], version: str) -> Iterator[Opened]:
+    """Open an HDF5 file of lagcli.
+
+    Parameters
+    ----------
+    path : str or path
+    version : str
+        The layout that the caller knows; layout 1 is copied into it.
+
+    Yields
+    ------
+    Opened
+
+    Raises
+    ------
+    FileError
+        The file is missing or unreadable, is not HDF5 or not of lagcli, is cut short, changed or
+        damaged, or has another layout. What fails in the block because of the file's contents
+        counts as damage.
+    """
+    path = os.fspath(path)
+    check_readable(path)
+    _check_start(path)
+    layout = version if is_sealed(path) else "1"
+    source = path if layout == version else _copies.of(path, version)
+    try:
+        # A file under its final name is whole and stays so: no lock is needed, and some network
+        # file systems have none.
+        with h5py.File(source, "r", locking=False) as root:
+            found = text_attribute(root, "schema_version")
+            if found != version:
+                raise _other_version(path, found, version, text_attribute(root, "lagcli_version"))
+            yield Opened(root, text_attribute(root, "kind") or "", layout)
+    except _DAMAGE as error:
+        raise damage(path, error) from error
+
+
+def kind_of(path: str | os.PathLike[str], version: str) -> str:
+    """Return the kind of an HDF5 file of lagcli; for the errors see `open_verified`."""
+    with open_verified(path, version) as opened:
+        return opened.kind
+
+
+def damage(path: str, error: Exception) -> FileError:
+    """Return the error for a file whose contents make no sense."""
+    if isinstance(error, MemoryError):
+        return FileError(
+            f"cannot read {path}: its contents do not fit into the memory; close other programs,"
+            " raise the limit (ulimit -v), or read it piece by piece with h5py"
+        )
+    reason = str(error) or type(error).__name__
+    if isinstance(error, KeyError):  # whose text is the repr of its reason
+        reason = str(error.args[0])
+    return FileError(
+        f"cannot read {path}: the file is cut short or damaged ({reason}); copy it again, or run"
+        " lagcli again"
+    )
+
+
+def not_of_lagcli(path: str) -> FileError:
+    """Return the error for an HDF5 file of another program."""
+    return FileError(
+        f"cannot read {path}: it is an HDF5 file, but not one of lagcli; "
+        "name a result file of lagcli simulate or lagcli sweep"
+    )
+
+
+def _other_version(path: str, found: str | None, known: str, writer: str | None) -> FileError:
+    if found is None:
+        return not_of_lagcli(path)
+    return FileError(
+        f"cannot read {path}: its layout has version {found}, and this lagcli knows {known}; read"
+        f" it with lagcli {writer}"
+    )
+
+
+def _check_start(path: str) -> None:
+    """Raise unless a file begins as HDF5, and is as long as its beginning says."""
+    try:
+        with open(path, "rb") as file:
+            start = file.read(_SUPERBLOCK.size)
+            size = file.seek(0, os.SEEK_END)
+    except OSError as error:
+        raise read_failure(path, error) from error
+    if not start.startswith(_SIGNATURE):
+        raise FileError(
+            f"cannot read {path}: it is not an HDF5 file; name a result file of lagcli simulate"
+        )
+    if len(start) < _SUPERBLOCK.size:
+        raise damage(path, ValueError(f"it has {size} bytes"))
+    _, version, end = _SUPERBLOCK.unpack(start)
+    if version in (2, 3) and size < end:
+        raise damage(path, ValueError(f"it has {size} of {end} bytes"))
+
+
+class _Copies:
+    """The last copy of a file of layout 1, until the process ends."""
+
+    def __init__(self) -> None:
+        self._folder: str | None = None
+        self._key: tuple[Any, ...] | None = None
+
+    def of(self, path: str, version: str) -> str:
+        """Return the name of a copy in the present layout."""
+        found = os.stat(path)
+        key = (path, found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns)
+        if self._folder is None or key != self._key:
+            self.close()
+            self._folder = tempfile.mkdtemp(prefix="lagcli-")
+            _copy(path, self._name, version, _SECONDS + found.st_size / _RATE)
+            self._key = key
+        return self._name
+
+    def close(self) -> None:
+        """Remove the copy."""
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+        self._folder = self._key = None
+
+    @property
+    def _name(self) -> str:
+        assert self._folder is not None
+        return os.path.join(self._folder, "copy.h5")
+
+
+_copies = _Copies()
+atexit.register(_copies.close)
+
+
+def _copy(path: str, copy: str, version: str, seconds: float) -> None:
+    """Copy a file of layout 1 into the present one, in another process."""
+    # -P: no module is imported from the folder that the user happens to be in
+    command = [sys.executable, "-P", "-m", "lagcli.results.hdf5.layout1", path, copy, version]
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=seconds, check=False)
+    except subprocess.TimeoutExpired:
+        reason = RuntimeError(f"reading it does not end within {seconds:.0f} s")
+        raise damage(path, reason) from None
+    except OSError as error:
+        raise FileError(
+            f"cannot read {path}: it has layout 1 or is damaged, and the process that reads such"
+            f" files cannot be started ({error.strerror or error})"
+        ) from error
+    if done.returncode == FileError.exit_status:
+        raise FileError(done.stdout.decode(errors="replace"))
+    if done.returncode:
+        reason = RuntimeError(f"the process that reads it ended with status {done.returncode}")
+        raise damage(path, reason)

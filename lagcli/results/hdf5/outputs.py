@@ -1,0 +1,144 @@
+"""Outputs in HDF5: those of a family share a dataset, so that ten thousand take no time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import h5py
+import numpy as np
+
+from lagcli.results.hdf5.structure import group, is_texts, numbers, read_texts
+from lagcli.trajectory.samples import Array
+
+
+class OutputFamily(NamedTuple):
+    """Outputs that share a dataset, or a single output.
+
+    Parameters
+    ----------
+    dataset : str
+        Its name in the group ``outputs``: that of the family or of the output.
+    members : tuple of str
+        Names of the outputs, in order.
+    axis : str
+        The dataset that holds the names of the members; empty for a single output.
+    """
+
+    dataset: str
+    members: tuple[str, ...]
+    axis: str = ""
+
+
+def output_families(names: Iterable[str]) -> list[OutputFamily]:
+    """Return the datasets for some outputs, in their order.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names of outputs; the members of a family, ``e[1]``, ``e[2]``, …, follow each other.
+
+    Returns
+    -------
+    list of OutputFamily
+        Where a family's name, or that of its axis, is taken, each member has a dataset of its own.
+    """
+    names = list(names)
+    taken = set(names)
+    found: list[OutputFamily] = []
+    for base, those in groupby(names, _base):
+        members = tuple(those)
+        axis = member_axis(base)
+        if members == (base,) or not taken.isdisjoint((base, axis)):
+            found += [OutputFamily(name, (name,)) for name in members]
+        else:
+            found.append(OutputFamily(base, members, axis))
+            taken |= {base, axis}
+    return found
+
+
+def member_axis(family: str) -> str:
+    """Return the name of the axis along which the members of a family lie."""
+    return f"member_of_{family}"
+
+
+def _base(name: str) -> str:
+    """Return the name of the family of an output; its own name where it is in none."""
+    return name.partition("[")[0] if name.endswith("]") else name
+
+
+class OutputDatasets:
+    """The outputs of an open file, by name.
+
+    Parameters
+    ----------
+    root : h5py.Group
+    lead : int
+        How many axes of each dataset come before that of the members.
+
+    Attributes
+    ----------
+    families : list of OutputFamily
+    names : tuple of str
+        Of all outputs, in order.
+
+    Raises
+    ------
+    ValueError
+        As `lagcli.results.hdf5.structure.numbers`.
+    """
+
+    def __init__(self, root: h5py.Group, lead: int):
+        self._group, self._lead = group(root, "outputs"), lead
+        self.families = list(self._found())
+        self.names = tuple(name for family in self.families for name in family.members)
+        self._places: dict[str, tuple[str, int | None]] = {}
+        for family in self.families:
+            for i, name in enumerate(family.members):
+                self._places[name] = family.dataset, i if family.axis else None
+        if len(self._places) != len(self.names):
+            raise ValueError("outputs have two of one name")
+
+    def _found(self) -> Iterator[OutputFamily]:
+        names = set(self._group)
+        for name in self._group:
+            if is_texts(self._group, name):
+                continue  # names of members
+            shape = numbers(self._group, name).shape
+            axis = member_axis(name)
+            if len(shape) == self._lead:
+                yield OutputFamily(name, (name,))
+            elif len(shape) == self._lead + 1 and axis in names:
+                members = read_texts(self._group, axis)
+                if len(members) != shape[-1]:
+                    raise ValueError(f"outputs/{name} has shape {shape} for {len(members)} members")
+                yield OutputFamily(name, members, axis)
+            else:
+                raise ValueError(f"outputs/{name} has shape {shape}")
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Return the shape of an output, without the axis of members."""
+        return tuple(numbers(self._group, self._place(name)[0]).shape[: self._lead])
+
+    def read(self, name: str, rows: Any) -> Array:
+        """Return some rows of an output."""
+        dataset, place = self._place(name)
+        at = rows if place is None else (*np.index_exp[rows], ..., place)
+        return np.asarray(self._group[dataset][at], dtype=np.float64)
+
+    def all(self, count: int) -> dict[str, Array]:
+        """Return all outputs, by name; raise ValueError unless each has so many samples."""
+        found: dict[str, Array] = {}
+        for family in self.families:
+            values = np.asarray(self._group[family.dataset][()], dtype=np.float64)
+            if len(values) != count:
+                raise ValueError(f"outputs/{family.dataset} has {len(values)} samples, not {count}")
+            together = np.ascontiguousarray(values.T) if family.axis else values[None]
+            found |= dict(zip(family.members, together, strict=True))
+        return found
+
+    def _place(self, name: str) -> tuple[str, int | None]:
+        if name not in self._places:
+            raise ValueError(f"outputs/{name} is missing")
+        return self._places[name]

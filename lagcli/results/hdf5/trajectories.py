@@ -1,0 +1,353 @@
+"""Trajectories in HDF5, laid out so that xarray and plain h5py find axes, units and names."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+
+from lagcli.errors import FileError
+from lagcli.results.atomic import abandon
+from lagcli.results.hdf5.container import (
+    add_array,
+    add_growing,
+    add_indices,
+    add_texts,
+    append,
+    attach_axes,
+    make_axis,
+    new_file,
+    set_text,
+)
+from lagcli.results.hdf5.opening import Opened, not_of_lagcli, open_verified
+from lagcli.results.hdf5.outputs import OutputDatasets, OutputFamily, output_families
+from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute
+from lagcli.results.layout import NOT_STATED, QUANTITIES, shared_unit, term_names, unit
+from lagcli.results.metadata import (
+    KIND,
+    MAPPINGS,
+    TEXTS,
+    WARNINGS,
+    check_times,
+    from_metadata,
+    to_json,
+    to_metadata,
+)
+from lagcli.trajectory.samples import SCHEMA_VERSION, Array, Record, Samples, Terms
+
+if TYPE_CHECKING:
+    from lagcli.trajectory.trajectory import Trajectory
+
+#: Bytes of samples that wait to be written together. A run of fewer is written in one piece, which
+#: takes the least time and room; a longer one in chunks.
+_HELD = 1 << 23
+
+#: Numbers that the chunks of all datasets hold together.
+_CHUNK = 1 << 16
+
+# In a long run, and above this many values, an array of which at most a quarter is not zero is
+# compressed: columns such as the power of forces that a model does not have.
+_LARGE = 1 << 18
+
+#: Bytes of each dataset that are looked at together.
+_SLAB = 1 << 23
+
+#: The quantities that have a value at each sample.
+_BY_TIME = tuple(quantity for quantity in QUANTITIES if quantity.axes[0] == "time")
+_AXES = {quantity.name: quantity.axes for quantity in QUANTITIES}
+
+_OUTPUTS = "outputs/"
+
+
+def write_hdf5(trajectory: Trajectory, path: str | os.PathLike[str], force: bool = False) -> None:
+    """Write a trajectory to an HDF5 file, whole or not at all.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The run; nt, nq, nc and the number of outputs may be 0.
+    path : str or path
+        The file.
+    force : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    FileError
+        The file exists and ``force`` is false, or it cannot be written.
+
+    Notes
+    -----
+    Mappings (parameters, options, counts, …) are JSON in root attributes. Tuples among the
+    options come back as lists.
+    """
+    with Hdf5Writer(path, force) as writer:
+        writer.append(trajectory)
+        writer.finish(trajectory)
+
+
+class Hdf5Writer:
+    """Writes a run to an HDF5 file as its samples come; see `lagcli.results.formats.Writer`.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+    force : bool
+        Replace an existing file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], force: bool = False):
+        self._path, self._force = os.fspath(path), force
+        self._opened = ExitStack()
+        self._root: h5py.File | None = None
+        self._held: list[Samples] = []
+        self._held_bytes = 0
+        self._written = 0  # samples
+        self._datasets: dict[str, Any] = {}
+
+    def __enter__(self) -> Hdf5Writer:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        abandon(self._opened, error)
+
+    def append(self, samples: Samples) -> None:
+        """Take the next samples."""
+        self._held.append(samples)
+        self._held_bytes += samples.nbytes
+        if len(self._held) > 1 and self._held_bytes > _HELD:
+            self._write_held(growing=True)
+
+    def finish(self, record: Record) -> None:
+        """Write what is still to be written, and give the file its name."""
+        if self._held:
+            self._write_held(growing=bool(self._written))
+        self._describe(record)
+        self._opened.close()
+
+    def _begin(self, first: Samples) -> None:
+        self._coordinates, self._constraints = first.coordinates, first.constraints
+        self._terms, self._families = first.terms, output_families(first.outputs)
+        columns = _columns(first, self._families)
+        self._shapes = {name: values.shape[1:] for name, values in columns.items()}
+        self._rows = max(1, _CHUNK // sum(map(math.prod, self._shapes.values())))
+        self._root, self._sink = self._opened.enter_context(new_file(self._path, self._force))
+        # the model's order of outputs, not the alphabet
+        self._root.create_group("outputs", track_order=True)
+
+    def _write_held(self, growing: bool) -> None:
+        """Write the samples that wait, into datasets that grow or in one piece."""
+        if self._root is None:
+            self._begin(self._held[0])
+        held = [_columns(samples, self._families) for samples in self._held]
+        for name, shape in self._shapes.items():
+            if math.prod(shape) == 0:
+                continue  # HDF5 has no chunks without numbers
+            values = np.concatenate([columns[name] for columns in held])
+            if name not in self._datasets:
+                large = growing or values.size > _LARGE
+                sparse = large and 4 * int(np.count_nonzero(values)) <= values.size
+                if not growing and not sparse:
+                    self._datasets[name] = add_array(self._root, name, values)
+                    continue
+                self._datasets[name] = add_growing(self._root, name, shape, self._rows, sparse)
+            append(self._datasets[name], self._written, values)
+        self._written += sum(len(samples.time) for samples in self._held)
+        self._held, self._held_bytes = [], 0
+        self._sink.check()
+
+    def _describe(self, record: Record) -> None:
+        """Write everything but the samples."""
+        root, datasets = self._root, self._datasets
+        assert root is not None
+        for name, value in to_metadata(record).items():
+            set_text(root["/"].id, name, value if isinstance(value, str) else to_json(value))
+        for name, shape in self._shapes.items():
+            if name not in datasets:
+                datasets[name] = add_array(root, name, np.empty((self._written, *shape)))
+        for name in ("scale_position", "scale_velocity"):
+            datasets[name] = add_array(root, name, getattr(record, name))
+
+        terms = self._terms
+        names = term_names(terms, self._coordinates, self._constraints)
+        axes = {
+            "time": datasets["time"],
+            "coordinate": add_texts(root, "coordinate", self._coordinates),
+            "constraint": add_texts(root, "constraint", self._constraints),
+            "term": add_texts(root, "term", names),
+        }
+        for name, axis in axes.items():
+            make_axis(axis, name)
+        _say(axes["coordinate"], "names of the coordinates", "none")
+        _say(axes["constraint"], "names of the constraints", "none")
+        _say(axes["term"], "constraint and coordinate of each constraint_force_by", "none")
+        for name, places in (("constraint", terms.constraint), ("coordinate", terms.coordinate)):
+            dataset = add_indices(root, f"term_{name}", places)
+            attach_axes(dataset, [axes["term"]])
+            _say(dataset, f"number of the {name} of each term, from 0", "1")
+        for quantity in QUANTITIES:
+            dataset = datasets[quantity.name]
+            if quantity.name not in axes:
+                attach_axes(dataset, [axes[axis] for axis in quantity.axes])
+            _say(dataset, quantity.long_name, unit(quantity, self._coordinates, record.units))
+
+        units = [record.units.get(name, NOT_STATED) for name in self._coordinates]
+        if any(u != NOT_STATED for u in units):
+            dataset = add_texts(root, "coordinate_unit", units)
+            attach_axes(dataset, [axes["coordinate"]])
+            _say(dataset, "units of the coordinates", "none")
+
+        for family in self._families:
+            dataset, along = datasets[_OUTPUTS + family.dataset], [axes["time"]]
+            if family.axis:
+                along.append(add_texts(root["outputs"], family.axis, family.members))
+                make_axis(along[1], family.axis)
+                _say(along[1], f"names of the members of {family.dataset}", "none")
+            attach_axes(dataset, along)
+            _say(dataset, family.dataset, shared_unit(family.members, record.units))
+
+
+def _columns(samples: Samples, families: Sequence[OutputFamily]) -> dict[str, Array]:
+    """Return the datasets that have a value at each sample, by their place in the file."""
+    columns = {quantity.name: getattr(samples, quantity.name) for quantity in _BY_TIME}
+    for family in families:
+        values = [samples.outputs[name] for name in family.members]
+        together = np.stack(values, axis=1) if family.axis else values[0]
+        columns[_OUTPUTS + family.dataset] = together
+    return columns
+
+
+def _say(dataset: Any, long_name: str, units: str) -> None:
+    """Write the two attributes that every dataset has."""
+    set_text(dataset, "long_name", long_name)
+    set_text(dataset, "units", units)
+
+
+def read_hdf5(path: str | os.PathLike[str]) -> Trajectory:
+    """Read the trajectory of an HDF5 file.
+
+    Parameters
+    ----------
+    path : str or path
+        A file that `write_hdf5` wrote.
+
+    Returns
+    -------
+    Trajectory
+        With the same bits in every array.
+
+    Raises
+    ------
+    FileError
+        The file is missing or unreadable, is not HDF5, is cut short or damaged, or is not a
+        trajectory of lagcli in a layout that this version knows.
+    """
+    with open_hdf5(path) as file:
+        return file.trajectory()
+
+
+@contextmanager
+def open_hdf5(path: str | os.PathLike[str]) -> Iterator[Hdf5Reader]:
+    """Open an HDF5 file, to look at some of its columns; raises, then and later, as `read_hdf5`."""
+    path = os.fspath(path)
+    with open_verified(path, SCHEMA_VERSION) as opened:
+        if opened.kind != KIND:
+            raise (
+                FileError(f"cannot read {path}: it holds a {opened.kind} and not one {KIND}")
+                if opened.kind
+                else not_of_lagcli(path)
+            )
+        yield Hdf5Reader(opened)
+
+
+class Hdf5Reader:
+    """An open file; see `lagcli.results.formats.Reader`. Damage raises whatever HDF5 raises."""
+
+    def __init__(self, opened: Opened):
+        self._root, self.layout = opened.root, opened.layout
+        self.coordinates, self.constraints = (
+            read_texts(self._root, name) for name in ("coordinate", "constraint")
+        )
+        self._outputs = OutputDatasets(self._root, lead=1)
+        self.outputs = self._outputs.names
+        self._length = {
+            "time": numbers(self._root, "time").shape[0],
+            "coordinate": len(self.coordinates),
+            "constraint": len(self.constraints),
+        }
+        check_times(self._array("time"))
+        self.terms = self._read_terms()
+        self._length["term"] = len(self.terms.constraint)
+        metadata: dict[str, Any] = {n: text_attribute(self._root, n) for n in TEXTS}
+        for name in (*MAPPINGS, WARNINGS):
+            text = text_attribute(self._root, name)
+            if text is not None:
+                metadata[name] = json.loads(text)
+        self.record = Record(
+            scale_position=self._array("scale_position"),
+            scale_velocity=self._array("scale_velocity"),
+            **from_metadata(metadata),
+        )
+
+    def _read_terms(self) -> Terms:
+        constraint, coordinate = (
+            np.asarray(numbers(self._root, f"term_{name}", "<i4")[()], dtype=np.intp)
+            for name in ("constraint", "coordinate")
+        )
+        terms = Terms(constraint, coordinate, (len(self.constraints), len(self.coordinates)))
+        terms.check()
+        return terms
+
+    def count(self) -> int:
+        """Return the number of samples."""
+        return int(self._length["time"])
+
+    def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
+        """Yield columns of consecutive samples, by name."""
+        lengths = self._length
+        sizes = [math.prod(lengths[a] for a in _AXES[n][1:]) for n in names if n in _AXES]
+        rows = max(1, _SLAB // (8 * max([1, *sizes])))
+        for start in range(0, self._length["time"], rows):
+            yield {name: self._array(name, slice(start, start + rows)) for name in names}
+
+    def trajectory(self) -> Trajectory:
+        """Return all of it."""
+        from lagcli.trajectory.trajectory import Trajectory
+
+        arrays: dict[str, Any] = {q.name: self._array(q.name) for q in _BY_TIME}
+        del arrays["constraint_force"]  # the sum of constraint_force_by
+        return Trajectory(
+            coordinates=self.coordinates,
+            constraints=self.constraints,
+            terms=self.terms,
+            outputs=self._outputs.all(self._length["time"]),
+            **arrays,
+            **vars(self.record),
+        )
+
+    def _array(self, name: str, rows: slice = slice(None)) -> Array:
+        """Return some rows of a quantity, or all, if it has the shape that it should have."""
+        if name.startswith(_OUTPUTS):
+            output = name.removeprefix(_OUTPUTS)
+            shape, expected = self._outputs.shape(output), (self._length["time"],)
+        else:
+            dataset = numbers(self._root, name)
+            shape, expected = dataset.shape, tuple(self._length[axis] for axis in _AXES[name])
+        if shape != expected:
+            raise ValueError(f"{name} has shape {shape}, not {expected}")
+        if name.startswith(_OUTPUTS):
+            return self._outputs.read(output, rows)
+        return np.asarray(dataset[rows], dtype=np.float64)

@@ -1,0 +1,1 @@
+"""Simulations: model and settings to samples."""

@@ -1,0 +1,129 @@
+"""What a run writes besides q, v, a and λ: forces, energies, powers, residuals and outputs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lagcli.engine.contract import Block
+from lagcli.engine.evaluator import Batch
+from lagcli.engine.scales import least_scales_of_entries, usable
+from lagcli.engine.system import System
+from lagcli.trajectory.samples import Array, Samples, Terms
+
+
+class DerivedColumns:
+    """Completes the blocks of one run, in order.
+
+    Each number is a function of its sample alone (and of the first one, for the energy balance):
+    it does not depend, not even in its last bit, on how the samples lie in blocks. That is why
+    sums run over the nonzero entries of M and B, one after the other.
+
+    Parameters
+    ----------
+    system : System
+
+    Attributes
+    ----------
+    samples : int
+        How many were completed.
+    """
+
+    def __init__(self, system: System):
+        self.system = system
+        self.samples = 0
+        shape = (len(system.constraints), len(system.coordinates))
+        order = sorted(system.jacobian_pattern)
+        self._terms = Terms.of(order, shape)
+        places = {pair: place for place, pair in enumerate(order)}
+        self._places = [places[pair] for pair in system.jacobian_pattern]
+        self._energy_before = 0.0  # of the system and of what works on it, at the first sample
+        self._position_scale = np.zeros(len(system.holonomic))
+        self._velocity_scale = np.zeros(len(system.constraints))
+
+    @property
+    def scale_position(self) -> Array:
+        """Each constraint's largest scale so far, (nc,); NaN where it has no position."""
+        scale = np.full(len(self.system.constraints), np.nan)
+        scale[list(self.system.holonomic)] = usable(self._position_scale)
+        return scale
+
+    @property
+    def scale_velocity(self) -> Array:
+        """Each velocity constraint's largest scale so far, (nc,)."""
+        return usable(self._velocity_scale)
+
+    def __call__(self, block: Block) -> Samples:
+        """Return the next samples with all their columns."""
+        system, count = self.system, len(block.time)
+        nq, nc = len(system.coordinates), len(system.constraints)
+        batch = Batch(system, block.time, block.q, block.v)
+        e = batch.entries()
+        kinetic, potential, total, applied, explicit, *outputs = batch.report(
+            block.a, block.multipliers
+        )
+        v, a, multipliers = (
+            np.ascontiguousarray(x.T) for x in (block.v, block.a, block.multipliers)
+        )
+
+        by = np.empty((count, len(system.jacobian_pattern)))
+        forces, velocity = np.zeros((nq, count)), np.zeros((nc, count))
+        for (i, j), entry, place in zip(
+            system.jacobian_pattern, e.jacobian, self._places, strict=True
+        ):
+            velocity[i] += entry * v[j]
+            force = entry * multipliers[i]
+            forces[j] += force
+            by[:, place] = force
+        power = np.zeros(count)
+        for i in range(nc):
+            power += multipliers[i] * velocity[i]
+        equation = np.zeros((nq, count))
+        for (i, j), entry in zip(system.mass_pattern, e.mass_matrix, strict=True):
+            equation[i] += entry * a[j]
+        position = np.full((nc, count), np.nan)
+        position[list(system.holonomic)] = e.position
+
+        if count and not self.samples:
+            self._energy_before = total[0] - block.work[0]
+        self.samples += count
+        mass_diagonal = np.zeros((nq, count))
+        for (i, j), entry in zip(system.mass_pattern, e.mass_matrix, strict=True):
+            if i == j:
+                mass_diagonal[i] = entry
+        inertia = np.ascontiguousarray(system.inertia(mass_diagonal.T).T)
+        scales = [
+            least_scales_of_entries(inertia, system.jacobian_pattern, e.jacobian, nc, x)
+            for x in (np.ascontiguousarray(block.q.T), v)
+        ]
+        held = scales[0][list(system.holonomic)]
+        self._position_scale = _larger(self._position_scale, np.maximum(e.position_scale, held))
+        self._velocity_scale = _larger(
+            self._velocity_scale, np.maximum(e.velocity_scale, scales[1])
+        )
+        return Samples(
+            coordinates=system.coordinates,
+            constraints=system.constraints,
+            terms=self._terms,
+            time=block.time,
+            q=block.q,
+            v=block.v,
+            a=block.a,
+            multipliers=block.multipliers,
+            constraint_force_by=by,
+            energy_kinetic=kinetic,
+            energy_potential=potential,
+            energy_total=total,
+            power_applied=applied,
+            power_constraint=power,
+            power_time=explicit,
+            energy_balance=total - self._energy_before - block.work,
+            residual_position=np.ascontiguousarray(position.T),
+            residual_velocity=np.ascontiguousarray((velocity + e.drift).T),
+            residual_equation=np.abs(equation - e.forcing - forces).max(axis=0, initial=0.0),
+            outputs=dict(zip(system.outputs, outputs, strict=True)),
+        )
+
+
+def _larger(scale: Array, scales: Array) -> Array:
+    """Return each constraint's largest scale so far, from that before and those of more samples."""
+    return np.maximum(scale, scales.max(axis=1, initial=0.0))

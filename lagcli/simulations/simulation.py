@@ -1,0 +1,400 @@
+"""Model + settings → samples, block by block, and their record; all at once, a Trajectory."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.engine.contract import Block, Event, IntegrationRequest, Interrupted, Reaction
+from lagcli.engine.lowering import lower
+from lagcli.engine.system import System
+from lagcli.equations.derivation.freedom import Freedom
+from lagcli.equations.derivation.lagrange import Equations, derive
+from lagcli.errors import UsageError
+from lagcli.model.expression.units import si_notation
+from lagcli.model.model import Model, Settings
+from lagcli.settings import absolute_tolerances, engine_of, resolve, sample_count, sample_times
+from lagcli.simulations.cancellation import Interruption
+from lagcli.simulations.derived import DerivedColumns
+from lagcli.simulations.memory import check_fits
+from lagcli.simulations.start import find_start, freedom_at, negative_inertia, undefined_at
+from lagcli.simulations.threads import one_thread
+from lagcli.simulations.trust import Trust
+from lagcli.trajectory.samples import Record, Samples
+from lagcli.version import __version__
+
+if TYPE_CHECKING:
+    from lagcli.engine.integrate.prepared import Prepared
+    from lagcli.trajectory.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+#: Numbers of a block that are written at once: as CSV, the slowest, they take less than 0.1 s.
+_BLOCK_NUMBERS = 1 << 16
+#: Below so many samples at once, evaluating them together does not pay.
+_LEAST_ROWS = 16
+#: Intermediate results of a block's samples: 16 MB.
+_BLOCK_REGISTERS = 1 << 21
+#: How often the numbers of a block are held while it is completed and written.
+_COPIES = 4
+
+
+def simulate(
+    model: Model,
+    settings: Settings | None = None,
+    progress: Callable[[float], None] | None = None,
+    **options: Any,
+) -> Trajectory:
+    """Simulate a model.
+
+    Parameters
+    ----------
+    model : Model
+    settings : Settings, optional
+        What it leaves open is taken from the model's ``simulation`` block, then from the defaults.
+    progress : callable, optional
+        Called with the time reached, s, after each step.
+    **options
+        Fields of Settings, in place of ``settings``.
+
+    Returns
+    -------
+    Trajectory
+        Its ``status`` says whether the run was completed; a run that fails or is interrupted keeps
+        the samples it reached.
+
+    Raises
+    ------
+    UsageError
+        A setting is out of range or unknown.
+    ModelError
+        The fixed initial values contradict the constraints.
+    NumericalError
+        There is no start: no consistent state near the guesses, no finite value there, or a
+        coordinate without inertia.
+    """
+    if options:
+        try:
+            given = Settings(**options)
+        except TypeError as error:
+            raise UsageError(f"no such option: {error}") from None
+        settings = given.over(settings or Settings())
+    from lagcli.trajectory.trajectory import complete, joined
+
+    simulation = prepare(model, settings)
+    simulation.check_memory(kept=True)
+    blocks: list[Samples] = []
+    with Interruption() as interruption:
+        record = simulation.run(blocks.append, progress, interruption)
+    return complete(joined(blocks), record)
+
+
+def prepare(model: Model, settings: Settings | None = None) -> Simulation:
+    """Do all that comes before the first step: settings, equations, tapes, a consistent start.
+
+    Parameters
+    ----------
+    model, settings
+        As for `simulate`, which see for the errors too.
+
+    Returns
+    -------
+    Simulation
+        Ready to run.
+    """
+    chosen = resolve(settings or Settings(), model)
+    began = time.perf_counter()
+    equations = derive(model)
+    derived = time.perf_counter()
+    system = lower(equations)
+    seconds = {"derive": derived - began, "compile": time.perf_counter() - derived}
+    return ready(equations, system, chosen, seconds)
+
+
+def ready(
+    equations: Equations,
+    system: System,
+    settings: Settings,
+    seconds: dict[str, float],
+    prepared: Prepared | None = None,
+) -> Simulation:
+    """Find the start of a model whose System is there; the end of `prepare`.
+
+    Parameters
+    ----------
+    equations, system
+        Of one model.
+    settings : Settings
+        Complete.
+    seconds : dict of str to float
+        Time spent so far, by phase.
+    prepared : Prepared, optional
+        As in `lagcli.engine.contract.Request`.
+    """
+    began = time.perf_counter()
+    with one_thread():
+        start = find_start(equations, system, settings)
+    seconds = {**seconds, "integrate": time.perf_counter() - began}
+    return Simulation(equations.model, settings, equations, system, start, seconds, prepared)
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A model that is ready to run; made by `prepare`.
+
+    Parameters
+    ----------
+    model : Model
+    settings : Settings
+        Complete.
+    equations : Equations
+    system : System
+    start : ConsistentState
+    seconds : dict of str to float
+        Time spent so far, by phase.
+    prepared : Prepared, optional
+        As in `lagcli.engine.contract.Request`.
+    on_event : callable, optional
+        As in `lagcli.engine.contract.Request`.
+    """
+
+    model: Model
+    settings: Settings
+    equations: Equations
+    system: System
+    start: ConsistentState
+    seconds: dict[str, float]
+    prepared: Prepared | None = None
+    on_event: Callable[[Event], Reaction] | None = None
+
+    @property
+    def request(self) -> IntegrationRequest:
+        """What the engine is asked for."""
+        s = self.settings
+        times = sample_times(s)
+        t_end = times[-1] if s.times is not None else s.t_end
+        assert t_end is not None
+        assert s.rtol
+        assert s.method
+        assert s.formulation
+        assert s.max_steps
+        return IntegrationRequest(
+            q=self.start.q,
+            v=self.start.v,
+            rank=self.start.rank,
+            t_start=s.t_start or 0.0,
+            t_end=float(t_end),
+            times=times,
+            rtol=s.rtol,
+            atol=absolute_tolerances(s.atol, self.model.coordinate_names),
+            kinds=_kinds(self.model),
+            method=s.method,
+            formulation=s.formulation,
+            alpha=s.alpha,
+            beta=s.beta,
+            max_step=s.max_step or np.inf,
+            max_steps=s.max_steps,
+            timeout=s.timeout,
+            through_singular=bool(s.through_singular),
+            block_rows=_block_rows(self.system),
+            elimination=self.start.elimination,
+            prepared=self.prepared,
+            on_event=self.on_event,
+        )
+
+    @property
+    def initial(self) -> dict[str, float]:
+        """Values of the coordinates, and of the velocities (x'), that the run starts from."""
+        names = self.model.coordinate_names
+        state = [*self.start.q.tolist(), *self.start.v.tolist()]
+        return dict(zip([*names, *(f"{q}'" for q in names)], state, strict=True))
+
+    @cached_property
+    def freedom(self) -> Freedom:
+        """The degrees of freedom at the start."""
+        return freedom_at(self.equations, self.system, self.settings.t_start or 0.0, self.start)
+
+    def check_memory(self, kept: bool = False) -> None:
+        """Raise NumericalError if the run would take more memory than there is.
+
+        Parameters
+        ----------
+        kept : bool
+            Whether all samples are to be kept in memory; otherwise they are written as they come.
+        """
+        count = sample_count(self.settings)
+        rows = min(count, _block_rows(self.system))
+        numbers = 3 * count + _COPIES * rows * _stored(self.system)
+        if kept:
+            numbers += 2 * count * _stored(self.system)
+        check_fits(
+            8 * numbers,
+            f"a run of {count} samples",
+            "ask for fewer samples" + (", or write them to a file: lagcli simulate -o" * kept),
+        )
+
+    def run(
+        self,
+        sink: Callable[[Samples], None],
+        progress: Callable[[float], None] | None = None,
+        interruption: Interruption | None = None,
+    ) -> Record:
+        """Run, and hand the samples over as they come.
+
+        Parameters
+        ----------
+        sink : callable
+            Takes the samples in blocks, in order: at least one, which may be empty if it is the
+            only one. What it raises ends the run and goes on to the caller.
+        progress : callable, optional
+            As for `simulate`.
+        interruption : Interruption, optional
+            Asked several times in 0.1 s whether to end the run.
+
+        Returns
+        -------
+        Record
+            As in `Trajectory`; the run's status among it.
+        """
+        began = time.perf_counter()
+        columns = DerivedColumns(self.system)
+        trust = Trust(self.system)
+        elsewhere = 0.0  # seconds that are not the engine's
+
+        def take(block: Block) -> None:
+            nonlocal elsewhere
+            entered = time.perf_counter()
+            samples = columns(block)
+            trust.add(samples)
+            sink(samples)
+            elsewhere += time.perf_counter() - entered
+
+        def heed(t: float) -> None:
+            if interruption is not None and interruption.wished():
+                raise Interrupted
+            if progress is not None:
+                progress(t)
+
+        engine = engine_of(self.settings)  # loads what it needs before threads are limited
+        with one_thread():
+            run = engine(self.system, self.request, take, heed)
+        integrating = time.perf_counter() - began - elsewhere
+        if not columns.samples:
+            take(_no_samples(self.system))
+        if run.undefined is not None:
+            run.message += "; " + undefined_at(self.equations, *run.undefined).with_line
+        settings = dataclasses.asdict(self.settings)
+        if run.methods:
+            settings["method"] = ", ".join(run.methods)  # what `auto` was
+        tolerances: dict[str, float] = {}
+        if run.tolerances is not None:
+            tolerances = dict(zip(self.initial, run.tolerances[:-1].tolist(), strict=True))
+        return Record(
+            tolerances=tolerances,
+            warnings=(
+                *negative_inertia(
+                    self.system,
+                    self.settings.t_start or 0.0,
+                    self.start.q,
+                    self.start.v,
+                    self.start.rank,
+                ),
+                *_distrust(trust, columns, self.settings, run.steps),
+            ),
+            scale_position=columns.scale_position,
+            scale_velocity=columns.scale_velocity,
+            units=_units(self.model),
+            status=run.status,
+            message=run.message,
+            model=self.model.text,
+            model_sha256=self.model.sha256,
+            parameters=self.model.parameter_values,
+            options={k: v for k, v in settings.items() if v is not None},
+            counts={
+                "steps": run.steps,
+                "rejected": run.rejected,
+                "evaluations": run.evaluations,
+            },
+            seconds={**self.seconds, "integrate": self.seconds["integrate"] + integrating},
+            initial_correction=dict(self.start.moved),
+            freedom=self.freedom.to_mapping(),
+            lagcli_version=__version__,
+        )
+
+
+def warnings_of(
+    system: System, settings: Settings, rank: int, samples: NDArray[np.float64], steps: int
+) -> tuple[str, ...]:
+    """Return why a completed run cannot be trusted, from its samples alone.
+
+    Parameters
+    ----------
+    system : System
+        With the run's parameters.
+    settings : Settings
+        Complete ones.
+    rank : int
+        Of B at the start.
+    samples : (nt, 2 + 3 nq + nc) array
+        As for `Block.of_rows`, from the start on.
+    steps : int
+    """
+    nq, held = len(system.coordinates), _block_rows(system)
+    columns, trust = DerivedColumns(system), Trust(system)
+    for start in range(0, len(samples), held):
+        trust.add(columns(Block.of_rows(samples[start : start + held], nq)))
+    first = Block.of_rows(samples[:1], nq)
+    return (
+        *negative_inertia(system, float(first.time[0]), first.q[0], first.v[0], rank),
+        *_distrust(trust, columns, settings, steps),
+    )
+
+
+def _distrust(
+    trust: Trust, columns: DerivedColumns, settings: Settings, steps: int
+) -> tuple[str, ...]:
+    assert settings.rtol
+    projected = settings.formulation == "projection"
+    scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
+    return trust.warnings(settings.rtol, steps, projected, scales)
+
+
+def _no_samples(system: System) -> Block:
+    return Block.of_rows(
+        np.empty((0, 2 + 3 * len(system.coordinates) + len(system.constraints))),
+        len(system.coordinates),
+    )
+
+
+def _block_rows(system: System) -> int:
+    """Return how many samples may be under way at once, by the memory and the time they take."""
+    held = max(system.dynamics.registers, system.report.registers)
+    in_time = max(_BLOCK_NUMBERS // _stored(system), _LEAST_ROWS)
+    return max(1, min(in_time, _BLOCK_REGISTERS // held))
+
+
+def _kinds(model: Model) -> tuple[int, ...]:
+    """Return a number for the unit of each coordinate."""
+    numbers: dict[str, int] = {}
+    units = [si_notation(c.unit) if c.unit else "" for c in model.coordinates]
+    return tuple(numbers.setdefault(unit, len(numbers)) for unit in units)
+
+
+def _stored(system: System) -> int:
+    """Return how many numbers are stored of each sample."""
+    nq, nc = len(system.coordinates), len(system.constraints)
+    return 3 * nq + 3 * nc + len(system.jacobian_pattern) + len(system.outputs) + 10
+
+
+def _units(model: Model) -> dict[str, str]:
+    units = {c.name: c.unit for c in model.coordinates if c.unit}
+    units |= {p.name: si_notation(p.unit) for p in model.parameters.values() if p.unit}
+    return units | dict(model.output_units)

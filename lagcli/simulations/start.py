@@ -1,0 +1,273 @@
+"""The start of a run: a consistent state, or why there is none."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.constraints.initial import (
+    ConsistentState,
+    NoConsistentState,
+    UndefinedStart,
+    consistent_state,
+)
+from lagcli.engine.constraints.redundancy import dependent_sets
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.lowering import lower
+from lagcli.engine.system import System
+from lagcli.equations.derivation.freedom import Freedom, Redundant
+from lagcli.equations.derivation.lagrange import Equations
+from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError
+from lagcli.model.model import DEFAULTS, InitialValue, Model, Settings, velocity
+
+if TYPE_CHECKING:
+    from lagcli.simulations.undefined import UndefinedExpression
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+def find_start(equations: Equations, system: System, settings: Settings) -> ConsistentState:
+    """Find the consistent initial state of a model, or explain why there is none.
+
+    Raises
+    ------
+    ModelError
+        The fixed initial values, or the constraints among each other, contradict.
+    NumericalError
+        No consistent state near the guesses, no finite value there, a coordinate without inertia.
+    """
+    model = equations.model
+    q, fixed_q = _initial(model, model.initial_positions)
+    v, fixed_v = _initial(model, model.initial_velocities)
+    t = settings.t_start or 0.0
+    try:
+        start = consistent_state(system, t, q, v, fixed_q, fixed_v)
+    except UndefinedStart as error:
+        raise _undefined_start(equations, *error.state) from None
+    except NoConsistentState as error:
+        raise _no_start(model, error) from None
+    if not start.elimination:
+        _check_inertia(equations, system, t, start)
+    return start
+
+
+def freedom_at(equations: Equations, system: System, t: float, start: ConsistentState) -> Freedom:
+    """Return the degrees of freedom at a consistent state."""
+    sets = dependent_sets(system, t, start.q, start.v, start.rank)
+    names = system.constraints
+    redundant = (Redundant(tuple(names[i] for i in found), surplus) for found, surplus in sets)
+    return Freedom(len(equations.q), len(names), start.rank, tuple(redundant))
+
+
+def degrees_of_freedom(equations: Equations) -> Freedom:
+    """Count the degrees of freedom of a model by the rank of B at its consistent start.
+
+    Parameters
+    ----------
+    equations : Equations
+
+    Returns
+    -------
+    Freedom
+        Its rank is None where there is no consistent start.
+    """
+    k, r = len(equations.q), len(equations.constraints)
+    if not r:
+        return Freedom(k, 0, 0)
+    settings = equations.model.settings.over(DEFAULTS)
+    system = lower(equations)
+    try:
+        start = find_start(equations, system, settings)
+    except LagcliError:
+        return Freedom(k, r)
+    return freedom_at(equations, system, settings.t_start or 0.0, start)
+
+
+def _initial(model: Model, table: Any) -> tuple[Array, Flags]:
+    entries: list[InitialValue] = [table[name] for name in model.coordinate_names]
+    return np.array([e.value for e in entries]), np.array([e.fixed for e in entries])
+
+
+def undefined_at(equations: Equations, t: float, q: Array, v: Array) -> UndefinedExpression:
+    """Say which expression of the model has no finite value at a state."""
+    from lagcli.simulations.undefined import undefined_expression
+
+    return undefined_expression(equations, t, q.tolist(), v.tolist())
+
+
+def _undefined_start(equations: Equations, t: float, q: Array, v: Array) -> NumericalError:
+    found = undefined_at(equations, t, q, v)
+    return NumericalError(
+        Diagnostic(
+            "undefined-start",
+            f"no start: {found.clause}",
+            found.location,
+            "change the initial values, or write the expression so that it is smooth there",
+        )
+    )
+
+
+def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalError:
+    residuals = "\n".join(
+        f"  {x.constraint}: residual {x.residual:.3g} ({x.relative:.2g} of its scale)"
+        for x in error.violations
+    )
+    names = ", ".join(f"`{x.constraint}`" for x in error.violations)
+    plural = "s" if len(error.violations) > 1 else ""
+    first = next(c for c in model.constraints if c.name == error.violations[0].constraint)
+    level = "" if error.level == "position" else ", differentiated in time,"
+    if error.contradiction and error.stuck:
+        freed = error.stuck[0]
+        base = freed.rstrip("'")
+        table = model.initial_velocities if freed.endswith("'") else model.initial_positions
+        entry = table[base]
+        return ModelError(
+            [
+                Diagnostic(
+                    "inconsistent-start",
+                    f"the fixed initial values violate the constraint{plural} {names}{level}\n"
+                    + residuals,
+                    entry.location,
+                    f"free one of {', '.join(error.stuck)}, for instance"
+                    f" `{freed}: {{guess: {entry.value:.6g}}}`",
+                )
+            ]
+        )
+    if error.contradiction:
+        return ModelError(
+            [
+                Diagnostic(
+                    "contradicting-constraints",
+                    f"no initial values satisfy the constraint{plural} {names}{level}: near the"
+                    f" guesses they contradict\n{residuals}",
+                    first.location,
+                    "mend the constraints, or guess values nearer to a solution",
+                )
+            ]
+        )
+    return NumericalError(
+        Diagnostic(
+            "no-start",
+            "no consistent initial state was found near the guesses: the"
+            f" constraint{plural} {names}{level} do{'' if plural else 'es'} not hold\n{residuals}",
+            first.location,
+            "guess values nearer to a solution",
+        )
+    )
+
+
+def _check_inertia(equations: Equations, system: System, t: float, start: ConsistentState) -> None:
+    """Refuse a motion that the constraints allow and no inertia resists."""
+    d = Evaluator(system).dynamics(t, start.q, start.v)
+    if not d.finite:
+        raise _undefined_start(equations, t, start.q, start.v)
+    nq = len(start.q)
+    free = np.eye(nq)
+    if len(d.jacobian):
+        from lagcli.engine.linear.dense import decompose
+
+        free = decompose(d.jacobian, start.rank).null
+    if not free.shape[1]:
+        return
+    # coordinates of different units are compared by their own inertia
+    size = np.sqrt(np.abs(np.diag(d.mass_matrix)))
+    size = 1 / np.where(size > 0, size, 1.0)
+    basis, _ = np.linalg.qr(free / size[:, None])
+    reduced = basis.T @ (d.mass_matrix * np.outer(size, size)) @ basis
+    values, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
+    weakest = int(np.argmin(np.abs(values)))
+    if abs(values[weakest]) > 1e-12:
+        return
+    direction = np.abs(size * (basis @ vectors[:, weakest]))
+    moving = [i for i, x in enumerate(direction) if x > 1e-6 * direction.max()]
+    raise _no_inertia(equations.model, [system.coordinates[i] for i in moving])
+
+
+def _no_inertia(model: Model, coordinates: list[str]) -> NumericalError:
+    from lagcli.model.places import Places
+
+    names = [f"`{name}`" for name in coordinates]
+    what = f"coordinate {names[0]} has" if len(names) == 1 else f"motion of {', '.join(names)} has"
+    key = "L" if model.kinetic is None else "T"
+    massless = _vanishing_in(model, coordinates)
+    reason = f"`{key}` does not resist it"
+    if massless:
+        reason += f" ({' and '.join(f'`{p}` is 0' for p in massless)})"
+    declared = {c.name: c.location for c in model.coordinates}
+    notes = [(f"`{coordinates[0]}` is declared here", declared[coordinates[0]])]
+    notes += [(f"`{p}` is given here", model.parameters[p].location) for p in massless[:1]]
+    places = Places(model)
+    return NumericalError(
+        Diagnostic(
+            "no-inertia",
+            f"the {what} no inertia: {reason} and no constraint determines it, so that its"
+            " acceleration is undetermined",
+            places.location(places.entry(key)),
+            "give it a mass, or a constraint"
+            + (f", for instance `--set {massless[0]}=1`" if massless else ""),
+            tuple(notes),
+        )
+    )
+
+
+def negative_inertia(system: System, t: float, q: Array, v: Array, rank: int) -> list[str]:
+    """Return a warning where T falls with the velocities that the constraints allow.
+
+    Equations with negative masses can be solved, but no body has one: a sign is wrong.
+
+    Parameters
+    ----------
+    system : System
+    t : float
+    q, v : (nq,) arrays
+        A consistent state.
+    rank : int
+        Of B there.
+    """
+    d = Evaluator(system).dynamics(t, q, v)
+    mass, nq = d.mass_matrix, len(q)
+    if not nq or not np.isfinite(mass).all():
+        return []
+    size = np.sqrt(np.abs(np.diag(mass)))
+    size = 1 / np.where(size > 0, size, 1.0)
+    scaled = mass * np.outer(size, size)
+    try:
+        np.linalg.cholesky(scaled + 1e-9 * np.eye(nq))
+    except np.linalg.LinAlgError:
+        pass
+    else:
+        return []
+    free = np.eye(nq)
+    if len(d.jacobian):
+        from lagcli.engine.linear.dense import decompose
+
+        free = decompose(d.jacobian, rank).null
+    basis, _ = np.linalg.qr(free / size[:, None])
+    values, vectors = np.linalg.eigh(basis.T @ scaled @ basis)
+    if not len(values) or values[0] > -1e-9:
+        return []
+    direction = np.abs(size * (basis @ vectors[:, 0]))
+    names = [
+        f"`{name}`"
+        for name, x in zip(system.coordinates, direction, strict=True)
+        if x > 1e-6 * direction.max()
+    ]
+    return [
+        f"the inertia of {', '.join(names[:6])}{', …' if len(names) > 6 else ''} is negative:"
+        " `T` falls as the velocity grows; check the signs of masses and of `T`"
+    ]
+
+
+def _vanishing_in(model: Model, coordinates: list[str]) -> list[str]:
+    """Return the parameters that are zero and by which the velocities of coordinates enter T."""
+    kinetic = -model.potential if model.kinetic is None else model.kinetic
+    found: dict[str, None] = {}
+    for name in coordinates:
+        for symbol in kinetic.diff(velocity(name)).free_symbols:
+            p = model.parameters.get(symbol.name)
+            if p is not None and p.value == 0:
+                found[p.name] = None
+    return sorted(found)

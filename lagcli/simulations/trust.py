@@ -1,0 +1,134 @@
+"""Whether a run's numbers bear out what its tolerance promises."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from lagcli.engine.evaluator import Batch
+from lagcli.engine.system import System
+from lagcli.trajectory.samples import Array, Samples
+
+#: Relative error of the energy per step, in relative tolerances: coordinates and velocities are
+#: held to rtol (|y| + 0.1 S) together, and an energy quadratic in them changes by twice that.
+_PER_STEP = 3.0
+#: Of the energy: beyond it no tolerance excuses an error, and rounding alone stays below it.
+_LARGEST = 0.01
+_ROUNDING = 1e-11
+#: Of the state: the change that shows what the energy is made of.
+_CHANGE = 1e-7
+#: Of a constraint's terms: the most that projection leaves, which aims at 1e-14.
+_RESIDUAL = 1e-9
+
+
+class Trust:
+    """Follows the energy balance and the residuals along a run.
+
+    Parameters
+    ----------
+    system : System
+        With the run's parameters.
+    """
+
+    def __init__(self, system: System):
+        self.system, self.constraints = system, system.constraints
+        self.balance = self.energy = self.flow = self.parts = 0.0
+        self._potential = (math.inf, -math.inf)
+        self._last: tuple[float, float] | None = None  # time and power of the last sample
+        self._span = 0.0  # seconds
+        nc = len(self.constraints)
+        self._residuals = {"position": np.zeros(nc), "velocity": np.zeros(nc)}
+
+    def add(self, samples: Samples) -> None:
+        """Take the next samples."""
+        if not len(samples.time):
+            return
+        self.balance = _largest(samples.energy_balance, self.balance)
+        self.parts = _largest(self._parts(samples), self.parts)
+        for energy in (samples.energy_kinetic, samples.energy_total):
+            self.energy = _largest(energy, self.energy)
+        low, high = self._potential
+        potential = samples.energy_potential
+        self._potential = np.fmin(low, potential.min()), np.fmax(high, potential.max())
+        power = sum(
+            np.abs(getattr(samples, f"power_{x}")) for x in ("applied", "constraint", "time")
+        )
+        time = samples.time
+        if self._last is not None:
+            time, power = np.append(self._last[0], time), np.append(self._last[1], power)
+        self.flow += float(np.nansum(np.diff(time) * (power[1:] + power[:-1])) / 2)
+        self._last = float(time[-1]), float(power[-1])
+        self._span += float(time[-1] - time[0])
+        for level, found in self._residuals.items():
+            largest = np.fmax.reduce(np.abs(getattr(samples, f"residual_{level}")), axis=0)
+            self._residuals[level] = np.fmax(found, largest)
+
+    def _parts(self, samples: Samples) -> Array:
+        """Return what T and V are made of, though it cancel, at the first and the last sample.
+
+        It is what they change by with the state, by the relative size of the change.
+        """
+        some = [0, -1]
+        t, q, v, a = (getattr(samples, x)[some] for x in ("time", "q", "v", "a"))
+        found = np.zeros(2)
+        for sign in (-1, 1):
+            # no two entries alike, lest their changes cancel too
+            change = 1 + sign * _CHANGE * np.cos(1.0 + np.arange(2 * q.shape[1]))
+            at, rate = q * change[: q.shape[1]], v * change[q.shape[1] :]
+            kinetic, potential, *_ = Batch(self.system, t, at, rate).report(
+                a, samples.multipliers[some]
+            )
+            with np.errstate(invalid="ignore"):
+                for energy, before in (
+                    (kinetic, samples.energy_kinetic[some]),
+                    (potential, samples.energy_potential[some]),
+                ):
+                    found = np.fmax(found, np.abs(energy - before) / _CHANGE)
+        return np.where(np.isfinite(found), found, 0.0)
+
+    def warnings(
+        self, rtol: float, steps: int, projected: bool, scales: Mapping[str, Array]
+    ) -> tuple[str, ...]:
+        """Return why the result may not be trusted.
+
+        Parameters
+        ----------
+        rtol : float
+        steps : int
+        projected : bool
+            Whether the motion was brought back onto the constraints.
+        scales : mapping of "position" and "velocity" to (nc,) arrays
+            The constraints' own scales.
+        """
+        found = []
+        allowed = min(_LARGEST, max(_PER_STEP * rtol * steps, _ROUNDING))
+        scale = float(np.fmax(max(self.energy, self.flow), np.diff(self._potential)[0]))
+        if scale < rtol * self.parts:  # energies that cancel to less than the tolerance resolves
+            scale = self.parts
+        if not self.balance <= allowed * scale:
+            share = f", {self.balance / scale:.2g} of the energies involved" if scale else ""
+            found.append(
+                f"the energy balance is off by {self.balance:.2g} J{share}, where the tolerance"
+                f" explains {allowed:.1g}: give a smaller --rtol"
+            )
+        for level, largest in self._residuals.items():
+            terms = scales[level]
+            if level == "velocity" and self._span:  # what moves no position counts for nothing
+                terms = np.fmax(terms, scales["position"] / self._span)
+            with np.errstate(invalid="ignore"):
+                relative = np.nan_to_num(largest / terms)
+            worst = int(np.argmax(relative)) if len(relative) else 0
+            limit = _RESIDUAL if projected else allowed
+            if len(relative) and relative[worst] > limit:
+                what = "violated" if level == "position" else "violated in the velocities"
+                found.append(
+                    f"the constraint `{self.constraints[worst]}` is {what} by {relative[worst]:.2g}"
+                    " of its terms"
+                )
+        return tuple(found)
+
+
+def _largest(values: Array, before: float) -> float:
+    return float(np.fmax(np.fmax.reduce(np.abs(values)), before))

@@ -1,0 +1,216 @@
+"""Name the expression of a model that has no finite value at a state, as its author wrote it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from fractions import Fraction
+from functools import cached_property
+from typing import NamedTuple
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.equations.derivation.lagrange import Equations
+from lagcli.equations.presentation.written import scope_of
+from lagcli.errors import SourceLocation
+from lagcli.model.expression import trees
+from lagcli.model.expression.building import build
+from lagcli.model.expression.functions import derivative
+from lagcli.model.expression.grammar import Tree
+from lagcli.model.expression.tensors import Tensor
+from lagcli.model.model import NO_INDICES, TIME
+from lagcli.model.names.scoping import Value
+from lagcli.model.places import Places
+
+_NAMED = 8  # coordinates whose values a message lists
+
+
+class UndefinedExpression(NamedTuple):
+    """What has no finite value: a clause, and the place in the model file."""
+
+    clause: str
+    location: SourceLocation | None
+
+    @property
+    def with_line(self) -> str:
+        """The clause with the line of the model file."""
+        line = self.location.line if self.location else 0
+        return f"{self.clause} (line {line} of the model)" if line else self.clause
+
+
+class _Written(NamedTuple):
+    """A part of the model's text: the tree, the entry that it stands in, the index's values."""
+
+    tree: Tree
+    block: str
+    name: str | None = None
+    indices: Mapping[str, int] = NO_INDICES
+
+
+def undefined_expression(
+    equations: Equations, t: float, q: list[float], v: list[float]
+) -> UndefinedExpression:
+    """Say which expression of the model is not finite at a state, and what the state is.
+
+    Parameters
+    ----------
+    equations : Equations
+    t : float
+        s.
+    q, v : lists of nq float
+
+    Returns
+    -------
+    Undefined
+        A clause such as "`log(x)` in `V` has no finite value at x = -0.2", and its place. Where
+        all expressions have one, it names the smallest whose first or second derivatives do not.
+    """
+    return _ExpressionSearch(equations, t, q, v).found()
+
+
+class _ExpressionSearch:
+    def __init__(self, equations: Equations, t: float, q: list[float], v: list[float]):
+        self.equations, self.model = equations, equations.model
+        self.state: dict[Basic, float] = {TIME: t}
+        self.state.update(zip(equations.q, q, strict=True))
+        self.state.update(zip(equations.v, v, strict=True))
+        parameters = {se.Symbol(n): p.value for n, p in self.model.parameters.items()}
+        self.values = {**self.state, **parameters}
+        self.scope = scope_of(self.model)
+
+    @cached_property
+    def places(self) -> Places:
+        return Places(self.model)
+
+    def found(self) -> UndefinedExpression:
+        statements = list(self.statements())
+        for bad, what in ((self.unbounded, ""), (self.steep, "the derivative of ")):
+            for part in statements:
+                if bad(self.value(part)):
+                    return self.described(part, bad, what)
+        at = ", ".join(f"{s.name} = {x:.6g}" for s, x in self.listed(self.equations.q))
+        node = self.places.entry("T") or self.places.entry("L")
+        return UndefinedExpression(
+            "the mass matrix does not determine the accelerations, with the constraints as they"
+            f" are, at {at}",
+            self.places.location(node),
+        )
+
+    def statements(self) -> Iterator[_Written]:
+        """Yield what the model states of the motion."""
+        trees = self.model.trees
+        for key in ("L", "T", "V", "D"):
+            if key in trees:
+                yield _Written(trees[key], key)
+        for key, tree in trees.items():
+            block, _, name = key.partition(".")
+            if block == "Q" and not name.endswith("]"):
+                yield _Written(tree, block, name)
+        for c in self.model.constraints:
+            for side in (c.left, c.right):
+                if side is not None:
+                    yield _Written(side, "constraints", c.name, c.indices)
+
+    # parts
+
+    def value(self, part: _Written) -> Value | None:
+        """Return the value of a part as expressions; None for a condition."""
+        if isinstance(part.tree, trees.Comparison | trees.LogicalExpr):
+            return None
+        self.scope.values.clear()
+        self.scope.values.update(part.indices)
+        return build(part.tree, self.scope).value
+
+    def inside(self, part: _Written) -> Iterator[_Written]:
+        """Yield the parts of a part; of cases the one that is taken, of a name its definition."""
+        tree = part.tree
+        self.scope.values.clear()
+        self.scope.values.update(part.indices)
+        match tree:
+            case trees.Name():
+                name, _ = self.scope.named(tree)
+                definition = self.model.definitions.get(name)
+                if definition is not None:
+                    yield _Written(definition.tree, "definitions", name, definition.indices)
+            case trees.IndexedSumExpr():
+                for k in self.scope.indices.range(tree.range):
+                    yield part._replace(tree=tree.term, indices={**part.indices, tree.index: k})
+            case trees.CallExpr(function="if"):
+                condition, then, otherwise = tree.arguments
+                one, zero = (trees.NumberExpr(0, 0, Fraction(x)) for x in (1, 0))
+                truth = trees.CallExpr(0, 0, "if", (condition, one, zero))
+                holds = self.value(part._replace(tree=truth))
+                assert isinstance(holds, Basic)
+                yield part._replace(tree=then if self.numbers([holds])[0] else otherwise)
+            case _:
+                for inner in tree.parts:
+                    yield part._replace(tree=inner)
+
+    # values
+
+    def numbers(self, expressions: list[Basic]) -> list[float]:
+        return ScalarTape(compile_tape(expressions, list(self.values)))(self.values.values())
+
+    def unbounded(self, value: Value | None) -> bool:
+        """Whether an expression has no finite value."""
+        return self.unbounded_any(_entries(value))
+
+    def steep(self, value: Value | None) -> bool:
+        """Whether an expression's first or second derivatives have no finite value."""
+        slopes = [derivative(e, s) for e in _entries(value) for s in self.symbols(e)]
+        curvatures = [derivative(e, s) for e in slopes for s in self.symbols(e)]
+        return self.unbounded_any(slopes) or self.unbounded_any(curvatures)
+
+    def unbounded_any(self, expressions: list[Basic]) -> bool:
+        return bool(expressions) and not all(map(math.isfinite, self.numbers(expressions)))
+
+    def symbols(self, expression: Basic) -> list[Basic]:
+        """Return the coordinates and velocities that occur, and the time."""
+        return sorted((s for s in expression.free_symbols if s in self.state), key=str)
+
+    # the culprit
+
+    def described(
+        self, part: _Written, bad: Callable[[Value | None], bool], what: str
+    ) -> UndefinedExpression:
+        """Describe the smallest part that is bad inside one that is."""
+        used_by = part
+        while True:
+            inner = next((x for x in self.inside(part) if bad(self.value(x))), None)
+            if inner is None and isinstance(part.tree, trees.Name) and bad == self.unbounded:
+                # the rate of a definition
+                inner = next((x for x in self.inside(part) if self.steep(self.value(x))), None)
+                bad, what = (self.steep, "the derivative of ") if inner else (bad, what)
+            if inner is None:
+                break
+            part = inner
+        node = self.places.entry(part.block, part.name)
+        text = self.places.text(node, part.tree)
+        where = _title(part)
+        if part.block != used_by.block:
+            where += f", which {_title(used_by)} uses,"
+        symbols = {s for e in _entries(self.value(part)) for s in self.symbols(e)}
+        at = ", ".join(f"{s.name} = {x:.6g}" for s, x in self.listed(sorted(symbols, key=str)))
+        at = at or f"t = {self.state[TIME]:.6g}"
+        clause = f"{what}`{text}` in {where} has no finite value at {at}"
+        return UndefinedExpression(clause, self.places.location(node, part.tree))
+
+    def listed(self, symbols: tuple[Basic, ...] | list[Basic]) -> list[tuple[Basic, float]]:
+        return [(s, self.state[s]) for s in symbols[:_NAMED]]
+
+
+def _entries(value: Value | None) -> list[Basic]:
+    if value is None:
+        return []
+    return list(value.entries) if isinstance(value, Tensor) else [value]
+
+
+def _title(part: _Written) -> str:
+    """Say what an entry is."""
+    if part.name is None:
+        return f"`{part.block}`"
+    kind = {"definitions": "the definition", "constraints": "constraint", "Q": "the force on"}
+    return f"{kind[part.block]} `{part.name}`"

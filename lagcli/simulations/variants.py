@@ -1,0 +1,213 @@
+"""One model, derived once, for many values of its parameters and initial values."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import symengine as se
+from numpy.typing import NDArray
+
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.lowering import lower
+from lagcli.engine.system import System
+from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.tape.interpreter import run_arrays
+from lagcli.engine.tape.tape import Tape
+from lagcli.equations.derivation.lagrange import Equations, derive
+from lagcli.errors import ModelError, NumericalError
+from lagcli.model.loader import load_text
+from lagcli.model.model import Model, Settings
+from lagcli.model.names.members import family_of
+from lagcli.model.names.propagation import dependent_values
+from lagcli.settings import resolve
+from lagcli.simulations.simulation import Simulation, ready
+from lagcli.simulations.start import find_start
+
+if TYPE_CHECKING:
+    from lagcli.engine.integrate.prepared import Prepared
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+class Values(NamedTuple):
+    """Parameters and initial values of n variants, in SI, in the model's order.
+
+    Parameters
+    ----------
+    parameters : (n, np) array
+    q, v : (n, nq) arrays
+        As given: fixed values and guesses, not yet consistent.
+    fixed_q, fixed_v : (nq,) arrays of bool
+        Which of them are fixed.
+    """
+
+    parameters: Array
+    q: Array
+    v: Array
+    fixed_q: Flags
+    fixed_v: Flags
+
+
+class Variants:
+    """A model ready to be simulated with other values, without being derived again.
+
+    Parameters
+    ----------
+    model : Model
+        Its values are those that no variant changes.
+    settings : Settings, optional
+        As for `lagcli.simulations.simulation.prepare`.
+
+    Raises
+    ------
+    UsageError
+        A setting is out of its range.
+    """
+
+    def __init__(self, model: Model, settings: Settings | None = None):
+        self.model, self._given = model, settings or Settings()
+        self.settings = resolve(self._given, model)
+        self._followers: dict[tuple[str, ...], _Followers] = {}
+
+    @cached_property
+    def equations(self) -> Equations:
+        """The model's equations."""
+        return derive(self.model)
+
+    @cached_property
+    def system(self) -> System:
+        """Their System, with the model's values."""
+        return lower(self.equations)
+
+    @cached_property
+    def prepared(self) -> Prepared | None:
+        """What the compiled engine need not make ready again for each variant.
+
+        None where the model's own values have no start to make it for.
+        """
+        if self.settings.engine != "compiled":
+            return None
+        from lagcli.engine.integrate.prepared import find_elimination, prepare, unrolled
+
+        t = self.settings.t_start or 0.0
+        try:
+            start = find_start(self.equations, self.system, self.settings)
+        except (ModelError, NumericalError):
+            return None
+        states = [(t, start.q, start.v)]
+        order = start.elimination or find_elimination(Evaluator(self.system), states)
+        return unrolled(self.system, prepare(self.system, order))
+
+    def varied(
+        self,
+        set: Mapping[str, object] | None = None,
+        set_initial: Mapping[str, object] | None = None,
+    ) -> Simulation:
+        """Return the simulation of one variant.
+
+        Parameters
+        ----------
+        set, set_initial : mapping of str to numbers or text, optional
+            As for `lagcli.load`, beside those that the model was loaded with. Another value of a
+            structural parameter, on which the number of members of a family depends, asks for
+            another derivation; no other does.
+
+        Raises
+        ------
+        ModelError, UsageError, NumericalError
+            As `load` and `prepare` do.
+        """
+        model = load_text(
+            self.model.text,
+            self.model.path,
+            {**self.model.set, **(set or {})},
+            {**self.model.set_initial, **(set_initial or {})},
+        )
+        settings = resolve(self._given, model)
+        values = tuple(model.parameter_values.values())
+        prepared = None
+        if model.coordinate_names == self.model.coordinate_names and self._same_structure(model):
+            equations = dataclasses.replace(self.equations, model=model)
+            system = dataclasses.replace(self.system, parameters=values)
+            prepared = self.prepared
+        else:
+            equations = derive(model)
+            system = lower(equations)
+        return ready(equations, system, settings, {}, prepared)
+
+    def _same_structure(self, model: Model) -> bool:
+        return all(
+            model.parameters[name].value == self.model.parameters[name].value
+            for name in self.model.structural_parameters
+        )
+
+    def together(self, names: Sequence[str]) -> bool:
+        """Return whether `values` has the variants in these parameters and initial values.
+
+        Not in a structural parameter, nor in one that the settings are made of: each value of
+        those makes a run of another kind.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Parameters, coordinates and velocities (``phi'``), as the model has them.
+        """
+        needs = {family_of(name) for name in self.model.settings_need}
+        return not any(
+            name in self.model.structural_parameters or family_of(name) in needs
+            for name in self._following(names).names
+        )
+
+    def values(self, names: Sequence[str], table: Array) -> Values:
+        """Return the parameters and initial values of many variants at once.
+
+        Parameters
+        ----------
+        names : sequence of k str
+            As for `together`, which must be true of them.
+        table : (n, k) array
+            Their values in each variant, in SI. What is not finite in a result has no value there:
+            `varied` explains it.
+
+        Returns
+        -------
+        Values
+        """
+        model, following, n = self.model, self._following(names), len(table)
+        results = run_arrays(following.tape, np.ascontiguousarray(table.T), n)
+        found = dict(zip(following.names, results, strict=True))
+
+        def columns(values: Mapping[str, float]) -> Array:
+            columns = np.empty((n, len(values)))
+            for i, (name, value) in enumerate(values.items()):
+                columns[:, i] = found.get(name, value)
+            return columns
+
+        positions, velocities = model.initial_positions, model.initial_velocities
+        return Values(
+            columns(model.parameter_values),
+            columns({q: x.value for q, x in positions.items()}),
+            columns({f"{q}'": x.value for q, x in velocities.items()}),
+            np.array([x.fixed or q in names for q, x in positions.items()]),
+            np.array([x.fixed or f"{q}'" in names for q, x in velocities.items()]),
+        )
+
+    def _following(self, names: Sequence[str]) -> _Followers:
+        key = tuple(names)
+        if key not in self._followers:
+            values = dependent_values(self.model, key)
+            tape = compile_tape(values.values(), [se.Symbol(name) for name in key])
+            self._followers[key] = _Followers(tuple(values), tape)
+        return self._followers[key]
+
+
+class _Followers(NamedTuple):
+    """What follows from the varied values, and the tape that computes it from them."""
+
+    names: tuple[str, ...]
+    tape: Tape

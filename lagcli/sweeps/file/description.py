@@ -1,0 +1,124 @@
+"""What a sweep file holds: for programs as a dict, for people as text."""
+
+from __future__ import annotations
+
+import os
+import textwrap
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lagcli.results.layout import NOT_STATED
+from lagcli.sweeps.file.layout import Column
+from lagcli.sweeps.file.store import SLAB, SweepFile, open_sweep
+
+_WIDTH, _LABEL = 100, 14
+_LONGEST = 120  # characters of what is said of one varied quantity
+
+
+def describe_sweep(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return what a sweep file holds, as JSON values.
+
+    Parameters
+    ----------
+    path : str or path
+        A file of ``lagcli sweep``.
+
+    Returns
+    -------
+    dict
+        ``path``, ``bytes``, ``kind``, ``schema_version``, ``lagcli_version``, ``model_path``,
+        ``model_sha256``; ``rows`` (by status), ``failures`` (by cause); ``columns`` and
+        ``measures``, each with ``name``, ``unit``, ``min`` and ``max``; ``vary``, ``sample``,
+        ``zip``; ``samples`` kept of each row; ``parameters``, ``options``, ``seconds``.
+
+    Raises
+    ------
+    FileError
+        The file is missing, damaged, or not a sweep.
+    """
+    with open_sweep(path) as file:
+        facts, plan = file.facts, file.facts["sweep"]["plan"]
+        return {
+            "path": os.fspath(path),
+            "bytes": os.path.getsize(path),
+            **{
+                key: facts[key]
+                for key in (
+                    *("kind", "schema_version", "lagcli_version", "model_path", "model_sha256"),
+                    *("rows", "failures"),
+                )
+            },
+            "schema_version": file.layout,
+            "columns": [_extremes(file, c) for c in file.columns],
+            "measures": [_extremes(file, c) for c in file.measures],
+            **{key: plan[key] for key in ("vary", "sample", "zip")},
+            "samples": len(file.times) if file.kept else 0,
+            **{key: facts[key] for key in ("parameters", "options", "seconds")},
+        }
+
+
+def _extremes(file: SweepFile, column: Column) -> dict[str, Any]:
+    """Return name, unit and extremes of a column; None where no row has a value."""
+    low, high = np.nan, np.nan
+    for start in range(0, file.length, SLAB):
+        values = file.read(column.dataset, slice(start, start + SLAB))
+        low = np.fmin(low, np.fmin.reduce(values))
+        high = np.fmax(high, np.fmax.reduce(values))
+    known = {k: None if np.isnan(x) else float(x) for k, x in (("min", low), ("max", high))}
+    return {**column.as_json(), **known}
+
+
+def format_sweep(info: Mapping[str, Any]) -> str:
+    """Return the text that ``lagcli info`` prints of a sweep file."""
+    rows = info["rows"]
+    lines = _entry(
+        "file",
+        f"{info['path']}: sweep, HDF5, {info['bytes'] / 1e6:.3g} MB, lagcli"
+        f" {info['lagcli_version']}, layout {info['schema_version']}",
+    )
+    lines += _entry("model", f"{info['model_path']} (sha256 {info['model_sha256'][:12]}…)")
+    statuses = ", ".join(f"{count} {status}" for status, count in rows.items())
+    lines += _entry("rows", f"{sum(rows.values())}: {statuses}")
+    for cause, count in info["failures"].items():
+        lines += _entry("  failed", f"{count}: {cause}")
+    how = "together" if info["zip"] else "each with each"
+    varied = "; ".join(x if len(x) <= _LONGEST else f"{x[:_LONGEST]}…" for x in info["vary"])
+    lines += _entry("varied", varied + (f" ({how})" if info["vary"][1:] else ""))
+    for names, drawn in info["sample"].items():
+        lines += _entry(
+            "drawn", f"{names}: {drawn['points']} points, {drawn['kind']}, seed {drawn['seed']}"
+        )
+    if info["samples"]:
+        lines += _entry("kept", f"trajectories of {info['samples']} samples")
+    lines += _entry("parameters", _pairs(info["parameters"]))
+    lines += _entry("options", _pairs(info["options"]))
+    lines += _entry("seconds", _pairs(info["seconds"]))
+    table = [*info["columns"], *info["measures"]]
+    width = max([16, *(len(_title(x)) for x in table)])
+    lines += ["", f"{'column':<{width}}  {'min':>13}  {'max':>13}"]
+    lines += [
+        f"{_title(x):<{width}}  {_number(x['min']):>13}  {_number(x['max']):>13}" for x in table
+    ]
+    return "\n".join(lines)
+
+
+def _title(column: Mapping[str, Any]) -> str:
+    unit = column["unit"]
+    return column["name"] + ("" if unit == NOT_STATED else f" [{unit}]")
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.6g}"
+
+
+def _pairs(values: Mapping[str, Any]) -> str:
+    shown = (f"{x:.6g}" if isinstance(x, float) else str(x) for x in values.values())
+    return ", ".join(f"{name} = {x}" for name, x in zip(values, shown, strict=True))
+
+
+def _entry(label: str, text: str) -> list[str]:
+    text = "".join(c if c.isprintable() or c.isspace() else "�" for c in text)
+    lines = textwrap.wrap(text, _WIDTH - _LABEL, break_on_hyphens=False)
+    return [f"{label if not i else '':<{_LABEL}}{line}" for i, line in enumerate(lines)]

@@ -1,0 +1,309 @@
+"""The journal of a sweep: what is known of its rows while it runs.
+
+A file that only grows, record by record. Each record has its length and a checksum over all
+records up to it, so that it is valid only in its place. A process that is killed leaves whole
+records and at most a part of one; a power failure may leave zeros. The next reader cuts the file
+after the last record that is whole.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+import struct
+import time
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from lagcli.errors import FileError, UsageError
+from lagcli.results.atomic import sync_folder
+from lagcli.results.reasons import read_failure, write_failure
+from lagcli.sweeps.file.records import decode, encode
+from lagcli.sweeps.rows.rows import Results
+
+try:
+    import fcntl
+except ImportError:  # without POSIX locks, nothing keeps a second process out
+    fcntl = None  # type: ignore[assignment]
+
+_NAME = b"lagcli sweep journal "
+_MAGIC = _NAME + b"2\n"
+_HEAD = struct.Struct("<QI")  # bytes of the record; CRC-32 of all lengths and records so far
+_LENGTH = struct.Struct("<Q")
+_SYNC = 1.0  # s between two syncs: what a power failure may cost
+
+
+def journal_of(output: str) -> str:
+    """Return the name of the journal beside a result file."""
+    return f"{output}.journal"
+
+
+class Mark(NamedTuple):
+    """The end of a record: its place in the file, and the checksum up to there."""
+
+    place: int
+    checksum: int
+
+
+class Journal:
+    """An open journal, which no other process can open.
+
+    Parameters
+    ----------
+    path : str
+    header : mapping
+        What the sweep is, as JSON values.
+    resume : bool
+        Go on with the journal that is there. One that ends before its first row (an empty file, a
+        header cut short, zeros) is begun anew; otherwise the file is emptied first.
+
+    Attributes
+    ----------
+    header : dict
+        What the journal was begun with.
+    damage : int
+        Bytes that `recover` cut off.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read or written, is no journal, or its beginning is damaged.
+    UsageError
+        Another process has it open.
+    """
+
+    def __init__(self, path: str, header: Mapping[str, Any], resume: bool = False):
+        self.path = path
+        self.damage = 0
+        self._synced = time.monotonic()
+        self._file = self._open()
+        try:
+            if resume and self._holds_rows(header):
+                self.header = self._read_header()
+            else:
+                self.header = dict(header)
+                self._begin()
+            self._start = self._end
+        except BaseException:
+            os.close(self._file)
+            raise
+
+    def _open(self) -> int:
+        while True:
+            try:
+                file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
+            except OSError as error:
+                raise write_failure(self.path, error) from error
+            try:
+                if not stat.S_ISREG(os.fstat(file).st_mode):
+                    os.close(file)
+                    raise FileError(f"cannot write {self.path}: it is not a regular file")
+                if fcntl is not None:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                with suppress(FileNotFoundError):
+                    if os.path.samestat(os.fstat(file), os.stat(self.path)):
+                        return file
+            except BlockingIOError:
+                os.close(file)
+                raise UsageError(
+                    f"another process is running this sweep: it holds {self.path}; wait for it, or"
+                    " write to another file"
+                ) from None
+            os.close(file)  # finished and removed by its owner in between
+
+    def close(self) -> None:
+        """Sync and close the file, which stays."""
+        with suppress(OSError):
+            os.fsync(self._file)
+        os.close(self._file)
+
+    def remove(self) -> None:
+        """Remove the file, when all it holds is in the result file."""
+        with suppress(FileNotFoundError):
+            os.unlink(self.path)
+        os.close(self._file)
+
+    @property
+    def lost(self) -> bool:
+        """Whether the name no longer leads to this file: it was removed or replaced."""
+        try:
+            return not os.path.samestat(os.fstat(self._file), os.stat(self.path))
+        except OSError:
+            return True
+
+    # the beginning
+
+    def _begin(self) -> None:
+        self._end = Mark(0, 0)
+        self._write(_MAGIC)
+        self._end = Mark(len(_MAGIC), 0)
+        self._add(json.dumps(self.header).encode())
+        self._sync()
+        sync_folder(os.path.dirname(self.path) or ".")
+
+    def _holds_rows(self, header: Mapping[str, Any]) -> bool:
+        """Return whether rows may follow the header; raise if the file is something else.
+
+        A power failure during the first writes leaves a part of the beginning, or zeros.
+        """
+        head = self._read(0, len(_MAGIC))
+        if not head.startswith(_NAME) and not _NAME.startswith(head.rstrip(b"\0")):
+            raise FileError(f"{self.path} is not a journal of a sweep; remove it, or give --force")
+        if self._record(Mark(len(_MAGIC), 0)) is not None:
+            return True
+        first_row = len(_MAGIC) + _HEAD.size + len(json.dumps(header).encode())
+        return bool(self._read(first_row, self._size() - first_row).strip(b"\0"))
+
+    def _read_header(self) -> dict[str, Any]:
+        magic = self._read(0, len(_MAGIC))
+        if magic != _MAGIC and magic[len(_NAME) :].strip().isdigit():
+            raise FileError(
+                f"{self.path} was written by another version of lagcli; finish the sweep with that"
+                " version, or give --force to begin anew"
+            )
+        found = self._record(Mark(len(_MAGIC), 0)) if magic == _MAGIC else None
+        if found is not None:
+            self._end, record = found
+            with suppress(ValueError):
+                header = json.loads(record)
+                if isinstance(header, dict) and isinstance(header.get("sweep"), dict):
+                    return header
+        raise FileError(
+            f"{self.path} is damaged at its beginning, which says to what sweep its rows belong;"
+            " give --force to begin anew"
+        )
+
+    # records
+
+    def append(self, results: Results) -> None:
+        """Add the results of some rows; later ones of a row replace earlier ones.
+
+        Raises
+        ------
+        FileError
+            The disk is full, or refuses; the journal is as it was.
+        """
+        self._add(encode(results))
+
+    def recover(self, rows: int, measures: int) -> Iterator[Results]:
+        """Yield all results, in the order in which they came; cut off what is damaged.
+
+        Parameters
+        ----------
+        rows, measures : int
+            The sweep's; a record of others counts as damaged.
+        """
+        self._end = self._start
+        while (found := self._record(self._end)) is not None:
+            try:
+                results = decode(found[1], rows, measures)
+            except ValueError:
+                break
+            self._end = found[0]
+            yield results
+        self.damage = self._size() - self._end.place
+        if self.damage:
+            try:
+                os.ftruncate(self._file, self._end.place)
+            except OSError as error:
+                raise write_failure(self.path, error) from error
+
+    def results(self, rows: int, measures: int) -> Iterator[Results]:
+        """Yield all results that were recovered or appended.
+
+        Raises
+        ------
+        FileError
+            The file no longer holds them.
+        """
+        mark = self._start
+        while mark.place < self._end.place:
+            found = self._record(mark)
+            if found is None:
+                raise FileError(
+                    f"cannot read {self.path}: it was damaged while the sweep ran; the same"
+                    " command with --resume runs the rows again that are lost"
+                )
+            mark, record = found
+            yield decode(record, rows, measures)
+
+    def _record(self, before: Mark) -> tuple[Mark, bytes] | None:
+        """Return the record that follows a mark, and its end; None where there is no valid one."""
+        head = self._read(before.place, _HEAD.size)
+        if len(head) < _HEAD.size:
+            return None
+        size, checksum = _HEAD.unpack(head)
+        if not 0 < size <= self._size() - before.place - _HEAD.size:
+            return None
+        record = self._read(before.place + _HEAD.size, size)
+        end = _following(before, record)
+        return (end, record) if end.checksum == checksum else None
+
+    def _add(self, record: bytes) -> None:
+        end = _following(self._end, record)
+        self._write(_HEAD.pack(len(record), end.checksum) + record)
+        self._end = end
+
+    def _size(self) -> int:
+        return os.fstat(self._file).st_size
+
+    def _read(self, place: int, size: int) -> bytes:
+        parts = []
+        try:
+            while size > 0 and (part := os.pread(self._file, min(size, 1 << 24), place)):
+                parts.append(part)
+                size, place = size - len(part), place + len(part)
+        except OSError as error:
+            raise read_failure(self.path, error) from error
+        return b"".join(parts)
+
+    def _write(self, data: bytes) -> None:
+        """Write at the end; if that fails, leave the file as it was."""
+        place, view = self._end.place, memoryview(data)
+        try:
+            os.ftruncate(self._file, place)
+            while view:
+                written = os.pwrite(self._file, view, place)
+                place, view = place + written, view[written:]
+            if time.monotonic() - self._synced > _SYNC:
+                os.fsync(self._file)
+                self._synced = time.monotonic()
+        except OSError as error:
+            with suppress(OSError):
+                os.ftruncate(self._file, self._end.place)
+            raise write_failure(self.path, error) from error
+
+    def _sync(self) -> None:
+        try:
+            os.fsync(self._file)
+        except OSError as error:
+            raise write_failure(self.path, error) from error
+
+
+def _following(before: Mark, record: bytes) -> Mark:
+    """Return the end of a record that follows a mark."""
+    checksum = zlib.crc32(record, zlib.crc32(_LENGTH.pack(len(record)), before.checksum))
+    return Mark(before.place + _HEAD.size + len(record), checksum)
+
+
+def check_no_journal(output: str) -> None:
+    """Raise if an unfinished sweep stands beside a result file.
+
+    Raises
+    ------
+    FileError
+    """
+    path = journal_of(output)
+    try:
+        os.stat(path)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise read_failure(path, error) from error
+    raise FileError(
+        f"{path} is there: this sweep was begun and not finished; --resume goes on with it,"
+        " --force begins anew"
+    )

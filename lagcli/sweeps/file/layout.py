@@ -1,0 +1,176 @@
+"""The layout of a sweep file: which columns there are, how they are named and measured."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, NamedTuple
+
+from lagcli.errors import UsageError
+from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.trees import CallExpr, Name, SumExpr, Tree
+from lagcli.model.expression.units import si_notation
+from lagcli.model.model import Model
+from lagcli.model.sections.measures import REDUCTIONS
+from lagcli.results.layout import NOT_STATED, QUANTITIES
+
+KIND = "sweep"
+#: Version of the layout of sweep files.
+SCHEMA_VERSION = "2"
+
+#: Datasets that a sweep file has beside the varied quantities and the measures.
+RESERVED = {
+    *("run", "status", "message", "steps", "rejected", "evaluations", "outputs"),
+    *("coordinate", "constraint", *(q.name for q in QUANTITIES)),
+}
+COUNTS = ("steps", "rejected", "evaluations")
+
+_NAMED = re.compile(r"\s*([^\W\d_]\w*)\s*=(?!=)\s*(.*)", re.DOTALL)
+
+
+class Column(NamedTuple):
+    """A number of each row.
+
+    Parameters
+    ----------
+    name : str
+        As the model, or the measure, has it.
+    dataset : str
+        Its name in the file.
+    unit, long_name : str
+    """
+
+    name: str
+    dataset: str
+    unit: str
+    long_name: str
+
+    def as_json(self) -> dict[str, str]:
+        """Return it as a JSON value."""
+        return dict(self._asdict())
+
+
+def varied_columns(model: Model, names: tuple[str, ...]) -> list[Column]:
+    """Return the columns of the varied quantities."""
+    found = []
+    for name in names:
+        dataset = name.removesuffix("'") + ("_dot" if name.endswith("'") else "")
+        if dataset in RESERVED:
+            dataset = f"set_{dataset}"
+        if name in model.parameters:
+            said = model.parameters[name].description or f"parameter {name}"
+        else:
+            said = f"initial value of {name}"
+        found.append(Column(name, dataset, _unit_of_name(model, name), said))
+    return found
+
+
+def measure_columns(model: Model, measures: tuple[tuple[str, str], ...]) -> list[Column]:
+    """Return the columns of measures."""
+    return [Column(name, name, _unit(model, parse(text)), text) for name, text in measures]
+
+
+def named_measure(text: str) -> tuple[str, str]:
+    """Return name and expression of ``NAME=EXPRESSION``, or of an expression, named by its text.
+
+    Raises
+    ------
+    UsageError
+        The name is that of another column, or a file cannot have it.
+    """
+    match = _NAMED.fullmatch(text)
+    name, expression = (match[1], match[2].strip()) if match else (text.strip(),) * 2
+    if not expression:
+        raise UsageError(f"--measure {text!r} has no expression; write NAME=max(x), or max(x)")
+    if name in RESERVED:
+        raise UsageError(
+            f"--measure: `{name}` is the name of another column of the file; choose another name"
+        )
+    if "/" in name or len(name) > 120:
+        raise UsageError(
+            f"--measure: {name!r} cannot be the name of a column; give it one, as in"
+            f" --measure 'peak={expression}'"
+        )
+    return name, expression
+
+
+def check_names(columns: list[Column]) -> None:
+    """Raise if two columns have one name.
+
+    Raises
+    ------
+    UsageError
+    """
+    seen: dict[str, Column] = {}
+    for column in columns:
+        other = seen.setdefault(column.dataset, column)
+        if other is not column:
+            raise UsageError(
+                f"two columns of the file would be named `{column.dataset}`; give the measure"
+                f" another name, as in --measure 'of_{column.dataset}=…'"
+            )
+
+
+def _unit(model: Model, tree: Tree) -> str:
+    """Return the unit of a measure, where it follows from its form: that of its signal, or s."""
+    if isinstance(tree, SumExpr):
+        units = {_unit(model, term) for _, term in tree.terms}
+        return units.pop() if len(units) == 1 else NOT_STATED
+    if not isinstance(tree, CallExpr) or REDUCTIONS.get(tree.function) != len(tree.arguments):
+        return NOT_STATED
+    if tree.function in ("argmax", "argmin", "time_of"):
+        return "s"
+    inner = tree.arguments[0]
+    while isinstance(inner, CallExpr) and inner.function in ("abs", "fabs"):
+        inner = inner.arguments[0]
+    if isinstance(inner, SumExpr) and len(inner.terms) == 1:
+        inner = inner.terms[0][1]
+    if isinstance(inner, Name) and not inner.indices:
+        return _unit_of_name(model, inner.text + "'" * inner.primes)
+    return NOT_STATED
+
+
+def _unit_of_name(model: Model, name: str) -> str:
+    """Return the SI unit of a name, where the model states it."""
+    if name in model.parameters:
+        unit = model.parameters[name].unit
+        return si_notation(unit) if unit else NOT_STATED
+    if name in model.output_units:
+        return model.output_units[name]
+    if name.startswith("energy_"):
+        return "J"
+    if name.startswith("power_"):
+        return "W"
+    if name == "t":
+        return "s"
+    base, dots = name.rstrip("'"), len(name) - len(name.rstrip("'"))
+    for ending, order in (("_ddot", 2), ("_dot", 1)):
+        if base.removesuffix(ending) in model.coordinate_names and base.endswith(ending):
+            base, dots = base.removesuffix(ending), dots + order
+    for coordinate in model.coordinates:
+        if coordinate.name == base and coordinate.unit:
+            return coordinate.unit + ("", "/s", "/s^2")[min(dots, 2)]
+    return NOT_STATED
+
+
+def default_measures(model: Model) -> tuple[tuple[str, str], ...]:
+    """Return what is measured where nothing is said: extremes of λ, the last state, and errors."""
+    texts = [f"{kind}(lambda.{c})" for c in model.constraint_names for kind in ("min", "max")]
+    texts += [f"final({q}{dot})" for dot in ("", "'") for q in model.coordinate_names]
+    worst = ["energy_balance"]
+    worst += ["residual_position", "residual_velocity"] if model.constraints else []
+    return tuple((x, x) for x in [*texts, *(f"max(abs({name}))" for name in worst)])
+
+
+def kept_layout(model: Model) -> list[tuple[str, tuple[str, ...], int]]:
+    """Return the datasets of kept trajectories: name, axes after ``run``, and how many numbers.
+
+    The outputs come after them, in the model's order.
+    """
+    nq, nc = len(model.coordinates), len(model.constraints)
+    axes: Any = ("time", "coordinate")
+    found: list[tuple[str, tuple[str, ...], int]] = [(name, axes, nq) for name in ("q", "v", "a")]
+    found.append(("multipliers", ("time", "constraint"), nc))
+    found.append(("constraint_force", axes, nq))
+    for name in ("energy_kinetic", "energy_potential", "energy_total", "energy_balance"):
+        found.append((name, ("time",), 1))
+    return found

@@ -1,0 +1,118 @@
+"""What is done of a sweep: a few bytes for each row, and how often what went wrong."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.sweeps.rows.rows import COMPLETED, MISSING, STATUSES, Results
+
+Numbers = NDArray[np.int64]
+
+_MOST_CAUSES = 1000  # told apart
+_LONGEST = 200  # characters of a cause
+_NUMBER = re.compile(r"[-+−]?(?<![\w.])\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+
+
+def cause(message: str) -> str:
+    """Return what a message says without the numbers of its row, so that alike ones are counted."""
+    text = message.strip().partition("\n")[0]
+    text = text[text.find("error[") :] if "error[" in text else text
+    text = _NUMBER.sub("…", text.partition(";")[0])
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+
+
+class Ledger:
+    """The rows of a sweep and what became of them.
+
+    Parameters
+    ----------
+    length : int
+        The number of rows.
+
+    Attributes
+    ----------
+    status : (length,) array of int8
+        As in `lagcli.sweeps.rows.rows.Results`.
+    """
+
+    def __init__(self, length: int):
+        self.status = np.full(length, MISSING, dtype=np.int8)
+        self._cause = np.zeros(length, dtype=np.int16)
+        self._causes = {"": 0}
+
+    def enter(self, results: Results) -> None:
+        """Take note of results; later ones of a row replace earlier ones."""
+        self.status[results.numbers] = results.status
+        self._cause[results.numbers] = 0
+        for i in np.flatnonzero(results.status != COMPLETED):
+            text = cause(results.messages[i])
+            if text not in self._causes and len(self._causes) > _MOST_CAUSES:
+                text = "other causes"
+            place = self._causes.setdefault(text, len(self._causes))
+            self._cause[results.numbers[i]] = place
+
+    def forget_failures(self) -> None:
+        """Let the rows that failed be missing again."""
+        self.status[self.status != COMPLETED] = MISSING
+        self._cause[:] = 0
+
+    @property
+    def done(self) -> int:
+        """The number of rows that have results."""
+        return int(np.count_nonzero(self.status != MISSING))
+
+    def count(self, status: int) -> int:
+        """Return the number of rows of a status."""
+        return int(np.count_nonzero(self.status == status))
+
+    def failures(self) -> dict[str, int]:
+        """Return the numbers of rows that failed, by cause, the most frequent first."""
+        counts = np.bincount(self._cause, minlength=len(self._causes))
+        found = {text: int(counts[i]) for text, i in self._causes.items() if i and counts[i]}
+        return dict(sorted(found.items(), key=lambda x: -x[1]))
+
+    def statuses(self) -> dict[str, int]:
+        """Return the numbers of rows by status."""
+        return {name: self.count(i) for i, name in enumerate(STATUSES) if self.count(i)}
+
+
+class Missing:
+    """The rows that are missing, handed out in order, some at a time.
+
+    Parameters
+    ----------
+    ledger : Ledger
+        As it is now: what is handed out is not handed out again.
+    """
+
+    def __init__(self, ledger: Ledger):
+        self._wanted = ledger.status == MISSING
+        self._next = 0
+        self.left = int(np.count_nonzero(self._wanted))
+
+    def take(self, count: int) -> Numbers:
+        """Return the next rows, at most so many; none at the end."""
+        found: list[Numbers] = []
+        size = 0
+        while size < count and self._next < len(self._wanted):
+            block = np.flatnonzero(self._wanted[self._next : self._next + 65536])[: count - size]
+            if len(block):
+                block = block + self._next
+                found.append(block)
+                size += len(block)
+            full = size >= count
+            self._next = int(block[-1]) + 1 if full else self._next + 65536
+        self.left -= size
+        return np.concatenate(found) if found else np.empty(0, dtype=np.int64)
+
+
+def runs_of(numbers: Numbers) -> Iterator[tuple[slice, slice]]:
+    """Yield the parts of increasing numbers without gaps: their places, and the numbers."""
+    starts = np.flatnonzero(np.diff(numbers, prepend=numbers[:1] - 2) != 1)
+    for start, end in zip(starts, [*starts[1:], len(numbers)], strict=True):
+        first = int(numbers[start])
+        yield slice(int(start), int(end)), slice(first, first + int(end - start))

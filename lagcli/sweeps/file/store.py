@@ -1,0 +1,411 @@
+"""Sweep files: HDF5 with one entry per row along the axis ``run``; written whole, and read."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.errors import FileError
+from lagcli.model.model import Model
+from lagcli.results.hdf5.container import add_texts, make_axis, new_file, set_text
+from lagcli.results.hdf5.opening import Opened, open_verified
+from lagcli.results.hdf5.outputs import OutputDatasets, output_families
+from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute, texts
+from lagcli.results.layout import QUANTITIES, shared_unit, unit
+from lagcli.results.metadata import check_model, check_times, shortened, storable, to_json
+from lagcli.sweeps.file.layout import COUNTS, KIND, SCHEMA_VERSION, Column, kept_layout
+from lagcli.sweeps.file.row_status import runs_of
+from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.rows.rows import STATUSES, Results
+from lagcli.trajectory.samples import SIGN_CONVENTION
+from lagcli.version import __version__
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+#: Bytes of messages at first, and of those that are stored together.
+_SHORT, _MESSAGES = 64, 1 << 16
+_QUANTITIES = {q.name: q for q in QUANTITIES}
+#: Rows that are looked at together.
+SLAB = 1 << 14
+_OUTPUTS = "outputs/"
+#: The root attributes that are read, and what each must be.
+_FACTS: dict[str, type] = {
+    **dict.fromkeys(("lagcli_version", "model", "model_sha256", "model_path"), str),
+    **dict.fromkeys(("sweep", "parameters", "options", "rows", "failures", "seconds"), dict),
+    **dict.fromkeys(("columns", "measures"), list),
+}
+
+
+def write_sweep(
+    path: str,
+    spec: Spec,
+    model: Model,
+    times: Array,
+    columns: list[Column],
+    measures: list[Column],
+    results: Iterable[Results],
+    facts: Mapping[str, Any],
+    force: bool = False,
+) -> None:
+    """Write a sweep file, whole or not at all.
+
+    Parameters
+    ----------
+    path : str
+    spec : Spec
+    model : Model
+        With the values that no row changes.
+    times : (nt,) array
+        Of kept samples, s.
+    columns, measures : lists of Column
+    results : iterable of Results
+        Of all rows; later ones of a row replace earlier ones.
+    facts : mapping
+        Root attributes beside those that follow from the others; what is no text is JSON.
+    force : bool
+
+    Raises
+    ------
+    FileError
+        The file exists and ``force`` is false, or it cannot be written.
+    """
+    with new_file(path, force) as (root, sink):
+        writer = _SweepWriter(root, spec.plan.length)
+        writer.attributes(spec, model, columns, measures, facts)
+        writer.row_columns(measures)
+        if spec.keep == "trajectories":
+            writer.kept_columns(model, times)
+        for found in results:
+            writer.enter(found)
+            sink.check()
+        writer.varied(spec, columns)
+        writer.describe_message()
+        sink.check()
+
+
+class _SweepWriter:
+    def __init__(self, root: h5py.File, length: int):
+        self.root, self.length = root, length
+        self.axis = root.create_dataset("run", (length,), "<i8")
+        make_axis(self.axis.id, "run")
+        set_text(self.axis.id, "long_name", "number of the row, from 0")
+        self.kept: list[tuple[h5py.Dataset, int]] = []
+
+    def attributes(
+        self,
+        spec: Spec,
+        model: Model,
+        columns: list[Column],
+        measures: list[Column],
+        facts: Mapping[str, Any],
+    ) -> None:
+        values = {
+            "kind": KIND,
+            "schema_version": SCHEMA_VERSION,
+            "lagcli_version": __version__,
+            "sign_convention": SIGN_CONVENTION,
+            "model": spec.text,
+            "model_sha256": model.sha256,
+            "model_path": spec.path,
+            "parameters": model.parameter_values,
+            "sweep": spec.described(),
+            "columns": [c.as_json() for c in columns],
+            "measures": [c.as_json() for c in measures],
+            **facts,
+        }
+        for name, value in values.items():
+            set_text(self.root["/"].id, name, value if isinstance(value, str) else to_json(value))
+
+    def add(
+        self, name: str, kind: Any, column: tuple[str, str], *axes: h5py.Dataset
+    ) -> h5py.Dataset:
+        """Make a dataset with a unit and a long name, along ``run`` and other axes."""
+        shape = (self.length, *(len(axis) for axis in axes))
+        dataset = self.root.create_dataset(name, shape, kind)
+        for i, axis in enumerate((self.axis, *axes)):
+            dataset.dims[i].attach_scale(axis)
+        unit_, said = column
+        if unit_:
+            set_text(dataset.id, "units", unit_)
+        set_text(dataset.id, "long_name", said)
+        return dataset
+
+    def add_message(self, length: int) -> None:
+        """Make the dataset of messages of at most so many bytes, with those that there are."""
+        before = self.root.get("message")
+        kind = h5py.string_dtype("utf-8", length)
+        rows = max(1, min(self.length, _MESSAGES // length))
+        added = self.root.create_dataset(
+            "message_longer", (self.length,), kind, chunks=(rows,), compression=1
+        )
+        # empty texts are stored too: a reader takes what is declared and not stored for damage
+        for start in range(0, self.length, rows):
+            part = slice(start, min(start + rows, self.length))
+            added[part] = b"" if before is None else before[part]
+        if before is not None:
+            del self.root["message"]
+        self.root.move("message_longer", "message")
+        self.message, self.longest = added, length
+
+    def describe_message(self) -> None:
+        """Complete the dataset of messages, whose length is known at the end."""
+        self.message.dims[0].attach_scale(self.axis)
+        set_text(self.message.id, "long_name", "why the row failed, or what was noticed")
+        set_text(self.message.id, "_Encoding", "utf-8")
+
+    def row_columns(self, measures: list[Column]) -> None:
+        self.status = self.add("status", "i1", ("", "what became of the row"))
+        self.status.attrs["flag_values"] = np.arange(3, dtype="i1")
+        set_text(self.status.id, "flag_meanings", " ".join(STATUSES[:3]))
+        self.add_message(_SHORT)
+        self.counts = [self.add(name, "<i8", ("1", f"{name} of the run")) for name in COUNTS]
+        self.measures = [self.add(c.dataset, "<f8", (c.unit, c.long_name)) for c in measures]
+
+    def kept_columns(self, model: Model, times: Array) -> None:
+        root = self.root
+        root.create_group("outputs", track_order=True)
+        time = root.create_dataset("time", data=times)
+        set_text(time.id, "units", "s")
+        set_text(time.id, "long_name", "time")
+        scales = {"time": time}
+        for name, names in (
+            ("coordinate", model.coordinate_names),
+            ("constraint", model.constraint_names),
+        ):
+            scales[name] = h5py.Dataset(add_texts(root, name, names))
+        for name, scale in scales.items():
+            make_axis(scale.id, name)
+        units = {c.name: c.unit for c in model.coordinates if c.unit}
+        for name, axes, width in kept_layout(model):
+            quantity = _QUANTITIES[name]
+            column = unit(quantity, model.coordinate_names, units), quantity.long_name
+            if width:
+                added = self.add(name, "<f8", column, *(scales[axis] for axis in axes))
+                self.kept.append((added, width))
+        for family in output_families(model.outputs):
+            along = [time]
+            if family.axis:
+                along.append(h5py.Dataset(add_texts(root["outputs"], family.axis, family.members)))
+                make_axis(along[1].id, family.axis)
+            column = (
+                shared_unit(family.members, model.output_units),
+                f"output {family.dataset}",
+            )
+            added = self.add(f"outputs/{family.dataset}", "<f8", column, *along)
+            self.kept.append((added, len(family.members)))
+
+    def enter(self, results: Results) -> None:
+        """Write the results of some rows."""
+        order = np.argsort(results.numbers, kind="stable")
+        for places, rows in runs_of(results.numbers[order]):
+            mine = order[places]
+            self.status[rows] = results.status[mine]
+            for i, dataset in enumerate(self.counts):
+                dataset[rows] = results.counts[mine, i]
+            for i, dataset in enumerate(self.measures):
+                dataset[rows] = results.measures[mine, i]
+            messages = [storable(results.messages[i]).encode() for i in mine]
+            longest = max(map(len, messages), default=0)
+            if longest > self.longest:
+                self.add_message(max(longest, 2 * self.longest))
+            if longest or any(self.message[rows]):
+                self.message[rows] = np.array(messages, dtype=self.message.dtype)
+            first = 0
+            for dataset, width in self.kept:
+                values = results.kept[mine, :, first : first + width]
+                dataset[rows] = values if dataset.ndim == 3 else values[:, :, 0]
+                first += width
+
+    def varied(self, spec: Spec, columns: list[Column]) -> None:
+        """Write the varied values, which are functions of the plan."""
+        datasets = [self.add(c.dataset, "<f8", (c.unit, c.long_name)) for c in columns]
+        for start in range(0, self.length, SLAB):
+            numbers = np.arange(start, min(start + SLAB, self.length))
+            self.axis[start : start + SLAB] = numbers
+            for dataset, values in zip(datasets, spec.plan.rows(numbers).T, strict=True):
+                dataset[start : start + SLAB] = values
+
+
+class SweepFile:
+    """An open sweep file.
+
+    Attributes
+    ----------
+    length : int
+        The number of rows.
+    layout : str
+        The version of the file's layout.
+    columns, measures : lists of Column
+        The varied quantities, and the measures.
+    outputs : tuple of str
+        The outputs whose samples were kept.
+    facts : dict
+        The root attributes; what is JSON is read.
+    root : h5py.File
+    """
+
+    def __init__(self, opened: Opened):
+        self.root, self.layout = opened.root, opened.layout
+        self.length = len(numbers(self.root, "run", "<i8"))
+        self.facts = {name: self._fact(name) for name in self.root.attrs}
+        check_model(self.facts["model"], self.facts["model_sha256"])
+        for name, kind in _FACTS.items():
+            _checked(kind, self.facts[name], name)
+        for name in ("rows", "failures"):
+            for key, count in self.facts[name].items():
+                _checked(int, count, f"{name} of {key}")
+        for name in ("parameters", "seconds"):
+            self.facts[name] = {
+                k: float(_checked((int, float), v, f"{name} of {k}"))
+                for k, v in self.facts[name].items()
+            }
+        _check_plan(self.facts["sweep"])
+        self.columns = [_column(x) for x in self.facts["columns"]]
+        self.measures = [_column(x) for x in self.facts["measures"]]
+        self.kept = "time" in self.root  # whether the samples of each row are there
+        self.outputs: tuple[str, ...] = ()
+        if self.kept:
+            check_times(self.times)
+            self._outputs = OutputDatasets(self.root, lead=2)
+            self.outputs = self._outputs.names
+        status = self.read("status")
+        if ((status < 0) | (status >= len(STATUSES))).any():
+            raise ValueError("status has numbers that stand for nothing")
+
+    @property
+    def times(self) -> Array:
+        """The times of the kept samples, s."""
+        return np.asarray(numbers(self.root, "time")[()], dtype=np.float64)
+
+    @property
+    def fields(self) -> set[str]:
+        """The names of the datasets, without those of outputs."""
+        return {name for name in self.root if name != "outputs"}
+
+    def names(self, axis: str) -> tuple[str, ...]:
+        """Return the names of the coordinates or constraints."""
+        return read_texts(self.root, axis)
+
+    def read(self, dataset: str, rows: int | slice = slice(None)) -> Any:
+        """Return some rows of a dataset, or all."""
+        if dataset.startswith(_OUTPUTS):
+            name = dataset.removeprefix(_OUTPUTS)
+            self._check_length(dataset, self._outputs.shape(name))
+            return self._outputs.read(name, rows)
+        kind = "i1" if dataset == "status" else "<i8" if dataset in COUNTS else "<f8"
+        found = numbers(self.root, dataset, kind)
+        self._check_length(dataset, found.shape)
+        return found[rows]
+
+    def _check_length(self, name: str, shape: tuple[int, ...]) -> None:
+        lengths = [self.length, len(self.times)] if len(shape) > 1 else [self.length]
+        if list(shape[:2]) != lengths:
+            raise ValueError(f"{name} has shape {shape} for {self.length} rows")
+
+    def messages(self, rows: slice = slice(None)) -> list[str]:
+        """Return the messages of some rows, or all."""
+        dataset = texts(self.root, "message")
+        self._check_length("message", dataset.shape)
+        return [x.decode() for x in dataset[rows].tolist()]
+
+    def results(self) -> Iterator[Results]:
+        """Yield the results of all rows, some at a time."""
+        names = [c.dataset for c in self.measures]
+        kept = self._kept_names()
+        slab = SLAB
+        if kept:
+            per_row = sum(math.prod(numbers(self.root, name).shape[1:]) for name in kept)
+            slab = max(1, min(SLAB, (1 << 22) // max(1, per_row)))
+        for start in range(0, self.length, slab):
+            rows = slice(start, min(start + slab, self.length))
+            n = rows.stop - start
+            measures = np.empty((n, len(names)))
+            for i, name in enumerate(names):
+                measures[:, i] = self.read(name, rows)
+            samples = np.empty((n, 0, 0))
+            if kept:
+                parts = [numbers(self.root, name)[rows] for name in kept]
+                samples = np.concatenate([x if x.ndim == 3 else x[..., None] for x in parts], 2)
+            yield Results(
+                np.arange(start, rows.stop),
+                self.read("status", rows),
+                self.messages(rows),
+                np.column_stack([self.read(name, rows) for name in COUNTS]),
+                measures,
+                samples,
+            )
+
+    def _kept_names(self) -> list[str]:
+        """Return the datasets of kept trajectories, in their order."""
+        if not self.kept:
+            return []
+        names = ["q", "v", "a", "multipliers", "constraint_force"]
+        names += ["energy_kinetic", "energy_potential", "energy_total", "energy_balance"]
+        outputs = [_OUTPUTS + family.dataset for family in self._outputs.families]
+        return [name for name in names if name in self.root] + outputs
+
+    def _fact(self, name: str) -> Any:
+        """Return a root attribute; what is JSON is read."""
+        text = text_attribute(self.root, name)
+        assert text is not None
+        return json.loads(text) if name in _FACTS and _FACTS[name] is not str else text
+
+
+def _check_plan(sweep: dict[str, Any]) -> None:
+    """Raise ValueError unless the plan of a sweep says what is shown of it."""
+    plan = _checked(dict, sweep.get("plan"), "the plan")
+    for text in _checked(list, plan.get("vary"), "vary"):
+        _checked(str, text, "vary")
+    for names, drawn in _checked(dict, plan.get("sample"), "sample").items():
+        missing = {"points", "kind", "seed"} - set(_checked(dict, drawn, f"sample of {names}"))
+        if missing:
+            raise ValueError(f"the sample of {names} has no {', '.join(sorted(missing))}")
+    if not isinstance(plan.get("zip"), bool):
+        raise ValueError(f"zip is {shortened(plan.get('zip'))}")
+
+
+def _checked(kind: type | tuple[type, ...], value: Any, name: str) -> Any:
+    """Return a value, which must be of a type."""
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise ValueError(f"{name} is {shortened(value)}")
+    return value
+
+
+def _column(value: Any) -> Column:
+    """Return the column that JSON describes."""
+    if not isinstance(value, dict) or set(value) != set(Column._fields):
+        raise ValueError(f"a column is {shortened(value)}")
+    if not all(isinstance(x, str) for x in value.values()):
+        raise ValueError(f"a column is {shortened(value)}")
+    return Column(**value)
+
+
+@contextmanager
+def open_sweep(path: str | os.PathLike[str]) -> Iterator[SweepFile]:
+    """Open a sweep file for reading.
+
+    Raises
+    ------
+    FileError
+        The file is missing, damaged, or not a sweep.
+    """
+    path = os.fspath(path)
+    with open_verified(path, SCHEMA_VERSION) as opened:
+        if opened.kind != KIND:
+            raise FileError(f"cannot read {path}: it is no sweep file; name one of lagcli sweep")
+        yield SweepFile(opened)
+
+
+def is_sweep(path: str | os.PathLike[str]) -> bool:
+    """Return whether an HDF5 file is a sweep file; for the errors see `open_sweep`."""
+    with open_verified(path, SCHEMA_VERSION) as opened:
+        return opened.kind == KIND

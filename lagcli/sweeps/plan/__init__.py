@@ -1,0 +1,1 @@
+"""Plans of sweeps: which values each row has."""

@@ -1,0 +1,143 @@
+"""What one varied quantity runs through: values that are functions of their number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.sweeps.plan.sampling import Distribution, unit_points
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+
+class Factor(Protocol):
+    """One factor of a plan: some columns, and the values in each of its rows."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of parameters, coordinates and velocities (``phi'``)."""
+        ...
+
+    @property
+    def length(self) -> int:
+        """The number of rows."""
+        ...
+
+    def rows(self, numbers: Numbers) -> Array:
+        """Return the values, in SI, in the rows of these numbers, (n, columns)."""
+        ...
+
+
+def _each(numbers: Numbers, value: Callable[[int], float]) -> Array:
+    """Return a value for each number; those that come again are not computed again."""
+    different, places = np.unique(numbers, return_inverse=True)
+    found = np.array([value(int(k)) for k in different], dtype=np.float64)
+    return found[places.reshape(-1), None]
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Values at equal distances, exact until the last rounding: 1 + 2·0.1 is 1.2.
+
+    Parameters
+    ----------
+    name : str
+    first, step : Fraction or float
+    length : int
+    si : Fraction or float
+        The factor to SI.
+    """
+
+    name: str
+    first: Fraction | float
+    step: Fraction | float
+    length: int
+    si: Fraction | float = Fraction(1)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The one name."""
+        return (self.name,)
+
+    def rows(self, numbers: Numbers) -> Array:
+        """Return the values, (n, 1)."""
+        return _each(numbers, lambda k: float((self.first + k * self.step) * self.si))
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """Values of equal ratios from ``first`` to ``last``, both in SI and positive."""
+
+    name: str
+    first: float
+    last: float
+    length: int
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The one name."""
+        return (self.name,)
+
+    def rows(self, numbers: Numbers) -> Array:
+        """Return the values, (n, 1)."""
+        part = numbers / max(1, self.length - 1)
+        values = self.first * (self.last / self.first) ** part
+        ends = numbers[:, None] == np.array([0, self.length - 1])
+        values = np.where(ends[:, 1], self.last, values)
+        return np.where(ends[:, 0], self.first, values)[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class TableFactor:
+    """Rows as they are given.
+
+    Parameters
+    ----------
+    columns : tuple of k str
+    values : (n, k) array
+        In SI.
+    """
+
+    columns: tuple[str, ...]
+    values: Array
+
+    @property
+    def length(self) -> int:
+        """The number of rows."""
+        return len(self.values)
+
+    def rows(self, numbers: Numbers) -> Array:
+        """Return the values, (n, k)."""
+        return self.values[numbers]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Points drawn from distributions.
+
+    Parameters
+    ----------
+    kind : "sobol", "lhs" or "random"
+    length, seed : int
+    columns : tuple of k str
+    distributions : tuple of k Distribution
+    """
+
+    kind: str
+    length: int
+    seed: int
+    columns: tuple[str, ...]
+    distributions: tuple[Distribution, ...]
+
+    def rows(self, numbers: Numbers) -> Array:
+        """Return the values, (n, k)."""
+        points = unit_points(self.kind, self.length, len(self.columns), self.seed, numbers)
+        return np.column_stack(
+            [d.quantile(u) for d, u in zip(self.distributions, points.T, strict=True)]
+        )

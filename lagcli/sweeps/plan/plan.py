@@ -1,0 +1,182 @@
+"""The plan of a sweep: how many rows there are, and the values in each of them.
+
+A row is a function of the plan and its number alone, so that rows need not be kept anywhere.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.errors import UsageError
+from lagcli.model.model import Model
+from lagcli.sweeps.plan import sampling
+from lagcli.sweeps.plan.factors import Factor, Sample, TableFactor
+from lagcli.sweeps.plan.vary import Drawn, read_vary
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+MOST_ROWS = 10**9
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What runs through which values.
+
+    Parameters
+    ----------
+    factors : tuple of Factor
+        Crossed: the last runs fastest. Zipped: all have one length, and run together.
+    zipped : bool
+    given : tuple of str
+        The texts that it was made of.
+    """
+
+    factors: tuple[Factor, ...]
+    zipped: bool
+    given: tuple[str, ...]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the varied parameters, coordinates and velocities (``phi'``)."""
+        return tuple(name for factor in self.factors for name in factor.columns)
+
+    @property
+    def length(self) -> int:
+        """The number of rows."""
+        lengths = [factor.length for factor in self.factors]
+        return lengths[0] if self.zipped else math.prod(lengths)
+
+    def rows(self, numbers: Numbers) -> Array:
+        """Return the values, in SI, in the rows of these numbers, (n, columns)."""
+        parts, rest = [], numbers
+        for factor in reversed(self.factors):
+            if self.zipped:
+                mine = numbers
+            else:
+                rest, mine = np.divmod(rest, factor.length)
+            parts.append(factor.rows(mine))
+        return np.hstack(parts[::-1])
+
+    def described(self) -> dict[str, Any]:
+        """Return what the plan was made of, as JSON values; equal for equal plans alone."""
+        tables = {
+            ", ".join(f.columns): hashlib.sha256(f.values.tobytes()).hexdigest()
+            for f in self.factors
+            if isinstance(f, TableFactor)
+        }
+        samples = {
+            ", ".join(f.columns): {"kind": f.kind, "points": f.length, "seed": f.seed}
+            for f in self.factors
+            if isinstance(f, Sample)
+        }
+        return {
+            "vary": list(self.given),
+            "columns": list(self.columns),
+            "rows": self.length,
+            "zip": self.zipped,
+            "sample": samples,
+            "values_sha256": tables,
+        }
+
+
+def make_plan(
+    model: Model,
+    vary: Sequence[str],
+    sample: str | None = None,
+    seed: int = 0,
+    zipped: bool = False,
+    taken: Mapping[str, object] | None = None,
+) -> Plan:
+    """Make a plan from the texts of the options.
+
+    Parameters
+    ----------
+    model : Model
+    vary : sequence of str
+        ``m=1:2:0.1``, ``@file.csv``, …; see docs/sweeps.md.
+    sample : str, optional
+        ``sobol:N``, ``lhs:N`` or ``random:N``: points over those quantities that have a range.
+    seed : int
+    zipped : bool
+        Whether the factors run together, in place of each with each.
+    taken : mapping with str keys, optional
+        What has a value of its own, and is not to be varied.
+
+    Raises
+    ------
+    UsageError, ModelError, FileError
+        As `read_vary`; or the options contradict each other.
+    """
+    if not vary:
+        raise UsageError("nothing is varied: give --vary NAME=VALUES, as in --vary m=1:2:0.1")
+    read = [read_vary(text, model) for text in vary]
+    drawn = [x for x in read if isinstance(x, Drawn)]
+    if drawn and sample is None:
+        name, text = drawn[0].name, drawn[0].text
+        raise UsageError(
+            f"--vary {name}={text} is a range: give --sample sobol:1000 (or lhs:, random:) to draw"
+            f" from it, or a grid, as in --vary {name}=1:2:0.1"
+        )
+    if sample is not None and not drawn:
+        raise UsageError(
+            f"--sample {sample} has nothing to draw from: give a range, as in --vary m=1..2"
+        )
+    found: list[Factor] = []
+    for x in read:
+        if not isinstance(x, Drawn):
+            found.append(x)
+        elif x is drawn[0]:
+            assert sample is not None
+            found.append(_sample(sample, seed, drawn))
+    plan = Plan(tuple(found), zipped, tuple(t.strip() for t in vary))
+    _check(plan, taken or {})
+    return plan
+
+
+def _sample(text: str, seed: int, drawn: Sequence[Drawn]) -> Sample:
+    kind, _, number = text.strip().partition(":")
+    if kind not in sampling.KINDS or not number.isdecimal() or int(number) < 1:
+        raise UsageError(
+            f"--sample {text!r} is not of the form sobol:N, lhs:N or random:N, as in"
+            " --sample sobol:1000"
+        )
+    if seed < 0:
+        raise UsageError(f"--seed {seed} is negative; give a whole number from 0 on")
+    count = int(number)
+    if kind == "lhs" and count * len(drawn) > sampling.MOST_OF_HYPERCUBE:
+        raise UsageError(
+            f"--sample {text}: a Latin hypercube of so many points does not fit into memory; give"
+            f" --sample sobol:{count}"
+        )
+    if kind == "sobol" and count > sampling.MOST_OF_SOBOL:
+        raise UsageError(
+            f"--sample {text}: a Sobol sequence has at most 2^30 points; give --sample"
+            f" random:{count}"
+        )
+    return Sample(
+        kind, count, seed, tuple(x.name for x in drawn), tuple(x.distribution for x in drawn)
+    )
+
+
+def _check(plan: Plan, taken: Mapping[str, object]) -> None:
+    columns = plan.columns
+    for i, name in enumerate(columns):
+        if name in columns[:i]:
+            raise UsageError(f"--vary gives `{name}` twice; keep one of them")
+        if name in taken:
+            raise UsageError(
+                f"`{name}` is both varied and set to {taken[name]}; drop --set, or --vary {name}"
+            )
+    if plan.zipped and len({factor.length for factor in plan.factors}) > 1:
+        lengths = ", ".join(f"{'+'.join(f.columns)} has {f.length}" for f in plan.factors)
+        raise UsageError(f"--zip runs through all values together, but {lengths}; make them equal")
+    if plan.length > MOST_ROWS:
+        raise UsageError(f"these are {plan.length:,} rows; a sweep has at most 10^9")

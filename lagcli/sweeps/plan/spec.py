@@ -1,0 +1,84 @@
+"""What a sweep is: a model, a plan, settings and measures; small, and the same on every machine."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from lagcli.model.loader import load_text
+from lagcli.model.model import Model, Settings
+from lagcli.sweeps.plan.plan import Plan
+from lagcli.version import __version__
+
+
+@dataclass(frozen=True, eq=False)
+class Spec:
+    """Everything that the rows of a sweep are functions of, beside their numbers.
+
+    It can be sent to another process or machine, which needs no file.
+
+    Parameters
+    ----------
+    text, path : str
+        The model, and what the reader knows its file by.
+    set, set_initial : mappings of str to numbers or text
+        Values that replace the model's, in all rows.
+    settings : Settings
+        As given, not yet resolved.
+    plan : Plan
+    measures : tuple of (name, text)
+    keep : "measures" or "trajectories"
+        Whether the samples of each row are kept too.
+    strict : bool
+        Whether a row that cannot be trusted counts as failed.
+    """
+
+    text: str
+    path: str
+    set: Mapping[str, object]
+    set_initial: Mapping[str, object]
+    settings: Settings
+    plan: Plan
+    measures: tuple[tuple[str, str], ...]
+    keep: str
+    strict: bool = False
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """The numbers of rows and of measures."""
+        return self.plan.length, len(self.measures)
+
+    def load(self, values: Mapping[str, object] | None = None) -> Model:
+        """Return the model, with some parameters of other values.
+
+        Raises
+        ------
+        ModelError
+            A value cannot be used.
+        """
+        return load_text(self.text, self.path, {**self.set, **(values or {})}, self.set_initial)
+
+    def described(self) -> dict[str, Any]:
+        """Return all of it as JSON values; equal for sweeps of equal rows alone."""
+        settings = dataclasses.asdict(self.settings)
+        return {
+            "lagcli": __version__,
+            "model_sha256": hashlib.sha256(self.text.encode()).hexdigest(),
+            "set": {name: str(value) for name, value in self.set.items()},
+            "set_initial": {name: str(value) for name, value in self.set_initial.items()},
+            "settings": {k: v for k, v in settings.items() if v is not None},
+            "plan": self.plan.described(),
+            "measures": [list(x) for x in self.measures],
+            "keep": self.keep,
+            "strict": self.strict,
+        }
+
+    @cached_property
+    def sha256(self) -> str:
+        """The digest of the description."""
+        return hashlib.sha256(json.dumps(self.described()).encode()).hexdigest()

@@ -1,0 +1,125 @@
+"""The options of a sweep → a sweep that is checked, before its first row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.errors import UsageError
+from lagcli.model.loader import load_text
+from lagcli.model.model import Model, Settings
+from lagcli.model.sections.measures import read_measures
+from lagcli.results.formats import format_of
+from lagcli.sweeps.file.layout import (
+    Column,
+    check_names,
+    default_measures,
+    kept_layout,
+    measure_columns,
+    varied_columns,
+)
+from lagcli.sweeps.plan.plan import make_plan
+from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.rows.rows import Runner
+
+Array = NDArray[np.float64]
+
+#: Bytes of samples up to which trajectories are kept where nothing is said.
+KEPT_UNASKED = 10**9
+
+
+class Asked(NamedTuple):
+    """What is asked for beside the model: texts of options."""
+
+    vary: Sequence[str]
+    sample: str | None
+    seed: int
+    zipped: bool
+    measures: tuple[tuple[str, str], ...]
+    keep: str | None
+    strict: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Ready:
+    """A checked sweep.
+
+    Parameters
+    ----------
+    spec : Spec
+    model : Model
+        With the values that no row changes.
+    times : (nt,) array
+        The samples of the first structure, s.
+    columns, measures : lists of Column
+    row_bytes : int
+        Bytes of the samples that a row keeps.
+    options : dict
+        The settings, resolved.
+    """
+
+    spec: Spec
+    model: Model
+    times: Array
+    columns: list[Column]
+    measures: list[Column]
+    row_bytes: int
+    options: dict[str, Any]
+
+
+def prepare_sweep(
+    text: str,
+    name: str,
+    set: Mapping[str, object],
+    set_initial: Mapping[str, object],
+    settings: Settings | None,
+    asked: Asked,
+    path: str,
+) -> Ready:
+    """Check everything that can be wrong before the first row."""
+    model = load_text(text, name, set, set_initial)
+    taken = {**set, **_dotted(set_initial)}
+    plan = make_plan(model, asked.vary, asked.sample, asked.seed, asked.zipped, taken)
+    csv = format_of(path) == "csv"
+    if asked.keep == "trajectories" and csv:
+        raise UsageError("a CSV file holds measures only; give -o with .h5 to keep trajectories")
+    read_measures(model, asked.measures)
+    given = settings or Settings()
+    spec = Spec(text, name, set, set_initial, given, plan, asked.measures, "measures", asked.strict)
+    trial = Runner(spec)
+    base = trial.base()
+    widths = sum(width for _, _, width in kept_layout(model)) + len(model.outputs)
+    row_bytes = 8 * len(base.grid.times) * widths
+    keep, measures = asked.keep, asked.measures
+    if keep is None:
+        small = row_bytes * plan.length <= KEPT_UNASKED and not trial.structural
+        keep = "trajectories" if small and not measures and not csv else "measures"
+    if keep == "trajectories" and trial.structural:
+        names = ", ".join(f"`{plan.columns[i]}`" for i in trial.structural)
+        raise UsageError(
+            f"{names} changes the structure or the sample times of the runs, which then have no"
+            " common shape: give --measure, and --keep measures"
+        )
+    if keep == "measures" and not measures:
+        if trial.structural:
+            raise UsageError("runs of several structures need measures: give --measure 'max(…)'")
+        measures = default_measures(model)
+    spec = replace(spec, measures=measures, keep=keep)
+    columns, measured = varied_columns(model, plan.columns), measure_columns(model, measures)
+    check_names([*columns, *measured])
+    if keep == "measures":
+        row_bytes = 0
+    options = {k: v for k, v in asdict(base.variants.settings).items() if v is not None}
+    return Ready(spec, model, base.grid.times, columns, measured, row_bytes, options)
+
+
+def _dotted(set_initial: Mapping[str, object]) -> dict[str, object]:
+    """Return initial values by the one name that each has (``phi'``)."""
+    return {
+        name.removesuffix("_dot") + "'" if name.endswith("_dot") else name: value
+        for name, value in set_initial.items()
+    }

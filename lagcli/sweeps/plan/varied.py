@@ -1,0 +1,52 @@
+"""Varied quantities: which one a name stands for, and the unit of its values."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from lagcli.errors import UsageError
+from lagcli.model.expression.units import Factor, to_si
+from lagcli.model.model import Model
+from lagcli.model.spelling import did_you_mean, nearest
+
+
+def varied_name(model: Model, name: str) -> str:
+    """Return the parameter, coordinate or velocity (``phi'``) that a name stands for.
+
+    Raises
+    ------
+    UsageError
+        The model has none.
+    """
+    plain = "".join(name.split())
+    if plain in model.parameters or plain in model.initial_positions:
+        return plain
+    base, bracket, index = plain.partition("_dot[")
+    for found in (plain.removesuffix("'"), plain.removesuffix("_dot"), f"{base}[{index}"):
+        if found != plain and found in model.initial_velocities and (bracket or "[" not in index):
+            return f"{found}'"
+    known = [*model.parameters, *model.initial_positions]
+    known += [f"{q}'" for q in model.initial_velocities]
+    help_ = did_you_mean(nearest(plain, known)) or "it has " + ", ".join(known[:30])
+    raise UsageError(f"--vary: the model has no parameter or initial value `{plain}`; {help_}")
+
+
+def si_factor(model: Model, name: str, unit: str | None) -> Factor:
+    """Return what brings values of a quantity to SI.
+
+    Raises
+    ------
+    UsageError
+        The file gives the parameter in a unit other than SI, and no unit is given here.
+    UnknownUnit
+    """
+    if unit is not None:
+        return to_si(unit)
+    parameter = model.parameters.get(name)
+    stated = parameter.unit if parameter else None
+    if stated is not None and to_si(stated) != 1:
+        raise UsageError(
+            f"--vary {name}: `{name}` is given in {stated} in the file, and without a unit here;"
+            f" write the unit behind the values, as in --vary '{name}=1:2:0.1 {stated}'"
+        )
+    return Fraction(1)

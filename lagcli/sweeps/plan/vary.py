@@ -1,0 +1,260 @@
+"""The text of ``--vary``: NAME=VALUES, or @FILE.csv, as factors of a plan."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+import symengine as se
+
+from lagcli.errors import UsageError
+from lagcli.model.expression.building import build, name_errors
+from lagcli.model.expression.constants import number as constant_value
+from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.tensors import Tensor
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit
+from lagcli.model.model import Model
+from lagcli.model.names.scope import ModelScope
+from lagcli.model.symbols import Context, Symbols
+from lagcli.sweeps.plan import factors
+from lagcli.sweeps.plan.option_text import OptionText
+from lagcli.sweeps.plan.sampling import Distribution
+from lagcli.sweeps.plan.value_table import read_table
+from lagcli.sweeps.plan.varied import si_factor, varied_name
+
+#: Values of one grid; a larger one is a typing error.
+MOST_VALUES = 10**9
+
+_UNIT = re.compile(r"(?<=[0-9.)])\s*+(?![eE][+-]?[0-9])((?:[^\W\d_]|°)[\w/*^()°·²³ .-]*)$")
+_CALL = re.compile(r"\s*([a-z]+)\s*\((.*)\)\s*", re.DOTALL)
+_GRIDS = {"linspace": "linspace(first, last, count)", "logspace": "logspace(first, last, count)"}
+_DISTRIBUTIONS = {
+    "uniform": "uniform(lowest, highest)",
+    "loguniform": "loguniform(lowest, highest)",
+    "normal": "normal(mean, deviation)",
+}
+FORMS = (
+    "values are 1:2:0.1, 0.2,0.3, linspace(1, 2, 11), logspace(0.01, 1, 3) or @file.csv;\nranges"
+    " for --sample are 1..2, uniform(1, 2), loguniform(0.01, 1), normal(1, 0.1)"
+)
+
+Value = Fraction | float
+
+
+class Drawn(NamedTuple):
+    """A quantity whose values are drawn from a distribution."""
+
+    name: str
+    distribution: Distribution
+    text: str
+
+
+def read_vary(text: str, model: Model) -> factors.Factor | Drawn:
+    """Read one ``--vary``.
+
+    Parameters
+    ----------
+    text : str
+        ``NAME=VALUES`` or ``@FILE.csv``.
+    model : Model
+
+    Returns
+    -------
+    Factor or Drawn
+
+    Raises
+    ------
+    UsageError
+        It is not of this form, or the model has no such quantity.
+    ModelError
+        Something is wrong with the values; points to the place.
+    FileError
+        The file cannot be read.
+    """
+    if text.lstrip().startswith("@"):
+        return read_table(text.strip()[1:], model)
+    name, equals, values = text.partition("=")
+    if not (equals and name.strip() and values.strip()):
+        raise UsageError(
+            f"--vary {text!r} is not of the form NAME=VALUES, as in --vary m=1:2:0.1"
+            " (or @file.csv); " + FORMS.replace("\n", " ")
+        )
+    if values.lstrip().startswith("@"):
+        raise UsageError(
+            f"--vary {text!r}: the columns of a file bring their own names; give --vary"
+            f" {values.strip()}"
+        )
+    known = varied_name(model, name)
+    return _VaryReader(OptionText(f"--vary {known}", values), known, model).read()
+
+
+@dataclass(frozen=True)
+class _VaryReader:
+    """Reads the values of one quantity."""
+
+    option: OptionText
+    name: str
+    model: Model
+
+    def read(self) -> factors.Factor | Drawn:
+        text = self.option.text
+        start, end, si = self.without_unit(0, len(text))
+        body = text[start:end]
+        if call := _CALL.fullmatch(body):
+            function, inside = call[1], (start + call.start(2), start + call.end(2))
+            if function in _GRIDS:
+                return self.spaced(function, inside, si)
+            if function in _DISTRIBUTIONS:
+                return self.drawn(function, self.numbers(function, inside, ","), si)
+        if ".." in body:
+            return self.drawn("uniform", self.numbers("range", (start, end), ".."), si)
+        if ":" in body:
+            return self.steps((start, end), si)
+        return self.listed((0, len(text)))
+
+    def error(self, message: str, help_: str, span: tuple[int, int] | None = None) -> Exception:
+        start, end = span or (0, len(self.option.text))
+        return self.option.error("bad-values", message, start, end, help_)
+
+    def without_unit(self, start: int, end: int) -> tuple[int, int, Factor]:
+        """Return the span before the unit at its end, and the factor to SI."""
+        match = _UNIT.search(self.option.text[:end], start)
+        unit = match[1].strip() if match else None
+        try:
+            si = si_factor(self.model, self.name, unit)
+        except UnknownUnit as error:
+            assert match is not None
+            raise self.option.error(
+                "unknown-unit", str(error), match.start(1), end, UNIT_HELP
+            ) from None
+        return start, match.start() if match else end, si
+
+    def pieces(self, span: tuple[int, int], mark: str) -> list[tuple[int, int]]:
+        """Return the spans between marks that stand in no parentheses."""
+        text, (start, end) = self.option.text, span
+        found, depth, at = [], 0, start
+        while at < end:
+            depth += (text[at] == "(") - (text[at] == ")")
+            if depth == 0 and text.startswith(mark, at) and at + len(mark) <= end:
+                found.append((start, at))
+                start = at = at + len(mark)
+            else:
+                at += 1
+        return [*found, (start, end)]
+
+    def numbers(self, what: str, span: tuple[int, int], mark: str) -> list[Value]:
+        return [self.number(piece) for piece in self.pieces(span, mark)]
+
+    def number(self, span: tuple[int, int]) -> Value:
+        """Return a number, or the value of an expression of numbers."""
+        value = self.expression(self.option.text[slice(*span)], span[0])
+        try:
+            finite = math.isfinite(float(value))
+        except OverflowError:
+            finite = False
+        if not finite:
+            raise self.error("this is no finite number", "numbers go up to 1.8e308", span)
+        return value
+
+    def expression(self, text: str, start: int) -> Value:
+        scope = ModelScope(Symbols(), Context("a value", False, definitions=False, time=False))
+        try:
+            tree = parse(text)
+            errors, _ = name_errors(tree, scope)
+            for error in errors:
+                error.help = FORMS
+                raise error
+            value = build(tree, scope).value
+            if isinstance(value, Tensor):
+                raise ExpressionError("shape", "a value is a number", 0, len(text))
+            if isinstance(value, se.Rational):
+                return Fraction(*map(int, value.get_num_den()))
+            return constant_value(value)
+        except ExpressionError as error:
+            raise self.option.expression_error(error, start) from None
+        except ValueError:
+            span = start, start + len(text)
+            raise self.error("this has no real, finite value", FORMS, span) from None
+
+    # grids
+
+    def steps(self, span: tuple[int, int], si: Factor) -> factors.Factor:
+        pieces = self.pieces(span, ":")
+        if len(pieces) != 3:
+            raise self.error(
+                "a grid has a first value, a last value and a step", "write it as 1:2:0.1"
+            )
+        first, last, step = (self.number(piece) for piece in pieces)
+        if step == 0 or (last - first) * step < 0:
+            raise self.error(
+                f"steps of {float(step):g} do not lead from {float(first):g} to {float(last):g}",
+                "write first:last:step, as in 1:2:0.1 or 2:1:-0.1",
+                pieces[2],
+            )
+        # the last multiple of the step within rounding of the end counts as the end
+        count = math.floor((last - first) / step * (1 + Fraction(1, 10**12)) + Fraction(1, 10**9))
+        if count >= MOST_VALUES:
+            raise self.error("these are more than 10^9 values", "take a larger step", pieces[2])
+        return factors.Steps(self.name, first, step, count + 1, si)
+
+    def spaced(self, function: str, span: tuple[int, int], si: Factor) -> factors.Factor:
+        pieces = self.pieces(span, ",")
+        if len(pieces) != 3:
+            raise self.error(f"`{function}` takes three numbers", f"write {_GRIDS[function]}", span)
+        first, last, count = (self.number(piece) for piece in pieces)
+        if count != int(count) or not 1 <= count <= MOST_VALUES:
+            raise self.error(
+                "the number of values is a whole number from 1 to 10^9",
+                f"write {_GRIDS[function]}",
+                pieces[2],
+            )
+        n = int(count)
+        if function == "linspace":
+            step = (last - first) / (n - 1) if n > 1 else Fraction(0)
+            return factors.Steps(self.name, first, step, n, si)
+        if first <= 0 or last <= 0:
+            raise self.error(
+                "both ends of `logspace` are values greater than 0",
+                "its ends are values, not exponents: logspace(0.01, 1, 3) is 0.01, 0.1, 1",
+                pieces[0 if first <= 0 else 1],
+            )
+        return factors.Ratios(self.name, float(first * si), float(last * si), n)
+
+    def listed(self, span: tuple[int, int]) -> factors.Factor:
+        pieces = self.pieces(span, ",")
+        own = [bool(_UNIT.search(self.option.text[:end], start)) for start, end in pieces]
+        if not all(own) and any(own[:-1]):
+            missing = pieces[own.index(False)]
+            raise self.error(
+                "some values of this list have a unit, and some have none",
+                "write the unit behind each of them, or behind the last for all",
+                missing,
+            )
+        common = self.without_unit(*pieces[-1])[2]
+        values = []
+        for (start, end), has_own in zip(pieces, own, strict=True):
+            start, end, si = self.without_unit(start, end) if has_own else (start, end, common)
+            values.append(float(self.number((start, end)) * si))
+        return factors.TableFactor((self.name,), np.array(values)[:, None])
+
+    # ranges
+
+    def drawn(self, kind: str, given: Sequence[Value], si: Factor) -> Drawn:
+        form = _DISTRIBUTIONS[kind]
+        if len(given) != 2:
+            raise self.error("a range has two ends", f"write 1..2, or {form}")
+        a, b = (float(x * si) for x in given)
+        if kind == "normal":
+            if b <= 0:
+                raise self.error("the deviation must be greater than 0", f"write {form}")
+        elif b <= a:
+            raise self.error(f"the range {a:g} to {b:g} is empty", f"write {form}")
+        if kind == "loguniform" and a <= 0:
+            raise self.error("a logarithmic range is greater than 0", f"write {form}")
+        return Drawn(self.name, Distribution(kind, a, b), self.option.text)

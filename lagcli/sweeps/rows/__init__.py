@@ -1,0 +1,1 @@
+"""Rows of sweeps: run in batches, in processes, or on a cluster."""

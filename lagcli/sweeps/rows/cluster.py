@@ -1,0 +1,279 @@
+"""Rows on the workers of a Dask scheduler: chunks of numbers out, results back, few at a time."""
+
+from __future__ import annotations
+
+import logging
+import pydoc
+import re
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.errors import FileError, UsageError
+from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.rows.dask_dispatch import Flight
+from lagcli.sweeps.rows.rows import FAILED, Results
+from lagcli.sweeps.rows.workers import Chunks
+from lagcli.version import __version__
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+Numbers = NDArray[np.int64]
+
+#: Seconds within which a scheduler answers, or is not there.
+PATIENCE = 10.0
+_LOOK = 1.0  # s between two looks at who is there
+_TICK = 0.1  # s between two looks at whether to go on
+
+
+class Cluster:
+    """The workers of a scheduler; a context, in which `run` runs rows on them.
+
+    Parameters
+    ----------
+    address : str
+        ``tcp://HOST:PORT`` (or another protocol of Dask's), or ``local:N`` for a scheduler and N
+        worker processes on this machine, which end with the context.
+    say : callable
+        Takes what the user should know: a worker that is gone, workers that are waited for.
+
+    Raises
+    ------
+    UsageError
+        The address is none, `distributed` is not installed, or a worker has another version of
+        lagcli.
+    FileError
+        No scheduler answers.
+    """
+
+    def __init__(self, address: str, say: Callable[[str], None] = lambda text: None):
+        self.address, self.say = address, say
+        self._workers_wanted = _local_workers(address)
+        self._opened = ExitStack()
+        self._client: Client
+        self._threads: dict[str, int] = {}
+        self._waiting = False
+
+    def __enter__(self) -> Cluster:
+        with ExitStack() as stack:
+            self._client = stack.enter_context(_connected(self.address, self._workers_wanted))
+            self._look()
+            self._opened = stack.pop_all()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._opened.close()
+
+    def run(self, spec: Spec, chunks: Chunks, heed: Callable[[], None]) -> Iterator[Results]:
+        """Run rows; yield results as they come, in no certain order.
+
+        Parameters
+        ----------
+        spec : Spec
+        chunks : Chunks
+            Read as workers take rows, so that few are under way, however many there are.
+        heed : callable
+            Called several times a second; what it raises ends the runs.
+
+        Yields
+        ------
+        Results
+            Of each row once. A row that ends the processes that run it is a failed one.
+
+        Raises
+        ------
+        UsageError
+            A worker has another version of lagcli.
+        FileError
+            The scheduler no longer answers.
+        """
+        flight = Flight(self._client, spec, chunks)
+        looked = time.monotonic()
+        try:
+            while flight.fill(sum(self._threads.values())):
+                heed()
+                if time.monotonic() - looked > _LOOK:
+                    self._look()
+                    looked = time.monotonic()
+                ended = flight.wait(_TICK)
+                if ended is not None:
+                    yield from self._received(flight, *ended)
+        finally:
+            flight.cancel()
+
+    def _received(self, flight: Flight, future: Future[Any], numbers: Numbers) -> Iterator[Results]:
+        """Hand over what a chunk gave; say what became of it where it gave nothing."""
+        from distributed import KilledWorker
+
+        if future.status == "cancelled":
+            raise self._gone()
+        if future.status == "lost":  # with the worker that had it; it is run again
+            flight.expect(future, numbers)
+            return
+        try:
+            found = future.result(timeout=PATIENCE)
+        except KilledWorker as error:
+            deaths = error.allowed_failures + 1
+            if flight.alone:
+                yield _lost(numbers, flight.spec, deaths)
+                return
+            again = "it runs again alone" if len(numbers) == 1 else "they run again in parts"
+            self.say(f"{_processes(deaths)} died with {_rows(numbers)}; {again}")
+            flight.again(numbers)
+        except TimeoutError:
+            self._look()
+            flight.expect(future, numbers)
+        except Exception:
+            self._check_versions(self._client.nthreads())  # a bug, or not the same program?
+            raise
+        else:
+            if found.version != __version__:
+                raise _other_version(found.worker, found.version)
+            if found.results is None:
+                raise RuntimeError(f"on the worker {found.worker}:\n{found.bug}")
+            flight.chunks.took(len(numbers), found.seconds)
+            yield found.results
+
+    def _look(self) -> None:
+        """Look who is there; say who is gone."""
+        try:
+            threads = dict(self._client.nthreads())
+        except (OSError, TimeoutError):
+            raise self._gone() from None
+        before, self._threads = self._threads, threads
+        if new := threads.keys() - before.keys():
+            self._check_versions(new)
+        for worker in sorted(before.keys() - threads.keys()):
+            self.say(f"the worker {worker} is gone; rows that it had not finished are run again")
+        if not threads and not self._waiting:
+            self.say(f"the scheduler at {self.address} has no workers; waiting for some")
+        self._waiting = not threads
+
+    def _check_versions(self, workers: Iterable[str]) -> None:
+        # a function of the standard library: a worker may not even have lagcli
+        found = self._client.run(
+            pydoc.locate, "lagcli.__version__", workers=list(workers), on_error="return"
+        )
+        for worker, version in found.items():
+            if version != __version__ and not isinstance(version, OSError):
+                raise _other_version(worker, version)
+
+    def _gone(self) -> FileError:
+        return FileError(
+            f"the scheduler at {self.address} no longer answers; the rows so far are kept,"
+            " and --resume runs the others"
+        )
+
+
+# connecting
+
+
+def _local_workers(address: str) -> int | None:
+    """Return N of ``local:N``, or None where the address is a scheduler's."""
+    found = re.fullmatch(r"local:(\d{1,4})", address)
+    if found and int(found[1]):
+        return int(found[1])
+    if not re.fullmatch(r"[a-z]+://[^/]+:\d+", address):
+        raise UsageError(
+            f"--scheduler {address!r} is no address; give that of a Dask scheduler,"
+            " tcp://HOST:PORT, or local:N for N processes on this machine"
+        )
+    return None
+
+
+@contextmanager
+def _connected(address: str, local_workers: int | None) -> Iterator[Client]:
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise UsageError(
+            f"--scheduler needs packages that are not installed ({error.name}); install them with:"
+            " pip install 'lagcli[cluster]'"
+        ) from None
+    # what its loggers would say to a person, `say` does
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    with ExitStack() as stack:
+        if local_workers is not None:
+            # a chunk that ends its process comes back at once, to be cut into parts
+            stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": 0}))
+            cluster = LocalCluster(
+                n_workers=local_workers, threads_per_worker=1, host="127.0.0.1",
+                dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL, preload=[_QUIET],
+            )  # fmt: skip
+            address = stack.enter_context(cluster).scheduler_address
+        _check_scheduler(address)
+        yield stack.enter_context(Client(address, timeout=PATIENCE, set_as_default=False))
+
+
+def _check_scheduler(address: str) -> None:
+    """Raise unless a scheduler answers; a client would wait for the end of any conversation."""
+    import asyncio
+    from concurrent.futures import ThreadPoolExecutor
+
+    from distributed import rpc
+
+    async def identity() -> str:
+        async with rpc(address, timeout=PATIENCE) as there:
+            return str((await there.identity())["type"])
+
+    try:
+        # in a thread of its own: the caller's may have a running loop, as in a notebook
+        with ThreadPoolExecutor(1) as thread:
+            found = thread.submit(
+                lambda: asyncio.run(asyncio.wait_for(identity(), PATIENCE))
+            ).result()
+    except (OSError, TimeoutError):
+        raise FileError(
+            f"no scheduler answers at {address} within {PATIENCE:g} s; start one with"
+            " `dask scheduler`, or check host and port"
+        ) from None
+    if found != "Scheduler":
+        raise FileError(
+            f"{address} is the address of a Dask {found.lower()}; give that of the scheduler"
+        )
+
+
+#: Ctrl-C is a matter of the process that asks; its workers end when it says so.
+_QUIET = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+
+
+def _other_version(worker: str, version: object) -> UsageError:
+    found = f"lagcli {version}" if isinstance(version, str) else "no lagcli that can be imported"
+    return UsageError(
+        f"the worker {worker} has {found}, and this is lagcli {__version__}; install the"
+        " same version there, and start the worker anew"
+    )
+
+
+# words
+
+
+def _rows(numbers: Numbers) -> str:
+    if len(numbers) == 1:
+        return f"row {numbers[0]}"
+    return f"{len(numbers)} rows, {numbers.min()} to {numbers.max()}"
+
+
+def _processes(n: int) -> str:
+    return "1 worker process" if n == 1 else f"{n} worker processes"
+
+
+def _lost(numbers: Numbers, spec: Spec, deaths: int) -> Results:
+    """Return the results of rows that no process survives."""
+    n = len(numbers)
+    message = f"{_processes(deaths)} died while this row ran alone: killed, or out of memory"
+    return Results(
+        numbers,
+        np.full(n, FAILED, dtype=np.int8),
+        [message] * n,
+        np.zeros((n, 3), dtype=np.int64),
+        np.full((n, len(spec.measures)), np.nan),
+        np.empty((n, 0, 0)),
+    )

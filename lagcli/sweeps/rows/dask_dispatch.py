@@ -1,0 +1,160 @@
+"""Chunks of rows that are under way to workers and back, and what a worker does with one."""
+
+from __future__ import annotations
+
+import os
+import queue
+import threading
+import time
+import traceback
+from collections import deque
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.contract import Interrupted
+from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.rows.rows import Results, Runner
+from lagcli.sweeps.rows.workers import Chunks
+from lagcli.version import __version__
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+Numbers = NDArray[np.int64]
+
+#: Chunks under way for each thread of a worker: one that runs, one that waits for its turn.
+_AHEAD = 2
+_PARTS = 8  # that a chunk is cut into when it ends processes
+
+
+class Flight:
+    """The chunks of a sweep that are under way: never more than the workers keep busy with.
+
+    Parameters
+    ----------
+    client : Client
+    spec : Spec
+    chunks : Chunks
+    """
+
+    def __init__(self, client: Client, spec: Spec, chunks: Chunks):
+        self.client, self.spec, self.chunks = client, spec, chunks
+        # the sweep goes to the scheduler once; workers get it from there, or from each other
+        self.sent = client.submit(_itself, spec, key=f"lagcli-sweep-{spec.sha256}")
+        self.name, self.count = f"lagcli-rows-{os.urandom(8).hex()}", 0
+        self.repeated: deque[Numbers] = deque()
+        self.suspects: deque[Numbers] = deque()
+        self.alone = False
+        self.ended: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
+        self.under_way: dict[Any, tuple[Future[Any], Numbers]] = {}
+
+    def fill(self, threads: int) -> bool:
+        """Send chunks until all threads have theirs; return whether there is more to wait for."""
+        # without workers too there is something to do, for what starts them as they are needed
+        self.chunks.jobs = max(1, threads)
+        while len(self.under_way) < (1 if self.alone else _AHEAD * self.chunks.jobs):
+            numbers = self.next()
+            if not len(numbers):
+                return bool(self.under_way)
+            self.count += 1
+            future = self.client.submit(
+                _run, self.sent, numbers, __version__, key=f"{self.name}-{self.count}"
+            )
+            self.expect(future, numbers)
+        return True
+
+    def expect(self, future: Future[Any], numbers: Numbers) -> None:
+        """Wait for a chunk among others."""
+        self.under_way[future.key] = future, numbers
+        future.add_done_callback(self.ended.put)
+
+    def next(self) -> Numbers:
+        """Return the rows to run next; none if there are none, or not before others have ended.
+
+        A row that may have ended processes runs last, and alone, so that nothing else is taken
+        for the culprit.
+        """
+        if self.repeated:
+            return self.repeated.popleft()
+        found = self.chunks.next()
+        if not len(found) and self.suspects and not self.under_way:
+            self.alone = True
+            return self.suspects.popleft()
+        return found
+
+    def wait(self, seconds: float) -> tuple[Future[Any], Numbers] | None:
+        """Return a chunk that ended."""
+        try:
+            future = self.ended.get(timeout=seconds)
+        except queue.Empty:
+            return None
+        return self.under_way.pop(future.key)
+
+    def again(self, numbers: Numbers) -> None:
+        """Run rows again that ended the process that ran them, or were beside such rows."""
+        if len(numbers) == 1:
+            self.suspects.append(numbers)
+        else:
+            self.repeated.extend(np.array_split(numbers, min(_PARTS, len(numbers))))
+
+    def cancel(self) -> None:
+        """Leave what is under way."""
+        with suppress(OSError, TimeoutError, RuntimeError):
+            self.client.cancel([future for future, _ in self.under_way.values()])
+
+
+# on the worker
+
+
+class Answer(NamedTuple):
+    """What a worker sends back: results, or a version that is not ours, or a bug's traceback."""
+
+    worker: str
+    version: str
+    results: Results | None = None
+    seconds: float = 0.0
+    bug: str = ""
+
+
+def _itself(spec: Spec) -> Spec:
+    return spec
+
+
+def _run(spec: Spec, numbers: Numbers, version: str) -> Answer:
+    """Run rows on a worker, unless its lagcli is not the one that asks."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    done = Answer(worker.address, __version__)
+    if done.version != version:
+        return done
+    key = worker.get_current_task()
+
+    def heed() -> None:
+        task = worker.state.tasks.get(key)
+        if task is None or task.state == "cancelled":
+            raise Interrupted
+
+    began = time.perf_counter()
+    try:
+        results = _runner(spec).run(numbers, heed)
+    except Interrupted:
+        return done._replace(bug="cancelled")  # nobody waits for it
+    except Exception:
+        # as text: an exception that could not be sent would leave the client waiting
+        return done._replace(bug=traceback.format_exc())
+    return done._replace(results=results, seconds=max(time.perf_counter() - began, 1e-6))
+
+
+_mine = threading.local()
+
+
+def _runner(spec: Spec) -> Runner:
+    """Return what runs a sweep's rows in this thread, made once: threads share no scratch."""
+    if getattr(_mine, "sha256", None) != spec.sha256:
+        _mine.runner, _mine.sha256 = Runner(spec), spec.sha256
+    runner: Runner = _mine.runner
+    return runner

@@ -1,0 +1,301 @@
+"""Rows of one structure: derived once, then run many at a time."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
+from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
+from lagcli.model.model import InitialValue, Model
+from lagcli.model.sections.measures import read_measures
+from lagcli.settings import engine_of, sample_times
+from lagcli.simulations.simulation import Simulation, ready, warnings_of
+from lagcli.simulations.start import undefined_at
+from lagcli.simulations.variants import Values, Variants
+from lagcli.sweeps.rows.reductions import Grid, Measuring
+from lagcli.sweeps.rows.signals import Signals, kept_signals
+
+if TYPE_CHECKING:
+    from lagcli.engine.constraints.initial_batch import StartSearch
+
+Array = NDArray[np.float64]
+
+
+class Ended(NamedTuple):
+    """Runs that ended, or never began.
+
+    Parameters
+    ----------
+    places : (k,) array of int
+        Which of the rows that were asked for.
+    samples : (k, nt, 2 + 3 nq + nc) array
+        t, q, v, a, λ, W at all times of the grid; where k is 1 and the run failed, at those
+        that were reached.
+    runs : list of k Run or LagcliError
+        How each ended, or why it did not begin.
+    parameters : (k, np) array
+    rank : int
+        Of B at the starts.
+    """
+
+    places: NDArray[np.intp]
+    samples: Array
+    runs: list[Outcome | LagcliError]
+    parameters: Array
+    rank: int
+
+
+class RowGroup:
+    """A model derived once, for rows that differ in numbers alone.
+
+    Parameters
+    ----------
+    variants : Variants
+    columns : sequence of str
+        The varied parameters and initial values, of which `Variants.together` is true.
+    measures : sequence of (name, text)
+    kept : bool
+        Whether the samples are kept.
+
+    Raises
+    ------
+    ModelError, UsageError
+        A measure or a setting does not fit the model.
+    """
+
+    def __init__(
+        self,
+        variants: Variants,
+        columns: Sequence[str],
+        measures: Sequence[tuple[str, str]],
+        kept: bool,
+    ):
+        self.variants, self.columns = variants, tuple(columns)
+        model = variants.model
+        found = read_measures(model, measures)
+        self.measuring = Measuring(found, list(model.parameters))
+        self.grid = Grid(sample_times(variants.settings), self.measuring.times)
+        self._check_times()
+        self._request: IntegrationRequest | Literal[False] | None = None  # not made ready yet
+        self._extra = kept_signals(variants.equations) if kept else {}
+        self._state = 1 + 3 * len(model.coordinates) + len(model.constraints)  # t, q, v, a, λ
+        self.kept_names = _state_names(model) + list(self._extra) if kept else []
+        wanted = [r.signal for r in self.measuring.reductions]
+        compiled = variants.settings.engine == "compiled"
+        self.signals = Signals(variants.equations, [*wanted, *self._extra.values()], compiled)
+
+    def _check_times(self) -> None:
+        start, end = self.variants.settings.t_start or 0.0, self.grid.times[-1]
+        for time in self.measuring.times:
+            if not start <= time <= end:
+                raise UsageError(
+                    f"--measure looks at t = {time:g} s, and the run lasts from {start:g} to"
+                    f" {end:g} s; take a time in it, or another --t-end"
+                )
+
+    def run(self, table: Array, sink: Callable[[Ended], None], heed: Callable[[], None]) -> None:
+        """Run rows; each is handed over once, in no certain order.
+
+        Parameters
+        ----------
+        table : (n, columns) array
+            The varied values, in SI.
+        sink : callable
+            Takes the rows that ended, a few dozen at a time at most.
+        heed : callable
+            Called several times in 0.1 s; may raise `Interrupted`.
+        """
+        values = self.variants.values(self.columns, table)
+        rest = self._together(values, sink, heed)
+        for place in rest:
+            sink(self.single(place, table[place], values, heed))
+
+    def measured(self, ended: Ended) -> tuple[Array, Array]:
+        """Return measures (k, m) and kept columns (k, samples reached, columns) of runs.
+
+        Parameters
+        ----------
+        ended : Ended
+        """
+        parameters = ended.parameters
+        signals = self.signals(ended.samples, parameters)
+        runs, _, reached = signals.shape
+        split = len(self.measuring.reductions)
+        measures = np.full((runs, self.measuring.count), np.nan)
+        if reached == len(self.grid.all):
+            measures = self.measuring(signals[:, :split], parameters, self.grid)
+        if not self.kept_names:
+            return measures, np.empty((runs, 0, 0))
+        rows = np.concatenate(
+            [ended.samples[:, :, 1 : self._state], signals[:, split:].swapaxes(1, 2)], axis=2
+        )
+        return measures, rows[:, self.grid.samples[self.grid.samples < reached]]
+
+    def warnings(self, ended: Ended, i: int) -> tuple[str, ...]:
+        """Return why the i-th of some runs, a completed one, cannot be trusted."""
+        run = ended.runs[i]
+        assert isinstance(run, Outcome)
+        system = self.variants.system
+        parameters = tuple(ended.parameters[i].tolist())
+        system = dataclasses.replace(system, parameters=parameters)
+        return warnings_of(system, self.variants.settings, ended.rank, ended.samples[i], run.steps)
+
+    # eight at a time
+
+    def _common(self, heed: Callable[[], None]) -> IntegrationRequest | None:
+        """Return what all runs have in common; None where the compiled engine does not do them.
+
+        What is made ready once comes from the model's own values, so that no row depends on which
+        others it is run with. It takes as long as one run.
+        """
+        if self._request is None:
+            self._request = self._prepare(heed)
+        return self._request or None
+
+    def _prepare(self, heed: Callable[[], None]) -> IntegrationRequest | Literal[False]:
+        variants = self.variants
+        if variants.settings.engine != "compiled":
+            return False
+        from lagcli.engine.integrate.batch import prepare_lanes
+
+        try:
+            simulation = ready(variants.equations, variants.system, variants.settings, {})
+        except (ModelError, NumericalError):
+            return False
+        request = dataclasses.replace(simulation.request, times=self.grid.all)
+        prepared = prepare_lanes(variants.system, request, heed)
+        return dataclasses.replace(request, prepared=prepared)
+
+    @cached_property
+    def _search(self) -> StartSearch:
+        """The search for starts, whose programs serve all rows."""
+        from lagcli.engine.constraints.initial_batch import StartSearch
+
+        return StartSearch(self.variants.system)
+
+    def _together(
+        self, values: Values, sink: Callable[[Ended], None], heed: Callable[[], None]
+    ) -> NDArray[np.intp]:
+        """Run what can be run in lanes; return the places of the other rows."""
+        request, system = self._common(heed), self.variants.system
+        if request is None:
+            return np.arange(len(values.q))
+        from lagcli.engine.integrate.batch import Finished, run_lanes, suits_lanes
+
+        if not suits_lanes(system, request):
+            return np.arange(len(values.q))
+        starts = self._search(request.t_start, *values)
+        ordinary = np.flatnonzero(starts.found)
+
+        def take(finished: Finished) -> None:
+            places = ordinary[finished.rows]
+            runs = [
+                self._said(place, run, values)
+                for place, run in zip(places, finished.runs, strict=True)
+            ]
+            sink(Ended(places, finished.samples, [*runs], values.parameters[places], request.rank))
+
+        parameters, q, v = (x[ordinary] for x in (values.parameters, starts.q, starts.v))
+        run_lanes(system, request, parameters, q, v, take, heed)
+        return np.flatnonzero(~starts.found)
+
+    def _said(self, place: int, run: Outcome, values: Values) -> Outcome:
+        """Return a run whose message says what was undefined, if that ended it."""
+        if run.undefined is not None:
+            equations = dataclasses.replace(
+                self.variants.equations, model=self._model(place, values)
+            )
+            run.message += "; " + undefined_at(equations, *run.undefined).with_line
+        return run
+
+    # one by one
+
+    def single(self, place: int, given: Array, values: Values, heed: Callable[[], None]) -> Ended:
+        """Run one row by itself.
+
+        Parameters
+        ----------
+        place : int
+            Which row of the values.
+        given : (columns,) array
+            Its varied values, in SI.
+        values : Values
+            Of all rows.
+        heed : callable
+            As for `run`.
+        """
+        places = np.array([place])
+        width = self._state + 1
+        try:
+            simulation = self._simulation(place, given, values)
+        except LagcliError as error:
+            return Ended(places, np.empty((1, 0, width)), [error], values.parameters[places], 0)
+        request = dataclasses.replace(simulation.request, times=self.grid.all)
+        rows = [np.empty((0, width))]
+
+        def take(b: Block) -> None:
+            rows.append(np.column_stack([b.time, b.q, b.v, b.a, b.multipliers, b.work]))
+
+        engine = engine_of(simulation.settings)
+        run = engine(simulation.system, request, take, lambda t: heed())
+        if run.status == "interrupted":
+            raise Interrupted
+        said = self._said(place, run, values)
+        parameters = values.parameters[places]
+        return Ended(places, np.concatenate(rows)[None], [said], parameters, request.rank)
+
+    def _simulation(self, place: int, given: Array, values: Values) -> Simulation:
+        """Return the simulation of one row; raises what keeps it from beginning."""
+        variants = self.variants
+        parameters, q, v = (x[place] for x in (values.parameters, values.q, values.v))
+        if not all(np.isfinite(x).all() for x in (parameters, q, v)):
+            return self._explained(given)
+        model = self._model(place, values)
+        equations = dataclasses.replace(variants.equations, model=model)
+        system = dataclasses.replace(variants.system, parameters=tuple(parameters.tolist()))
+        prepared = self._request.prepared if self._request else None
+        return ready(equations, system, variants.settings, {}, prepared)
+
+    def _model(self, place: int, values: Values) -> Model:
+        """Return the model with the values of one row."""
+        model = self.variants.model
+        return dataclasses.replace(
+            model,
+            parameters={
+                name: p._replace(value=float(x))
+                for (name, p), x in zip(
+                    model.parameters.items(), values.parameters[place], strict=True
+                )
+            },
+            initial_positions=_initial(model.initial_positions, values.q[place], values.fixed_q),
+            initial_velocities=_initial(model.initial_velocities, values.v[place], values.fixed_v),
+        )
+
+    def _explained(self, given: Array) -> Simulation:
+        """Let the model's own loading say what is wrong with the values of a row."""
+        model = self.variants.model
+        values = dict(zip(self.columns, given.tolist(), strict=True))
+        return self.variants.varied(
+            {name: x for name, x in values.items() if name in model.parameters},
+            {name: x for name, x in values.items() if name not in model.parameters},
+        )
+
+
+def _initial(
+    table: Mapping[str, InitialValue], values: Array, fixed: NDArray[np.bool_]
+) -> dict[str, InitialValue]:
+    return {
+        name: entry._replace(value=float(x), fixed=bool(f))
+        for (name, entry), x, f in zip(table.items(), values, fixed, strict=True)
+    }
+
+
+def _state_names(model: Model) -> list[str]:
+    q, c = model.coordinate_names, model.constraint_names
+    return [*q, *(f"{x}'" for x in q), *(f"{x}''" for x in q), *(f"lambda.{x}" for x in c)]

@@ -1,0 +1,132 @@
+"""Signals of many runs → the numbers that measures are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import symengine as se
+from numpy.typing import NDArray
+
+from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.tape.interpreter import run_arrays
+from lagcli.model.sections.measures import Measure, Reduction, reduced
+
+Array = NDArray[np.float64]
+
+
+class Grid:
+    """The sample times, and those at which measures look besides.
+
+    Parameters
+    ----------
+    times : (nt,) array
+        The samples, over which measures are taken.
+    more : sequence of float
+        Times of ``at``.
+
+    Attributes
+    ----------
+    all : array
+        Both, in order.
+    """
+
+    def __init__(self, times: Array, more: Sequence[float]):
+        self.times = times
+        self.all = np.union1d(times, np.array(more, dtype=np.float64))
+        self.samples = np.searchsorted(self.all, times)
+        self.same = len(self.all) == len(times)
+        #: what each sample counts for in a mean over time, by the trapezoidal rule
+        self.weights = np.ones(1)
+        if len(times) > 1:
+            steps = np.diff(times)
+            self.weights = np.concatenate([steps, [0.0]]) + np.concatenate([[0.0], steps])
+            self.weights /= 2 * (times[-1] - times[0])
+
+    def of_samples(self, signals: Array) -> Array:
+        """Return signals at the samples alone; time is their last axis."""
+        return signals if self.same else np.ascontiguousarray(signals[..., self.samples])
+
+    def place(self, time: float) -> int:
+        """Return the index of a time among all."""
+        return int(np.searchsorted(self.all, time))
+
+
+class Measuring:
+    """Computes measures of many runs at once.
+
+    Parameters
+    ----------
+    measures : sequence of m Measure
+    parameters : sequence of str
+        Names, in the model's order.
+
+    Attributes
+    ----------
+    reductions : list of Reduction
+        Of all measures, each once: their signals, in this order, are what it is called with.
+    count : int
+        m.
+    """
+
+    def __init__(self, measures: Sequence[Measure], parameters: Sequence[str]):
+        self.reductions: list[Reduction] = []
+        self.count = len(measures)
+        values = []
+        for measure in measures:
+            places = {}
+            for i, reduction in enumerate(measure.reductions):
+                if reduction not in self.reductions:
+                    self.reductions.append(reduction)
+                places[reduced(i)] = se.Symbol(f"#all{self.reductions.index(reduction)}")
+            values.append(measure.value.xreplace(places))
+        found = [se.Symbol(f"#all{i}") for i in range(len(self.reductions))]
+        self._tape = compile_tape(values, found, [se.Symbol(name) for name in parameters])
+
+    @property
+    def times(self) -> list[float]:
+        """The times at which ``at`` looks."""
+        return [r.time for r in self.reductions if r.time is not None]
+
+    def __call__(self, signals: Array, parameters: Array, grid: Grid) -> Array:
+        """Return the measures, (runs, m).
+
+        Parameters
+        ----------
+        signals : (runs, reductions, times of the grid) array
+        parameters : (runs, np) array
+        grid : Grid
+        """
+        found = [
+            _number(reduction, signals[:, i], grid) for i, reduction in enumerate(self.reductions)
+        ]
+        return run_arrays(self._tape, [*found, *parameters.T], len(signals)).T
+
+
+def _number(reduction: Reduction, signal: Array, grid: Grid) -> Array:
+    """Return one number of each run's signal, (runs,); values that are NaN do not count for max,
+    min, argmax and argmin.
+    """
+    kind = reduction.kind
+    if kind == "at":
+        assert reduction.time is not None
+        return signal[:, grid.place(reduction.time)]
+    x = np.ascontiguousarray(grid.of_samples(signal))
+    if kind == "final":
+        return x[:, -1]
+    if kind == "max":
+        return np.fmax.reduce(x, axis=1)
+    if kind == "min":
+        return np.fmin.reduce(x, axis=1)
+    if kind == "mean":
+        # sums along one run, one after the other: they do not depend on the other runs
+        return (x * grid.weights).sum(axis=1)
+    if kind == "rms":
+        return np.sqrt((x * x * grid.weights).sum(axis=1))
+    if kind == "time_of":
+        wanted = x > 0.5
+    else:
+        extreme = np.fmax.reduce(x, axis=1) if kind == "argmax" else np.fmin.reduce(x, axis=1)
+        wanted = x == extreme[:, None]
+    first = np.argmax(wanted, axis=1)
+    return np.where(wanted[np.arange(len(x)), first], grid.times[first], np.nan)

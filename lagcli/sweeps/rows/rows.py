@@ -1,0 +1,235 @@
+"""Numbers of rows → their results: the one place where rows are run, on whichever machine."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.contract import Outcome
+from lagcli.errors import LagcliError
+from lagcli.model.expression.units import si_notation, to_si
+from lagcli.simulations.threads import one_thread
+from lagcli.simulations.variants import Variants
+from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.rows.group import Ended, RowGroup
+from lagcli.trajectory.samples import ENDED
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+#: The status of a row, by its number; MISSING is none that a result has.
+STATUSES = ("completed", "failed", "error", "missing")
+COMPLETED, FAILED, ERROR, MISSING = range(4)
+
+_MOST_GROUPS = 16  # structures that are kept derived
+_MOST_SPECS = 2
+
+
+class Results(NamedTuple):
+    """The results of n rows; arrays, so that they are sent and kept as they are.
+
+    Parameters
+    ----------
+    numbers : (n,) array of int
+        The rows' numbers.
+    status : (n,) array of int8
+        An index of ``STATUSES``: completed; failed, where the numbers did or, of a strict sweep,
+        cannot be trusted; error, where the model cannot have these values.
+    messages : list of n str
+        Empty for most completed rows.
+    counts : (n, 3) array of int
+        Steps, rejected steps and evaluations.
+    measures : (n, m) array
+        NaN in rows that are not completed.
+    kept : (n, nt, columns) array
+        The samples, NaN where a run did not come to them; (n, 0, 0) where they are not kept.
+    """
+
+    numbers: Numbers
+    status: NDArray[np.int8]
+    messages: list[str]
+    counts: NDArray[np.int64]
+    measures: Array
+    kept: Array
+
+
+def run_rows(spec: Spec, numbers: Numbers, heed: Callable[[], None] | None = None) -> Results:
+    """Run some rows of a sweep.
+
+    A plain function of its arguments, which may be sent to any process; the model is loaded and
+    derived there once, and kept for the next call. What a row gives does not depend on which
+    other rows are run with it.
+
+    Parameters
+    ----------
+    spec : Spec
+    numbers : (n,) array of int
+        A few dozen rows or more, so that they are run together.
+    heed : callable, optional
+        Called several times in 0.1 s. What it raises ends the call; `Interrupted` is made for it.
+
+    Returns
+    -------
+    Results
+        In the order of ``numbers``. A row that fails is a row with a status and a message.
+    """
+    return _runner(spec).run(np.asarray(numbers, dtype=np.int64), heed or (lambda: None))
+
+
+class Runner:
+    """A sweep made ready to run rows; its structures are derived when a row needs them.
+
+    Parameters
+    ----------
+    spec : Spec
+    """
+
+    def __init__(self, spec: Spec):
+        self.spec = spec
+        self.model = spec.load()
+        variants = Variants(self.model, spec.settings)
+        columns = spec.plan.columns
+        #: places of the columns that each value of asks for a derivation of its own
+        self.structural = [i for i, name in enumerate(columns) if not variants.together([name])]
+        self.numeric = [i for i in range(len(columns)) if i not in self.structural]
+        self._groups: OrderedDict[tuple[float, ...], RowGroup | LagcliError] = OrderedDict()
+
+    def group(self, values: tuple[float, ...]) -> RowGroup:
+        """Return the group of rows with these structural values.
+
+        Raises
+        ------
+        LagcliError
+            The model cannot have them, or a measure does not fit it.
+        """
+        found = self._groups.get(values)
+        if found is None:
+            try:
+                found = self._derive(values)
+            except LagcliError as error:
+                found = error
+            self._groups[values] = found
+            if len(self._groups) > _MOST_GROUPS:
+                self._groups.popitem(last=False)
+        self._groups.move_to_end(values)
+        if isinstance(found, LagcliError):
+            raise found
+        return found
+
+    def base(self) -> RowGroup:
+        """Return the group of the model as it is given, to see whether all fits it.
+
+        Raises
+        ------
+        LagcliError
+            It does not.
+        """
+        return self._derive(None)
+
+    def _derive(self, values: tuple[float, ...] | None) -> RowGroup:
+        spec, columns = self.spec, self.spec.plan.columns
+        given = dict(zip([columns[i] for i in self.structural], values or (), strict=False))
+        model = spec.load({name: self._text(name, x) for name, x in given.items()})
+        numeric = [columns[i] for i in self.numeric]
+        kept = spec.keep == "trajectories"
+        return RowGroup(Variants(model, spec.settings), numeric, spec.measures, kept)
+
+    def _text(self, name: str, value: float) -> str:
+        """Return a parameter's value in SI as --set takes it."""
+        unit = self.model.parameters[name].unit
+        text = repr(int(value) if value.is_integer() else value)
+        return text if unit is None or to_si(unit) == 1 else f"{text} {si_notation(unit)}"
+
+    def run(self, numbers: Numbers, heed: Callable[[], None]) -> Results:
+        """Run rows; as `run_rows`."""
+        table = self.spec.plan.rows(numbers)
+        found = _Collected(numbers, len(self.spec.measures), self.spec.strict)
+        different, which = np.unique(table[:, self.structural], axis=0, return_inverse=True)
+        for i, values in enumerate(different):
+            places = np.flatnonzero(which.reshape(-1) == i)
+            try:
+                group = self.group(tuple(values.tolist()))
+            except LagcliError as error:
+                found.refuse(places, error)
+                continue
+            found.expect(group)
+            with one_thread():
+                group.run(table[places][:, self.numeric], partial(found.enter, group, places), heed)
+        return found.results()
+
+
+class _Collected:
+    """The results of some rows as they come."""
+
+    def __init__(self, numbers: Numbers, measures: int, strict: bool):
+        n, self.strict = len(numbers), strict
+        self.numbers, self.messages = numbers, [""] * n
+        self.status = np.full(n, MISSING, dtype=np.int8)
+        self.counts = np.zeros((n, 3), dtype=np.int64)
+        self.measures = np.full((n, measures), np.nan)
+        self.kept = np.empty((n, 0, 0))
+
+    def refuse(self, places: NDArray[np.intp], error: LagcliError) -> None:
+        """Enter rows that a whole structure's error keeps from running."""
+        for place in places:
+            self.status[place], self.messages[place] = ERROR, str(error)
+
+    def expect(self, group: RowGroup) -> None:
+        """Make room for the samples that a group keeps."""
+        if group.kept_names:
+            shape = len(self.numbers), len(group.grid.times), len(group.kept_names)
+            self.kept = np.full(shape, np.nan)
+
+    def enter(self, group: RowGroup, places: NDArray[np.intp], ended: Ended) -> None:
+        """Enter rows of a group that ended; ``places`` are those of all of its rows."""
+        rows = places[ended.places]
+        for row, run in zip(rows, ended.runs, strict=True):
+            self.status[row], self.messages[row] = _outcome(run)
+            if isinstance(run, Outcome):
+                self.counts[row] = run.steps, run.rejected, run.evaluations
+        if not ended.samples.shape[1]:
+            return
+        if self.strict:
+            self._distrust(group, rows, ended)
+        measures, kept = group.measured(ended)
+        completed = self.status[rows] == COMPLETED
+        self.measures[rows[completed]] = measures[completed]
+        if group.kept_names:
+            self.kept[rows, : kept.shape[1]] = kept
+
+    def _distrust(self, group: RowGroup, rows: NDArray[np.intp], ended: Ended) -> None:
+        """Let completed rows fail that cannot be trusted."""
+        for i in np.flatnonzero(self.status[rows] == COMPLETED).tolist():
+            warnings = group.warnings(ended, i)
+            if warnings:
+                self.status[rows[i]], self.messages[rows[i]] = FAILED, "; ".join(warnings)
+
+    def results(self) -> Results:
+        """Return them."""
+        return Results(
+            self.numbers, self.status, self.messages, self.counts, self.measures, self.kept
+        )
+
+
+def _outcome(run: Outcome | LagcliError) -> tuple[int, str]:
+    if isinstance(run, Outcome):
+        return (COMPLETED if run.status in ENDED else FAILED), run.message
+    return (FAILED if run.exit_status == 3 else ERROR), str(run)
+
+
+_runners: OrderedDict[str, Runner] = OrderedDict()
+
+
+def _runner(spec: Spec) -> Runner:
+    """Return what runs a sweep's rows in this process, made once."""
+    found = _runners.get(spec.sha256)
+    if found is None:
+        found = _runners[spec.sha256] = Runner(spec)
+        if len(_runners) > _MOST_SPECS:
+            _runners.popitem(last=False)
+    return found

@@ -1,0 +1,187 @@
+"""Runs rows on this machine, in this process or in several."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from multiprocessing import connection, get_context
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.errors import NumericalError
+from lagcli.sweeps.file.row_status import Missing
+from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.rows.rows import Results, run_rows
+
+Numbers = NDArray[np.int64]
+
+#: Seconds that a chunk of rows should take: what is lost where a sweep is killed.
+_CHUNK = 0.5
+_TOGETHER = 8  # rows that the compiled engine runs at once: fewer take nearly as long
+_LONG = 10.0  # s for so many rows, beyond which chunks are smaller all the same
+_FIRST = 16  # rows of the first chunk
+_MOST = 4096  # rows of a chunk
+_MOST_BYTES = 1 << 25  # of the samples that a chunk keeps
+_GROWTH = 4
+#: Seconds of work below which it is not worth it to start processes, each of which imports lagcli.
+_WORTH = 1.0
+_PATIENCE = 0.05  # s between two looks at whether to end
+
+
+class Chunks:
+    """Hands out rows in chunks of about equal time.
+
+    Parameters
+    ----------
+    missing : Missing
+    row_bytes : int
+        Bytes of the samples that a row keeps.
+    jobs : int
+    """
+
+    def __init__(self, missing: Missing, row_bytes: int, jobs: int):
+        self.missing, self.jobs = missing, jobs
+        self.most = max(1, min(_MOST, _MOST_BYTES // max(1, row_bytes)))
+        self.size = min(_FIRST, self.most)
+        self.seconds_per_row = 0.0
+        self.timed = 0  # chunks
+
+    def next(self) -> Numbers:
+        """Return the numbers of the next rows; none at the end."""
+        # towards the end, in pieces small enough that all processes end together
+        fair = max(_TOGETHER, self.missing.left // (2 * self.jobs))
+        return self.missing.take(_filled(min(self.size, fair)))
+
+    def took(self, rows: int, seconds: float) -> None:
+        """Take note of how long a chunk took."""
+        self.seconds_per_row = seconds / rows
+        self.timed += 1
+        wanted = int(_CHUNK / max(self.seconds_per_row, 1e-9))
+        if wanted < _TOGETHER and _TOGETHER * self.seconds_per_row <= _LONG:
+            wanted = _TOGETHER
+        self.size = max(1, min(wanted, _GROWTH * self.size, self.most))
+
+    @property
+    def left(self) -> float:
+        """Seconds of work that one process would have left; 0 while that is not known.
+
+        The first chunk says nothing of it: it derives the model.
+        """
+        return self.missing.left * self.seconds_per_row if self.timed > 1 else 0.0
+
+
+def _filled(rows: int) -> int:
+    """Return a number of rows of which none are run in a group that is not full, if it can be."""
+    return rows // _TOGETHER * _TOGETHER or rows
+
+
+def run_here(spec: Spec, chunks: Chunks, heed: Callable[[], None], jobs: int) -> Iterator[Results]:
+    """Run all rows; yield results as they come.
+
+    Parameters
+    ----------
+    spec : Spec
+    chunks : Chunks
+    heed : callable
+        Called several times in 0.1 s; what it raises ends the runs.
+    jobs : int
+        The number of processes. What a row gives does not depend on it.
+    """
+    while len(numbers := chunks.next()):
+        began = time.monotonic()
+        yield run_rows(spec, numbers, heed)
+        chunks.took(len(numbers), time.monotonic() - began)
+        if jobs > 1 and chunks.left > _WORTH:
+            with _Processes(spec, min(jobs, chunks.missing.left)) as processes:
+                yield from processes.run(chunks, heed)
+
+
+class _Processes:
+    """Processes that run rows, each with a pipe of its own."""
+
+    def __init__(self, spec: Spec, jobs: int):
+        # started anew, not forked: they hold nothing of ours open, and end when their pipe does,
+        # even if this process is killed
+        context = get_context("spawn")
+        self.workers: dict[Any, Any] = {}
+        blocked = _blocking(signal.SIGINT)  # Ctrl-C is for this process alone
+        try:
+            for _ in range(jobs):
+                ours, theirs = context.Pipe()
+                process = context.Process(target=_work, args=(theirs, spec), daemon=True)
+                process.start()
+                theirs.close()
+                self.workers[ours] = process
+        finally:
+            _unblock(blocked)
+
+    def __enter__(self) -> _Processes:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for pipe, process in self.workers.items():
+            pipe.close()
+            process.terminate()
+        for process in self.workers.values():
+            process.join()
+
+    def run(self, chunks: Chunks, heed: Callable[[], None]) -> Iterator[Results]:
+        busy: set[Any] = set()
+        idle = list(self.workers)
+        while True:
+            while idle and len(numbers := chunks.next()):
+                pipe = idle.pop()
+                self._talk(pipe, pipe.send, numbers)
+                busy.add(pipe)
+            if not busy:
+                return
+            heed()
+            ready: list[Any] = connection.wait(list(busy), _PATIENCE)
+            for pipe in ready:
+                answer, seconds = self._talk(pipe, pipe.recv)
+                busy.remove(pipe)
+                idle.append(pipe)
+                if isinstance(answer, BaseException):
+                    raise answer
+                chunks.took(len(answer.numbers), seconds)
+                yield answer
+
+    def _talk(self, pipe: Any, action: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return action(*arguments)
+        except (EOFError, OSError):
+            process = self.workers[pipe]
+            process.join(1)
+            raise NumericalError(
+                f"a process of the sweep died (exit status {process.exitcode}): it was killed, or"
+                " memory ran out; take fewer --jobs, and go on with --resume"
+            ) from None
+
+
+def _work(pipe: Any, spec: Spec) -> None:
+    """Run chunks of rows until the pipe ends."""
+    try:
+        while True:
+            numbers = pipe.recv()
+            began = time.monotonic()
+            try:
+                answer: Any = run_rows(spec, numbers)
+            except Exception as error:
+                answer = error
+            pipe.send((answer, time.monotonic() - began))
+    except (EOFError, OSError):
+        pass
+
+
+def _blocking(number: signal.Signals) -> Any:
+    if not hasattr(signal, "pthread_sigmask"):
+        return None
+    return signal.pthread_sigmask(signal.SIG_BLOCK, {number})
+
+
+def _unblock(before: Any) -> None:
+    if before is not None:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

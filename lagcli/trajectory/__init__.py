@@ -1,0 +1,1 @@
+"""Trajectories: samples of a run, in blocks or as a whole."""

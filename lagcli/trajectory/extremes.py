@@ -1,0 +1,128 @@
+"""The largest and least values along a run, gathered block by block."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lagcli.trajectory.samples import Array
+
+
+@dataclass(eq=False)
+class Extreme:
+    """The least and the greatest value of one quantity, and when, s; NaN where it has none."""
+
+    low: float = math.nan
+    low_time: float = math.nan
+    high: float = math.nan
+    high_time: float = math.nan
+
+
+class Extremes:
+    """What the summary of a run says of its samples, in memory that does not grow with them.
+
+    NaN counts as no value.
+
+    Parameters
+    ----------
+    constraints : sequence of str
+        Names, in the model's order.
+
+    Attributes
+    ----------
+    samples : int
+    first, last : float
+        Times, s; NaN without samples.
+    multipliers : dict of str to Extreme
+        By constraint.
+    residual_position, residual_velocity : (nc,) arrays
+        The largest magnitude by constraint; NaN where there is none.
+    residual_equation, energy_balance : float
+        The largest magnitude; NaN where there is none.
+    """
+
+    #: The fields of `Samples` that are looked at.
+    COLUMNS = (
+        "time",
+        "multipliers",
+        "residual_position",
+        "residual_velocity",
+        "residual_equation",
+        "energy_balance",
+        "energy_kinetic",
+        "energy_total",
+        "energy_potential",
+    )
+
+    def __init__(self, constraints: Sequence[str]):
+        self.samples = 0
+        self.first = self.last = math.nan
+        self.multipliers = {name: Extreme() for name in constraints}
+        self.residual_position = np.full(len(constraints), math.nan)
+        self.residual_velocity = np.full(len(constraints), math.nan)
+        self.residual_equation = self.energy_balance = math.nan
+        self._energy = math.nan  # the largest |T| and |E|
+        self._potential = Extreme()
+
+    @property
+    def energy_scale(self) -> float:
+        """The energy by which the balance is judged, J: the largest of |T|, |E| and V's swing."""
+        swing = self._potential.high - self._potential.low
+        scale = np.fmax(self._energy, swing)
+        return 0.0 if math.isnan(scale) else float(scale)
+
+    def add(self, columns: Mapping[str, Array]) -> None:
+        """Take the next samples into account.
+
+        Parameters
+        ----------
+        columns : mapping of str to array
+            Those of ``COLUMNS``, by name; others are passed over.
+        """
+        time = columns["time"]
+        if not len(time):
+            return
+        if not self.samples:
+            self.first = float(time[0])
+        self.samples += len(time)
+        self.last = float(time[-1])
+        for extreme, values in zip(
+            self.multipliers.values(), columns["multipliers"].T, strict=True
+        ):
+            widen(extreme, time, values)
+        widen(self._potential, time, columns["energy_potential"])
+        for name in ("residual_position", "residual_velocity"):
+            largest = np.fmax.reduce(np.abs(columns[name]), axis=0)
+            setattr(self, name, np.fmax(getattr(self, name), largest))
+        for name in ("residual_equation", "energy_balance"):
+            largest = np.fmax.reduce(np.abs(columns[name]))
+            setattr(self, name, float(np.fmax(getattr(self, name), largest)))
+        for name in ("energy_kinetic", "energy_total"):
+            largest = np.fmax.reduce(np.abs(columns[name]))
+            self._energy = float(np.fmax(self._energy, largest))
+
+
+def known(value: float) -> float | None:
+    """Return the number, or None for NaN."""
+    return None if math.isnan(value) else float(value)
+
+
+def widen(extreme: Extreme, time: Array, values: Array) -> None:
+    """Take more values of one quantity into account; of equal ones the first counts, NaN never.
+
+    Parameters
+    ----------
+    extreme : Extreme
+        Is changed.
+    time, values : (n,) arrays
+    """
+    if np.isnan(values).all():
+        return
+    low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
+    if not values[low] >= extreme.low:
+        extreme.low, extreme.low_time = float(values[low]), float(time[low])
+    if not values[high] <= extreme.high:
+        extreme.high, extreme.high_time = float(values[high]), float(time[high])

@@ -1,0 +1,262 @@
+"""The samples of one run, and the record of everything needed to reproduce it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.errors import UsageError
+
+Array = NDArray[np.float64]
+
+#: Version of the layout of result files.
+SCHEMA_VERSION = "2"
+
+#: The one sign of lambda, written into every file (seed equation 8.85).
+SIGN_CONVENTION = (
+    "d/dt dT/dq' - dT/dq + dV/dq = Q + sum_beta lambda_beta b_beta, "
+    "b_beta = dphi_beta/dq (holonomic) or dpsi_beta/dq' (nonholonomic); "
+    "for lhs = rhs, phi = lhs - rhs"
+)
+
+#: The values of ``Record.status``.
+STATUSES = ("completed", "stopped-by-event", "failed", "interrupted")
+#: Those of a run that ended as it was meant to.
+ENDED = STATUSES[:2]
+
+
+class Terms(NamedTuple):
+    """The nonzero pattern of B: which constraint acts on which coordinate.
+
+    n terms, ordered by constraint and then by coordinate: the rows and columns of a sparse matrix
+    whose values are those of one sample.
+
+    Parameters
+    ----------
+    constraint, coordinate : (n,) arrays of int
+        Places in the names of the constraints and of the coordinates.
+    shape : (int, int)
+        nc and nq.
+    """
+
+    constraint: NDArray[np.intp]
+    coordinate: NDArray[np.intp]
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, pairs: Iterable[tuple[int, int]], shape: tuple[int, int]) -> Terms:
+        """Return the terms of pairs of constraint and coordinate, which are in order."""
+        both = np.array(list(pairs), dtype=np.intp).reshape(-1, 2)
+        return cls(both[:, 0].copy(), both[:, 1].copy(), shape)
+
+    def check(self) -> None:
+        """Raise ValueError unless the terms are in order and of the constraints and coordinates."""
+        nc, nq = self.shape
+        if self.constraint.ndim != 1 or self.constraint.shape != self.coordinate.shape:
+            raise ValueError("terms have two numbers of entries")
+        for places, most in ((self.constraint, nc), (self.coordinate, nq)):
+            if len(places) and not 0 <= places.min() <= places.max() < most:
+                raise ValueError("terms are of constraints or coordinates that there are not")
+        if (np.diff(self.constraint * nq + self.coordinate) <= 0).any():
+            raise ValueError("terms are not in order")
+
+    def total(self, values: Array) -> Array:
+        """Return the sum over the constraints.
+
+        Parameters
+        ----------
+        values : (nt, n) array
+            ``constraint_force_by``.
+
+        Returns
+        -------
+        (nt, nq) array
+            The terms of each coordinate are added in the order of the constraints.
+        """
+        total = np.zeros((len(values), self.shape[1]))
+        order = np.argsort(self.coordinate, kind="stable")
+        coordinate = self.coordinate[order]
+        first = np.searchsorted(coordinate, coordinate)
+        place = np.arange(len(order)) - first  # of a term among those of its coordinate
+        for turn in range(int(place.max(initial=-1)) + 1):
+            mine = order[place == turn]
+            total[:, self.coordinate[mine]] += values[:, mine]
+        return total
+
+    def dense(self, values: Array, constraint: int) -> Array:
+        """Return the forces of one constraint on all coordinates, (nt, nq)."""
+        first, end = np.searchsorted(self.constraint, (constraint, constraint + 1))
+        forces = np.zeros((len(values), self.shape[1]))
+        forces[:, self.coordinate[first:end]] = values[:, first:end]
+        return forces
+
+    def acting(self, constraint: int) -> dict[int, int]:
+        """Return the coordinates that a constraint acts on, each with the place of its term."""
+        first, end = np.searchsorted(self.constraint, (constraint, constraint + 1))
+        return {int(self.coordinate[k]): k for k in range(first, end)}
+
+    def column(self, values: Array, constraint: int, coordinate: int) -> Array:
+        """Return the force of one constraint on one coordinate, (nt,); zeros without a term."""
+        first, end = np.searchsorted(self.constraint, (constraint, constraint + 1))
+        place = first + int(np.searchsorted(self.coordinate[first:end], coordinate))
+        if place < end and self.coordinate[place] == coordinate:
+            return np.array(values[:, place])
+        return np.zeros(len(values))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Samples:
+    """Consecutive samples of a run, in SI units.
+
+    nt samples, nq coordinates, nc constraints (in the model's order), n terms of constraint force.
+
+    Parameters
+    ----------
+    coordinates, constraints : tuple of str
+        Names, in the model's order.
+    terms : Terms
+        Which constraint acts on which coordinate.
+    time : (nt,) array
+        s.
+    q, v, a : (nt, nq) arrays
+        Coordinates, velocities, accelerations.
+    multipliers : (nt, nc) array
+        λ.
+    constraint_force_by : (nt, n) array
+        λ_β b_βi, the generalized force of each constraint on each coordinate that it acts on, in
+        the order of ``terms``; `constraint_force_of` gives the forces of one constraint.
+    energy_kinetic, energy_potential : (nt,) arrays
+        T and V as the model states them, J.
+    energy_total : (nt,) array
+        v·∂L/∂v − L; equals T + V when T is a quadratic form in the velocities.
+    power_applied : (nt,) array
+        Power of Q and D, W.
+    power_constraint : (nt,) array
+        Σ λ_β b_β·v, W: rheonomic constraints do work.
+    power_time : (nt,) array
+        −∂L/∂t, W: what enters by the explicit time in T or V.
+    energy_balance : (nt,) array
+        energy_total minus its first value minus the integral of the three powers; zero for an
+        exact run.
+    residual_position, residual_velocity : (nt, nc) arrays
+        φ and ψ at the written state; φ of a nonholonomic constraint is NaN.
+    residual_equation : (nt,) array
+        max norm of M a − f − Bᵀλ, evaluated from the written numbers.
+    outputs : mapping of str to (nt,) array
+        The model's own columns.
+    """
+
+    coordinates: tuple[str, ...]
+    constraints: tuple[str, ...]
+    terms: Terms
+    time: Array
+    q: Array
+    v: Array
+    a: Array
+    multipliers: Array
+    constraint_force_by: Array
+    energy_kinetic: Array
+    energy_potential: Array
+    energy_total: Array
+    power_applied: Array
+    power_constraint: Array
+    power_time: Array
+    energy_balance: Array
+    residual_position: Array
+    residual_velocity: Array
+    residual_equation: Array
+    outputs: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def nbytes(self) -> int:
+        """The memory that the numbers take."""
+        arrays = (x for x in vars(self).values() if isinstance(x, np.ndarray))
+        return sum(x.nbytes for x in arrays) + len(self.outputs) * self.time.nbytes
+
+    @property
+    def constraint_force(self) -> Array:
+        """Σ_β λ_β b_β, the generalized constraint force, (nt, nq)."""
+        return self.terms.total(self.constraint_force_by)
+
+    def constraint_force_of(self, constraint: str) -> Array:
+        """Return λ_β b_β, the generalized forces of one constraint, by its name.
+
+        Parameters
+        ----------
+        constraint : str
+            One of ``constraints``.
+
+        Returns
+        -------
+        (nt, nq) array
+            Zero for coordinates that it does not act on.
+
+        Raises
+        ------
+        UsageError
+            There is no constraint of this name.
+        """
+        if constraint not in self.constraints:
+            raise UsageError(
+                f"there is no constraint {constraint!r}; the constraints are"
+                f" {', '.join(self.constraints[:20]) or 'none'}"
+            )
+        return self.terms.dense(self.constraint_force_by, self.constraints.index(constraint))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Record:
+    """What is known of a run besides its samples; some of it only at its end.
+
+    Parameters
+    ----------
+    scale_position, scale_velocity : (nc,) arrays
+        The constraints' own scales, by which residuals are judged: the largest sum of the
+        magnitudes of their terms along the run, or what `lagcli.engine.scales` gives
+        where that is larger.
+    units : mapping of str to str
+        Unit, in SI, of a coordinate, a parameter or an output, by name, where the model states it.
+    status, message : str
+        One of ``STATUSES``, and one sentence for the reader.
+    model, model_sha256 : str
+        The model file's text, verbatim, and its digest.
+    parameters : mapping of str to float
+        The values used.
+    options : mapping
+        Options of the run.
+    counts : mapping of str to int
+        steps, rejected, evaluations.
+    seconds : mapping of str to float
+        Time spent by phase.
+    initial_correction : mapping of str to (float, float)
+        What the consistent start moved: name → (value before, value after).
+    tolerances : mapping of str to float
+        The absolute tolerance of each coordinate and velocity (``phi'``) at the end of the run.
+    warnings : tuple of str
+        Why the result may not be trusted, one sentence each.
+    freedom : mapping
+        The degrees of freedom at the start: ``coordinates``, ``constraints``, ``rank`` of B,
+        ``degrees_of_freedom``, and ``redundant``, the sets of ``constraints`` that depend on each
+        other and how many of each (``surplus``) follow from the others. Empty where not recorded.
+    """
+
+    scale_position: Array
+    scale_velocity: Array
+    units: Mapping[str, str] = field(default_factory=dict)
+    status: str = "completed"
+    message: str = ""
+    model: str = ""
+    model_sha256: str = ""
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    counts: Mapping[str, int] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    initial_correction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    tolerances: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    freedom: Mapping[str, Any] = field(default_factory=dict)
+    lagcli_version: str = ""

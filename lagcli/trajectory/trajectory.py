@@ -1,0 +1,55 @@
+"""Trajectory: all samples of one run in memory, with everything needed to reproduce it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from lagcli.trajectory.samples import Array, Record, Samples
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Trajectory(Record, Samples):
+    """All samples of one run with its record; see `Samples` and `Record` for the fields."""
+
+
+def joined(blocks: Sequence[Samples]) -> Samples:
+    """Return consecutive blocks of samples as one.
+
+    Parameters
+    ----------
+    blocks : sequence of Samples
+        In order, at least one.
+
+    Returns
+    -------
+    Samples
+        The only block itself, or copies.
+    """
+    first = blocks[0]
+    if len(blocks) == 1:
+        return first
+
+    def column(name: str) -> Array:
+        return np.concatenate([getattr(block, name) for block in blocks])
+
+    arrays = {
+        f.name: column(f.name)
+        for f in fields(Samples)
+        if f.name not in ("coordinates", "constraints", "terms", "outputs")
+    }
+    outputs = {n: np.concatenate([block.outputs[n] for block in blocks]) for n in first.outputs}
+    return Samples(
+        coordinates=first.coordinates,
+        constraints=first.constraints,
+        terms=first.terms,
+        outputs=outputs,
+        **arrays,
+    )
+
+
+def complete(samples: Samples, record: Record) -> Trajectory:
+    """Return samples and record as one Trajectory."""
+    return Trajectory(**vars(samples), **vars(record))

@@ -1,0 +1,218 @@
+"""Operations on vectors: they give what the same operations give one by one."""
+
+from __future__ import annotations
+
+import itertools
+import random
+
+import numpy as np
+import pytest
+import symengine as se
+
+from lagcli.engine.program.nodes import END, PLACES, VECTOR
+from lagcli.engine.program.program import assemble
+from lagcli.engine.program.progressions import LONGEST, pieces, progressions
+from lagcli.engine.program.subprograms import unpacked
+from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.engine.tape.tape import Builder, Op, Tape
+
+binding = pytest.importorskip("lagcli.engine.core.binding")
+
+BODIES = 300
+
+
+def coordinates(bodies: int) -> tuple[list[se.Symbol], list[str]]:
+    """Return x_i and y_i, body by body, and their families."""
+    names = [f"{name}_{i}" for i in range(bodies) for name in "xy"]
+    return [se.Symbol(name) for name in names], [name[0] for name in names]
+
+
+def chain(bodies: int) -> tuple[Tape, list[str]]:
+    """Return a tape in which every body meets its neighbours, and the labels of its inputs."""
+    symbols, families = coordinates(bodies)
+    x, y = symbols[::2], symbols[1::2]
+    m = se.Symbol("m")
+    found = []
+    for i in range(1, bodies):
+        square = (x[i] - x[i - 1]) ** 2 + (y[i] - y[i - 1]) ** 2
+        found += [se.sqrt(square), m * (x[i] - x[i - 1]) / square, se.Abs(x[i]) - y[i - 1] * 3]
+        if i % 7 == 0:  # not all are alike
+            found.append(se.sin(x[i]) * y[i] + se.atan2(x[i], y[i]))
+    return compile_tape(found, symbols, [m]), families
+
+
+def operations(stream: np.ndarray) -> tuple[int, int]:
+    """Return how many operations of a stream are in vectors, and how many are not."""
+    numbers, at, vectors, singles = stream.tolist(), 0, 0, 0
+    while numbers[at] != END:
+        op, n = numbers[at : at + 2]
+        at += 2
+        if op < VECTOR:
+            singles += n
+            at += n * PLACES[op]
+            continue
+        vectors += n
+        at += 1
+        for _ in range(PLACES[op - VECTOR] - 1):
+            at += 2 + (n if numbers[at + 1] < -(2**30) else 0)
+    return vectors, singles
+
+
+def test_long_tapes_run_on_vectors_and_give_the_same() -> None:
+    tape, families = chain(BODIES)
+    program = assemble(tape, families)
+    vectors, singles = operations(program.main)
+    assert vectors > 10 * singles
+    inputs = np.random.default_rng(1).uniform(0.5, 2.0, tape.inputs)
+    expected = ScalarTape(tape)(inputs)
+    np.testing.assert_array_equal(binding.run_tape(tape, inputs, families), expected)
+
+
+def test_vectors_unpacked_are_the_same_operations() -> None:
+    tape, families = chain(BODIES)
+    program = assemble(tape, families)
+    stream = unpacked(program.main)
+    vectors, singles = operations(stream)
+    assert (vectors, singles) == (0, sum(operations(program.main)))
+    inputs = np.random.default_rng(2).uniform(0.5, 2.0, tape.inputs)
+    table = binding.LaneTable(assemble(tape._replace(parameters=0), families), tape.inputs, 0)
+    found = table(inputs[None, None], np.empty((1, 0)))[0, :, 0]
+    np.testing.assert_allclose(found, ScalarTape(tape)(inputs), rtol=1e-13)
+
+
+def test_short_tapes_are_not_packed() -> None:
+    tape, families = chain(20)
+    assert operations(assemble(tape, families).main)[0] == 0
+
+
+def test_outputs_asked_for_apart_are_found_apart() -> None:
+    symbols, families = coordinates(BODIES)
+    x, y = symbols[::2], symbols[1::2]
+    sums = [a + b for a, b in zip(x, y, strict=True)]
+    tape = compile_tape(
+        [*sums, *(s * s for s in sums), *(s * a for s, a in zip(sums, x, strict=True))], symbols
+    )
+    tape = tape._replace(later=(BODIES, BODIES))
+    program = assemble(tape, families)
+    values = np.random.default_rng(3).normal(size=2 * BODIES)
+    s = values[::2] + values[1::2]
+    expected = np.concatenate([s, s * s, s * values[::2]])
+    np.testing.assert_array_equal(binding.run_tape(tape, values, families), expected)
+    # each part has its own operations alone
+    moves = 2 * BODIES
+    sizes = [sum(operations(part)) for part in (program.main, *program.later)]
+    assert sizes in ([BODIES + moves, BODIES, BODIES], [BODIES, BODIES, BODIES])
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_any_order_of_operations_gives_the_same(seed: int) -> None:
+    """Random operations on what is there: nothing is in progression but by chance."""
+    draw = random.Random(seed)
+    builder = Builder(40)
+    known = list(range(40))
+    kinds = (Op.ADD, Op.SUB, Op.MUL, Op.NEG, Op.ABS)
+    for _ in range(200):
+        op, step, a, b = draw.choice(kinds), draw.choice((1, 2, 3)), draw.randrange(40), 0
+        b = draw.randrange(40)
+        for i in range(draw.choice((1, 8, 13, 20))):
+            operands = (known[-1 - (a + i * step) % len(known)], known[(b + i) % len(known)])
+            known.append(builder.emit(op, *operands[: 1 if op in (Op.NEG, Op.ABS) else 2]))
+    outputs = known[40::5]
+    some = tuple(sorted(draw.sample(range(len(outputs)), 20)))
+    tape = builder.finish(outputs, alone=(some,), alike=[draw.sample(known[40:], 200)])
+    inputs = np.random.default_rng(seed).uniform(-1.0, 1.0, 40)
+    with np.errstate(all="ignore"):
+        expected = np.array(ScalarTape(tape)(inputs))
+        np.testing.assert_array_equal(binding.run_tape(tape, inputs), expected)
+        alone = binding.run_tape(tape, inputs, alone=0)
+        np.testing.assert_array_equal(alone[list(some)], expected[list(some)])
+
+
+def test_what_is_used_alike_is_brought_side_by_side() -> None:
+    """Results of many levels, as a recursive elimination finds them, and what is between them."""
+    builder = Builder(2 * BODIES)
+    found = []
+    for i in range(BODIES):
+        x = i
+        for _ in range(((i + 1) & -(i + 1)).bit_length()):  # every second one has a level more
+            x = builder.emit(Op.MUL, x, BODIES + i)
+        found.append(builder.emit(Op.ADD, x, BODIES + (7 * i) % BODIES))
+    pairs = list(itertools.pairwise(found))
+    ends = [builder.emit(Op.SUB, builder.emit(Op.MUL, a, b), a) for a, b in pairs]
+    ends = [builder.emit(op, x, found[0]) for x in ends for op in (Op.ADD, Op.SUB, Op.MUL)]
+    apart, alike = builder.finish(ends), builder.finish(ends, alike=[found])
+    sizes = [len(assemble(tape).main) for tape in (alike, apart)]
+    assert sizes[0] < 0.9 * sizes[1]
+    inputs = np.random.default_rng(5).normal(size=2 * BODIES)
+    np.testing.assert_array_equal(binding.run_tape(alike, inputs), ScalarTape(alike)(inputs))
+
+
+def test_what_is_asked_for_alone_is_all_that_is_done() -> None:
+    symbols, families = coordinates(2 * BODIES)
+    pairs = list(zip(symbols[::2], symbols[1::2], strict=True))
+    squares = [x * x + y * y for x, y in pairs]
+    some = tuple(range(2 * BODIES, 4 * BODIES))
+    tape = compile_tape(
+        [*(s * x for s, (x, _) in zip(squares, pairs, strict=True)), *squares], symbols
+    )
+    tape = tape._replace(alone=(some, ()))
+    program = assemble(tape, families)
+    moves = 4 * BODIES
+    assert sum(operations(program.alone[0])) == 4 * BODIES + moves
+    assert sum(operations(program.main)) == 6 * BODIES + moves
+    assert operations(program.alone[1]) == (0, 0)
+    values = np.random.default_rng(4).normal(size=4 * BODIES)
+    found = binding.run_tape(tape, values, families, alone=0)
+    expected = np.array(ScalarTape(tape)(values))
+    np.testing.assert_array_equal(found[list(some)], expected[list(some)])
+
+
+def test_what_is_asked_for_apart_goes_on_from_what_is_alone() -> None:
+    symbols, families = coordinates(BODIES)
+    x, y = symbols[::2], symbols[1::2]
+    sums = [a + b for a, b in zip(x, y, strict=True)]
+    roots = [se.sqrt(a * a + b * b) for a, b in zip(x, y, strict=True)]
+    tape = compile_tape([*roots, *sums, *(s * s + s for s in sums)], symbols)
+    later = range(2 * BODIES, 3 * BODIES)
+    tape = tape._replace(later=(BODIES,), alone=(tuple(later),))
+    values = np.random.default_rng(3).normal(size=2 * BODIES)
+    found = binding.run_tape(tape, values, families, alone=0)
+    expected = np.array(ScalarTape(tape)(values))
+    np.testing.assert_array_equal(found[list(later)], expected[list(later)])
+    program = assemble(tape, families)
+    assert sum(operations(program.alone[0])) <= 3 * BODIES < sum(operations(program.main))
+
+
+def test_progressions_are_found_between_others() -> None:
+    one = [(10 + 3 * i, 500 - i) for i in range(40)]
+    other = [(11 + 3 * i, 900 + 2 * i) for i in range(25)]
+    single = [(7, 7), (1000, 3), (1001, 77)]
+    points = [*one, *other, *single]
+    random.Random(1).shuffle(points)
+    found, rest = progressions(points)
+    runs = sorted([points[i] for i in run] for run in found)
+    assert runs == [one, other]
+    assert sorted(points[i] for i in rest) == sorted(single)
+
+
+def test_one_operand_may_lie_anywhere() -> None:
+    draw = random.Random(2)
+    points = [(100 + 2 * i, draw.randrange(10**6), 50) for i in range(64)]
+    found, rest = progressions(points)
+    assert [[points[i] for i in run] for run in found] == [points]
+    assert rest == []
+
+
+def test_equal_points_are_no_progression() -> None:
+    found, rest = progressions([(3, 4)] * 2000)
+    assert found == []
+    assert sorted(rest) == [*range(2000)]
+
+
+@pytest.mark.parametrize("length", [1, 8, LONGEST, LONGEST + 1, 5 * LONGEST - 3])
+def test_pieces_are_no_longer_than_vectors(length: int) -> None:
+    found = list(pieces(range(length)))
+    assert [*itertools.chain.from_iterable(found)] == [*range(length)]
+    assert max(map(len, found)) <= LONGEST
+    assert min(map(len, found)) >= min(length, LONGEST // 2)

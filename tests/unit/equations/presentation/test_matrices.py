@@ -1,0 +1,275 @@
+"""Large systems: matrices of named entries with the engine's values, bounded in length and time."""
+
+from __future__ import annotations
+
+import json
+import random
+import re
+import shutil
+import subprocess
+import time
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import symengine as se
+from formula_values import MODELS, model_of
+
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.lowering import lower
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.equations.presentation.abbreviations import abbreviate
+from lagcli.equations.presentation.formulas import Formulas
+from lagcli.equations.presentation.matrices import PARTS, Matrices
+from lagcli.equations.presentation.overview import in_matrices
+from lagcli.equations.render import render
+from lagcli.model.expression.building import build
+from lagcli.model.expression.grammar import parse
+from lagcli.model.expression.identities import constant_value
+from lagcli.model.loader import load
+from lagcli.model.names.scope import ModelScope
+from lagcli.model.names.scoping import Sized
+from lagcli.model.symbols import Context, Symbols
+
+FOUND = Path(__file__).parents[3] / "found"
+WHIPPLE = FOUND / "whipple_bicycle.yaml"
+SHIPPED = {path.stem: path for path in MODELS}
+
+
+@cache
+def system(path: Path):
+    return derive(load(path))
+
+
+class Reader:
+    """Evaluates the text of a JSON derivation by the grammar, abbreviations in their order."""
+
+    def __init__(self, equations, content, at):
+        self.at = {se.Symbol(name): se.RealDouble(x) for name, x in at.items()}
+        model = equations.model
+        self.names = Symbols(
+            coordinates=model.coordinate_names,
+            constraints=model.constraint_names,
+            parameters={name: partial(se.Symbol, name) for name in model.parameters},
+        )
+        self.names.definitions = {}
+        for entry in content["abbreviations"]:
+            value = self(entry["text"])
+            self.names.definitions[entry["name"]] = partial(Sized, se.RealDouble(value), 1)
+
+    def __call__(self, text: str) -> float:
+        built = build(parse(text), ModelScope(self.names, Context("the test"))).value
+        return float(built.xreplace(self.at).n(53, real=True))
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(WHIPPLE, marks=pytest.mark.slow),
+        *(FOUND / "bennett.yaml", SHIPPED["rolling_disk"], SHIPPED["parallelogram"]),
+    ],
+    ids=lambda p: p.stem,
+)
+def test_named_entries_have_the_engine_s_values(path, monkeypatch) -> None:
+    monkeypatch.setattr("lagcli.equations.render.json.in_matrices", lambda f, full: True)
+    equations = system(path)
+    content = json.loads(render(equations, "json"))
+    assert content["form"] == "matrices"
+    evaluator = Evaluator(lower(equations))
+    source = random.Random(9)
+    for _ in range(2):
+        q, v = (np.array([source.uniform(-0.6, 0.6) for _ in equations.q]) for _ in "qv")
+        t = source.uniform(0, 1)
+        at = {"t": t, **equations.model.parameter_values}
+        at |= {s.name: x for s, x in zip((*equations.q, *equations.v), (*q, *v), strict=True)}
+        read = Reader(equations, content, at)
+        engine = evaluator.dynamics(t, q, v)
+        mass = np.zeros_like(engine.mass_matrix)
+        for i, j, formula in content["mass_matrix"]:
+            mass[i, j] = read(formula["text"])
+        forcing = np.array([read(x["text"]) for x in content["forcing"]])
+        jacobian = np.zeros_like(engine.jacobian)
+        for i, c in enumerate(content["constraints"]):
+            for j, formula in c["row"]:
+                jacobian[i, j] = read(formula["text"])
+        gamma = np.array([read(c["gamma"]["text"]) for c in content["constraints"]])
+        for found, wanted in (
+            (mass, engine.mass_matrix),
+            (forcing, engine.forcing),
+            (jacobian, engine.jacobian),
+            (gamma, engine.rhs),
+        ):
+            # rounding of some thousand operations
+            np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-11 * abs(wanted).max())
+
+
+def test_abbreviations_keep_the_names_of_definitions_and_avoid_names_of_the_model() -> None:
+    x, y, z = map(se.Symbol, ("x", "y", "z_1"))
+    root = se.sqrt(1 - (x * y + z) ** 2)
+    given = [root * se.sin(x), root + (x * y + z) ** 3, (x * y + z) * root]
+    found = abbreviate(given, ("x", "y", "z_1"), {x * y + z: "nz"})
+    assert next(iter(found.named)) == "nz"
+    assert not any(name.startswith("z_") for name in found.named)
+    values = {}
+    for name, value in found.named.items():
+        values[se.Symbol(name)] = value.xreplace(values)
+    for wanted, short in zip(given, found.expressions, strict=True):
+        assert se.expand(short.xreplace(values) - wanted) == 0
+
+
+def test_whipple_bicycle_is_readable() -> None:
+    began = time.process_time()
+    equations = derive(load(WHIPPLE))
+    text = render(equations, "text")
+    assert time.process_time() - began < 20
+    assert len(text.splitlines()) <= 430
+    for part in ("nz  = Z · n", "M q̈ = f + Bᵀ λ", "Abbreviations", "M[x, x]", "f[δ]", "--full"):
+        assert part in text
+    assert "√(1)" not in text
+    used = set(re.findall(r"z[₀-₉]+", text))
+    defined = set(re.findall(r"(z[₀-₉]+) = ", text))
+    assert used == defined
+
+
+LONG = ("net_rods", "stewart", "beam40", "bricard_a04", "bricard_tilted", "whipple_bicycle")
+
+
+@pytest.mark.parametrize(
+    ("name", "steps"),
+    [
+        ("bennett", False),
+        pytest.param("ring100", False, marks=pytest.mark.slow),
+        *(pytest.param(name, s, marks=pytest.mark.slow) for name in LONG for s in (False, True)),
+    ],
+)
+def test_length_is_bounded(name, steps) -> None:
+    equations = system(FOUND / f"{name}.yaml")
+    began = time.process_time()
+    text = render(equations, "text", steps=steps)
+    assert time.process_time() - began < 20
+    assert len(text.splitlines()) <= 460
+    assert "--full" in text
+
+
+def test_full_is_whole() -> None:
+    equations = system(FOUND / "ring100.yaml")
+    text = render(equations, "text", full=True)
+    assert "--full" not in text
+    assert len(text.splitlines()) > 600
+    assert all(f"  {q}" in text for q in ("x[57]", "y[99]"))
+
+
+def test_shipped_models_are_written_out() -> None:
+    for path in MODELS[::5]:
+        formulas = Formulas(system(path))
+        assert not in_matrices(formulas), path
+        assert "--full" not in render(system(path), "text")
+
+
+def test_formats_choose_the_same_form(monkeypatch) -> None:
+    for module in ("overview", "render", "render.json"):
+        monkeypatch.setattr(
+            f"lagcli.equations.{module}.in_matrices", lambda f, full=False: not full
+        )
+    equations = system(SHIPPED["rolling_disk"])
+    text, latex, markdown, data = (
+        render(equations, form) for form in ("text", "latex", "markdown", "json")
+    )
+    # `z` is a coordinate of the disk
+    named = Matrices(Formulas(equations)).short.named
+    count = sum(name.startswith("s_") for name in named)
+    assert count >= 5
+    assert len(re.findall(r"s[₀-₉]+ = ", text)) == count
+    assert len(re.findall(r"\$s_\{\d+\} = ", latex)) == count
+    assert len(re.findall(r"\$s_\{\d+\} = ", markdown)) == count
+    assert json.loads(data)["form"] == "matrices"
+    assert json.loads(render(equations, "json", full=True))["form"] == "written-out"
+    for shown in (latex, markdown):
+        assert r"M \, \ddot{q}" in shown
+
+
+def test_all_parts_are_there() -> None:
+    equations = system(SHIPPED["rolling_disk"])
+    entries = Matrices(Formulas(equations), PARTS).formulas_of()
+    assert {part for part, _, _ in entries} >= {"M", "f", "B", "gamma", "expression", "energy"}
+
+
+# √(sin² a + cos² a)
+
+
+def test_rotation_about_a_unit_axis_holds_no_root_of_one() -> None:
+    equations = system(FOUND / "rotaxis.yaml")
+    for form in ("text", "latex", "markdown", "json"):
+        shown = render(equations, form, steps=True)
+        assert not re.search(r"√\(1\)|sqrt\(1\)|\\sqrt\{1\}|1²|1\^\{?2", shown), shown
+    # the moment of inertia about the axis is m (l cos lam)² + J
+    assert "[m l² cos²(lam) + J] q̈" in render(equations, "text")
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("sin(a)^2 + cos(a)^2", 1),
+        ("3*sin(a)^2*cos(b)^2 + 3*sin(a)^2*sin(b)^2 + 3*cos(a)^2", 3),
+        ("(sin(a)^2 + cos(a)^2)^3/4", "1/4"),
+        ("sin(2*a)^2 + cos(2*a)^2 - 1", 0),
+        ("sin(a)^2 + 2*cos(a)^2", None),
+        ("sin(a)^2 + cos(b)^2", None),
+        ("x^2*sin(a)^2 + x^2*cos(a)^2", None),
+        ("x", None),
+    ],
+)
+def test_hidden_constants(text, value) -> None:
+    found = constant_value(se.sympify(text))
+    assert found == (None if value is None else se.sympify(value))
+
+
+def test_roots_of_hidden_constants_are_numbers_in_formulas() -> None:
+    equations = model_of("x y", "m*(x'^2 + y'^2)/sqrt(4*sin(x)^2 + 4*cos(x)^2)")
+    text = render(equations, "text", steps=True)
+    assert "√" not in text.split("Derivatives by the velocities")[1]
+
+
+# LaTeX is compiled where it is installed
+
+needs_latex = pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs pdflatex")
+
+
+def compile_latex(latex: str, folder: Path) -> None:
+    (folder / "m.tex").write_text(latex, encoding="utf-8")
+    command = [
+        "pdflatex",
+        "-interaction=nonstopmode",
+        "-halt-on-error",
+        "-no-shell-escape",
+        "m.tex",
+    ]
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-2000:]
+
+
+@needs_latex
+@pytest.mark.slow
+def test_latex_of_the_bicycle_compiles(tmp_path) -> None:
+    compile_latex(render(system(WHIPPLE), "latex"), tmp_path)
+
+
+@needs_latex
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "path",
+    [*MODELS, *(p for p in sorted(FOUND.glob("*.yaml")) if p.stem not in ("absnh", "armx5"))],
+    ids=lambda p: p.stem,
+)
+@pytest.mark.parametrize("steps", [False, True])
+def test_latex_compiles(path, steps, tmp_path) -> None:
+    compile_latex(render(system(path), "latex", steps=steps), tmp_path)

@@ -1,0 +1,240 @@
+"""Arranged formulas have the value of what they were arranged from, and read as people write."""
+
+from __future__ import annotations
+
+import random
+import time
+
+import pytest
+import symengine as se
+from formula_values import (
+    MODELS,
+    equations_of,
+    expressions,
+    model_of,
+    number,
+    point,
+    size,
+    value,
+)
+
+from lagcli.equations.derivation.lagrange import Equations, derive
+from lagcli.equations.presentation.typeset import children, weight
+from lagcli.equations.render.formula_text import TextFormula
+from lagcli.equations.render.names import Notation
+from lagcli.equations.simplification.arrange import Arranger
+from lagcli.equations.simplification.ordering import writing_order
+from lagcli.model.expression.functions import cases
+from lagcli.model.loader import load_text
+
+# Both sides are sums in doubles of some hundred terms at most: 1e-16 each, of the terms' size.
+TOLERANCE = 1e-12
+
+
+def text(equations: Equations, expression: se.Basic) -> str:
+    model = equations.model
+    return TextFormula(Notation(model)).text(Arranger(model).arrange(expression))
+
+
+def equation(equations: Equations, i: int) -> str:
+    return text(equations, equations.momentum_rates[i] - equations.gradient[i])
+
+
+def assert_equal_values(equations: Equations, points: int = 2) -> None:
+    arranger = Arranger(equations.model, named=True)
+    source = random.Random(8)
+    compared = 0
+    for name, expression in expressions(equations).items():
+        node = arranger.arrange(expression)
+        for _ in range(points):
+            at = point(equations, source)
+            try:
+                wanted = number(expression, at)
+            except RuntimeError:  # not real at this point
+                continue
+            scale = size(expression, at)
+            if not expression.atoms(se.Piecewise):
+                scale = max(scale, size(se.expand(expression), at))
+            assert abs(value(node, at) - wanted) <= TOLERANCE * scale, name
+            compared += 1
+    assert compared > points
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
+def test_arranged_expressions_keep_their_value(path):
+    assert_equal_values(equations_of(path))
+
+
+@pytest.mark.parametrize(
+    ("function", "shown"),
+    [
+        ("abs(x)", "|x|"),
+        ("abs(x - y)", "|x − y|"),
+        ("sign(x)", "sign(x)"),
+        ("step(x)", "step(x)"),
+        ("min(x, y)", "min(x, y)"),
+        ("max(x, y)", "max(x, y)"),
+        ("max(x, 0)", "max(x, 0)"),
+        ("max(0, x)", "max(0, x)"),
+        ("min(x, y, x*y)", "min(x, y, x y)"),
+        ("cbrt(x)", "cbrt(x)"),
+        ("if(x > 1, y, 2*y)", "if(x > 1, y, 2 y)"),
+        ("if(x > 1 and y < 2, x, y)", "if(x > 1 and y < 2, x, y)"),
+        ("hypot(x, y)", "√(x² + y²)"),
+        ("exp(-x)*sqrt(y^2 + 1)", "exp(−x) √(1 + y²)"),
+        ("(x^2 + y^2)^(3/2)", "(x² + y²)^(3/2)"),
+        ("1/(x + y)", "1/(x + y)"),
+        ("x^y + tan(x/2)^2", "tan²(½ x) + x^y"),
+        ("atan2(y, x) + asinh(x) + erf(x)", "asinh(x) + erf(x) + atan2(y, x)"),
+        ("log(x^2 + 1)/2", "½ log(1 + x²)"),
+        ("sin(x - t)*cos(pi*t)", "sin(x − t) cos(π t)"),
+    ],
+)
+def test_functions_are_recognized(function, shown):
+    equations = model_of("x y", "m/2*(x'^2 + y'^2)", f"m*({function})")
+    assert text(equations, equations.potential / se.Symbol("m")) == shown
+    assert_equal_values(equations, points=4)
+
+
+def test_conditions():
+    equations = model_of("x y", "m/2*(x'^2 + y'^2)")
+    x, y = equations.q
+    both = se.And(se.Gt(x, 1), se.Lt(y, 2))
+    assert text(equations, cases(se.Gt(x, 1), y, 2 * y)) == "if(x > 1, y, 2 y)"
+    assert text(equations, cases(both, x, y)) == "if(x > 1 and y < 2, x, y)"
+    nested = cases(se.Gt(x, 1), y, cases(se.Lt(x, 0), 2 * y, se.Integer(3)))
+    assert text(equations, nested) == "if(x > 1, y, if(x < 0, 2 y, 3))"
+    assert text(equations, cases(se.Ne(x, 1), y, y)) == "y"
+    for e in (both, se.Ne(x, 1), se.Or(both, se.Le(x, 0))):
+        whole = 3 * cases(e, x, y) ** 2 + x
+        for seed in range(5):
+            at = point(equations, random.Random(seed))
+            node = Arranger(equations.model).arrange(whole)
+            assert value(node, at) == pytest.approx(number(whole, at))
+
+
+@pytest.mark.parametrize("function", ["abs(x*y)", "sign(x')*x", "min(x, sin(y))", "floor(x)*y"])
+def test_derivatives_of_cases_keep_their_value(function):
+    equations = model_of("x y", f"m/2*(x'^2 + y'^2)*(2 + {function.replace(chr(39), '')})")
+    assert_equal_values(equations, points=4)
+
+
+def test_double_pendulum_in_angles():
+    equations = model_of(
+        "theta_1 theta_2",
+        "m_1/2*((l_1*cos(theta_1)*theta_1')^2 + (l_1*sin(theta_1)*theta_1')^2)"
+        " + m_2/2*((l_1*cos(theta_1)*theta_1' + l_2*cos(theta_2)*theta_2')^2"
+        " + (l_1*sin(theta_1)*theta_1' + l_2*sin(theta_2)*theta_2')^2)",
+        "-(m_1 + m_2)*g*l_1*cos(theta_1) - m_2*g*l_2*cos(theta_2)",
+        parameters="m_1 m_2 l_1 l_2 g",
+    )
+    assert equation(equations, 0) == (
+        "(m₁ + m₂) l₁² θ̈₁ + m₂ l₁ l₂ [θ̈₂ cos(θ₁ − θ₂) + θ̇₂² sin(θ₁ − θ₂)] + (m₁ + m₂) g l₁ sin θ₁"
+    )
+    assert equation(equations, 1) == (
+        "m₂ l₂² θ̈₂ + m₂ l₁ l₂ [θ̈₁ cos(θ₁ − θ₂) − θ̇₁² sin(θ₁ − θ₂)] + m₂ g l₂ sin θ₂"
+    )
+    assert_equal_values(equations)
+
+
+def test_spherical_coordinates():
+    equations = model_of(
+        "r theta phi", "m/2*(r'^2 + r^2*theta'^2 + r^2*sin(theta)^2*phi'^2)", "-m*g*r*cos(theta)"
+    )
+    assert equation(equations, 0) == "m (r̈ − r θ̇² − r φ̇² sin² θ) − m g cos θ"
+    assert equation(equations, 1) == ("m r (r θ̈ + 2 ṙ θ̇ − r φ̇² sin θ cos θ) + m g r sin θ")
+
+
+@pytest.mark.parametrize(
+    ("expression", "shown"),
+    [
+        ("m*(x'^2 + 2*x'*y' + y'^2)", "m (ẋ + ẏ)²"),
+        ("m*(2*x'^2 + 2*x'*y')", "2 m (ẋ + ẏ) ẋ"),
+        ("m*(x'^2 - y'^2)*sin(x)", "m (ẋ² − ẏ²) sin x"),
+        ("m*x'^2*cos(x)^2 + m*x'^2*sin(x)^2", "m ẋ²"),
+        ("m*x'^2*(1 - cos(x)^2)", "m ẋ² sin² x"),
+        ("2*m*x'*cos(x)^2 + m*x'*sin(x)^2", "m (1 + cos² x) ẋ"),
+        ("m*x'*(cos(x)*cos(y) - sin(x)*sin(y))", "m ẋ cos(x + y)"),
+        ("m*x'*(sin(x)*cos(y) - cos(x)*sin(y))", "m ẋ sin(x − y)"),
+        ("m*x'*(sin(x)*cos(y) + cos(x)*sin(y))", "m ẋ sin(x + y)"),
+        ("m*x'*(cos(y)*cos(x + y) + sin(y)*sin(x + y))", "m ẋ cos x"),
+        ("-x' + y'", "ẏ − ẋ"),
+        ("m*l*x' + g*l*x'", "(m + g) l ẋ"),
+        ("(m + g)*x'", "(m + g) ẋ"),
+        ("x'/3 + y'/7", "⅓ ẋ + ¹⁄₇ ẏ"),
+        ("m*g/l*x", "m g x/l"),
+    ],
+)
+def test_short_forms(expression, shown):
+    equations = model_of("x y", f"({expression})*x'")
+    whole = equations.kinetic / se.Symbol("x'")
+    assert text(equations, se.expand(whole)) == shown
+
+
+def test_parameters_are_written_as_in_the_models_products():
+    equations = model_of("x", "m/2*l^2*x'^2", "m*g*l*cos(x)", parameters="l m g")
+    assert writing_order(equations.model) == ("m", "g", "l")
+    assert equation(equations, 0) == "m l² ẍ − m g l sin x"
+
+
+def test_of_contradicting_products_the_first_counts():
+    equations = model_of("x", "m/2*l*x'^2 + l*m*x'^2", parameters="l m")
+    assert writing_order(equations.model) == ("m", "l")
+
+
+def test_a_hopeless_expansion_keeps_its_structure():
+    factors = "*".join(f"(x + {i}*y + sin({i}*x))" for i in range(1, 10))
+    equations = model_of("x y", f"m/2*x'^2 + m/2*y'^2*(2 + {factors})")
+    arrange = Arranger(equations.model).arrange
+    at = point(equations, random.Random(8))
+    start = time.process_time()
+    for expression in (equations.kinetic, *equations.momenta, *equations.gradient):
+        node = arrange(expression)
+        # products of nine sums lose a digit or two
+        assert value(node, at) == pytest.approx(number(expression, at), rel=1e-12)
+        assert weight(node) < 10_000
+    assert time.process_time() - start < 5
+
+
+def chain(n: int) -> Equations:
+    names = [f"{c}{i}" for i in range(1, n + 1) for c in "xy"]
+    kinetic = " + ".join(f"m/2*{q}'^2" for q in names)
+    rods = [f"  rod{i}: (x{i} - x{i - 1})^2 + (y{i} - y{i - 1})^2 = l^2" for i in range(2, n + 1)]
+    lines = [
+        f"coordinates: [{', '.join(names)}]",
+        "parameters: {m: 1, g: 9.81, l: 0.1}",
+        f"T: {kinetic}",
+        f"V: {' + '.join(f'm*g*y{i}' for i in range(1, n + 1))}",
+        "constraints:",
+        "  rod1: x1^2 + y1^2 = l^2",
+        *rods,
+        "initial:",
+        *(f"  {q}: {{guess: 0}}\n  {q}': 0" for q in names),
+    ]
+    return derive(load_text("\n".join(lines)))
+
+
+def test_a_chain_of_fifty_costs_little():
+    equations = chain(50)
+    start = time.process_time()
+    arrange = Arranger(equations.model).arrange
+    nodes = [arrange(e) for e in expressions(equations).values()]
+    assert time.process_time() - start < 5
+    assert max(map(weight, nodes[3:])) < 200  # T, V and L know all coordinates, the rest does not
+
+
+def test_a_chain_in_angles_stays_bounded():
+    n = 14
+    angles = [f"a{i}" for i in range(n)]
+    parts = []
+    for i in range(n):
+        x = " + ".join(f"l*cos({a})*{a}'" for a in angles[: i + 1])
+        y = " + ".join(f"l*sin({a})*{a}'" for a in angles[: i + 1])
+        parts.append(f"m/2*(({x})^2 + ({y})^2)")
+    equations = model_of(" ".join(angles), " + ".join(parts))
+    start = time.process_time()
+    arrange = Arranger(equations.model).arrange
+    first = arrange(equations.momentum_rates[0] - equations.gradient[0])
+    assert time.process_time() - start < 5
+    # 14 accelerations and 13 squares of velocities, each with one function of a difference
+    assert sum(1 for term in children(first) for _ in children(term)) < 400

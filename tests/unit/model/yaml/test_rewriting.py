@@ -1,0 +1,134 @@
+"""Other values in a model file's text: in the right places, everything else kept."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+import pytest
+
+from lagcli.errors import ModelError
+from lagcli.model.loader import load_text
+from lagcli.model.yaml.rewriting import rewritten
+
+MODELS = Path(__file__).parents[4] / "models"
+
+TEXT = """\
+coordinates: [x]   # a comment
+parameters: {a: &mass 1 kg, b: *mass, c: {value: 20, unit: deg}, 'd': "3"}
+T: a/2*x'^2
+V: c*d*b*x
+initial:
+  x:
+    guess: 1   # another
+  # and one more
+  x': 1
+"""
+
+
+def changes(text: str, *values: object) -> list[str]:
+    """Return the lines that are new."""
+    found = difflib.ndiff(text.splitlines(), rewritten(text, "model.yaml", *values).splitlines())
+    return [line[2:].strip() for line in found if line.startswith("+ ")]
+
+
+def shipped(name: str) -> str:
+    return (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
+
+
+def test_values_stand_where_the_files_did_with_its_units_and_comments() -> None:
+    new = changes(
+        shipped("slider_crank"),
+        {"m": "2", "tau": "0.05 N*m", "r": "l/3"},
+        {"phi": "{guess: 0.3}", "psi": "0.2", "phi_dot": "3"},
+        5.0,
+    )
+    assert new == [
+        "m: {value: 2 kg, description: mass of A and of B}",
+        "r: {value: l/3, description: crank OA}",
+        "tau: {value: 0.05 N*m, description: torque on the crank}",
+        "phi: {guess: 0.3 rad}",
+        "phi': 3 rad/s",
+        "psi: 0.2 rad   # the other solution of the constraint has the rod pointing backwards",
+        "simulation: {t_end: 5, samples: 601, rtol: 1e-9}",
+    ]
+
+
+def test_expressions_over_several_lines_and_values_in_other_units() -> None:
+    assert changes(shipped("rolling_disk"), {"S": "-3.5"}, {}) == ["value: -3.5"]
+    assert changes(shipped("parallelogram"), {}, {"alpha_1": "-20 deg"}) == ["alpha_1: -20 deg"]
+
+
+def test_a_member_of_a_range_gets_an_entry_of_its_own_even_one_that_is_new() -> None:
+    new = changes(shipped("chain"), {"N": "30", "m[2]": "3", "m[25]": "4 kg"}, {"y[25]'": "0.1"})
+    assert new == [
+        "N: {value: 30, description: number of masses}",
+        "m[2]: 3",
+        "m[25]: 4 kg",
+        "y[25]': 0.1 m/s",
+    ]
+
+
+def test_braces_lists_quotes_and_units_in_fields_of_their_own() -> None:
+    assert changes(TEXT, {"c": "30 deg", "d": "4"}, {"x": "3"}, 4.0) == [
+        "parameters: {a: &mass 1 kg, b: *mass, c: {value: 30, unit: deg}, 'd': 4}",
+        "3   # another",
+        "simulation: {t_end: 4}",
+    ]
+    assert changes(TEXT, {"c": "d/7"}, {"x'": "min(a, 3)"}) == [
+        "parameters: {a: &mass 1 kg, b: *mass, c: {value: 24.55533407703528, unit: deg},"
+        " 'd': \"3\"}",
+        "x': 'min(a, 3)'",
+    ]
+    lists = "coordinates: [x]\nparameters: {k[1..3]: [1, 2, 3]}\nT: k[1]*x'^2\nV: k[2]*x\n"
+    lists += "initial: {x: 0, x': 0}\nsimulation:\n  rtol: 1e-8"
+    assert changes(lists, {"k[2]": "5"}, {"x'": "1"}, 3.5) == [
+        "parameters: {k[1..3]: [1, 5, 3]}",
+        "initial: {x: 0, x': 1}",
+        "t_end: 3.5",
+    ]
+
+
+def test_windows_line_ends_stay() -> None:
+    new = rewritten(TEXT.replace("\n", "\r\n"), "model.yaml", {"d": "4"}, {"x": "2"})
+    assert new.count("\r\n") == TEXT.count("\n")
+    assert load_text(new).parameters["d"].value == 4
+
+
+def test_what_an_alias_stands_for_is_not_changed_with_it() -> None:
+    for name in ("a", "b"):
+        with pytest.raises(ModelError, match=f"values of `{name}`"):
+            rewritten(TEXT, "model.yaml", {name: "2"}, {})
+
+
+def test_wrong_values_are_those_of_the_model() -> None:
+    with pytest.raises(ModelError, match="no parameter `zz`"):
+        rewritten(TEXT, "model.yaml", {"zz": "1"}, {})
+    with pytest.raises(ModelError, match="division by zero"):
+        rewritten(TEXT, "model.yaml", {"c": "1/(d - 3)"}, {})
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
+def test_every_value_of_every_model_can_be_written(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    model = load_text(text, path.name)
+    # one and a bit, in the unit of the file, but numbers of members
+    set_ = {
+        name: str(p.value + 1) if p.structural else f"1.0625 {p.unit or ''}".strip()
+        for name, p in model.parameters.items()
+    }
+    initial = {
+        name: f"{{guess: 0.1875 {x.unit or ''}}}".replace(" }", "}")
+        for name, x in model.initial.items()
+    }
+    # `rewritten` itself holds the result against the model with these options
+    new = rewritten(text, path.name, set_, initial, 1.75)
+    found = load_text(new, path.name)
+    wanted = load_text(text, path.name, set_, initial)
+    assert found.parameter_values == wanted.parameter_values
+    assert {n: x[:2] for n, x in found.initial.items()} == {
+        n: x[:2] for n, x in wanted.initial.items()
+    }
+    assert found.settings.t_end == 1.75
+    comments = [line[line.index("#") :] for line in text.splitlines() if "#" in line]
+    assert [line[line.index("#") :] for line in new.splitlines() if "#" in line] == comments

@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from lagcli.pictures.plots.thinning import evenly, thin
+
+
+def envelope(x: np.ndarray, y: np.ndarray, edges: np.ndarray) -> list[tuple[float, float]]:
+    """Return the range of a polyline's samples in each column."""
+    column = np.searchsorted(edges, x, side="right")
+    return [
+        (y[column == k].min(), y[column == k].max())
+        for k in range(len(edges) + 1)
+        if (column == k).any()
+    ]
+
+
+def test_short_curves_stay() -> None:
+    x = np.arange(10.0)
+    assert np.array_equal(thin(x, x, 5), np.arange(10))
+
+
+@given(
+    hnp.arrays(np.float64, st.integers(100, 400), elements=st.floats(-1e6, 1e6)),
+    st.integers(1, 20),
+)
+def test_each_column_keeps_its_range(y: np.ndarray, columns: int) -> None:
+    x = np.linspace(0, 1, len(y))
+    kept = thin(x, y, columns)
+    assert kept[0] == 0
+    assert kept[-1] == len(y) - 1
+    assert np.all(np.diff(kept) > 0)
+    assert len(kept) <= 2 + columns * 5
+    edges = np.linspace(0, 1, columns + 1)[1:-1]
+    assert envelope(x, y, edges) == envelope(x[kept], y[kept], edges)
+
+
+def test_a_single_peak_among_a_million_stays_in_each_curve() -> None:
+    x = np.linspace(0, 10, 10**6)
+    curves = np.stack((np.sin(x), np.cos(x)), axis=1)
+    curves[123_456, 0], curves[654_321, 1] = 7.0, -8.0
+    kept = thin(x, curves, 800)
+    assert {123_456, 654_321} <= set(kept)
+    assert len(kept) < 800 * 6 + 2
+
+
+def test_gaps_stay_gaps() -> None:
+    x = np.linspace(0, 1, 1000)
+    y = np.sin(x)
+    y[400:600] = np.nan
+    kept = thin(x, y, 50)
+    assert np.isnan(y[kept]).any()
+    assert np.nanmax(y[kept]) == np.nanmax(y)
+    assert np.nanmin(y[kept]) == np.nanmin(y)
+
+
+def test_samples_that_crowd_at_one_end() -> None:
+    x = np.concatenate(([0.0], 1 + np.linspace(0, 1e-6, 1000)))
+    y = np.random.default_rng(3).normal(size=1001)
+    kept = thin(x, y, 100)
+    assert y[kept].max() == y.max()
+    assert len(kept) < 20
+
+
+def test_at_one_time_all_stay() -> None:
+    assert len(thin(np.zeros(100), np.arange(100.0), 5)) == 100
+
+
+@pytest.mark.parametrize(("count", "most"), [(0, 5), (1, 5), (5, 5), (6, 5), (10**6, 300)])
+def test_evenly(count: int, most: int) -> None:
+    kept = evenly(count, most)
+    assert len(kept) == min(count, most)
+    if count:
+        assert kept[0] == 0
+        assert kept[-1] == count - 1
+        assert np.ptp(np.diff(kept)) <= 1 if len(kept) > 1 else True

@@ -1,0 +1,228 @@
+"""Scenes: the view along a run, from files and from memory."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from trajectories import all_terms
+
+import lagcli
+from lagcli.errors import UsageError
+from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.scene import MARGIN, DrawnVector, Scene, frames, scaled
+from lagcli.pictures.scene.view_evaluator import Stage, scene_of
+from lagcli.trajectory.trajectory import Trajectory
+
+MODELS = Path(__file__).parents[4] / "models"
+NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
+
+
+@cache
+def short(name: str) -> Trajectory:
+    model = lagcli.load(MODELS / f"{name}.yaml")
+    end = (model.settings.t_end or 1.0) / 10
+    return lagcli.simulate(model, t_end=end, samples=25)
+
+
+def drawn(run: RunFile, **options: object) -> Scene:
+    scene = scene_of(run, **options)
+    assert scene is not None
+    return scene
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_shipped_model_has_a_scene(name: str) -> None:
+    scene = drawn(RunFile(short(name)))
+    json.dumps(scene.to_json(), allow_nan=False)
+    count = len(scene.time)
+    assert count == 25
+    shown = {p for s in scene.segments for p in (s.start, s.end)}
+    shown |= {d.center for d in scene.discs} | {v.at for v in scene.vectors}
+    shown |= {*scene.grounds, *scene.trails, *(scene.labels or {})}
+    assert shown == set(scene.points)  # a point that nothing is drawn at is a slip
+    for place in scene.points.values():
+        assert len(place) == scene.dimension
+        assert all(len(x) in (1, count) and np.isfinite(x).all() for x in place)
+        for x, (low, high) in zip(place, scene.bounds, strict=True):
+            assert low < x.min() <= x.max() < high
+    assert any(len(x) == count for place in scene.points.values() for x in place)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_rods_keep_their_length(name: str) -> None:
+    # what is drawn as a rod is one: a check of the points against the constraints
+    scene = drawn(RunFile(short(name)))
+    for s in scene.segments:
+        if s.kind == "rod":
+            square = sum(
+                (a - b) ** 2
+                for a, b in zip(scene.points[s.start], scene.points[s.end], strict=True)
+            )
+            length = np.sqrt(square)
+            if name == "atwood":  # ropes that run over the pulley
+                continue
+            assert np.ptp(length) < 1e-9 * length.max()
+
+
+def test_a_file_alone_gives_the_same_scene(tmp_path: Path) -> None:
+    trajectory = short("slider_crank")
+    lagcli.write(trajectory, tmp_path / "run.h5")
+    lagcli.write(trajectory, tmp_path / "run.csv", meta=True)
+    expected = drawn(RunFile(trajectory)).to_json()
+    assert drawn(RunFile(tmp_path / "run.h5")).to_json() == expected
+    assert drawn(RunFile(tmp_path / "run.csv")).to_json() == expected
+
+
+def test_some_samples_alone(tmp_path: Path) -> None:
+    lagcli.write(short("slider_crank"), tmp_path / "run.h5")
+    run = RunFile(tmp_path / "run.h5")
+    every, some = drawn(run), drawn(run, samples=np.array([0, 7, 24]))
+    assert run.count == 25
+    assert np.array_equal(some.time, every.time[[0, 7, 24]])
+    assert np.array_equal(some.points["B"][0], every.points["B"][0][[0, 7, 24]])
+
+
+def test_csv_alone_holds_no_model(tmp_path: Path) -> None:
+    lagcli.write(short("slider_crank"), tmp_path / "run.csv")
+    with pytest.raises(UsageError, match=r"holds no model.*--model"):
+        scene_of(RunFile(tmp_path / "run.csv"))
+    scene = drawn(RunFile(tmp_path / "run.csv", str(MODELS / "slider_crank.yaml")))
+    assert "B" in scene.points
+
+
+def test_another_model_is_refused(tmp_path: Path) -> None:
+    lagcli.write(short("slider_crank"), tmp_path / "run.h5")
+    with pytest.raises(UsageError, match="is not the model of"):
+        scene_of(RunFile(tmp_path / "run.h5", str(MODELS / "atwood.yaml")))
+
+
+def test_the_values_of_the_run_are_those_of_the_picture(tmp_path: Path) -> None:
+    path = MODELS / "slider_crank.yaml"
+    model = lagcli.load(path, set={"l": "50 cm", "r": "l/4"})
+    lagcli.write(lagcli.simulate(model, t_end=0.1, samples=3), tmp_path / "run.h5")
+    scene = drawn(RunFile(tmp_path / "run.h5"))
+    x, y = scene.points["A"]
+    np.testing.assert_allclose(np.hypot(x, y), 0.125, rtol=1e-12)
+
+
+def test_a_family_of_another_length(tmp_path: Path) -> None:
+    model = lagcli.load(MODELS / "chain.yaml", set={"N": 4, "theta_0": "10 deg"})
+    lagcli.write(lagcli.simulate(model, t_end=0.1, samples=3), tmp_path / "run.h5")
+    assert len(drawn(RunFile(tmp_path / "run.h5")).points) == 5
+
+
+def test_initial_values_from_the_command_line_alone(tmp_path: Path) -> None:
+    text = (
+        "coordinates: [x]\nparameters: {k: {unit: N/m}}\nT: x'^2/2\nV: k*x^2/2\n"
+        "initial: {x: 1}\nview: {points: {P: [x, 0]}}\n"
+    )
+    model = lagcli.load_text(text, set={"k": 2}, set_initial={"x'": 3})
+    lagcli.write(lagcli.simulate(model, t_end=0.1, samples=3), tmp_path / "run.h5")
+    assert drawn(RunFile(tmp_path / "run.h5")).points["P"][1].tolist() == [0]
+
+
+def test_without_a_view_there_is_no_scene() -> None:
+    text = "coordinates: [x]\nT: x'^2/2\ninitial: {x: 1, x': 0}\n"
+    trajectory = lagcli.simulate(lagcli.load_text(text), t_end=0.1, samples=3)
+    assert scene_of(RunFile(trajectory)) is None
+
+
+def test_one_stage_for_many_values() -> None:
+    model = lagcli.load(MODELS / "slider_crank.yaml")
+    stage = Stage(model)
+    assert set(stage.needs) == {"time", "q", "v", "constraint_force_by"}
+    scene = stage.scene(
+        {
+            "time": np.zeros(1),
+            "q": np.array([[np.pi / 2, 0.0]]),
+            "v": np.array([[2.0, 0.0]]),
+            "constraint_force_by": np.zeros((1, 2)),
+        },
+        all_terms(1, 2),
+        model.parameter_values | {"r": 3.0},
+    )
+    assert scene.at("A", 0) == pytest.approx((0, 3))
+    velocity = next(v for v in scene.vectors if v.name == "v_A")
+    assert [float(x[0]) for x in velocity.components] == pytest.approx([-6, 0])
+
+
+def test_a_force_at_a_dead_centre_is_that_beside_it() -> None:
+    model = lagcli.load(MODELS / "slider_crank.yaml")
+    phi, psi = np.array([0.0, 1e-7, 0.5]), np.array([0.0, 1e-7 / 3, np.arcsin(np.sin(0.5) / 3)])
+    work = 2.0 * np.stack((0.1 * np.cos(phi), -0.3 * np.cos(psi)), axis=1)  # lambda = 2
+    scene = Stage(model).scene(
+        {
+            "time": np.arange(3.0),
+            "q": np.stack((phi, psi), axis=1),
+            "v": np.zeros((3, 2)),
+            "constraint_force_by": work,
+        },
+        all_terms(1, 2),
+    )
+    guide = next(v for v in scene.vectors if v.name == "guide")
+    np.testing.assert_allclose(guide.components[0], 0, atol=1e-7)
+    np.testing.assert_allclose(guide.components[1], 2, rtol=1e-12)
+
+
+# bounds and scales
+
+
+def point(*places: list[float]) -> tuple[np.ndarray, ...]:
+    return tuple(np.array(x) for x in places)
+
+
+def test_bounds_hold_points_and_discs_and_are_no_line() -> None:
+    scene = Scene(2, np.zeros(2), {"P": point([0.0, 10.0], [1.0])})
+    (low, high), (bottom, top) = scene.bounds
+    assert (low, high) == pytest.approx((-10 * MARGIN, 10 + 10 * MARGIN))
+    assert top - bottom == pytest.approx(3 + 20 * MARGIN)
+    assert (top + bottom) / 2 == pytest.approx(1)
+
+
+def test_bounds_of_what_does_not_move_and_of_undefined_places() -> None:
+    still = Scene(2, np.zeros(1), {"P": point([2.0], [1.0])})
+    assert all(high > low for low, high in still.bounds)
+    undefined = Scene(2, np.zeros(2), {"P": point([np.nan, 1.0], [np.nan, np.inf])})
+    assert np.isfinite(undefined.bounds).all()
+    assert undefined.to_json()["points"]["P"] == [[None, 1.0], [None, None]]
+
+
+def vectors(*components: tuple[list[float], list[float], str]) -> list[DrawnVector]:
+    return [
+        DrawnVector(f"v{i}", "vector", "P", point(x, y), unit)
+        for i, (x, y, unit) in enumerate(components)
+    ]
+
+
+def test_vectors_of_one_unit_share_a_scale() -> None:
+    found = scaled(
+        vectors(([3.0], [4.0], "N"), ([0.0], [1.0], "N"), ([0.0], [100.0], "m/s")),
+        [(0.0, 2.0), (0.0, 1.0)],
+    )
+    lengths = [float(np.hypot(*v.drawn())[0]) for v in found]
+    assert found[0].scale == found[1].scale
+    assert lengths == pytest.approx([0.6, 0.12, 0.6])
+
+
+def test_a_rare_peak_does_not_shrink_a_vector_and_nothing_is_nothing() -> None:
+    peaked = np.ones(1000)
+    peaked[3] = 1e6
+    calm, nothing = scaled(
+        [
+            DrawnVector("f", "force", "P", (peaked * 0, peaked), "N"),
+            DrawnVector("g", "vector", "P", (peaked * 0, peaked * np.nan), ""),
+        ],
+        [(0.0, 1.0), (0.0, 1.0)],
+    )
+    assert calm.scale > 0.3 / 1e6 * 5
+    assert nothing.scale == 1
+
+
+def test_frames_of_discs() -> None:
+    first, second = frames(point([0.0, 0.0, 1.0], [0.0, 2.0, 0.0], [3.0, 0.0, 0.0]))
+    np.testing.assert_allclose(first, [[1, 0, 0], [-1, 0, 0], [0, 1, 0]], atol=1e-15)
+    np.testing.assert_allclose(second, [[0, 1, 0], [0, 0, 1], [0, 0, 1]], atol=1e-15)

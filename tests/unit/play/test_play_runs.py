@@ -1,0 +1,303 @@
+"""What the page of `lagcli play` is told: the very numbers of `simulate`, or what is wrong."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import struct
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
+from lagcli.model.loader import load, load_text
+from lagcli.play.client import Client
+from lagcli.play.frames import encode
+from lagcli.play.runs import MOST_SAMPLES, Played, PlayRequest
+from lagcli.simulations.cancellation import Interruption
+
+MODELS = Path(__file__).parents[3] / "models"
+EVERY = tuple(sorted(MODELS.glob("*.yaml")))
+ALL_PLOTS = (
+    *("coordinates", "velocities", "accelerations", "multipliers", "forces", "energy", "balance"),
+    *("power", "outputs", "residuals"),
+)
+
+
+def play(name: str, **options: Any) -> Played:
+    return Played(load(MODELS / f"{name}.yaml"), **options)
+
+
+def run(played: Played, plots: tuple[str, ...] = ("coordinates",), **values: Any) -> dict[str, Any]:
+    return played.run(PlayRequest(1, plots=plots, **values), Interruption())
+
+
+def curves(answer: dict[str, Any]) -> dict[str, np.ndarray]:
+    return {s["name"]: s["values"] for p in answer["plots"].values() for s in p["series"]}
+
+
+def test_curves_are_those_of_simulate() -> None:
+    played = play("slider_crank")
+    values = {"set": {"m": "1.7", "r": "l/4"}, "set_initial": {"phi": "0.25", "psi": "{guess: 0}"}}
+    answer = run(played, ALL_PLOTS, **values, t_end="1.5")
+    model = load(MODELS / "slider_crank.yaml", **values)
+    t = lagcli.simulate(model, t_end=1.5)
+    found = curves(answer)
+    assert np.array_equal(answer["plots"]["energy"]["time"], t.time)
+    for name, expected in {
+        "phi": t.q[:, 0],
+        "psi_dot": t.v[:, 1],
+        "phi_ddot": t.a[:, 0],
+        "lambda.guide": t.multipliers[:, 0],
+        "Qc.psi": t.constraint_force[:, 1],
+        "energy_total": t.energy_total,
+        "energy_balance": t.energy_balance,
+        "power_applied": t.power_applied,
+        "slider": t.outputs["slider"],
+        "residual_velocity.guide": t.residual_velocity[:, 0],
+    }.items():
+        assert np.array_equal(found[name], expected), name
+    assert answer["values"]["r"] == 0.3 / 4
+    assert answer["start"] == {"psi": t.q[0, 1], "psi'": t.v[0, 1]}
+    assert answer["status"] == "completed"
+    assert answer["t_end"] == 1.5
+
+
+@pytest.mark.parametrize("path", EVERY, ids=lambda p: p.stem)
+def test_every_model_can_be_played_with(path: Path) -> None:
+    played = Played(load(path))
+    answer = run(played, tuple(played.curves.groups()), t_end="0.01")
+    assert answer["status"] == "completed"
+    assert answer["scene"]["points"]
+    assert answer["values"].keys() == played.controls.keys() - {"t_end"}
+    for name, value in answer["values"].items():
+        assert value == pytest.approx(played.controls[name].value, rel=1e-14)
+    for plot in answer["plots"].values():
+        assert plot["series"]
+        assert all(len(s["values"]) == len(plot["time"]) for s in plot["series"])
+
+
+def test_dependent_values_follow_unless_they_are_moved() -> None:
+    played = play("rolling_disk")
+    assert run(played, set={"r": "0.6"}, t_end="0.1")["values"]["A"] == 2 * 0.6**2 / 4
+    moved = run(played, set={"r": "0.6", "A": "0.2"}, t_end="0.1")["values"]
+    assert (moved["r"], moved["A"]) == (0.6, 0.2)
+
+
+def test_another_number_of_members_brings_other_controls() -> None:
+    played = play("chain")
+    masses = played.members
+
+    def asked(**given: str) -> dict[str, Any]:
+        nonlocal masses
+        request = PlayRequest(1, set=given, t_end="0.1", plots=("coordinates",), members=masses)
+        answer = played.run(request, Interruption())
+        masses = answer.get("members", masses)
+        return answer
+
+    few = asked(**{"N": "3", "m[3]": "2"})
+    assert [c["name"] for c in few["controls"] if c["family"] == "m"] == ["m[1]", "m[2]", "m[3]"]
+    assert "controls" not in asked(**{"N": "3", "m[3]": "4"})
+    # of two masses, the third has none
+    two = asked(**{"N": "2", "m[3]": "4"})
+    assert "m[3]" not in two["command"]
+    t = lagcli.simulate(load(MODELS / "chain.yaml", {"N": 2}), t_end=0.1)
+    assert np.array_equal(curves(two)["y[2]"], t.q[:, 3])
+    # controls come with the first good answer, not with an error
+    with pytest.raises(LagcliError):
+        asked(N="5", l="nothing")
+    assert len([c for c in asked(N="5")["controls"] if c["family"] == "m"]) == 5
+    assert len([c for c in asked()["controls"] if c["family"] == "m"]) == 20
+    with pytest.raises(UsageError, match="this page goes as far as"):
+        asked(N="100000")
+    with pytest.raises(UsageError, match="N is a number"):
+        asked(N="many")
+    assert asked()["status"] == "completed"
+
+
+def test_what_the_program_was_started_with_stays() -> None:
+    model = load(MODELS / "slider_crank.yaml", set={"l": "40 cm"}, set_initial={"phi": "0.1"})
+    played = Played(model, t_end=1.0)
+    answer = run(played, set={"m": "3"})
+    assert (answer["values"]["l"], answer["values"]["phi"], answer["t_end"]) == (40.0, 0.1, 1.0)
+    words = shlex.split(answer["command"])
+    assert words[3:] == [
+        *("--set", "l=40 cm", "--set", "m=3", "--set-initial", "phi=0.1"),
+        *("--t-end", "1.0", "-o", "run.h5"),
+    ]
+    saved = load_text(played.text(PlayRequest(1, {"m": "3"})))
+    assert saved.parameters["l"].value == 0.4
+    assert saved.settings.t_end == 1.0
+
+
+@pytest.mark.parametrize("grid", ["samples: 1000001", f"times: {[k / 1000 for k in range(4002)]}"])
+def test_long_runs_are_sampled_as_a_page_can_draw_them(grid: str) -> None:
+    text = (MODELS / "pendulum_cartesian.yaml").read_text(encoding="utf-8")
+    text = text.replace("samples: 1001", grid)
+    played = Played(load_text(text.replace("t_end: 10, ", "" if "times" in grid else "t_end: 1, ")))
+    time = run(played)["plots"]["coordinates"]["time"]
+    assert len(time) == MOST_SAMPLES
+    assert time[-1] == (4.001 if "times" in grid else 1)
+
+
+@pytest.mark.parametrize(
+    ("values", "kind", "message"),
+    [
+        ({"set": {"m": "0"}}, NumericalError, "no inertia"),
+        ({"set": {"l": "0.01"}}, ModelError, "violate the constraint `guide`"),
+        ({"set": {"m": "nonsense"}}, ModelError, "uses `nonsense`"),
+        ({"set": {"m": "2 3"}}, ModelError, "m=2 3: error.syntax"),
+        ({"set": {"m": "1/0"}}, ModelError, "division by zero"),
+        ({"set": {"q": "1"}}, ModelError, "no parameter `q`"),
+        ({"set_initial": {"psi": "0.3"}}, ModelError, "free one of"),
+        ({"t_end": "-1"}, UsageError, "t_end"),
+        ({"t_end": "soon"}, UsageError, "t_end"),
+        ({"t_end": "nan"}, UsageError, "finite"),
+    ],
+)
+def test_wrong_values_are_errors_and_the_next_run_is_right(
+    values: dict[str, Any], kind: type[LagcliError], message: str
+) -> None:
+    played = play("slider_crank")
+    with pytest.raises(kind, match=message):
+        run(played, **values)
+    assert run(played, t_end="0.1")["status"] == "completed"
+
+
+def test_a_run_that_takes_too_long_gives_what_there_is() -> None:
+    answer = run(play("slider_crank", timeout=0.05), t_end="100000")
+    assert answer["status"] == "failed"
+    assert "gave up after 0.05 s" in answer["message"]
+    assert answer["plots"]["coordinates"]["time"][0] == 0
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {},
+        {"number": "1"},
+        {"number": 1, "set": ["m"]},
+        {"number": 1, "set": {"m": 2}},
+        {"number": 1, "set_initial": {"phi": None}},
+        {"number": 1, "plots": "energy"},
+        {"number": 1, "t_end": 3},
+    ],
+)
+def test_messages_that_are_no_requests_are_refused(message: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        PlayRequest.parsed(message)
+
+
+# frames
+
+
+def decoded(frame: bytes) -> Any:
+    """Read a frame as the page does."""
+    (length,) = struct.unpack_from("<I", frame)
+    assert (4 + length) % 8 == 0, "Float64Array begins at a multiple of 8 bytes"
+    numbers = np.frombuffer(frame, "<f8", offset=4 + length)
+
+    def restored(found: dict[str, Any]) -> Any:
+        place = found.get("$array")
+        return numbers[place[0] : place[0] + place[1]] if place else found
+
+    return json.loads(frame[4 : 4 + length], object_hook=restored)
+
+
+@pytest.mark.parametrize("text", ["", "a", "φ̇ in m/s²", "x" * 7])
+def test_frames_hold_what_was_put_in(text: str) -> None:
+    arrays = [np.array([1.5, np.nan, -0.0, np.inf]), np.empty(0), np.linspace(0, 1, 5)[::2]]
+    value = {"text": text, "n": np.float64("nan"), "a": arrays, "b": {"c": (arrays[0], None)}}
+    found = decoded(encode(value))
+    assert (found["text"], found["n"]) == (text, None)
+    for one, other in zip(found["a"], arrays, strict=True):
+        assert np.array_equal(one, other, equal_nan=True)
+    assert np.array_equal(found["b"]["c"][0], arrays[0], equal_nan=True)
+
+
+# the thread of a client
+
+
+class Answers:
+    """Collects what a client is told."""
+
+    def __init__(self, played: Played):
+        self.got: list[dict[str, Any]] = []
+        self.change = threading.Condition()
+        self.client = Client(played, self.take)
+        self.client.start()
+
+    def take(self, answer: dict[str, Any]) -> None:
+        with self.change:
+            self.got.append(answer)
+            self.change.notify()
+
+    def wait(self, number: int, seconds: float = 20) -> dict[str, Any]:
+        with self.change:
+            there = self.change.wait_for(
+                lambda: any(a["number"] == number for a in self.got), seconds
+            )
+        assert there, [a["number"] for a in self.got]
+        return next(a for a in self.got if a["number"] == number)
+
+
+def test_the_newest_request_wins_and_a_long_run_makes_room_for_it() -> None:
+    answers = Answers(play("slider_crank", timeout=60.0))
+    answers.client.ask(PlayRequest(1, t_end="1000000"))
+    time.sleep(0.1)  # it runs, and would for minutes
+    for number in range(2, 50):
+        answers.client.ask(
+            PlayRequest(number, {"m": str(number)}, plots=("coordinates",), t_end="0.1")
+        )
+    began = time.monotonic()
+    assert answers.wait(49)["values"]["m"] == 49
+    assert time.monotonic() - began < 5
+    assert [a["number"] for a in answers.got] == [49]
+    answers.client.close()
+    answers.client.join(5)
+    assert not answers.client.is_alive()
+
+
+def test_a_short_run_is_drawn_even_if_a_newer_one_waits() -> None:
+    answers = Answers(play("slider_crank"))
+    answers.client.ask(PlayRequest(1, t_end="0.1"))
+    answers.wait(1)
+    for number in range(2, 8):
+        answers.client.ask(PlayRequest(number, t_end="3"))
+        time.sleep(0.005)
+    answers.wait(7)
+    assert len(answers.got) > 2
+    answers.client.close()
+
+
+def test_closing_ends_a_run_at_once() -> None:
+    answers = Answers(play("slider_crank", timeout=60.0))
+    answers.client.ask(PlayRequest(1, t_end="1000000"))
+    time.sleep(0.3)
+    answers.client.close()
+    began = time.monotonic()
+    answers.client.join(5)
+    assert not answers.client.is_alive()
+    assert time.monotonic() - began < 3  # not the 60 s that it may take
+    assert not answers.got
+
+
+def test_a_bug_is_said_and_ends_nothing(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    played = play("slider_crank")
+    answers = Answers(played)
+    monkeypatch.setattr(played, "_fitting", lambda request: 1 / 0 if request.set else request)
+    monkeypatch.setattr(played, "command", lambda request: "")
+    answers.client.ask(PlayRequest(1, {"m": "1"}))
+    assert "a bug in lagcli: ZeroDivisionError" in answers.wait(1)["error"]
+    assert "Traceback" in capsys.readouterr().err
+    monkeypatch.undo()
+    answers.client.ask(PlayRequest(2, {"m": "2"}, t_end="0.1"))
+    assert answers.wait(2)["status"] == "completed"
+    answers.client.close()

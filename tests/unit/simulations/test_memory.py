@@ -1,0 +1,69 @@
+"""Runs that do not fit into the memory say so before they start, and never as a bug."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from trajectories import environment
+
+import lagcli
+from lagcli.errors import NumericalError
+from lagcli.simulations import memory
+
+MODEL = Path(__file__).parents[3] / "models" / "slider_crank.yaml"
+pytest.importorskip("resource", reason="limits of memory are those of POSIX")
+
+
+def test_a_run_that_does_not_fit_is_refused_before_it_starts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(memory, "available", lambda: 100_000_000)
+    steps: list[float] = []
+    with pytest.raises(
+        NumericalError, match=r"1000000 samples needs about .* MB of memory, and 100"
+    ):
+        lagcli.simulate(lagcli.load(MODEL), samples=1_000_000, progress=steps.append)
+    assert not steps
+    run = lagcli.simulate(lagcli.load(MODEL), samples=11, t_end=0.1)
+    assert np.isfinite(run.q).all()
+
+
+def test_the_limits_of_the_system_are_known() -> None:
+    free = memory.available()
+    if sys.platform == "linux":
+        assert free is not None
+    assert free is None or free > 1_000_000
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="address space is limited so on Linux alone")
+@pytest.mark.parametrize(
+    ("megabytes", "arguments", "said"),
+    [
+        (600, ("simulate", str(MODEL), "--samples", "100000000"), "samples needs about"),
+        (150, ("info", "run.h5"), "ulimit -v"),
+        (270, ("plot", "run.h5", "-o", "run.png"), "drawing a plot needs about"),
+    ],
+)
+def test_too_little_memory_is_a_message(
+    tmp_path: Path, megabytes: int, arguments: tuple[str, ...], said: str
+) -> None:
+    lagcli.write(lagcli.simulate(lagcli.load(MODEL), samples=11, t_end=0.1), tmp_path / "run.h5")
+    code = (
+        f"import resource, sys; resource.setrlimit(resource.RLIMIT_AS, ({megabytes}000000,) * 2);"
+        "from lagcli.cli.app import main; main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        env=environment() | {"OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 3, done.stderr
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr

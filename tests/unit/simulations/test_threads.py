@@ -1,0 +1,121 @@
+"""BLAS runs in one thread wherever lagcli calls it, unless the user has set a number."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from threading import Barrier
+
+import pytest
+from threadpoolctl import threadpool_info
+
+import lagcli
+from lagcli.simulations.threads import VARIABLES, one_thread
+
+PENDULUM = Path(__file__).parents[3] / "models" / "pendulum_cartesian.yaml"
+#: Runs a command, then prints the threads that BLAS has.
+COMMAND = """
+import sys
+from lagcli.cli.app import main
+try:
+    main()
+except SystemExit as end:
+    assert not end.code, end.code
+from threadpoolctl import threadpool_info
+print("threads", {x["num_threads"] for x in threadpool_info() if x["user_api"] == "blas"})
+"""
+
+
+def blas() -> set[int]:
+    return {x["num_threads"] for x in threadpool_info() if x["user_api"] == "blas"}
+
+
+@pytest.fixture
+def free(monkeypatch):
+    """Return the threads that BLAS has where the environment sets no number."""
+    for name in VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    import scipy.linalg  # noqa: F401 - may bring a library of its own
+
+    if 1 in blas() or not blas():
+        pytest.skip("BLAS has one thread, or none of the libraries that threadpoolctl knows")
+    return blas()
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"), [({}, "{1}"), ({"OPENBLAS_NUM_THREADS": "2"}, "{2}")]
+)
+def test_a_command_takes_one_thread_unless_more_are_asked_for(given, expected, tmp_path, free):
+    done = subprocess.run(
+        [sys.executable, "-c", COMMAND, "simulate", PENDULUM, "--t-end", "0.1"],
+        env={**{k: v for k, v in os.environ.items() if k not in VARIABLES}, **given},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    if given and (os.cpu_count() or 1) < 2:
+        pytest.skip("one processor")
+    assert done.stdout.splitlines()[-1] == f"threads {expected}"
+
+
+@pytest.mark.parametrize("engine", ["compiled", "scipy"])
+def test_a_run_takes_one_thread(free, engine, monkeypatch):
+
+    from lagcli.simulations import simulation
+
+    seen = []
+    find_start, engine_of = simulation.find_start, simulation.engine_of
+
+    def watched(function):
+        return lambda *args: (seen.append(blas()), function(*args))[1]
+
+    monkeypatch.setattr(simulation, "find_start", watched(find_start))
+    monkeypatch.setattr(simulation, "engine_of", lambda s: watched(engine_of(s)))
+    lagcli.simulate(lagcli.load(PENDULUM), t_end=0.5, samples=3, engine=engine)
+    assert seen == [{1}, {1}]
+    assert blas() == free
+
+
+def test_a_sweep_takes_one_thread(free, tmp_path, monkeypatch):
+    from lagcli.sweeps.rows.group import RowGroup
+
+    seen = []
+    run = RowGroup.run
+    monkeypatch.setattr(RowGroup, "run", lambda *args: (seen.append(blas()), run(*args)))
+    lagcli.sweep(PENDULUM, ["m=1:2:0.5"], tmp_path / "s.h5", jobs=1, t_end=0.1)
+    assert seen == [{1}]
+    assert blas() == free
+
+
+def test_a_number_in_the_environment_stays(free, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    with one_thread():
+        assert blas() == free
+
+
+def test_runs_in_threads_that_overlap_leave_no_limit(free):
+    first_inside, second_inside = Barrier(2), Barrier(2)
+    seen = []
+
+    def first():
+        with one_thread():
+            seen.append(blas())
+            first_inside.wait(10)
+            second_inside.wait(10)
+
+    def second():
+        first_inside.wait(10)
+        with one_thread():
+            seen.append(blas())
+            second_inside.wait(10)
+
+    with ThreadPoolExecutor(2) as pool:
+        for done in [pool.submit(f) for f in (first, second)]:
+            done.result(20)
+    assert seen == [{1}, {1}]
+    assert blas() == free

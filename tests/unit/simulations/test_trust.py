@@ -1,0 +1,127 @@
+"""A result that cannot be trusted says so; one that can does not."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import lagcli
+from lagcli.results import read
+
+ROOT = Path(__file__).parents[3]
+MODELS = sorted((ROOT / "models").glob("*.yaml"))
+
+FAST = """
+name: a fast oscillator
+coordinates: [x]
+parameters: {w: 20}
+T: x'^2/2
+V: w^2*x^2/2
+initial: {x: 1, x': 0}
+simulation: {t_end: 20, samples: 101}
+"""
+NEGATIVE = """
+name: a sign is wrong
+coordinates: [x, y]
+T: x'^2/2 - y'^2/2
+V: x^2/2 - 2*y^2
+initial: {x: 1, y: 1, x': 0, y': 0}
+simulation: {t_end: 1, samples: 3}
+"""
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
+def test_shipped_models_are_trusted(path: Path) -> None:
+    end = 0.1 * (lagcli.load(path).settings.t_end or 10.0)
+    assert lagcli.simulate(lagcli.load(path), t_end=end, samples=21).warnings == ()
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("method", ["DOP853", "Rodas5P", "Radau"])
+def test_what_a_tolerance_explains_is_no_warning(method: str, rtol: float) -> None:
+    end = 0.5 if rtol < 1e-10 else 2.0
+    run = lagcli.simulate(lagcli.load_text(FAST), method=method, rtol=rtol, t_end=end, samples=21)
+    assert run.warnings == ()
+
+
+def test_lost_energy_is_said() -> None:
+    run = lagcli.simulate(lagcli.load_text(FAST), rtol=0.1)
+    assert run.status == "completed"
+    assert any("energy balance is off by" in warning for warning in run.warnings)
+
+
+def test_a_coarse_absolute_tolerance_is_said() -> None:
+    run = lagcli.simulate(lagcli.load_text(FAST), atol=0.1)
+    assert any("energy balance is off by" in warning for warning in run.warnings)
+
+
+def test_negative_inertia_is_said_with_its_coordinate() -> None:
+    (warning,) = lagcli.simulate(lagcli.load_text(NEGATIVE)).warnings
+    assert "inertia of `y` is negative" in warning
+
+
+def test_inertia_that_constraints_make_positive_is_no_warning() -> None:
+    model = NEGATIVE.replace("initial:", "constraints: {c: x = 2*y}\ninitial:")
+    model = model.replace("y: 1, x'", "y: 0.5, x'")
+    assert lagcli.simulate(lagcli.load_text(model)).warnings == ()
+
+
+CANCELLING = """
+name: T, V and their sum are zero
+coordinates: [x, y]
+parameters: {w: 3}
+T: x'^2/2 - y'^2/2
+V: w^2*x^2/2 - w^2*y^2/2
+initial: {x: 1, y: 1, x': 0, y': 0}
+simulation: {t_end: 5, samples: 101}
+"""
+HELD = """
+name: a body that cannot move
+coordinates: [x, y]
+parameters: {m: 1, g: 9.81, l: 0.3}
+T: m*(x'^2 + y'^2)/2
+V: m*g*(y + l*cos(0.7))
+constraints: {rod: x^2 + y^2 = l^2, side: x = l*sin(0.7)}
+initial: {x: {guess: 0.19}, y: {guess: -0.3}, x': 0, y': 0}
+simulation: {t_end: 5, samples: 101}
+"""
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau"])
+def test_energies_that_cancel_are_no_warning(method: str) -> None:
+    run = lagcli.simulate(lagcli.load_text(CANCELLING), method=method)
+    assert 0 < abs(run.energy_balance).max() < 1e-14
+    (warning,) = run.warnings
+    assert "inertia of `y` is negative" in warning
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau"])
+def test_what_cannot_move_is_trusted(method: str) -> None:
+    assert lagcli.simulate(lagcli.load_text(HELD), method=method).warnings == ()
+
+
+@pytest.mark.parametrize("suffix", ["h5", "csv"])
+def test_a_warning_is_kept_and_strict_is_status_3(tmp_path: Path, suffix: str) -> None:
+    model, target = tmp_path / "negative.yaml", tmp_path / f"run.{suffix}"
+    model.write_text(NEGATIVE)
+    command = [sys.executable, "-m", "lagcli", "simulate", str(model), "-o", str(target), "--meta"]
+    if suffix == "h5":
+        command.pop()
+    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "warning: the inertia of `y`" in done.stderr
+    (warning,) = json.loads(done.stdout)["warnings"]
+    assert read(target).warnings == (warning,)
+    shown = subprocess.run(
+        [sys.executable, "-m", "lagcli", "info", str(target)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "warning" in shown.stdout
+    strict = subprocess.run([*command, "--strict", "--force"], capture_output=True, check=False)
+    assert strict.returncode == 3

@@ -1,0 +1,76 @@
+"""Rows of a sweep: what is made ready once, and how many are run together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.model.model import Settings
+from lagcli.sweeps.file.row_status import Ledger, Missing
+from lagcli.sweeps.plan.plan import make_plan
+from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.rows.rows import COMPLETED, Runner
+from lagcli.sweeps.rows.workers import Chunks
+
+pytest.importorskip("lagcli.engine.core.binding")
+ROOT = Path(__file__).parents[4]
+
+
+@pytest.fixture
+def counted(count_calls):
+    """Count the programs assembled and the orders of elimination found."""
+    from lagcli.engine.constraints import initial_batch
+    from lagcli.engine.integrate import batch, prepared
+
+    return count_calls(
+        (batch, "assemble"),
+        (prepared, "assemble"),
+        (initial_batch, "assemble"),
+        (prepared, "order_at"),
+    )
+
+
+def runner(path: Path, vary: str, **settings) -> Runner:
+    model = lagcli.load(path)
+    plan = make_plan(model, [vary], None, 0)
+    measures = (("a", f"final({model.coordinate_names[0]})"),)
+    chosen = Settings(**settings)
+    return Runner(Spec(model.text, "", {}, {}, chosen, plan, measures, "measures"))
+
+
+@pytest.mark.parametrize(
+    ("path", "vary", "settings"),
+    [
+        # in lanes, from guessed starts, of which each has an order of its own
+        ("tests/found/stewart.yaml", "rp=0.5:0.7:0.05", {"t_end": 0.1, "samples": 2}),
+        # one by one: no lanes for this method, nor for redundant constraints
+        ("models/four_bar.yaml", "m_1=1:2:0.25", {"t_end": 0.1, "method": "Radau"}),
+        ("models/parallelogram.yaml", "m=1:2:0.25", {"t_end": 0.1}),
+    ],
+)
+def test_programs_are_assembled_once_for_all_rows(path, vary, settings, counted):
+    rows = runner(ROOT / path, vary, **settings)
+    first = rows.run(np.arange(2), lambda: None)
+    once = counted["assemble"]
+    assert once
+    rest = rows.run(np.arange(2, 5), lambda: None)
+    assert counted["assemble"] == once
+    assert {*first.status, *rest.status} == {COMPLETED}
+
+
+@pytest.mark.parametrize("seconds", [0.001, 0.1, 0.3, 1.0])
+def test_chunks_fill_the_lanes(seconds):
+    chunks = Chunks(Missing(Ledger(1000)), 0, 2)
+    for _ in range(5):
+        numbers = chunks.next()
+        assert len(numbers) % 8 == 0
+        chunks.took(len(numbers), seconds * len(numbers))
+
+
+def test_rows_that_take_long_come_one_by_one():
+    chunks = Chunks(Missing(Ledger(1000)), 0, 2)
+    chunks.took(len(chunks.next()), 16 * 20.0)
+    assert len(chunks.next()) == 1
