@@ -234,10 +234,6 @@ cdef extern from "radau5_tableau.h":
     const double radau_error[3]
 
 
-(
-    RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE, STIFF, ORDER, EVENT,
-    CONTRADICTED, JUMPED,
-) = range(14)
 METHODS = ("DOP853", "Rodas5P", "Radau", "Taylor")
 
 
