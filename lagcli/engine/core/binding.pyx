@@ -169,6 +169,7 @@ cdef extern from "sizes.h":
 
 cdef extern from "system.h":
     int lag_first_kept(const lag_system *system)
+    int lag_sample_size(const lag_system *system)
 
 
 cdef extern from "sparse.h":
@@ -436,7 +437,7 @@ cdef class Integrator:
         self.run.pivots = <int *>self.integers([0] * size)
         kept = np.array(times, dtype=float)
         self.run.times, self.run.times_count = self.borrow(kept), len(kept)
-        self.block = np.empty((block_rows, 2 + 3 * nq + nc))
+        self.block = np.empty((block_rows, lag_sample_size(&self.system)))
         self.run.block, self.run.block_rows = self.borrow(self.block), block_rows
         self.y_bad = np.full(n, np.nan)
         self.run.y_bad = self.borrow(self.y_bad)

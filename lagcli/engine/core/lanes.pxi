@@ -190,7 +190,7 @@ cdef class Lanes(_LaneMemory):
         s.status = &status[0]
         self.counts = np.zeros((len(states) + 1, 3), dtype=np.int64)
         s.counts = self.longs(self.counts)
-        self.samples = np.empty((slots, len(times), 2 + 3 * nq + nc))
+        self.samples = np.empty((slots, len(times), lag_sample_size(&single.system)))
         s.samples = self.borrow(self.samples)
         s.free_slots, s.free_count = self.longs(np.arange(slots)[::-1].copy()), slots
         self.finished, self.finished_slots = np.zeros((2, slots), dtype=np.int64)

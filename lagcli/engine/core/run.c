@@ -97,7 +97,7 @@ static int sample(lag_run *run, double t, double *y)
 {
     const lag_system *s = run->system;
     const int nq = s->nq, nc = s->nc;
-    double power, *row = run->block + run->block_used * (2 + 3 * nq + nc);
+    double power, *row = run->block + run->block_used * lag_sample_size(s);
     if (run->projecting) {
         const int status = lag_return(run, t, y);
         if (status != LAG_RUNNING)
@@ -107,10 +107,10 @@ static int sample(lag_run *run, double t, double *y)
     if (lag_accelerate(run, t, y, refined, &power))
         return LAG_UNDEFINED;
     row[0] = t;
-    memcpy(row + 1, y, 2 * (size_t)nq * sizeof(double));
-    memcpy(row + 1 + 2 * nq, run->a, (size_t)nq * sizeof(double));
-    memcpy(row + 1 + 3 * nq, run->multipliers, (size_t)nc * sizeof(double));
-    row[1 + 3 * nq + nc] = y[2 * nq];
+    memcpy(row + lag_sample_q(s), y, 2 * (size_t)nq * sizeof(double));
+    memcpy(row + lag_sample_a(s), run->a, (size_t)nq * sizeof(double));
+    memcpy(row + lag_sample_multipliers(s), run->multipliers, (size_t)nc * sizeof(double));
+    row[lag_sample_work(s)] = y[2 * nq];
     ++run->block_used;
     ++run->times_next;
     return LAG_RUNNING;

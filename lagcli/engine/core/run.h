@@ -94,7 +94,7 @@ typedef struct lag_run {
 
     const double *times;               /* sample times */
     long times_count, times_next;
-    double *block;                     /* rows of 1 + 3 nq + nc + 1 */
+    double *block;                     /* rows of samples, as layout.h says */
     long block_rows, block_used;
 
     lag_events events;
