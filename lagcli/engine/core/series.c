@@ -31,8 +31,7 @@
 
 enum lag_series_op {
     SERIES_SUM, SERIES_SCALE, SERIES_RATE, SERIES_MUL, SERIES_MULSUM, SERIES_INVERSE, SERIES_CHAIN,
-    SERIES_PAST, SERIES_NEXT, SERIES_ENTER, SERIES_COPY, SERIES_SUM3,
-    SERIES_SUM4, SERIES_PASTSUM, SERIES_END
+    SERIES_PAST, SERIES_NEXT, SERIES_ENTER, SERIES_COPY, SERIES_PASTSUM, SERIES_END
 };
 
 /* Four numbers side by side. */
@@ -361,9 +360,6 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
         const int32_t op = *p++, n = *p++;
         switch (op) {
             RUN(SERIES_SUM, 5, NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4))
-            RUN(SERIES_SUM3, 7, NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4) + NUMBER(5) * NOW(6))
-            RUN(SERIES_SUM4, 9, (NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4))
-                                + (NUMBER(5) * NOW(6) + NUMBER(7) * NOW(8)))
             RUN(SERIES_SCALE, 3, NUMBER(1) * NOW(2))
             RUN(SERIES_RATE, 2, k * NOW(1))
             RUN(SERIES_MUL, 3, BY(product, 1, 2))

@@ -19,10 +19,8 @@ class SeriesOp(IntEnum):
     NEXT = 8  # a_k / (k + 1): coefficient k + 1 of what a is the rate of
     ENTER = 9  # a, from the layer to its row
     COPY = 10  # a, side by side
-    SUM3 = 11  # s a + t b + u c
-    SUM4 = 12  # s a + t b + u c + v d
-    PASTSUM = 13  # s (a − a_0) b + t c
-    END = 14
+    PASTSUM = 11  # s (a − a_0) b + t c
+    END = 12
 
 
 #: Which operands are numbers, and which are series that are convolved.
@@ -32,8 +30,6 @@ NUMBERS: dict[int, tuple[int, ...]] = {
     SeriesOp.MULSUM: (0, 3),
     SeriesOp.CHAIN: (0,),
     SeriesOp.PASTSUM: (0, 3),
-    SeriesOp.SUM3: (0, 2, 4),
-    SeriesOp.SUM4: (0, 2, 4, 6),
 }
 CONVOLVED: dict[int, tuple[int, ...]] = {
     SeriesOp.MUL: (0, 1),
