@@ -1,11 +1,20 @@
 """Builds the compiled engine's core; without a C compiler, lagcli runs on its reference engine."""
 
+import sys
 from pathlib import Path
 
 from Cython.Build import cythonize
 from setuptools import Extension, setup
 
+# a build is isolated from the directory that it is run in
+sys.path.insert(0, str(Path(__file__).parent))
+from lagcli.engine.core.headers import tables_header
+
 CORE = Path("lagcli") / "engine" / "core"
+
+tables = CORE / "tables.h"
+if not tables.exists() or tables.read_text(encoding="utf-8") != tables_header():
+    tables.write_text(tables_header(), encoding="utf-8")
 
 core = Extension(
     "lagcli.engine.core.binding",

@@ -14,24 +14,9 @@ from lagcli.engine.taylor.series import SeriesProgram
 
 _Array = NDArray[np.float64]
 
-RUNNING: int
-DONE: int
-BLOCK_FULL: int
-UNDEFINED: int
-FLOOR: int
-NEAR: int
-OVER: int
-OFF: int
-INACCURATE: int
-STIFF: int
-ORDER: int
-EVENT: int
-CONTRADICTED: int
-JUMPED: int
 METHODS: tuple[str, ...]
 
 LANES: int
-LEFT: int
 
 def rodas5p_coefficients() -> tuple[float, _Array, _Array, _Array, _Array, _Array]: ...
 def radau5_coefficients() -> tuple[_Array, _Array, _Array, tuple[float, complex], _Array]: ...

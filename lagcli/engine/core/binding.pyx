@@ -248,10 +248,6 @@ def _methods():
         i += 1
 
 
-(
-    RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE, STIFF, ORDER, EVENT,
-    CONTRADICTED, JUMPED,
-) = range(14)
 METHODS = tuple(_methods())
 
 

@@ -10,21 +10,8 @@ const lag_lane_kernel *lag_lanes_kernel(int portable)
     return &lag_lanes_default;
 }
 
-/* Destinations and operands of an operation. */
-static int places_of(int32_t op)
-{
-    switch (op) {
-    case OP_NEG: case OP_SQRT: case OP_SIN: case OP_COS: case OP_TAN: case OP_ASIN: case OP_ACOS:
-    case OP_ATAN: case OP_SINH: case OP_COSH: case OP_TANH: case OP_ASINH: case OP_ACOSH:
-    case OP_ATANH: case OP_EXP: case OP_LOG: case OP_ERF: case OP_ERFC: case OP_FLOOR:
-    case OP_CEIL: case OP_ABS: case OP_NOT: case OP_MOVE:
-        return 2;
-    case OP_SELECT: case OP_MULADD: case OP_MULSUB: case OP_SUBMUL:
-        return 4;
-    default:
-        return 3;
-    }
-}
+/* Destinations and operands of each operation. */
+static const int places[] = LAG_PLACES;
 
 void lag_lanes_stream(const int32_t *p, int32_t *out)
 {
@@ -32,7 +19,7 @@ void lag_lanes_stream(const int32_t *p, int32_t *out)
         const int32_t op = *out++ = *p++, count = *out++ = *p++;
         if (op == OP_END)
             return;
-        const int32_t *end = p + (long)places_of(op) * count;
+        const int32_t *end = p + (long)places[op] * count;
         while (p != end)
             *out++ = LAG_LANES * *p++;
     }

@@ -11,13 +11,6 @@
 
 #define LAG_LANES 8
 
-enum lag_lane_status {
-    LAG_LANE_WAITING,
-    LAG_LANE_UNDER_WAY,
-    LAG_LANE_DONE,
-    LAG_LANE_LEFT     /* to be done again by itself, from its start */
-};
-
 /* A program of engine/program/program.py on eight register files. Places count LAG_LANES for a register. */
 typedef struct {
     const int32_t *prelude, *stream, *later[3], *alone[2], *outputs; /* as in tape.h */

@@ -85,7 +85,6 @@ cdef extern from "lanes.h":
 
 
 LANES = LAG_LANES
-LEFT = LAG_LANE_LEFT
 
 
 cdef class _LaneMemory:

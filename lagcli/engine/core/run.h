@@ -14,24 +14,6 @@
 #define NEGLIGIBLE 0.01     /* of the tolerance: a projection that moves less leaves f as it is */
 #define STIFF 15            /* steps that stability limits, until the model counts as stiff */
 
-enum lag_status {
-    LAG_RUNNING,      /* the slice of steps is over */
-    LAG_DONE,         /* t_end is reached */
-    LAG_BLOCK_FULL,   /* the sample block is full */
-    LAG_UNDEFINED,    /* the equations have no finite value at (t_bad, y_bad) */
-    LAG_FLOOR,        /* the step size fell to the floor */
-    LAG_NEAR,         /* the last step went towards a singular configuration */
-    LAG_OVER,         /* the last step may have gone over one */
-    LAG_OFF,          /* (t_bad, y_bad) cannot be brought onto the constraints */
-    LAG_INACCURATE,   /* the static elimination is inaccurate at (t_bad, y_bad), the end of a
-                       * step that was not taken */
-    LAG_STIFF,        /* an explicit method has no use for the accuracy of its steps */
-    LAG_ORDER,        /* an implicit method needs an order of pivots for its matrix */
-    LAG_EVENT,        /* an event happened inside the last step */
-    LAG_CONTRADICTED, /* redundant constraints may contradict each other after the last step */
-    LAG_JUMPED        /* the constraints at t_bad are met only far from y_bad */
-};
-
 typedef struct lag_method lag_method;
 
 typedef struct lag_run {

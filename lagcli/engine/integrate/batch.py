@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.core import binding
+from lagcli.engine.core.status import LaneStatus, Status
 from lagcli.engine.integrate import compiled_engine
 from lagcli.engine.integrate.prepared import Prepared, unrolled
 from lagcli.engine.program.program import assemble
@@ -169,13 +170,13 @@ class _Lanes:
     def run(self, sink: Callable[[Finished], None], heed: Callable[[], None]) -> None:
         """Do the runs, but for those that leave."""
         core, tries = self.core, _FIRST_SLICE
-        status = binding.RUNNING
-        while status != binding.DONE:
+        status: int = Status.RUNNING
+        while status != Status.DONE:
             heed()
             started = time.monotonic()
             status = core.advance(tries)
             taken = time.monotonic() - started
-            if status == binding.RUNNING:
+            if status == Status.RUNNING:
                 tries = max(1, min(_GROWTH * tries, int(tries * _SLICE / max(taken, 1e-6))))
             rows, samples = core.take()
             if len(rows):
@@ -199,7 +200,7 @@ class _Lanes:
 
     def left(self) -> list[int]:
         """Return the runs that have left the lanes."""
-        found: list[int] = np.flatnonzero(self.core.status == binding.LEFT).tolist()
+        found: list[int] = np.flatnonzero(self.core.status == LaneStatus.LEFT).tolist()
         return found
 
 

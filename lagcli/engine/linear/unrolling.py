@@ -12,7 +12,8 @@ from itertools import zip_longest
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.system import System
 from lagcli.engine.tape.arithmetic import Arithmetic
-from lagcli.engine.tape.tape import Op, Tape
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Tape
 
 
 def unroll(system: System, elimination: Elimination) -> Tape:

@@ -90,4 +90,4 @@ class LinearSystem:
         """Return a series, but its first coefficient, times a sum."""
         expansion = self.expansion
         number, x = factors[0] if len(factors) == 1 else expansion.bracket(factors, list)
-        return number, expansion.multiply(base, x, past=True)
+        return number, expansion.multiply(base, x, tail=True)

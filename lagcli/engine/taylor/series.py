@@ -23,7 +23,8 @@ from lagcli.engine.program.program import Node, allocate, in_order, stream
 from lagcli.engine.program.slots import LINE
 from lagcli.engine.system import System, without_numbers
 from lagcli.engine.tape.arithmetic import Arithmetic
-from lagcli.engine.tape.tape import Builder, Op, Tape
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Builder, Tape
 from lagcli.engine.taylor.expansion import SeriesExpansion
 from lagcli.engine.taylor.factoring import factored
 from lagcli.engine.taylor.layers import LONG, Layers, SeriesVector, layered, vector_stream
@@ -32,17 +33,16 @@ from lagcli.engine.taylor.series_nodes import (
     AHEAD,
     BEFORE,
     CONVOLVED,
-    NOUGHT,
+    MAX_ORDER,
     NUMBER,
     NUMBERS,
     WORK,
+    ZERO,
     SeriesOp,
 )
 
 #: Places between rows: where four coefficients are read at a time, some beside a row are.
 PADDING = 4
-#: The largest order; the core's loops know their lengths up to here.
-MOST = 31
 
 
 class SeriesProgram(NamedTuple):
@@ -99,7 +99,7 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     tape : Tape
         Its dynamics with the elimination unrolled, and the solution for another right side.
     order : int
-        At most ``MOST``.
+        At most ``MAX_ORDER``.
     working : iterable of int
         The constraints whose forces' work is counted: all, or where the motion stays on them those
         that depend on time.
@@ -118,7 +118,7 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     rates = [*range(1 + nq, 1 + 2 * nq), *unknowns[:nq], expansion.result(power)]
     kinds = system.families[1 : 1 + 2 * nq]
     families = (
-        [[0], [NOUGHT], *_alike(range(1, 1 + 2 * nq), kinds), [WORK]],
+        [[0], [ZERO], *_alike(range(1, 1 + 2 * nq), kinds), [WORK]],
         [
             *_alike(unknowns[:nq], kinds[:nq]),
             *_alike(unknowns[nq:], map(without_numbers, system.constraints)),
@@ -141,7 +141,7 @@ def order_for(rtol: float) -> int:
     Jorba and Zou's would be −ln(rtol)/2 + 1. Here a step costs more beside its series: it is
     projected and watched, so longer ones pay; measured, six more are best within a few orders.
     """
-    return min(math.ceil(-math.log(rtol) / 2) + 6, MOST)
+    return min(math.ceil(-math.log(rtol) / 2) + 6, MAX_ORDER)
 
 
 def depending_on_time(system: System) -> list[int]:
@@ -177,13 +177,13 @@ def _program(
     """Return the program; rates are the series v, a, power, and outputs the values of a, power."""
     nodes = _merged(factored(expansion, rates), rates, SeriesOp.MUL, SeriesOp.MULSUM)
     state = [*range(len(rates)), WORK]
-    kept = _kept(nodes, {*state, NOUGHT})
+    kept = _kept(nodes, {*state, ZERO})
     ends: list[Node] = [
-        (SeriesOp.NEXT, (x + AHEAD,), (y,)) for x, y in zip(state[1:], rates, strict=True)
+        (SeriesOp.INTEGRATE, (x + AHEAD,), (y,)) for x, y in zip(state[1:], rates, strict=True)
     ]
     found = layered([*nodes, *ends], kept, *families) if len(nodes) >= LONG else None
     if found is None:
-        nodes = _merged(nodes, rates, SeriesOp.PAST, SeriesOp.PASTSUM)
+        nodes = _merged(nodes, rates, SeriesOp.MUL_TAIL, SeriesOp.MUL_TAIL_SUM)
         return _in_rows(expansion, [*in_order(nodes), *ends], state, kept, outputs, order)
     return _in_layers(expansion, found, state, outputs, order)
 
@@ -199,7 +199,7 @@ def _in_rows(
     """Return a program with rows for what is convolved; those of the state are the first."""
     place, numbers, steady = _place_numbers(expansion, _numbers(nodes), [])
     row, first = _row(order), _first(numbers)
-    rows = [*state, NOUGHT, *kept]
+    rows = [*state, ZERO, *kept]
     end = _place_rows(place, rows, first, row)
     place.update((x + AHEAD, place[x]) for x in state)
     ordered, count = allocate(nodes, place, end, {*rows, *(x + AHEAD for x in state)})
@@ -267,7 +267,7 @@ def _placed(
 ) -> Node:
     """Return an operation with the places of numbers, of rows, and in the layer."""
     op, (to,), operands = node
-    if op == SeriesOp.ENTER:
+    if op == SeriesOp.TO_ROW:
         return op, (rows[to],), (layer[to],)
     places = []
     for i, x in enumerate(operands):

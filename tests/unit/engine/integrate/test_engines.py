@@ -20,7 +20,8 @@ from lagcli import settings
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.integrate import scipy_engine
 from lagcli.engine.system import System
-from lagcli.engine.tape.tape import Op, Tape
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Tape
 from lagcli.model.model import METHODS, Model
 from lagcli.trajectory.trajectory import Trajectory
 

@@ -19,7 +19,8 @@ from lagcli.engine.contract import Block, Event, IntegrationRequest, Outcome, Re
 from lagcli.engine.integrate import compiled_engine, scipy_engine
 from lagcli.engine.lowering import lower
 from lagcli.engine.system import System
-from lagcli.engine.tape.tape import Op, Tape
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.simulations import simulation
 
@@ -249,7 +250,7 @@ def test_a_stop_is_told_to_the_user(
             on_event=lambda event: "go on" if event.number else "stop",
         )
 
-    monkeypatch.setattr(run, "prepare", with_events)
+    monkeypatch.setattr(simulation, "prepare", with_events)
     (tmp_path / "ball.yaml").write_text(BALL_TEXT)
     options = ["simulate", str(tmp_path / "ball.yaml"), "--engine", engine, "--t-end", "3"]
     said = "event 0 stopped the run at t = 0.451523641 s"
