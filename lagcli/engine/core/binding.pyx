@@ -84,15 +84,16 @@ cdef extern from "series.h":
 
 
 cdef extern from "run.h":
-    cdef enum lag_method:
-        LAG_DOP853
-        LAG_RODAS5P
-        LAG_RADAU5
-        LAG_TAYLOR
+    ctypedef struct lag_method:
+        pass
+
+    const lag_method *lag_method_at(int i)
+    const char *lag_method_name(const lag_method *method)
 
     ctypedef struct lag_run:
         const lag_system *system
-        int method
+        const lag_method *method
+        const lag_method *stepped
         lag_implicit *implicit
         lag_series series
         int detecting
@@ -158,10 +159,16 @@ cdef extern from "run.h":
         double *y_bad
 
     int lag_start(lag_run *run) nogil
-    int lag_switch(lag_run *run, int method) nogil
+    int lag_switch(lag_run *run, const lag_method *method) nogil
     int lag_advance(lag_run *run, long slice) nogil
+
+cdef extern from "sample.h":
     int lag_sample_until(lag_run *run, double end) nogil
+
+
+cdef extern from "step.h":
     void lag_dense(lag_run *run, double t, double *y) nogil
+
 
 cdef extern from "sizes.h":
     int lag_sizes_again(lag_run *run)
@@ -235,7 +242,14 @@ cdef extern from "radau5_tableau.h":
     const double radau_error[3]
 
 
-METHODS = ("DOP853", "Rodas5P", "Radau", "Taylor")
+def _methods():
+    cdef int i = 0
+    while lag_method_at(i) != NULL:
+        yield lag_method_name(lag_method_at(i)).decode()
+        i += 1
+
+
+METHODS = tuple(_methods())
 
 
 def rodas5p_coefficients():
@@ -404,7 +418,7 @@ cdef class Integrator:
         self.run.largest = self.doubles(2 * self.run.kinds)
         self.run.projecting, self.run.watching = projecting, watching
         self.run.baumgarte = baumgarte
-        self.run.method = LAG_DOP853
+        self.run.method = self.run.stepped = lag_method_at(0)
         self.run.detecting, self.run.refinable = detecting, refinable
         self.run.alpha_from_step = baumgarte and alpha < 0
         self.run.beta_from_alpha = beta < 0
@@ -631,7 +645,7 @@ cdef class Integrator:
 
     def switch(self, method):
         """Go on with a method of `METHODS`; an implicit one must be prepared."""
-        return lag_switch(&self.run, METHODS.index(method))
+        return lag_switch(&self.run, lag_method_at(METHODS.index(method)))
 
     def order(self, choose):
         """Let ``choose(pattern, values)`` find an order of pivots for the matrix at hand."""

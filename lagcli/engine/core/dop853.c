@@ -3,8 +3,11 @@
 #include <math.h>
 #include <string.h>
 
+#include "control.h"
 #include "dop853_tableau.h"
+#include "method.h"
 #include "motion.h"
+#include "step.h"
 #include "vectors.h"
 #include "watch.h"
 
@@ -65,7 +68,7 @@ static double error_by(lag_run *run, const double *weight)
     return lag_vectors()->scaled_square(n, error, run->y, run->y_new, run->atol, run->rtol);
 }
 
-int lag_dop853_step(lag_run *run)
+static int step(lag_run *run)
 {
     const int n = lag_size(run->system), s = apart(run);
     double *stage = run->stages;
@@ -95,20 +98,16 @@ int lag_dop853_step(lag_run *run)
             const double error = !isfinite(below) ? INFINITY
                                  : below > 0.0    ? h * e5 / sqrt(below)
                                                   : 0.0;
-            /* PI control, Hairer & Wanner IV.2, with beta = 0.04 */
-            factor = error > 0.0
-                         ? 0.9 * pow(error, -1.0 / 8.0 + 0.03) * pow(run->error_old, 0.04)
-                         : 10.0;
             if (error <= 1.0) {
-                factor = fmin(fmax(factor, 0.2), rejected ? 1.0 : 10.0);
-                run->error_old = fmax(error, 1e-4);
+                factor = lag_pi_factor(error, run->error_old, lag_dop853.order, rejected);
+                run->error_old = fmax(error, LEAST_ERROR);
                 memcpy(run->f_new, stage + DOP_STAGES * s, (size_t)n * sizeof(double));
                 if (run->detecting)
                     look_for_stiffness(run, h, run->trial);
                 lag_accept(run, h, factor);
                 return LAG_RUNNING;
             }
-            factor = fmax(0.9 * pow(error, -1.0 / 8.0), 0.2);
+            factor = lag_rejected_factor(error, lag_dop853.order);
         }
         undefined |= bad;
         run->h = h * factor;
@@ -117,7 +116,7 @@ int lag_dop853_step(lag_run *run)
     }
 }
 
-void lag_dop853_dense(lag_run *run, double t, double *y)
+static void dense(lag_run *run, double t, double *y)
 {
     const int n = lag_size(run->system), s = apart(run);
     const double h = run->h_old, x = (t - run->t_old) / h;
@@ -148,3 +147,6 @@ void lag_dop853_dense(lag_run *run, double t, double *y)
     stage[DOP_STAGES] -= weight[2];
     add_stages(run, run->y_old, run->stages, stage, DOP_ALL_STAGES, h, y);
 }
+
+const lag_method lag_dop853 = {
+    .name = "DOP853", .order = 8.0, .uses_slope = 1, .step = step, .dense = dense};

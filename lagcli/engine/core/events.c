@@ -5,6 +5,8 @@
 
 #include "motion.h"
 #include "project.h"
+#include "sample.h"
+#include "step.h"
 
 #define PARTS 8             /* of a step, at whose ends the signs are compared */
 #define EXACT 1e-14         /* of the time, or of the step: where a root is located */

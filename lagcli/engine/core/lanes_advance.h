@@ -96,7 +96,7 @@ static int lanes_fill(lag_lanes *s)
         s->status[run] = LAG_LANE_UNDER_WAY;
         s->times_next[l] = s->samples_done[l] = 0;
         s->t[l] = s->t_start;
-        s->error_old[l] = 1e-4;
+        s->error_old[l] = LEAST_ERROR;
         s->after_rejection[l] = s->stiff[l] = s->not_stiff[l] = 0;
         for (int i = 0; i < count; ++i) {
             const double x = s->parameters[run * count + i];
@@ -160,24 +160,22 @@ static double lanes_step_size(const lag_lanes *s, int l)
 /* Settle which steps are accepted, and the sizes of the next ones; return the lanes that go on. */
 static int lanes_judge(lag_lanes *s, int lanes, const double *h, const double *error)
 {
+    const double order = lag_dop853.order;
     int accepted = 0;
     EACH_LANE (l) {
         if (!HAS(lanes, l))
             continue;
         s->counts[3 * s->run[l] + 2] += DOP_STAGES;
         if (error[l] <= 1.0) {
-            /* PI control, Hairer & Wanner IV.2, with beta = 0.04 */
-            double factor = 10.0;
-            if (error[l] > 0.0)
-                factor = 0.9 * pow(error[l], -1.0 / ORDER + 0.03) * pow(s->error_old[l], 0.04);
-            factor = fmin(fmax(factor, 0.2), s->after_rejection[l] ? 1.0 : 10.0);
-            s->error_old[l] = fmax(error[l], 1e-4);
+            const double factor =
+                lag_pi_factor(error[l], s->error_old[l], order, s->after_rejection[l]);
+            s->error_old[l] = fmax(error[l], LEAST_ERROR);
             s->after_rejection[l] = 0;
             s->h[l] = fmin(h[l] * factor, s->h_max);
             ++s->counts[3 * s->run[l]];
             accepted |= 1 << l;
         } else {
-            s->h[l] = h[l] * fmax(0.9 * pow(error[l], -1.0 / ORDER), 0.2);
+            s->h[l] = h[l] * lag_rejected_factor(error[l], order);
             s->after_rejection[l] = 1;
             ++s->counts[3 * s->run[l] + 1];
         }

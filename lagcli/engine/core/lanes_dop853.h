@@ -1,7 +1,5 @@
 /* A step of DOP853 in eight lanes, each of its own size; see dop853.c for one. */
 
-#define ORDER 8.0
-
 /* y = base + h times the sum of `count` stages with weights, of which many are zero; `rows` of n. */
 static void lanes_add_stages(const double *base, const double *stages, const double *weight,
                              int count, const double *h, int n, int rows, double *y)

@@ -1,7 +1,9 @@
 /* All of the lanes for one instruction set: its file defines VEC_BYTES and NAME, and includes this. */
+#include "control.h"
 #include "dop853.h"
 #include "dop853_tableau.h"
 #include "lanes_vector.h"
+#include "method.h"
 #include "motion.h"
 #include "project.h"
 #include "sizes.h"

@@ -89,59 +89,37 @@ static void lanes_sizes_update(lag_lanes *s, int lanes)
     }
 }
 
-/* The 2-norm of a lane's rates f over sizes w. */
-static double lanes_rate(int n, int l, const double *f, const double *w)
-{
-    double sum = 0.0;
-    for (int m = l; m < n * LAG_LANES; m += LAG_LANES)
-        sum += w[m] > 0.0 ? f[m] / w[m] * (f[m] / w[m]) : 0.0;
-    return sqrt(sum);
-}
-
 /* The first steps of some lanes: lag_first_step. */
 static void lanes_first_steps(lag_lanes *s, int lanes)
 {
-    const int nq = s->system->nq, n = 2 * nq, n8 = (n + 1) * LAG_LANES;
-    double d1[LAG_LANES] = {0.0}, h[LAG_LANES] = {0.0}, t[LAG_LANES];
-    double *f = s->stages, *f1 = s->stages + DOP_STAGES * n8, *w = s->before;
+    const int n8 = lag_size(s->system) * LAG_LANES;
+    lag_first_step_rule rule[LAG_LANES];
+    double h[LAG_LANES] = {0.0}, t[LAG_LANES];
+    double *f = s->stages, *change = s->stages + DOP_STAGES * n8;
     lanes_sizes_update(s, lanes);
-    EACH_LANE (l) {
-        if (!HAS(lanes, l))
-            continue;
-        const double horizon = HORIZON * (s->t_end - s->t[l]);
-        for (int i = 0; i < nq; ++i) {
-            const int q = i * LAG_LANES + l, v = q + nq * LAG_LANES;
-            const double *largest = s->largest + s->single->kind[i] * LAG_LANES + l;
-            const double a = s->gross[q] + s->later[q];
-            w[q] = fabs(s->y[q]) + BESIDE * largest[0] + horizon * (fabs(s->y[v]) + horizon * a);
-            w[v] = fabs(s->y[v]) + BESIDE * largest[s->single->kinds * LAG_LANES] + horizon * a
-                   + sqrt(a * w[q]);
+    EACH_LANE (l)
+        if (HAS(lanes, l)) {
+            rule[l] = (lag_first_step_rule){
+                .nq = s->system->nq, .stride = LAG_LANES, .kinds = s->single->kinds,
+                .kind = s->single->kind, .y = s->y + l, .f = f + l, .gross = s->gross + l,
+                .later = s->later + l, .largest = s->largest + l, .weight = s->before + l,
+                .length = s->t_end - s->t[l], .h_max = s->h_max,
+            };
+            h[l] = lag_trial_step(&rule[l]);
         }
-        d1[l] = lanes_rate(n, l, f, w);
-        h[l] = d1[l] > 0.0 ? 0.01 / d1[l] : horizon;
-        h[l] = fmin(h[l], fmin(s->h_max, s->t_end - s->t[l]));
-    }
     EACH_PART (k) {
         AT(t + k) = READ(s->t + k) + READ(h + k);
         for (int m = k; m < n8; m += LAG_LANES)
             AT(s->y_new + m) = READ(s->y + m) + READ(h + k) * READ(f + m);
     }
     lanes_evaluate(&s->moving.dynamics, s->system, t, s->y_new, LAG_ALL);
-    lanes_derivative(&s->moving, f1);
+    lanes_derivative(&s->moving, change);
     EACH_PART (k)
         for (int m = k; m < n8; m += LAG_LANES)
-            AT(f1 + m) -= READ(f + m);
-    EACH_LANE (l) {
-        if (!HAS(lanes, l))
-            continue;
-        const double length = s->t_end - s->t[l], d2 = lanes_rate(n, l, f1, w) / h[l];
-        s->h[l] = h[l]; /* where y' is undefined there, the step itself will find a size */
-        if (!isfinite(d2))
-            continue;
-        const double d = fmax(d1[l], sqrt(d2));
-        const double h1 = d > 0.0 ? pow(0.01 * s->rtol, 1.0 / ORDER) / d : HORIZON * length;
-        s->h[l] = fmin(fmin(100.0 * h[l], h1), fmin(s->h_max, length));
-    }
+            AT(change + m) -= READ(f + m);
+    EACH_LANE (l)
+        if (HAS(lanes, l))
+            s->h[l] = lag_first_size(&rule[l], change + l, h[l], s->rtol, lag_dop853.order);
     lanes_evaluate(&s->moving.dynamics, s->system, s->t, s->y, LAG_ALL);
     lanes_sizes_energy(s, lanes, s->y, s->h);
     lanes_sizes_update(s, lanes);

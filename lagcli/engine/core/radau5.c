@@ -1,12 +1,14 @@
-#include "radau5.h"
-
+/* Radau IIA of order 5 with simplified Newton steps, after Hairer & Wanner's RADAU5. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
+#include "control.h"
 #include "implicit.h"
+#include "method.h"
 #include "motion.h"
 #include "radau5_tableau.h"
+#include "step.h"
 #include "watch.h"
 
 #define NEWTON 7            /* iterations */
@@ -177,7 +179,7 @@ static void interpolate(lag_run *run, const double *z)
     }
 }
 
-void lag_radau5_restart(lag_run *run)
+static void restart(lag_run *run)
 {
     run->h_accepted = 0.0;
     run->h_converging = INFINITY;
@@ -185,7 +187,7 @@ void lag_radau5_restart(lag_run *run)
     run->theta = 1.0; /* no Jacobian that could be kept */
 }
 
-int lag_radau5_step(lag_run *run)
+static int step(lag_run *run)
 {
     const int n = lag_size(run->system);
     lag_implicit *implicit = run->implicit;
@@ -223,9 +225,8 @@ int lag_radau5_step(lag_run *run)
             factor = fmin(fmax(safe * pow(error, -0.25), LEAST), LARGEST);
             if (error < 1.0) {
                 if (run->h_accepted > 0.0) {
-                    /* predictive control (Gustafsson) */
-                    const double follows = SAFETY * h / run->h_accepted
-                                           * pow(run->error_old / (error * error), 0.25);
+                    const double follows = lag_predicted_factor(h, error, run->h_accepted,
+                                                                run->error_old, lag_radau5.order);
                     factor = fmin(factor, fmax(follows, LEAST));
                 }
                 run->h_converging *= RELAXED;
@@ -255,7 +256,8 @@ int lag_radau5_step(lag_run *run)
     }
 }
 
-void lag_radau5_dense(lag_run *run, double t, double *y)
+/* The collocation polynomial. */
+static void dense(lag_run *run, double t, double *y)
 {
     const int n = lag_size(run->system);
     /* from the end, where what is continued is y_new */
@@ -263,3 +265,6 @@ void lag_radau5_dense(lag_run *run, double t, double *y)
     for (int m = 0; m < n; ++m)
         y[m] = run->y_new[m] + continued(run->dense, n, m, x);
 }
+
+const lag_method lag_radau5 = {
+    .name = "Radau", .order = 4.0, .step = step, .dense = dense, .restart = restart};

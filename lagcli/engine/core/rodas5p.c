@@ -1,11 +1,13 @@
-#include "rodas5p.h"
-
+/* Rodas5P: a Rosenbrock-Wanner method of order 5(4), with dense output of order 4. */
 #include <math.h>
 #include <string.h>
 
+#include "control.h"
 #include "implicit.h"
+#include "method.h"
 #include "motion.h"
 #include "rodas5p_tableau.h"
+#include "step.h"
 #include "watch.h"
 
 /* The stages U of a step of size h from (t, y), and y_new. Returns 0, or 1 where they are
@@ -36,7 +38,7 @@ static int stages(lag_run *run, double h)
     return 0;
 }
 
-int lag_rodas5p_step(lag_run *run)
+static int step(lag_run *run)
 {
     const int n = lag_size(run->system);
     int rejected = 0, undefined = 0;
@@ -58,10 +60,9 @@ int lag_rodas5p_step(lag_run *run)
             const double error = lag_scaled_norm(run, last, run->y, run->y_new);
             factor = error > 0.0 ? fmin(fmax(0.9 * pow(error, -1.0 / 5.0), 0.2), 6.0) : 6.0;
             if (error <= 1.0) {
-                /* predictive control (Gustafsson; Hairer & Wanner, IV.8) */
                 if (run->h_accepted > 0.0 && error > 0.0) {
-                    const double follows = 0.9 * h / run->h_accepted
-                                           * pow(run->error_old / (error * error), 1.0 / 5.0);
+                    const double follows = lag_predicted_factor(h, error, run->h_accepted,
+                                                                run->error_old, lag_rodas5p.order);
                     factor = fmax(fmin(factor, follows), 0.2);
                 }
                 if (rejected)
@@ -80,7 +81,7 @@ int lag_rodas5p_step(lag_run *run)
     }
 }
 
-void lag_rodas5p_dense(lag_run *run, double t, double *y)
+static void dense(lag_run *run, double t, double *y)
 {
     const int n = lag_size(run->system);
     double *d = run->dense;
@@ -100,3 +101,11 @@ void lag_rodas5p_dense(lag_run *run, double t, double *y)
         y[m] = run->y_old[m] + x * (run->y_new[m] - run->y_old[m] + (1.0 - x) * bend);
     }
 }
+
+static void restart(lag_run *run)
+{
+    run->h_accepted = 0.0;
+}
+
+const lag_method lag_rodas5p = {
+    .name = "Rodas5P", .order = 5.0, .step = step, .dense = dense, .restart = restart};

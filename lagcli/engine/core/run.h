@@ -14,12 +14,11 @@
 #define NEGLIGIBLE 0.01     /* of the tolerance: a projection that moves less leaves f as it is */
 #define STIFF 15            /* steps that stability limits, until the model counts as stiff */
 
-enum lag_method { LAG_DOP853, LAG_RODAS5P, LAG_RADAU5, LAG_TAYLOR };
+typedef struct lag_method lag_method;
 
 typedef struct lag_run {
     const lag_system *system;
-    int method;                        /* a lag_method */
-    int stepped;                       /* the method that took the last step */
+    const lag_method *method, *stepped; /* in use; the one that took the last step */
     struct lag_implicit *implicit;     /* what implicit methods need; else NULL */
     lag_series series;                 /* what Taylor's method needs */
     double t_start, t, t_end, h, h_max, rtol, error_old;
@@ -104,14 +103,8 @@ typedef struct lag_run {
     double *y_bad;                     /* n */
 } lag_run;
 
-/* The size of the next step, cut at t_end; 0 where it is below the floor. */
-double lag_step_size(const lag_run *run);
-
-/* Accept a step of size h to y_new; the next is larger by a factor. */
-void lag_accept(lag_run *run, double h, double factor);
-
 /* Go on with another method from y at t. Returns LAG_RUNNING or LAG_UNDEFINED. */
-int lag_switch(lag_run *run, int method);
+int lag_switch(lag_run *run, const lag_method *method);
 
 /* Prepare the first step from y at t. Returns LAG_RUNNING or what is wrong there. */
 int lag_start(lag_run *run);
@@ -119,10 +112,8 @@ int lag_start(lag_run *run);
 /* Take at most `slice` steps. */
 int lag_advance(lag_run *run, long slice);
 
-/* Sample the last accepted step, or the start, up to a time. */
-int lag_sample_until(lag_run *run, double end);
-
-/* The last step's dense output, n values. */
-void lag_dense(lag_run *run, double t, double *y);
+/* Method i of those there are, or NULL; and its name. */
+const lag_method *lag_method_at(int i);
+const char *lag_method_name(const lag_method *method);
 
 #endif

@@ -356,9 +356,6 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
         const int32_t op = *p++, n = *p++;
         switch (op) {
             RUN(SUM, NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4))
-            RUN(SUM3, NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4) + NUMBER(5) * NOW(6))
-            RUN(SUM4, (NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4))
-                      + (NUMBER(5) * NOW(6) + NUMBER(7) * NOW(8)))
             RUN(SCALE, NUMBER(1) * NOW(2))
             RUN(RATE, k * NOW(1))
             RUN(MUL, BY(product, 1, 2))

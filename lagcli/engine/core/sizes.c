@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "control.h"
 #include "motion.h"
 
 /* The kinetic energy of velocities v, or of what they may be h later, with the dynamics tape's M. */
@@ -139,44 +140,26 @@ void lag_sizes_update(lag_run *run)
                                                  : FOLLOWING * run->rtol * size[2 * nq] + NO_SIZE;
 }
 
-/* The 2-norm of the rates f over sizes w. */
-static double rate(int n, const double *f, const double *w)
-{
-    double sum = 0.0;
-    for (int i = 0; i < n; ++i)
-        sum += w[i] > 0.0 ? f[i] / w[i] * (f[i] / w[i]) : 0.0;
-    return sqrt(sum);
-}
-
-/*
- * Hairer, Norsett & Wanner, II.4, with sizes instead of tolerances and in the motion's own time. An
- * entry's size is what it has, or will have soon by its rate.
- */
 void lag_first_step(lag_run *run, double order)
 {
     const int nq = run->system->nq, n = 2 * nq;
-    const double length = run->t_end - run->t, horizon = HORIZON * length;
     const double *y = run->y, *f = run->f;
-    double *w = run->trial, *f1 = run->stages;
+    double *change = run->stages;
+    lag_first_step_rule rule = {
+        .nq = nq, .stride = 1, .kinds = run->kinds, .kind = run->kind, .y = y, .f = f,
+        .gross = run->gross, .later = run->later, .largest = run->largest, .weight = run->trial,
+        .length = run->t_end - run->t, .h_max = run->h_max,
+    };
     lag_sizes_update(run);
-    for (int i = 0; i < nq; ++i) {
-        const double a = run->gross[i] + run->later[i];
-        w[i] = fabs(y[i]) + BESIDE * run->largest[run->kind[i]] + horizon * (fabs(y[nq + i]) + horizon * a);
-        w[nq + i] = fabs(y[nq + i]) + BESIDE * run->largest[run->kinds + run->kind[i]] + horizon * a
-                    + sqrt(a * w[i]);
-    }
-    double d1 = rate(n, f, w), h = d1 > 0.0 ? 0.01 / d1 : horizon;
-    h = fmin(h, fmin(run->h_max, length));
+    const double h = lag_trial_step(&rule);
     for (int i = 0; i <= n; ++i)
         run->y_new[i] = y[i] + h * f[i];
-    if (lag_derivative(run, run->t + h, run->y_new, f1)) {
-        run->h = h; /* the step itself will find a size that is defined */
+    if (lag_derivative(run, run->t + h, run->y_new, change)) {
+        run->h = h;
     } else {
         for (int i = 0; i < n; ++i)
-            f1[i] -= f[i];
-        d1 = fmax(d1, sqrt(rate(n, f1, w) / h));
-        const double h1 = d1 > 0.0 ? pow(0.01 * run->rtol, 1.0 / order) / d1 : horizon;
-        run->h = fmin(fmin(100.0 * h, h1), fmin(run->h_max, length));
+            change[i] -= f[i];
+        run->h = lag_first_size(&rule, change, h, run->rtol, order);
     }
     /* M at the start, where velocities may be zero: what they will be after the step counts */
     lag_evaluate(&run->system->dynamics, run->system, run->t, y, LAG_ALL);

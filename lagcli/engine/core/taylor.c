@@ -1,12 +1,12 @@
-#include "taylor.h"
-
+/* Taylor's method: steps of high order by the power series of the motion. */
 #include <math.h>
 #include <string.h>
 
-#include "dop853.h"
+#include "method.h"
 #include "motion.h"
 #include "series.h"
 #include "sizes.h"
+#include "step.h"
 #include "vectors.h"
 #include "watch.h"
 
@@ -63,11 +63,11 @@ static int explicit_step(lag_run *run)
 {
     if (lag_derivative(run, run->t, run->y, run->f))
         return LAG_UNDEFINED;
-    if (run->stepped != LAG_DOP853)
-        lag_first_step(run, 8.0);
-    run->stepped = LAG_DOP853;
+    if (run->stepped != &lag_dop853)
+        lag_first_step(run, lag_dop853.order);
+    run->stepped = &lag_dop853;
     run->kept_last = 0.0;
-    return lag_dop853_step(run);
+    return lag_dop853.step(run);
 }
 
 /* Note B at the state that the dynamics tape holds, as that at which a step begins (0) or ends (1). */
@@ -133,14 +133,15 @@ static int try_step(lag_run *run, double h, double kept_before, double *factor)
     return LAG_RUNNING;
 }
 
-int lag_taylor_step(lag_run *run)
+/* Where there is no series (a static elimination that fails there) DOP853 takes the step. */
+static int step(lag_run *run)
 {
     const lag_system *s = run->system;
     const double kept_before = run->kept_last;
     ++run->evaluations;
     if (lag_eliminating(run) != 1 || lag_series_expand(&run->series, s->nq, run->t, run->y))
         return explicit_step(run);
-    run->stepped = LAG_TAYLOR;
+    run->stepped = &lag_taylor;
     if (run->watching && kept_before == 0.0) {
         lag_evaluate(&s->dynamics, s, run->t, run->y, LAG_ALL);
         note_jacobian(run, 0);
@@ -164,7 +165,10 @@ int lag_taylor_step(lag_run *run)
     }
 }
 
-void lag_taylor_dense(lag_run *run, double t, double *y)
+static void dense(lag_run *run, double t, double *y)
 {
     lag_series_sum(&run->series, lag_size(run->system), t - run->t_old, y);
 }
+
+const lag_method lag_taylor = {
+    .name = "Taylor", .order = 8.0, .uses_series = 1, .step = step, .dense = dense};

@@ -5,7 +5,9 @@
 #include <string.h>
 
 #include "linear.h"
+#include "method.h"
 #include "motion.h"
+#include "step.h"
 #include "vectors.h"
 
 #define LARGE 20000.0       /* operations beyond which the rows of B are not orthogonalized */
@@ -188,7 +190,7 @@ static double weakest_inside(lag_run *run, double x)
     const double h = run->h_old, z = 1.0 - x;
     const double *q0 = run->y_old, *v0 = q0 + nq, *q1 = run->y_new, *v1 = q1 + nq;
     double *y = run->y_sample;
-    if (run->stepped == LAG_TAYLOR) { /* its steps are too long for a cubic, and have all at hand */
+    if (run->stepped->uses_series) { /* its steps are too long for a cubic, and have all at hand */
         lag_dense(run, run->t_old + x * h, y);
         return lag_weakest(run, run->t_old + x * h, y);
     }

@@ -44,8 +44,6 @@ from lagcli.engine.taylor.series_nodes import (
 
 #: Places between rows: where four coefficients are read at a time, some beside a row are.
 PADDING = 4
-#: A sum with one more term.
-_WIDER: dict[int, int] = {SeriesOp.SUM: SeriesOp.SUM3, SeriesOp.SUM3: SeriesOp.SUM4}
 
 
 class SeriesProgram(NamedTuple):
@@ -188,7 +186,6 @@ def _program(
     found = layered([*nodes, *ends], kept, *families) if len(nodes) >= LONG else None
     if found is None:
         nodes = _merged(nodes, rates, SeriesOp.MUL_TAIL, SeriesOp.MUL_TAIL_SUM)
-        nodes = _widened(nodes, {*kept, *rates}, expansion.one + NUMBER)
         return _in_rows(expansion, [*in_order(nodes), *ends], state, kept, outputs, order)
     return _in_layers(expansion, found, state, outputs, order)
 
@@ -366,26 +363,6 @@ def _merged(
             if a in products:
                 del found[a]
                 found[to[0]] = merged, to, (s, *products[a], t, b)
-    return list(found.values())
-
-
-def _widened(nodes: Iterable[Node], kept: set[int], one: int) -> list[Node]:
-    """Merge sums that are used once, by a sum, into sums of up to four terms."""
-    uses: dict[int, int] = dict.fromkeys(kept, 2)
-    for op, _, operands in nodes:
-        for i, x in enumerate(operands):
-            if i not in NUMBERS.get(op, ()):
-                uses[x] = uses.get(x, 0) + 1
-    found: dict[int, Node] = {}
-    for op, to, operands in nodes:
-        found[to[0]] = op, to, operands
-        if op == SeriesOp.SUM:
-            s, a, t, b = operands
-            if t == one and b in found and found[b][0] in _WIDER and uses[b] == 1:
-                s, a, t, b = t, b, s, a
-            if s == one and a in found and found[a][0] in _WIDER and uses[a] == 1:
-                kind, _, terms = found.pop(a)
-                found[to[0]] = _WIDER[kind], to, (*terms, t, b)
     return list(found.values())
 
 

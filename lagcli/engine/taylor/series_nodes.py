@@ -37,8 +37,6 @@ class SeriesOp(IntEnum):
     INTEGRATE = "s"  # a_k / (k + 1): coefficient k + 1 of what a is the rate of
     TO_ROW = "s"  # a, from the layer to its row
     COPY = "s"  # a, side by side
-    SUM3 = "nsnsns"  # s a + t b + u c
-    SUM4 = "nsnsnsns"  # s a + t b + u c + v d
     MUL_TAIL_SUM = "ncens"  # s (a − a_0) b + t c
     END = ""
 
