@@ -39,7 +39,7 @@ static inline int lag_first_solution(const lag_system *s)
     return lag_first_rhs(s) + s->nc + 1;
 }
 
-/* ... and what its pivots keep: run->kept_count, of which the last nc are the squares of the lengths
+/* ... and what its pivots keep: run->solver.cancellation_count, of which the last nc are the squares of the lengths
  * of B's rows. Then come the other solution (nq + nc) and the one for the constraints alone (nq). */
 static inline int lag_first_kept(const lag_system *s)
 {
