@@ -8,13 +8,14 @@ from setuptools import Extension, setup
 
 # a build is isolated from the directory that it is run in
 sys.path.insert(0, str(Path(__file__).parent))
-from lagcli.engine.core.headers import tables_header
+from lagcli.engine.core.headers import headers
 
 CORE = Path("lagcli") / "engine" / "core"
 
-tables = CORE / "tables.h"
-if not tables.exists() or tables.read_text(encoding="utf-8") != tables_header():
-    tables.write_text(tables_header(), encoding="utf-8")
+for name, text in headers().items():
+    header = CORE / name
+    if not header.exists() or header.read_text(encoding="utf-8") != text:
+        header.write_text(text, encoding="utf-8")
 
 core = Extension(
     "lagcli.engine.core.binding",

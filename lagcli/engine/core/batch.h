@@ -42,7 +42,7 @@ struct lag_batch {
     int32_t *status;                   /* by run: a lag_lane_status */
     int64_t *counts;                   /* by run: steps, rejected, evaluations */
 
-    double *samples;                   /* by slot: times_count rows of t, q, v, a, lambda, W */
+    double *samples;                   /* by slot: times_count rows as in run.h */
     int64_t *free_slots;               /* those that no run has */
     int64_t free_count;
     int64_t *finished, *finished_slots; /* the runs done since they were last taken */

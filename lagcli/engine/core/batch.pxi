@@ -54,7 +54,8 @@ cdef class Batch:
         s.parameters, s.states = arguments.doubles(parameters), arguments.doubles(states)
         self.status = np.zeros(len(states) + 1, dtype=np.int32)
         self.counts = np.zeros((len(states) + 1, 3), dtype=np.int64)
-        self.samples = np.empty((slots, len(times), 2 + 3 * single.nq + single.nc))
+        width = SampleLayout(Counts(single.nq, single.nc)).size
+        self.samples = np.empty((slots, len(times), width))
         cdef int32_t[::1] status = self.status
         cdef int64_t[:, ::1] counts = self.counts
         s.status, s.counts = &status[0], &counts[0, 0]

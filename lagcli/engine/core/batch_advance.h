@@ -67,7 +67,7 @@ static int batch_measure(lag_batch *s, int lanes)
         for (int i = 0; i < system->nc; ++i)
             AT(sum + i * LAG_LANES + k) = all(0.0);
         for (int i = 0; i < system->nb; ++i) {
-            const vec x = READ(OUTPUT(c, system->nh + i) + k);
+            const vec x = READ(OUTPUT(c, lag_constraint_jacobian(system) + i) + k);
             AT(sum + system->jacobian_row[i] * LAG_LANES + k) += x * x;
         }
         for (int i = 0; i < system->nc; ++i) {

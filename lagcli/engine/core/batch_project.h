@@ -12,7 +12,7 @@ static void batch_positions(const lag_octet *o, int lanes, double *worst, double
         for (int i = 0; i < s->nh; ++i) {
             double *kept = o->scale_position + i * LAG_LANES + k;
             const vec phi = READ(OUTPUT(c, i) + k);
-            const vec scale = larger(READ(OUTPUT(c, s->nh + s->nb + s->nc + i) + k), READ(kept));
+            const vec scale = larger(READ(OUTPUT(c, lag_constraint_position_scale(s) + i) + k), READ(kept));
             AT(kept) = choose(measured, scale, READ(kept));
             largest = larger(magnitude(phi) / larger(scale, all(1e-300)), largest);
             total += phi;
@@ -77,7 +77,8 @@ static int batch_velocities(const lag_octet *o, int lanes)
 {
     const lag_system *s = o->system;
     const lag_batch_tape *c = &o->constraint;
-    const int nc = s->nc, first = lag_first_velocity(s);
+    const int nc = s->nc, first = lag_constraint_velocity(s);
+    const int scales = lag_constraint_velocity_scale(s);
     int open = 0;
     EACH_PART (k) {
         const mask measured = lanes_of(lanes, k);
@@ -85,7 +86,7 @@ static int batch_velocities(const lag_octet *o, int lanes)
         for (int i = 0; i < nc; ++i) {
             double *kept = o->scale_velocity + i * LAG_LANES + k;
             const vec psi = READ(OUTPUT(c, first + i) + k);
-            const vec given = READ(OUTPUT(c, s->nh + s->nb + nc + s->nh + i) + k);
+            const vec given = READ(OUTPUT(c, scales + i) + k);
             const vec scale = larger(given, READ(kept));
             AT(kept) = choose(measured, scale, READ(kept));
             unmet |= ~(magnitude(psi) <= RESIDUAL * scale);

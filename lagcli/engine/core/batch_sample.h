@@ -6,19 +6,19 @@
 /* Where a sample of a lane's run is written. */
 static double *batch_row(const lag_batch *s, int l, int64_t sample)
 {
-    const int64_t width = 2 + 3 * s->system->nq + s->system->nc;
+    const int64_t width = lag_sample_size(s->system);
     return s->samples + (s->slot[l] * s->times_count + sample) * width;
 }
 
 /* Write t, q, v and W of a lane's next sample; y is of lanes. */
 static void batch_take(lag_batch *s, int l, const double *y)
 {
-    const int moving = 2 * s->system->nq, width = 2 + 3 * s->system->nq + s->system->nc;
+    const int moving = 2 * s->system->nq;
     double *row = batch_row(s, l, s->times_next[l]);
     row[0] = s->times[s->times_next[l]];
     for (int i = 0; i < moving; ++i)
-        row[1 + i] = y[i * LAG_LANES + l];
-    row[width - 1] = y[moving * LAG_LANES + l];
+        row[lag_sample_q(s->system) + i] = y[i * LAG_LANES + l];
+    row[lag_sample_work(s->system)] = y[moving * LAG_LANES + l];
     ++s->times_next[l];
 }
 
@@ -58,7 +58,7 @@ static void batch_sample_steps(lag_batch *s, int lanes, const double *h, const d
 static void batch_spread(lag_batch *s, int l)
 {
     const lag_octet *from = &s->moving, *to = &s->sampled;
-    const int first = 1 + 2 * s->system->nq, last = first + s->parameters_count;
+    const int first = lag_sample_a(s->system), last = first + s->parameters_count;
     EACH_PART (k)
         for (int i = first; i < last; ++i) {
             AT(to->dynamics.registers + i * LAG_LANES + k) =
@@ -82,7 +82,7 @@ static int batch_complete(lag_batch *s, int l, int64_t first, int count)
         const double *row = batch_row(s, l, first + (i < count ? i : count - 1));
         t[i] = row[0];
         for (int m = 0; m < 2 * nq; ++m)
-            y[m * LAG_LANES + i] = row[1 + m];
+            y[m * LAG_LANES + i] = row[lag_sample_q(system) + m];
     }
     if (nc) {
         for (int i = 0; i < system->nh * LAG_LANES; ++i)
@@ -96,12 +96,13 @@ static int batch_complete(lag_batch *s, int l, int64_t first, int count)
     batch_evaluate(&o->dynamics, system, t, y, LAG_ALL);
     batch_refined(o, o->x);
     for (int i = 0; i < count; ++i) {
-        double *row = batch_row(s, l, first + i) + 1;
+        double *row = batch_row(s, l, first + i);
+        double *state = row + lag_sample_q(system), *unknowns = row + lag_sample_a(system);
         for (int m = 0; m < 2 * nq; ++m)
-            row[m] = y[m * LAG_LANES + i];
+            state[m] = y[m * LAG_LANES + i];
         for (int m = 0; m < n; ++m) {
             const double x = o->x[m * LAG_LANES + i];
-            row[2 * nq + m] = m < nq ? x : -x;
+            unknowns[m] = m < nq ? x : -x;
             total += x;
         }
     }

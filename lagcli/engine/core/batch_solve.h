@@ -22,7 +22,7 @@ static void batch_derivative(const lag_octet *o, double *f)
     for (int i = 0; i < nq; ++i)
         memcpy(f + (nq + i) * LAG_LANES, OUTPUT(d, lag_first_solution(s) + i),
                LAG_LANES * sizeof(double));
-    memcpy(f + 2 * nq * LAG_LANES, OUTPUT(d, lag_first_kept(s) - 1), LAG_LANES * sizeof(double));
+    memcpy(f + 2 * nq * LAG_LANES, OUTPUT(d, lag_first_total_power(s)), LAG_LANES * sizeof(double));
 }
 
 /* Put `count` outputs of a tape's later stream for other right sides, given from register `input` on,

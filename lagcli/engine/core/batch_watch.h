@@ -46,7 +46,7 @@ static lag_run *batch_single(const lag_batch *s, int l, const double *y)
 {
     const lag_system *system = s->system;
     lag_run *run = s->single;
-    const int n = lag_size(system), inputs = 1 + 2 * system->nq;
+    const int n = lag_size(system), inputs = lag_sample_a(system);
     single_parameters(&s->moving.dynamics, &run->system.dynamics,
                       inputs, s->parameters_count, l);
     single_parameters(&s->moving.constraint, &run->system.constraint,

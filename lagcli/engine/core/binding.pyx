@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.engine.program.program import assemble
 
 from libc.stdint cimport int32_t, int64_t
@@ -279,7 +280,7 @@ cdef class Integrator:
         s.baumgarte, s.alpha, s.beta = baumgarte, alpha, beta
         s.detecting, s.refinable = detecting, refinable
         s.times, s.times_count = arguments.doubles(times), len(times)
-        self.block = np.empty((block_rows, 2 + 3 * self.nq + self.nc))
+        self.block = np.empty((block_rows, SampleLayout(Counts(self.nq, self.nc)).size))
         cdef double[:, ::1] block = self.block
         s.block, s.block_rows = &block[0, 0], block_rows
         self.run = lag_create(&_MEMORY, &equations, &s)

@@ -1,6 +1,6 @@
-"""The header ``tables.h`` of the core, from the tables that Python and C share.
+"""The headers ``tables.h`` and ``layout.h`` of the core, from what Python and C share.
 
-``setup.py`` writes it before it compiles the core, so this module imports the standard library
+``setup.py`` writes them before it compiles the core, so this module imports the standard library
 alone.
 """
 
@@ -10,14 +10,14 @@ from collections.abc import Iterable
 from enum import IntEnum
 
 from lagcli.engine.core.status import LaneStatus, Status
+from lagcli.engine.layout import Layout, RatesLayout, SampleLayout, UnrolledLayout
 from lagcli.engine.program.nodes import INDEXED, LONGEST, VECTOR
 from lagcli.engine.tape.operations import PLACES, Kind, Op
 from lagcli.engine.taylor.series_nodes import LONGEST as MAX_LENGTH
 from lagcli.engine.taylor.series_nodes import MAX_ORDER, SeriesOp
 
-_HEADER = """\
-/* Written by setup.py from lagcli/engine/core/headers.py: change the tables that it reads instead.
- *
+_WRITTEN = "/* Written by setup.py from {}: change that instead.\n *\n"
+_TABLES = """\
  * The lists of operations are macros of a macro X(operation, places, value): the numbers that an
  * operation has in a stream, and its value in C of operands A, B and C. */
 #ifndef LAGCLI_TABLES_H
@@ -26,10 +26,48 @@ _HEADER = """\
 {parts}
 #endif
 """
+_LAYOUT = """\
+ * The first place of each part. */
+#ifndef LAGCLI_LAYOUT_H
+#define LAGCLI_LAYOUT_H
+
+{parts}
+#endif
+"""
+#: What the functions of a layout begin with.
+_PREFIXES: dict[str, type[Layout]] = {
+    "lag_sample_": SampleLayout,
+    "lag_first_": UnrolledLayout,
+    "lag_constraint_": RatesLayout,
+}
 
 
-def tables_header() -> str:
-    """Return the text of ``tables.h``."""
+def headers() -> dict[str, str]:
+    """Return the texts of the headers by the names of their files."""
+    return {
+        "tables.h": _WRITTEN.format("the tables that lagcli/engine/core/headers.py reads")
+        + _tables(),
+        "layout.h": _WRITTEN.format("lagcli/engine/layout.py") + _layouts(),
+    }
+
+
+def _layouts() -> str:
+    parts = []
+    for prefix, layout in _PREFIXES.items():
+        terms: list[str] = []
+        for name, counts in layout.parts().items():
+            parts.append(_offset(prefix + name, terms))
+            terms += (count if count == "1" else f"s->{count}" for count in counts)
+        parts.append(_offset(prefix + "size", terms))
+    return _LAYOUT.format(parts="\n".join(parts))
+
+
+def _offset(name: str, terms: Iterable[str]) -> str:
+    total = " + ".join(terms) or "0"
+    return f"static inline int {name}(const lag_system *s)\n{{\n    return {total};\n}}\n"
+
+
+def _tables() -> str:
     parts = [
         _enum("lag_op", "OP_", Op),
         _define("LAG_PLACES", _list(PLACES)),
@@ -45,7 +83,7 @@ def tables_header() -> str:
         _enum("lag_status", "LAG_", Status, (s.sentence for s in Status)),
         _enum("lag_lane_status", "LAG_LANE_", LaneStatus, (s.sentence for s in LaneStatus)),
     ]
-    return _HEADER.format(parts="\n".join(parts))
+    return _TABLES.format(parts="\n".join(parts))
 
 
 def _enum(

@@ -37,9 +37,9 @@ int lag_linearize(lag_run *run, double t, const double *y, double *f)
             m->border[j * nc + i] = run->rows.dependencies[j * nc + i] / run->rows.lengths[i];
     double *r = w->registers;
     r[0] = t;
-    memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
-    memcpy(r + 1 + 2 * nq, run->solver.a, (size_t)nq * sizeof(double));
-    memcpy(r + 1 + 3 * nq, run->solver.multipliers, (size_t)nc * sizeof(double));
+    memcpy(r + lag_sample_q(s), y, 2 * (size_t)nq * sizeof(double));
+    memcpy(r + lag_sample_a(s), run->solver.a, (size_t)nq * sizeof(double));
+    memcpy(r + lag_sample_multipliers(s), run->solver.multipliers, (size_t)nc * sizeof(double));
     lag_stream_run(w->stream, r);
     const int outputs = m->power_velocity.first + m->power_velocity.count + nq + nc + 1;
     for (int i = 0; i < outputs; ++i) {

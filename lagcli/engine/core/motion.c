@@ -319,7 +319,7 @@ static void right_side(lag_run *run)
     lag_vectors()->pick(nc, d->registers, d->outputs + lag_first_rhs(s), right + nq);
     if (!run->baumgarte.active)
         return;
-    const int psi = lag_first_velocity(s);
+    const int psi = lag_constraint_velocity(s);
     for (int i = 0; i < nc; ++i)
         right[nq + i] -= run->baumgarte.alpha * OUT(c, psi + i);
     for (int i = 0; i < s->nh; ++i) {
@@ -368,10 +368,10 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     if (bad)
         return undefined(run, t, y);
     if (own) {
-        *power = OUT(d, lag_first_solution(s) + n);
+        *power = OUT(d, lag_first_total_power(s));
         return 0;
     }
-    double p = OUT(d, lag_first_rhs(s) + nc);
+    double p = OUT(d, lag_first_power(s));
     for (int i = 0; i < s->nb; ++i)
         p += x[nq + s->jacobian_row[i]] * OUT(d, lag_first_jacobian(s) + i)
              * y[nq + s->jacobian_column[i]];
@@ -394,7 +394,7 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
     /* straight from the unrolled tape; without lambda there is no a */
     ++run->step.evaluations;
     lag_evaluate(d, s, t, y, LAG_ALL);
-    f[2 * nq] = OUT(d, lag_first_solution(s) + nq + s->nc);
+    f[2 * nq] = OUT(d, lag_first_total_power(s));
     const int32_t *places = d->outputs + lag_first_solution(s);
     return isfinite(lag_vectors()->pick(nq, d->registers, places, f + nq)) ? 0 : undefined(run, t, y);
 }

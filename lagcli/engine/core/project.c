@@ -46,8 +46,9 @@ int lag_project(lag_run *run, double t, double *y)
     const lag_system *s = &run->system;
     const lag_tape *c = &s->constraint;
     const int nq = s->nq, nc = s->nc, nh = s->nh;
-    const int scale_position = nh + s->nb + nc;
-    const int scale_velocity = scale_position + nh, first_velocity = lag_first_velocity(s);
+    const int scale_position = lag_constraint_position_scale(s);
+    const int scale_velocity = lag_constraint_velocity_scale(s);
+    const int first_velocity = lag_constraint_velocity(s);
     const lag_vector_kernel *vectors = lag_vectors();
     double *rhs = run->step.work, *residual = rhs + nc, *scale = residual + nc, *x = run->solver.a;
     double best = INFINITY;

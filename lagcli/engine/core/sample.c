@@ -14,7 +14,7 @@ static int sample(lag_run *run, double t, double *y)
 {
     const lag_system *s = &run->system;
     const int nq = s->nq, nc = s->nc;
-    double power, *row = run->samples.block + run->samples.used * (2 + 3 * nq + nc);
+    double power, *row = run->samples.block + run->samples.used * lag_sample_size(s);
     if (run->projection.active) {
         const int status = lag_return(run, t, y);
         if (status != LAG_RUNNING)
@@ -24,10 +24,10 @@ static int sample(lag_run *run, double t, double *y)
     if (lag_accelerate(run, t, y, refined, &power))
         return LAG_UNDEFINED;
     row[0] = t;
-    memcpy(row + 1, y, 2 * (size_t)nq * sizeof(double));
-    memcpy(row + 1 + 2 * nq, run->solver.a, (size_t)nq * sizeof(double));
-    memcpy(row + 1 + 3 * nq, run->solver.multipliers, (size_t)nc * sizeof(double));
-    row[1 + 3 * nq + nc] = y[2 * nq];
+    memcpy(row + lag_sample_q(s), y, 2 * (size_t)nq * sizeof(double));
+    memcpy(row + lag_sample_a(s), run->solver.a, (size_t)nq * sizeof(double));
+    memcpy(row + lag_sample_multipliers(s), run->solver.multipliers, (size_t)nc * sizeof(double));
+    row[lag_sample_work(s)] = y[2 * nq];
     ++run->samples.used;
     ++run->samples.next;
     return LAG_RUNNING;

@@ -129,7 +129,7 @@ double lag_weakest(lag_run *run, double t, const double *y)
         return lag_factor(run, t, y) ? 0.0 : least_singular(run);
     }
     lag_evaluate(c, s, t, y, LAG_VELOCITIES);
-    if (lag_scaled_rows(run, c, s->nh))
+    if (lag_scaled_rows(run, c, lag_constraint_jacobian(s)))
         return 1.0;
     return lag_pivot(run->rows.scaled, s->nq, s->nc, run->rows.rank, run->rows.order, run->rows.components);
 }
@@ -164,7 +164,7 @@ static void measure(lag_run *run, const double *sizes, double *lengths)
 {
     const lag_system *s = &run->system;
     double *sum = run->step.work;
-    lag_row_squares(s, &s->constraint, s->nh, sizes, sum);
+    lag_row_squares(s, &s->constraint, lag_constraint_jacobian(s), sizes, sum);
     for (int i = 0; i < s->nc; ++i)
         if (sum[i] > lengths[i] * lengths[i])
             lengths[i] = sqrt(sum[i]);

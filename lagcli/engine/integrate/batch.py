@@ -46,8 +46,8 @@ class Finished(NamedTuple):
     ----------
     rows : (k,) array of int
         Which of the given runs.
-    samples : (k, nt, 2 + 3 nq + nc) array
-        By sample t, q, v, a, λ, W, as in `lagcli.engine.contract.Block.of_rows`. Where k
+    samples : (k, nt, width) array
+        Sample rows, as in `SampleLayout`. Where k
         is 1 and the run failed, those that were reached; otherwise all of ``request.times``.
     runs : list of k Run
         How each ended, and what it took.
@@ -128,7 +128,7 @@ def suits_lanes(system: System, request: IntegrationRequest) -> bool:
     There are none for implicit methods, Baumgarte's stabilization, redundant constraints, events,
     an elimination that is not unrolled, or samples that would fill the memory.
     """
-    width = 2 + 3 * len(system.coordinates) + len(system.constraints)
+    width = system.sample_layout.size
     return (
         request.prepared is not None
         and request.prepared.unrolled
@@ -153,7 +153,7 @@ class _Lanes:
         # in the order of all, whatever that of the first one is
         values = dataclasses.replace(values, elimination=prepared.elimination)
         single = compiled_engine.Integration(first, values, lambda block: None, None)
-        width = 2 + 3 * len(system.coordinates) + len(system.constraints)
+        width = system.sample_layout.size
         held = min(_HELD, _MOST_NUMBERS // (width * max(1, len(request.times))) - binding.LANES)
         self.core = binding.Batch(
             single.core,
@@ -231,7 +231,7 @@ def _singly(
     )
     if run.status == "interrupted":
         raise Interrupted
-    width = 2 + 3 * len(system.coordinates) + len(system.constraints)
+    width = system.sample_layout.size
     rows = np.concatenate([np.empty((0, width)), *(_as_rows(block) for block in blocks)])
     return Finished(np.array([row]), rows[None], [run])
 

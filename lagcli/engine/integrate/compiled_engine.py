@@ -420,4 +420,4 @@ class Integration:
 
     def hand_over(self, rows: Array) -> None:
         """Hand over samples: t, q, v, a, λ, W by row."""
-        self.sink(Block.of_rows(rows, self.nq))
+        self.sink(Block.of_rows(rows, self.system.sample_layout))

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.engine.layout import ConstraintLayout, UnrolledLayout
 from lagcli.engine.program.program import Node, allocate, in_order, stream
 from lagcli.engine.program.slots import LINE
 from lagcli.engine.system import System, without_numbers
@@ -110,21 +111,23 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     """
     builder = Arithmetic(tape.inputs, tape.parameters, tape.other)
     outputs = builder.extend(tape)
-    nq, first = len(system.coordinates), len(system.dynamics.outputs)
-    expansion = SeriesExpansion(builder, range(1 + 2 * nq))
+    nq, layout = system.counts.nq, UnrolledLayout(system.counts)
+    inputs = range(tape.inputs)
+    state, v = inputs[: 1 + 2 * nq], inputs[system.sample_layout.v]
+    expansion = SeriesExpansion(builder, state)
     unknowns = LinearSystem(expansion, system, outputs).solve()
-    power = _power(system, builder, outputs, first, working)
+    power = _power(system, builder, outputs, working)
     expansion.expand([power])
-    rates = [*range(1 + nq, 1 + 2 * nq), *unknowns[:nq], expansion.result(power)]
+    rates = [*v, *unknowns[:nq], expansion.result(power)]
     kinds = system.families[1 : 1 + 2 * nq]
     families = (
-        [[0], [ZERO], *_alike(range(1, 1 + 2 * nq), kinds), [WORK]],
+        [[0], [ZERO], *_alike(state[1:], kinds), [WORK]],
         [
             *_alike(unknowns[:nq], kinds[:nq]),
             *_alike(unknowns[nq:], map(without_numbers, system.constraints)),
         ],
     )
-    return _program(expansion, families, rates, [*outputs[first : first + nq], power], order)
+    return _program(expansion, families, rates, [*outputs[layout.solution][:nq], power], order)
 
 
 def _alike(values: Iterable[int], kinds: Iterable[str | None]) -> list[list[int]]:
@@ -146,23 +149,22 @@ def order_for(rtol: float) -> int:
 
 def depending_on_time(system: System) -> list[int]:
     """Return the constraints ψ = B v + b_0 with b_0 that is not zero everywhere."""
-    tape, first = system.constraint, len(system.holonomic) + len(system.jacobian_pattern)
-    drift = tape.outputs[first : first + len(system.constraints)]
+    tape = system.constraint
+    drift = tape.outputs[ConstraintLayout(system.counts).drift]
     values = dict(enumerate(tape.constants, tape.inputs))
     return [i for i, x in enumerate(drift) if values.get(x) != 0.0]
 
 
-def _power(
-    system: System, builder: Builder, outputs: Sequence[int], first: int, working: Iterable[int]
-) -> int:
+def _power(system: System, builder: Builder, outputs: Sequence[int], working: Iterable[int]) -> int:
     """Emit the power of the applied forces, of time, and of the constraints that work."""
-    nq, entries = len(system.coordinates), len(system.mass_pattern) + len(system.coordinates)
-    total = outputs[first - 1]
+    layout, v = UnrolledLayout(system.counts), system.sample_layout.v.start
+    multipliers = outputs[layout.solution][system.counts.nq :]
+    (total,) = outputs[layout.power]
     for i in working:
-        for n, (row, column) in enumerate(system.jacobian_pattern):
+        for (row, column), x in zip(system.jacobian_pattern, outputs[layout.jacobian], strict=True):
             if row == i:
-                force = builder.emit(Op.MUL, outputs[first + nq + i], outputs[entries + n])
-                part = builder.emit(Op.MUL, force, 1 + nq + column)
+                force = builder.emit(Op.MUL, multipliers[i], x)
+                part = builder.emit(Op.MUL, force, v + column)
                 total = builder.emit(Op.ADD, total, part)
     return total
 

@@ -192,7 +192,7 @@ def _residuals(runs, rows):
     from lagcli.simulations.derived import DerivedColumns
 
     columns = DerivedColumns(runs.system)
-    samples = columns(Block.of_rows(rows, len(runs.system.coordinates)))
+    samples = columns(Block.of_rows(rows, runs.system.sample_layout))
     return (
         np.nan_to_num(np.abs(samples.residual_position) / columns.scale_position),
         np.abs(samples.residual_velocity) / columns.scale_velocity,
