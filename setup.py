@@ -20,37 +20,12 @@ for name, text in headers().items():
 core = Extension(
     "lagcli.engine.core.binding",
     sources=[
-        str(CORE / name)
-        for name in (
-            "binding.pyx",
-            "dop853.c",
-            "events.c",
-            "implicit.c",
-            "lanes.c",
-            "lanes_avx2.c",
-            "lanes_default.c",
-            "ldl.c",
-            "linear.c",
-            "methods.c",
-            "motion.c",
-            "project.c",
-            "radau5.c",
-            "rodas5p.c",
-            "run.c",
-            "sample.c",
-            "series.c",
-            "sizes.c",
-            "sparse.c",
-            "step.c",
-            "tape.c",
-            "taylor.c",
-            "vectors.c",
-            "vectors_avx2.c",
-            "vectors_default.c",
-            "watch.c",
-        )
+        str(CORE / "binding.pyx"),
+        *(str(path) for path in sorted(CORE.glob("*.c")) if path.stem != "binding"),
     ],
-    depends=[str(path) for path in sorted([*CORE.glob("*.h"), *CORE.glob("*.pxi")])],
+    depends=[
+        str(path) for suffix in ("h", "pxi", "pxd") for path in sorted(CORE.glob(f"*.{suffix}"))
+    ],
     # no -ffast-math: NaN and the order of operations mean something here; nor may a processor that
     # multiplies and adds at once change them. Nobody reads errno, and with it no root is a vector's
     # Jumps through tables cost the evaluator dearly where they cannot be predicted. How vectors are

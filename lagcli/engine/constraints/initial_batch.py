@@ -58,7 +58,7 @@ class StartSearch:
         self.system = system
         # each row has parameters of its own
         self.tables = tuple(
-            binding.LaneTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)
+            binding.BatchTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)
             for tape in (system.constraint, system.dynamics)
         )
 

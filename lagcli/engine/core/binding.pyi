@@ -26,7 +26,7 @@ def run_tape(
 def solve_ldl(
     plan: Elimination, places: Sequence[tuple[int, int]], values: Iterable[float], right: ArrayLike
 ) -> _Array: ...
-def lanes_sincos(x: ArrayLike, portable: bool = False) -> _Array: ...
+def batch_sincos(x: ArrayLike, portable: bool = False) -> _Array: ...
 
 class Integrator:
     @property
@@ -95,7 +95,7 @@ class Integrator:
     @property
     def t_bad(self) -> float: ...
 
-class Lanes:
+class Batch:
     @property
     def status(self) -> NDArray[np.int32]: ...
     @property
@@ -119,7 +119,7 @@ class Lanes:
     def under_way(self) -> list[int]: ...
     def leave(self, lane: int) -> None: ...
 
-class LaneTable:
+class BatchTable:
     @property
     def columns(self) -> int: ...
     @property

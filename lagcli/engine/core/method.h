@@ -7,7 +7,7 @@
 struct lag_method {
     const char *name;
     double order;          /* of its error control, by which a first step is chosen */
-    int uses_slope;        /* steps begin with run->f, the slope at y, and leave that of their end in f_new */
+    int uses_slope;        /* steps begin with run->step.f, the slope at y, and leave that of their end in f_new */
     int uses_series;       /* steps are power series: too long for a cubic, and without refined solutions */
 
     /* Take one accepted step from (t, y) to (t + h, y_new). Returns LAG_RUNNING, LAG_UNDEFINED,

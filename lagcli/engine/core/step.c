@@ -9,21 +9,21 @@
 
 double lag_step_size(const lag_run *run)
 {
-    const double h = run->h;
-    if (!(h > 10.0 * DBL_EPSILON * fabs(run->t)) || !(h > DBL_MIN * 1e10))
+    const double h = run->step.h;
+    if (!(h > 10.0 * DBL_EPSILON * fabs(run->step.t)) || !(h > DBL_MIN * 1e10))
         return 0.0;
-    return run->t + 1.01 * h >= run->t_end ? run->t_end - run->t : h;
+    return run->step.t + 1.01 * h >= run->step.t_end ? run->step.t_end - run->step.t : h;
 }
 
 void lag_accept(lag_run *run, double h, double factor)
 {
-    run->t_old = run->t;
-    run->h_old = h;
-    memcpy(run->y_old, run->y, (size_t)lag_size(run->system) * sizeof(double));
-    run->t = h == run->t_end - run->t ? run->t_end : run->t + h;
-    run->h = fmin(h * factor, run->h_max);
-    run->dense_ready = 0;
-    ++run->steps;
+    run->step.t_old = run->step.t;
+    run->step.h_old = h;
+    memcpy(run->step.y_old, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
+    run->step.t = h == run->step.t_end - run->step.t ? run->step.t_end : run->step.t + h;
+    run->step.h = fmin(h * factor, run->step.h_max);
+    run->step.dense_ready = 0;
+    ++run->step.steps;
 }
 
 void lag_restart(lag_run *run)

@@ -155,7 +155,7 @@ class _Lanes:
         single = compiled_engine.Integration(first, values, lambda block: None, None)
         width = system.sample_layout.size
         held = min(_HELD, _MOST_NUMBERS // (width * max(1, len(request.times))) - binding.LANES)
-        self.core = binding.Lanes(
+        self.core = binding.Batch(
             single.core,
             prepared.dynamics,
             prepared.constraint,
@@ -252,7 +252,7 @@ class SampleTape:
     """
 
     def __init__(self, tape: Tape):
-        self._table = binding.LaneTable(assemble(tape), tape.inputs, tape.parameters)
+        self._table = binding.BatchTable(assemble(tape), tape.inputs, tape.parameters)
 
     def __call__(self, samples: Array, parameters: Array) -> Array:
         """Return the outputs, (runs, outputs, nt).

@@ -77,7 +77,7 @@ def test_vectors_unpacked_are_the_same_operations() -> None:
     vectors, singles = operations(stream)
     assert (vectors, singles) == (0, sum(operations(program.main)))
     inputs = np.random.default_rng(2).uniform(0.5, 2.0, tape.inputs)
-    table = binding.LaneTable(assemble(tape._replace(parameters=0), families), tape.inputs, 0)
+    table = binding.BatchTable(assemble(tape._replace(parameters=0), families), tape.inputs, 0)
     found = table(inputs[None, None], np.empty((1, 0)))[0, :, 0]
     np.testing.assert_allclose(found, ScalarTape(tape)(inputs), rtol=1e-13)
 

@@ -43,7 +43,7 @@ INLINE vec vec_cos(vec x)
     return cosine;
 }
 
-static void lanes_run(const int32_t *p, double *r)
+static void batch_run(const int32_t *p, double *r)
 {
     for (;;) {
         const int32_t op = *p++, n = *p++;
