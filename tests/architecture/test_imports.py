@@ -98,6 +98,10 @@ OF_HDF5 = ("lagcli.results.hdf5", "lagcli.sweeps.file.store")
 MOST_MODULES = 15
 
 
+def folder_of(module: str) -> str:
+    return module.rpartition(".")[0]
+
+
 def room(module: str) -> str:
     parts = module.split(".")
     return parts[1] if len(parts) > 1 else "lagcli"
@@ -192,14 +196,17 @@ def test_no_room_imports_itself_by_way_of_others() -> None:
     assert circles(graph) == []
 
 
-def test_no_folder_of_the_engine_imports_itself_by_way_of_others() -> None:
+@pytest.mark.parametrize("above", ["engine", "sweeps", "results", "pictures"])
+def test_no_folder_of_a_room_imports_itself_by_way_of_others(above: str) -> None:
+    inside = f"lagcli.{above}."
     graph: dict[str, set[str]] = {}
     for module in MODULES:
-        folder, _, _ = module.rpartition(".")
-        if folder.startswith("lagcli.engine."):
-            others = {n.rpartition(".")[0] for n in imports(module)}
+        folder = folder_of(module)
+        if folder.startswith(inside):
             known = graph.setdefault(folder, set())
-            known.update(o for o in others if o.startswith("lagcli.engine.") and o != folder)
+            named = (n if n in MODULES else f"{n}.__init__" for n in imports(module))
+            others = map(folder_of, named)
+            known.update(o for o in others if o.startswith(inside) and o != folder)
     graph.setdefault("lagcli.engine.core", set())
     assert circles(graph) == []
 

@@ -21,10 +21,10 @@ from lagcli.results.hdf5.outputs import OutputDatasets, output_families
 from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute, texts
 from lagcli.results.layout import QUANTITIES, shared_unit, unit
 from lagcli.results.metadata import check_model, check_times, shortened, storable, to_json
-from lagcli.sweeps.file.layout import COUNTS, KIND, SCHEMA_VERSION, Column, kept_layout
-from lagcli.sweeps.file.row_status import runs_of
+from lagcli.sweeps.columns import COUNTS, KIND, SCHEMA_VERSION, Column, kept_layout
 from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.rows.rows import STATUSES, Results
+from lagcli.sweeps.row_results import STATUSES, Results
+from lagcli.sweeps.row_status import runs_of
 from lagcli.trajectory.samples import SIGN_CONVENTION
 from lagcli.version import __version__
 

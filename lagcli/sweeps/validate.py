@@ -1,4 +1,4 @@
-"""The options of a sweep → a sweep that is checked, before its first row."""
+"""Check the options of a sweep before its first row."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lagcli.model.loader import load_text
 from lagcli.model.model import Model, Settings
 from lagcli.model.sections.measures import read_measures
 from lagcli.results.formats import format_of
-from lagcli.sweeps.file.layout import (
+from lagcli.sweeps.columns import (
     Column,
     check_names,
     default_measures,
@@ -32,8 +32,8 @@ Array = NDArray[np.float64]
 KEPT_UNASKED = 10**9
 
 
-class Asked(NamedTuple):
-    """What is asked for beside the model: texts of options."""
+class SweepRequest(NamedTuple):
+    """The options of a sweep, as they are given."""
 
     vary: Sequence[str]
     sample: str | None
@@ -45,7 +45,7 @@ class Asked(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Ready:
+class PreparedSweep:
     """A checked sweep.
 
     Parameters
@@ -77,24 +77,26 @@ def prepare_sweep(
     set: Mapping[str, object],
     set_initial: Mapping[str, object],
     settings: Settings | None,
-    asked: Asked,
+    request: SweepRequest,
     path: str,
-) -> Ready:
+) -> PreparedSweep:
     """Check everything that can be wrong before the first row."""
     model = load_text(text, name, set, set_initial)
     taken = {**set, **_dotted(set_initial)}
-    plan = make_plan(model, asked.vary, asked.sample, asked.seed, asked.zipped, taken)
+    plan = make_plan(model, request.vary, request.sample, request.seed, request.zipped, taken)
     csv = format_of(path) == "csv"
-    if asked.keep == "trajectories" and csv:
+    if request.keep == "trajectories" and csv:
         raise UsageError("a CSV file holds measures only; give -o with .h5 to keep trajectories")
-    read_measures(model, asked.measures)
+    read_measures(model, request.measures)
     given = settings or Settings()
-    spec = Spec(text, name, set, set_initial, given, plan, asked.measures, "measures", asked.strict)
+    spec = Spec(
+        text, name, set, set_initial, given, plan, request.measures, "measures", request.strict
+    )
     trial = Runner(spec)
     base = trial.base()
     widths = sum(width for _, _, width in kept_layout(model)) + len(model.outputs)
     row_bytes = 8 * len(base.grid.times) * widths
-    keep, measures = asked.keep, asked.measures
+    keep, measures = request.keep, request.measures
     if keep is None:
         small = row_bytes * plan.length <= KEPT_UNASKED and not trial.structural
         keep = "trajectories" if small and not measures and not csv else "measures"
@@ -114,7 +116,7 @@ def prepare_sweep(
     if keep == "measures":
         row_bytes = 0
     options = {k: v for k, v in asdict(base.variants.settings).items() if v is not None}
-    return Ready(spec, model, base.grid.times, columns, measured, row_bytes, options)
+    return PreparedSweep(spec, model, base.grid.times, columns, measured, row_bytes, options)
 
 
 def _dotted(set_initial: Mapping[str, object]) -> dict[str, object]:
