@@ -94,7 +94,7 @@ def prepare_sweep(
     )
     trial = Runner(spec)
     base = trial.base()
-    widths = sum(width for _, _, width in kept_layout(model)) + len(model.outputs)
+    widths = sum(width for _, width in kept_layout(model)) + len(model.outputs)
     row_bytes = 8 * len(base.grid.times) * widths
     keep, measures = request.keep, request.measures
     if keep is None:

@@ -25,27 +25,30 @@ MODULES = {".".join(f.relative_to(ROOT).with_suffix("").parts): f for f in FILES
 ROOMS = {
     "version": set(),
     "errors": set(),
-    "model": {"errors"},
-    "equations": {"errors", "model"},
+    # the names of the columns of results: a model's outputs and measures are beside them
+    "columns": set(),
+    "model": {"errors", "columns"},
+    "equations": {"errors", "columns", "model"},
     # symbols enter an engine where Equations are lowered; beyond that it knows numbers
     "engine": {"model", "equations"},
     "settings": {"errors", "model", "engine"},
-    "trajectory": {"errors"},
+    "trajectory": {"errors", "columns"},
     "simulations": {
-        *("version", "errors", "model", "equations", "engine", "settings", "trajectory"),
+        *("version", "errors", "columns", "model", "equations", "engine", "settings", "trajectory"),
     },
-    "results": {"errors", "trajectory"},
+    "results": {"errors", "columns", "trajectory"},
     "sweeps": {
-        *("version", "errors", "model", "equations", "engine", "settings", "trajectory"),
+        *("version", "errors", "columns", "model", "equations", "engine", "settings", "trajectory"),
         *("simulations", "results"),
     },
     "pictures": {
-        *("version", "errors", "model", "equations", "engine", "trajectory"),
+        *("version", "errors", "columns", "model", "equations", "engine", "trajectory"),
         *("simulations", "results", "sweeps"),
     },
     # a page is where values go round: from the reader's hand to a run and its pictures
     "play": {
-        *("errors", "model", "equations", "settings", "trajectory", "simulations", "pictures"),
+        *("errors", "columns", "model", "equations", "settings", "trajectory", "simulations"),
+        "pictures",
     },
 }
 
@@ -53,6 +56,7 @@ ROOMS = {
 FOREIGN = {
     "version": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "errors": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "columns": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "model": {"numpy", "scipy", "sympy", "h5py", "typer", "rich"},
     "equations": {"numpy", "scipy", "h5py", "yaml", "typer", "rich"},
     "engine": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "os", "pathlib", "io"},

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagcli.columns import SAMPLED, column_names
 from lagcli.errors import FileError, UsageError
 from lagcli.results.atomic import abandon, check_writable, whole_file
 from lagcli.results.csv.sidecar import sidecar_path, sidecar_text
-from lagcli.results.layout import QUANTITIES, term_names
+from lagcli.results.layout import term_names
 from lagcli.results.reasons import write_failure
 from lagcli.trajectory.samples import Record, Samples
 
@@ -29,10 +30,10 @@ if TYPE_CHECKING:
 _NUMBERS_WRITTEN = 1 << 14
 
 
-def columns(
+def titles(
     coordinates: Sequence[str],
     constraints: Sequence[str],
-    terms: Sequence[str],
+    terms: Sequence[tuple[str, str]],
     outputs: Iterable[str],
 ) -> dict[str, list[str]]:
     """Return the names of the columns of a CSV file.
@@ -41,8 +42,8 @@ def columns(
     ----------
     coordinates, constraints, outputs : sequence of str
         Names, in the model's order.
-    terms : sequence of str
-        Names of the terms of constraint force, ``CONSTRAINT.COORDINATE``.
+    terms : sequence of (constraint, coordinate)
+        Of the constraint forces.
 
     Returns
     -------
@@ -50,20 +51,11 @@ def columns(
         In the order of the file: field of `Trajectory` → names of its columns, the last axis
         running fastest.
     """
-    by_axes = {("time",): [""], ("time", "constraint"): [f".{c}" for c in constraints]}
-    named = {
-        "time": ["t"],
-        "q": list(coordinates),
-        "v": [f"{q}_dot" for q in coordinates],
-        "a": [f"{q}_ddot" for q in coordinates],
-        "multipliers": [f"lambda.{c}" for c in constraints],
-        "constraint_force": [f"Qc.{q}" for q in coordinates],
-        "constraint_force_by": [f"Qc.{term}" for term in terms],
+    found = {
+        quantity.name: list(map(str, column_names(quantity, coordinates, constraints, terms)))
+        for quantity in SAMPLED
     }
-    for quantity in QUANTITIES:
-        if "time" in quantity.axes and quantity.name not in named:
-            named[quantity.name] = [quantity.name + end for end in by_axes[quantity.axes]]
-    return {**named, "outputs": list(outputs)}
+    return {**found, "outputs": list(outputs)}
 
 
 def write_csv(
@@ -218,25 +210,23 @@ def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None
 
 def _header(samples: Samples) -> bytes:
     """Return the first line."""
-    titles = _titles(samples)
     header = io.StringIO()
-    csv.writer(header, lineterminator="\n").writerow(chain.from_iterable(titles.values()))
+    csv.writer(header, lineterminator="\n").writerow(chain.from_iterable(_titles(samples).values()))
     return header.getvalue().encode()
 
 
 def _titles(samples: Samples) -> dict[str, list[str]]:
     """Return the names of the columns of samples."""
     q, constraints = samples.coordinates, samples.constraints
-    return columns(q, constraints, term_names(samples.terms, q, constraints), samples.outputs)
+    return titles(q, constraints, term_names(samples.terms, q, constraints), samples.outputs)
 
 
 def _lines(samples: Samples) -> Iterator[bytes]:
     """Yield the lines of samples, some at a time."""
     count = len(samples.time)
-    titles = _titles(samples)
     arrays = [
         np.asarray(getattr(samples, name)).reshape(count, len(names))
-        for name, names in titles.items()
+        for name, names in _titles(samples).items()
         if name != "outputs"
     ]
     arrays += [np.asarray(values).reshape(count, 1) for values in samples.outputs.values()]

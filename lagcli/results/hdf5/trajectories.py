@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
+from lagcli.columns import BY_NAME, QUANTITIES, SAMPLED
 from lagcli.errors import FileError
 from lagcli.results.atomic import abandon
 from lagcli.results.hdf5.container import (
@@ -29,7 +30,7 @@ from lagcli.results.hdf5.container import (
 from lagcli.results.hdf5.opening import Opened, not_of_lagcli, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, OutputFamily, output_families
 from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute
-from lagcli.results.layout import NOT_STATED, QUANTITIES, shared_unit, term_names, unit
+from lagcli.results.layout import NOT_STATED, shared_unit, term_names, unit
 from lagcli.results.metadata import (
     KIND,
     MAPPINGS,
@@ -58,10 +59,6 @@ _LARGE = 1 << 18
 
 #: Bytes of each dataset that are looked at together.
 _SLAB = 1 << 23
-
-#: The quantities that have a value at each sample.
-_BY_TIME = tuple(quantity for quantity in QUANTITIES if quantity.axes[0] == "time")
-_AXES = {quantity.name: quantity.axes for quantity in QUANTITIES}
 
 _OUTPUTS = "outputs/"
 
@@ -187,7 +184,7 @@ class Hdf5Writer:
             "time": datasets["time"],
             "coordinate": add_texts(root, "coordinate", self._coordinates),
             "constraint": add_texts(root, "constraint", self._constraints),
-            "term": add_texts(root, "term", names),
+            "term": add_texts(root, "term", list(map(".".join, names))),
         }
         for name, axis in axes.items():
             make_axis(axis, name)
@@ -202,7 +199,7 @@ class Hdf5Writer:
             dataset = datasets[quantity.name]
             if quantity.name not in axes:
                 attach_axes(dataset, [axes[axis] for axis in quantity.axes])
-            _say(dataset, quantity.long_name, unit(quantity, self._coordinates, record.units))
+            _say(dataset, quantity.description, unit(quantity, self._coordinates, record.units))
 
         units = [record.units.get(name, NOT_STATED) for name in self._coordinates]
         if any(u != NOT_STATED for u in units):
@@ -222,7 +219,7 @@ class Hdf5Writer:
 
 def _columns(samples: Samples, families: Sequence[OutputFamily]) -> dict[str, Array]:
     """Return the datasets that have a value at each sample, by their place in the file."""
-    columns = {quantity.name: getattr(samples, quantity.name) for quantity in _BY_TIME}
+    columns = {quantity.name: getattr(samples, quantity.name) for quantity in SAMPLED}
     for family in families:
         values = [samples.outputs[name] for name in family.members]
         together = np.stack(values, axis=1) if family.axis else values[0]
@@ -318,7 +315,7 @@ class Hdf5Reader:
     def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
         """Yield columns of consecutive samples, by name."""
         lengths = self._length
-        sizes = [math.prod(lengths[a] for a in _AXES[n][1:]) for n in names if n in _AXES]
+        sizes = [math.prod(lengths[a] for a in BY_NAME[n].axes[1:]) for n in names if n in BY_NAME]
         rows = max(1, _SLAB // (8 * max([1, *sizes])))
         for start in range(0, self._length["time"], rows):
             yield {name: self._array(name, slice(start, start + rows)) for name in names}
@@ -327,7 +324,7 @@ class Hdf5Reader:
         """Return all of it."""
         from lagcli.trajectory.trajectory import Trajectory
 
-        arrays: dict[str, Any] = {q.name: self._array(q.name) for q in _BY_TIME}
+        arrays: dict[str, Any] = {q.name: self._array(q.name) for q in SAMPLED}
         del arrays["constraint_force"]  # the sum of constraint_force_by
         return Trajectory(
             coordinates=self.coordinates,
@@ -345,7 +342,10 @@ class Hdf5Reader:
             shape, expected = self._outputs.shape(output), (self._length["time"],)
         else:
             dataset = numbers(self._root, name)
-            shape, expected = dataset.shape, tuple(self._length[axis] for axis in _AXES[name])
+            shape, expected = (
+                dataset.shape,
+                tuple(self._length[axis] for axis in BY_NAME[name].axes),
+            )
         if shape != expected:
             raise ValueError(f"{name} has shape {shape}, not {expected}")
         if name.startswith(_OUTPUTS):

@@ -20,12 +20,13 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from trajectories import MODEL, assert_same, make, random_trajectories
 
+from lagcli.columns import QUANTITIES
 from lagcli.errors import FileError, UsageError
 from lagcli.results.formats import open_reader
 from lagcli.results.hdf5 import seal
 from lagcli.results.hdf5.container import Sink, set_text
 from lagcli.results.hdf5.trajectories import read_hdf5, write_hdf5
-from lagcli.results.layout import MIXED, NOT_STATED, QUANTITIES
+from lagcli.results.layout import MIXED, NOT_STATED
 from lagcli.trajectory.samples import SIGN_CONVENTION, Terms
 from lagcli.trajectory.trajectory import Trajectory
 
