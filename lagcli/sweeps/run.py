@@ -242,7 +242,7 @@ class _Sweep:
 
     def _write(self, seconds: float) -> None:
         try:
-            if format_of(self.path) == "csv":
+            if format_of(self.path).sweeps == "table":
                 self._write_csv(seconds)
             else:
                 self._write_hdf5(self.path, seconds, self.replace)

@@ -84,9 +84,14 @@ def prepare_sweep(
     model = load_text(text, name, set, set_initial)
     taken = {**set, **_dotted(set_initial)}
     plan = make_plan(model, request.vary, request.sample, request.seed, request.zipped, taken)
-    csv = format_of(path) == "csv"
-    if request.keep == "trajectories" and csv:
-        raise UsageError("a CSV file holds measures only; give -o with .h5 to keep trajectories")
+    written = format_of(path)
+    if not written.sweeps:
+        raise UsageError(f"{path}: {written.title} files hold no sweeps; give -o with .h5")
+    table = written.sweeps == "table"
+    if request.keep == "trajectories" and table:
+        raise UsageError(
+            f"a {written.title} file holds measures only; give -o with .h5 to keep trajectories"
+        )
     read_measures(model, request.measures)
     given = settings or Settings()
     spec = Spec(
@@ -99,7 +104,7 @@ def prepare_sweep(
     keep, measures = request.keep, request.measures
     if keep is None:
         small = row_bytes * plan.length <= KEPT_UNASKED and not trial.structural
-        keep = "trajectories" if small and not measures and not csv else "measures"
+        keep = "trajectories" if small and not measures and not table else "measures"
     if keep == "trajectories" and trial.structural:
         names = ", ".join(f"`{plan.columns[i]}`" for i in trial.structural)
         raise UsageError(

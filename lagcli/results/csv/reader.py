@@ -27,35 +27,9 @@ from lagcli.trajectory.trajectory import Trajectory
 _NUMBERS_READ = 1 << 20
 
 
-def read_csv(path: str | os.PathLike[str]) -> Trajectory:
-    """Read the trajectory of a CSV file, and of its sidecar where there is one.
-
-    Parameters
-    ----------
-    path : str or path
-        A file that `write_csv` wrote; line ends may be ``\\r\\n`` and a byte order mark may lead.
-
-    Returns
-    -------
-    Trajectory
-        With the same bits in every array (every NaN becomes the one of Python). What only the
-        sidecar holds is empty without it: ``status`` and the other texts are ``""``, mappings
-        have no entry, ``scale_position`` and ``scale_velocity`` are NaN.
-
-    Raises
-    ------
-    FileError
-        A file is missing or unreadable, was not written by `write_csv`, is cut short or has a
-        line that is no sample; or the sidecar belongs to another CSV file.
-    """
-    with open_csv(path) as file:
-        return file.trajectory()
-
-
 @contextmanager
-def open_csv(path: str | os.PathLike[str]) -> Iterator[CsvReader]:
-    """Open a CSV file, to look at some of its columns; raises, then and later, as `read_csv`."""
-    path = os.fspath(path)
+def open_csv(path: str) -> Iterator[CsvReader]:
+    """Open a CSV file and its sidecar; raises, then and later, as `lagcli.results.formats.read`."""
     check_readable(path)
     _check_last_line(path)
     try:

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from itertools import chain
 from types import TracebackType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,9 +21,6 @@ from lagcli.results.csv.sidecar import sidecar_path, sidecar_text
 from lagcli.results.layout import term_names
 from lagcli.results.reasons import write_failure
 from lagcli.trajectory.samples import Record, Samples
-
-if TYPE_CHECKING:
-    from lagcli.trajectory.trajectory import Trajectory
 
 #: Numbers formatted in one go: large enough to be fast, small enough for any memory.
 _NUMBERS_WRITTEN = 1 << 14
@@ -58,33 +54,18 @@ def titles(
     return {**found, "outputs": list(outputs)}
 
 
-def write_csv(
-    trajectory: Trajectory,
-    output: str | os.PathLike[str],
-    force: bool = False,
-    meta: bool = False,
-) -> None:
-    """Write a trajectory as CSV, to a file (whole or not at all) or to standard output.
+class CsvWriter:
+    """Writes a run as CSV as its samples come; see `lagcli.results.formats.Writer`.
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The run; nt, nc and the number of outputs may be 0.
-    output : str or path
-        The file, or ``-`` for standard output.
+    path : str
+        The file, or ``-`` for standard output; `check_csv_target` has accepted it.
     force : bool
         Replace an existing file and its sidecar.
     meta : bool
-        Write the sidecar ``OUTPUT.json`` too, with what CSV has no place for: status, message,
+        Write the sidecar ``PATH.json`` too, with what CSV has no place for: status, message,
         model, parameters, units, options, scales, …
-
-    Raises
-    ------
-    FileError
-        The file or its sidecar exists and ``force`` is false, or cannot be written; standard
-        output takes no more (a full disk). A closed pipe remains a ``BrokenPipeError``.
-    UsageError
-        A sidecar is asked for with standard output.
 
     Notes
     -----
@@ -94,27 +75,12 @@ def write_csv(
     infinities are ``inf`` and ``-inf``.
 
     The file gets its name just before the sidecar does. The sidecar carries the digest of its
-    CSV file, so that one that belongs to another run is noticed; with ``force`` and without
-    ``meta`` an old sidecar is removed.
-    """
-    path = os.fspath(output)
-    check_csv_target(path, force, meta)
-    with CsvWriter(path, force, meta) as writer:
-        writer.append(trajectory)
-        writer.finish(trajectory)
-
-
-class CsvWriter:
-    """Writes a run as CSV as its samples come; see `lagcli.results.formats.Writer`.
-
-    Parameters
-    ----------
-    output, force, meta
-        As for `write_csv`; that `check_csv_target` has nothing against them is supposed.
+    CSV file, by which a sidecar of another run is noticed; with ``force`` and without ``meta`` an
+    old sidecar is removed.
     """
 
-    def __init__(self, output: str | os.PathLike[str], force: bool = False, meta: bool = False):
-        self._path, self._force, self._meta = os.fspath(output), force, meta
+    def __init__(self, path: str, force: bool = False, meta: bool = False):
+        self._path, self._force, self._meta = path, force, meta
         self._opened = ExitStack()
         self._write: Callable[[bytes], object] | None = None
         self._digest = hashlib.sha256()
@@ -182,12 +148,12 @@ def _remove(path: str) -> None:
 
 
 def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None:
-    """Raise if `write_csv` could not write there now.
+    """Raise if `CsvWriter` could not write there now.
 
     Parameters
     ----------
     path, force, meta
-        As for `write_csv`.
+        As for `CsvWriter`.
 
     Raises
     ------

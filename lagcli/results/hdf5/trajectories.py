@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from types import TracebackType
@@ -15,7 +14,7 @@ import numpy as np
 
 from lagcli.columns import BY_NAME, QUANTITIES, SAMPLED
 from lagcli.errors import FileError
-from lagcli.results.atomic import abandon
+from lagcli.results.atomic import abandon, check_writable
 from lagcli.results.hdf5.container import (
     add_array,
     add_growing,
@@ -63,31 +62,9 @@ _SLAB = 1 << 23
 _OUTPUTS = "outputs/"
 
 
-def write_hdf5(trajectory: Trajectory, path: str | os.PathLike[str], force: bool = False) -> None:
-    """Write a trajectory to an HDF5 file, whole or not at all.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        The run; nt, nq, nc and the number of outputs may be 0.
-    path : str or path
-        The file.
-    force : bool
-        Replace an existing file.
-
-    Raises
-    ------
-    FileError
-        The file exists and ``force`` is false, or it cannot be written.
-
-    Notes
-    -----
-    Mappings (parameters, options, counts, …) are JSON in root attributes. Tuples among the
-    options come back as lists.
-    """
-    with Hdf5Writer(path, force) as writer:
-        writer.append(trajectory)
-        writer.finish(trajectory)
+def check_hdf5_target(path: str, force: bool = False, meta: bool = False) -> None:
+    """Raise FileError if `Hdf5Writer` could not write there now."""
+    check_writable(path, force)
 
 
 class Hdf5Writer:
@@ -95,14 +72,21 @@ class Hdf5Writer:
 
     Parameters
     ----------
-    path : str or path
+    path : str
         The file.
     force : bool
         Replace an existing file.
+    meta : bool
+        Has no effect: the file holds the record of the run.
+
+    Notes
+    -----
+    Mappings (parameters, options, counts, …) are JSON in root attributes. Tuples among the
+    options come back as lists.
     """
 
-    def __init__(self, path: str | os.PathLike[str], force: bool = False):
-        self._path, self._force = os.fspath(path), force
+    def __init__(self, path: str, force: bool = False, meta: bool = False):
+        self._path, self._force = path, force
         self._opened = ExitStack()
         self._root: h5py.File | None = None
         self._held: list[Samples] = []
@@ -233,33 +217,9 @@ def _say(dataset: Any, long_name: str, units: str) -> None:
     set_text(dataset, "units", units)
 
 
-def read_hdf5(path: str | os.PathLike[str]) -> Trajectory:
-    """Read the trajectory of an HDF5 file.
-
-    Parameters
-    ----------
-    path : str or path
-        A file that `write_hdf5` wrote.
-
-    Returns
-    -------
-    Trajectory
-        With the same bits in every array.
-
-    Raises
-    ------
-    FileError
-        The file is missing or unreadable, is not HDF5, is cut short or damaged, or is not a
-        trajectory of lagcli in a layout that this version knows.
-    """
-    with open_hdf5(path) as file:
-        return file.trajectory()
-
-
 @contextmanager
-def open_hdf5(path: str | os.PathLike[str]) -> Iterator[Hdf5Reader]:
-    """Open an HDF5 file, to look at some of its columns; raises, then and later, as `read_hdf5`."""
-    path = os.fspath(path)
+def open_hdf5(path: str) -> Iterator[Hdf5Reader]:
+    """Open an HDF5 file; raises, then and later, as `lagcli.results.formats.read`."""
     with open_verified(path, SCHEMA_VERSION) as opened:
         if opened.kind != KIND:
             raise (

@@ -76,10 +76,10 @@ def _reopened(
     """Take up a finished sweep again: its failed rows, if these are to be run again."""
     from lagcli.sweeps.file.store import open_sweep
 
-    if format_of(path) == "csv":
+    if format_of(path).sweeps == "table":
         raise UsageError(
-            f"{path} is complete, and a CSV file does not say how it was made; write to .h5 to"
-            " resume a finished sweep"
+            f"{path} is complete, and a {format_of(path).title} file does not say how it was made;"
+            " write to .h5 to resume a finished sweep"
         )
     described = prepared.spec.described()
     with open_sweep(path) as file:
