@@ -249,7 +249,7 @@ def test_a_stop_is_told_to_the_user(
             on_event=lambda event: "go on" if event.number else "stop",
         )
 
-    monkeypatch.setattr(run, "prepare", with_events)
+    monkeypatch.setattr(simulation, "prepare", with_events)
     (tmp_path / "ball.yaml").write_text(BALL_TEXT)
     options = ["simulate", str(tmp_path / "ball.yaml"), "--engine", engine, "--t-end", "3"]
     said = "event 0 stopped the run at t = 0.451523641 s"
