@@ -8,7 +8,7 @@ these declarations. Inside the program a column of numbers is a `ColumnName`; it
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -81,12 +81,12 @@ class ResultQuantity(NamedTuple):
         return self.unit.format(u=f"({coordinate_unit})" if grouped else coordinate_unit or "1")
 
 
-def _sampled(
-    description: str, unit: str, panel: str, *, along: str = "", **more: Any
-) -> Mapping[str, Any]:
-    """Return the metadata of a field of `Columns`; see `ResultQuantity` for them."""
-    axes = ("time", along) if along else ("time",)
-    return {"axes": axes, "description": description, "unit": unit, "panel": panel, **more}
+def _column(
+    description: str, unit: str, panel: str, label: str = "", along: str = "", **more: Any
+) -> Any:
+    """Return a field of `Columns`, declared as a `ResultQuantity`."""
+    declared = {"description": description, "unit": unit, "panel": panel, "label": label, **more}
+    return field(metadata={"axes": ("time", along) if along else ("time",), **declared})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -125,114 +125,86 @@ class Columns:
         max norm of M a − f − Bᵀλ, evaluated from the written numbers.
     """
 
-    time: Array = field(metadata=_sampled("time", "s", "time", label="t", text="t"))
-    q: Array = field(
-        metadata=_sampled(
-            "generalized coordinates",
-            "{u}",
-            "coordinates",
-            along="coordinate",
-            text="{coordinate}",
-            kept=True,
-        )
+    time: Array = _column("time", "s", "time", "t", text="t")
+    q: Array = _column(
+        "generalized coordinates",
+        "{u}",
+        "coordinates",
+        along="coordinate",
+        text="{coordinate}",
+        kept=True,
     )
-    v: Array = field(
-        metadata=_sampled(
-            "generalized velocities",
-            "{u}/s",
-            "velocities",
-            along="coordinate",
-            text="{coordinate}_dot",
-            kept=True,
-        )
+    v: Array = _column(
+        "generalized velocities",
+        "{u}/s",
+        "velocities",
+        along="coordinate",
+        text="{coordinate}_dot",
+        kept=True,
     )
-    a: Array = field(
-        metadata=_sampled(
-            "generalized accelerations",
-            "{u}/s^2",
-            "accelerations",
-            along="coordinate",
-            text="{coordinate}_ddot",
-            kept=True,
-        )
+    a: Array = _column(
+        "generalized accelerations",
+        "{u}/s^2",
+        "accelerations",
+        along="coordinate",
+        text="{coordinate}_ddot",
+        kept=True,
     )
-    multipliers: Array = field(
-        metadata=_sampled(
-            "Lagrange multipliers",
-            "mixed: J or W per unit of each position or velocity constraint",
-            "multipliers",
-            along="constraint",
-            text="lambda.{constraint}",
-            kept=True,
-        )
+    multipliers: Array = _column(
+        "Lagrange multipliers",
+        "mixed: J or W per unit of each position or velocity constraint",
+        "multipliers",
+        along="constraint",
+        text="lambda.{constraint}",
+        kept=True,
     )
-    constraint_force_by: Array = field(
-        metadata=_sampled(
-            "generalized constraint force lambda_beta b_beta of each constraint",
-            "J/{u}",
-            "constraint forces",
-            along="term",
-            text="Qc.{constraint}.{coordinate}",
-        )
+    constraint_force_by: Array = _column(
+        "generalized constraint force lambda_beta b_beta of each constraint",
+        "J/{u}",
+        "constraint forces",
+        along="term",
+        text="Qc.{constraint}.{coordinate}",
     )
-    energy_kinetic: Array = field(
-        metadata=_sampled("kinetic energy", "J", "energies", label="T", kept=True)
+    energy_kinetic: Array = _column("kinetic energy", "J", "energies", "T", kept=True)
+    energy_potential: Array = _column("potential energy", "J", "energies", "V", kept=True)
+    energy_total: Array = _column("total energy", "J", "energies", "E", kept=True)
+    power_applied: Array = _column("power of the applied forces", "W", "powers", "applied forces")
+    power_constraint: Array = _column(
+        "power of the constraint forces", "W", "powers", "constraints"
     )
-    energy_potential: Array = field(
-        metadata=_sampled("potential energy", "J", "energies", label="V", kept=True)
+    power_time: Array = _column(
+        "power by the explicit time in T or V", "W", "powers", "explicit time"
     )
-    energy_total: Array = field(
-        metadata=_sampled("total energy", "J", "energies", label="E", kept=True)
+    energy_balance: Array = _column(
+        "total energy minus its first value minus the integral of the powers",
+        "J",
+        "energy balance",
+        "energy balance",
+        role="error",
+        kept=True,
     )
-    power_applied: Array = field(
-        metadata=_sampled("power of the applied forces", "W", "powers", label="applied forces")
+    residual_position: Array = _column(
+        "residual of each position constraint",
+        _MIXED,
+        "position residuals",
+        "position",
+        along="constraint",
+        role="residual",
     )
-    power_constraint: Array = field(
-        metadata=_sampled("power of the constraint forces", "W", "powers", label="constraints")
+    residual_velocity: Array = _column(
+        "residual of each velocity constraint",
+        _MIXED,
+        "velocity residuals",
+        "velocity",
+        along="constraint",
+        role="residual",
     )
-    power_time: Array = field(
-        metadata=_sampled(
-            "power by the explicit time in T or V", "W", "powers", label="explicit time"
-        )
-    )
-    energy_balance: Array = field(
-        metadata=_sampled(
-            "total energy minus its first value minus the integral of the powers",
-            "J",
-            "energy balance",
-            label="energy balance",
-            role="error",
-            kept=True,
-        )
-    )
-    residual_position: Array = field(
-        metadata=_sampled(
-            "residual of each position constraint",
-            _MIXED,
-            "position residuals",
-            along="constraint",
-            label="position",
-            role="residual",
-        )
-    )
-    residual_velocity: Array = field(
-        metadata=_sampled(
-            "residual of each velocity constraint",
-            _MIXED,
-            "velocity residuals",
-            along="constraint",
-            label="velocity",
-            role="residual",
-        )
-    )
-    residual_equation: Array = field(
-        metadata=_sampled(
-            "max norm of the residual of the equations",
-            "J/{u}",
-            "equation residual",
-            label="equations",
-            role="residual",
-        )
+    residual_equation: Array = _column(
+        "max norm of the residual of the equations",
+        "J/{u}",
+        "equation residual",
+        "equations",
+        role="residual",
     )
 
 
@@ -328,6 +300,14 @@ def _expression(quantity: ResultQuantity) -> re.Pattern[str]:
     return re.compile(re.sub(r"{(\w+)}", r"(?P<\1>[^.]+)", pattern))
 
 
+def _readings(text: str) -> Iterator[ColumnName]:
+    """Yield the columns that a text may name, whatever the coordinates and constraints are."""
+    for quantity in SAMPLED:
+        found = _expression(quantity).fullmatch(text)
+        if found is not None:
+            yield ColumnName(quantity.name, **found.groupdict())
+
+
 def read_column_name(
     text: str, coordinates: Container[str], constraints: Container[str]
 ) -> ColumnName | None:
@@ -346,33 +326,17 @@ def read_column_name(
     """
     if text in BY_NAME and not BY_NAME[text].along:
         return ColumnName(text)
-    for quantity in SAMPLED:
-        found = _expression(quantity).fullmatch(text)
-        if found is not None:
-            name = ColumnName(quantity.name, **found.groupdict())
-            known = name.constraint in constraints if name.constraint else True
-            if known and (not name.coordinate or name.coordinate in coordinates):
-                return name
+    for name in _readings(text):
+        known = not name.constraint or name.constraint in constraints
+        if known and (not name.coordinate or name.coordinate in coordinates):
+            return name
     return None
 
 
 def read_dotted_name(text: str) -> ColumnName | None:
     """Return the column of λ, a constraint force or a residual by its name, of any model.
 
-    Parameters
-    ----------
-    text : str
-        ``lambda.guide``, ``Qc.phi``, ``Qc.guide.phi``, ``residual_position.guide``.
-
-    Returns
-    -------
-    ColumnName or None
-        None for any other text.
+    ``lambda.guide``, ``Qc.phi``, ``Qc.guide.phi``, ``residual_position.guide``; None of any other
+    text.
     """
-    if "." not in text:
-        return None
-    for quantity in SAMPLED:
-        found = _expression(quantity).fullmatch(text)
-        if found is not None:
-            return ColumnName(quantity.name, **found.groupdict())
-    return None
+    return next(_readings(text), None) if "." in text else None
