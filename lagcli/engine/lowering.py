@@ -27,6 +27,7 @@ def lower(equations: Equations) -> System:
     System
         With the model's parameter values.
     """
+    from lagcli.equations.derivation.column_expressions import power_applied, reported
     from lagcli.model.model import TIME
 
     eq, model = equations, equations.model
@@ -38,7 +39,6 @@ def lower(equations: Equations) -> System:
     jacobian_pattern = tuple((i, j) for i, row in enumerate(rows) for j in sorted(row))
     mass = [eq.mass_matrix[i][j] for i, j in mass_pattern]
     jacobian = [rows[i][j] for i, j in jacobian_pattern]
-    applied = se.Add(*[q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)])
 
     positions = [eq.constraints[i].position for i in holonomic]
     return System(
@@ -54,7 +54,7 @@ def lower(equations: Equations) -> System:
                 *eq.forcing,
                 *jacobian,
                 *(c.rhs for c in eq.constraints),
-                applied + eq.time_power,
+                power_applied(eq) + eq.time_power,
             ],
             state,
             parameters,
@@ -71,7 +71,7 @@ def lower(equations: Equations) -> System:
             parameters,
         ),
         report=compile_tape(
-            [eq.kinetic, eq.potential, eq.energy, applied, eq.time_power, *eq.outputs.values()],
+            [*reported(eq), *eq.outputs.values()],
             [*state, *eq.a, *eq.multipliers],
             parameters,
         ),

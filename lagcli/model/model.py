@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import symengine as se
 from symengine import Basic
 
+from lagcli.columns import ColumnName
 from lagcli.errors import SourceLocation
 from lagcli.model.expression.trees import Tree
 from lagcli.model.expression.units import Factor
@@ -43,13 +44,13 @@ def acceleration(name: str) -> Basic:
 
 def multiplier(constraint: str) -> Basic:
     """Return the symbol of a constraint's multiplier."""
-    return se.Symbol(f"lambda.{constraint}")
+    return se.Symbol(str(ColumnName("multipliers", constraint)))
 
 
 def constraint_force(coordinate_name: str, constraint: str | None = None) -> Basic:
     """Return the symbol of the constraint force on a coordinate, in total or of one constraint."""
-    middle = f"{constraint}." if constraint else ""
-    return se.Symbol(f"Qc.{middle}{coordinate_name}")
+    quantity = "constraint_force_by" if constraint else "constraint_force"
+    return se.Symbol(str(ColumnName(quantity, constraint or "", coordinate_name)))
 
 
 class Coordinate(NamedTuple):

@@ -1,18 +1,16 @@
-"""The format of a result file, by the suffix of its name; what its writers and readers share."""
+"""The formats of result files: their suffixes, readers and writers, and what they can hold."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 from lagcli.errors import UsageError
-from lagcli.results.atomic import check_writable
-from lagcli.results.csv.writer import CsvWriter, check_csv_target, write_csv
-from lagcli.trajectory.samples import Array, Record, Samples, Terms
 
 if TYPE_CHECKING:
+    from lagcli.trajectory.samples import Array, Record, Samples, Terms
     from lagcli.trajectory.trajectory import Trajectory
 
 
@@ -53,10 +51,75 @@ class Reader(Protocol):
         """Return all of it."""
 
 
-_SUFFIXES = {".h5": "hdf5", ".hdf5": "hdf5", ".csv": "csv"}
+class FormatFunctions(NamedTuple):
+    """What a format provides.
+
+    Parameters
+    ----------
+    check_target : callable of (path, force, meta)
+        Raises what a writer would, as far as can be known before.
+    open_writer : callable of (path, force, meta)
+    open_reader : callable of (path)
+    """
+
+    check_target: Callable[[str, bool, bool], None]
+    open_writer: Callable[[str, bool, bool], AbstractContextManager[Writer]]
+    open_reader: Callable[[str], AbstractContextManager[Reader]]
 
 
-def format_of(path: str | os.PathLike[str]) -> str:
+class ResultFormat(NamedTuple):
+    """A format of result files.
+
+    Parameters
+    ----------
+    name : str
+        As `lagcli info --json` gives it.
+    title : str
+        As messages have it.
+    suffixes : tuple of str
+        In lower case; messages propose the first.
+    functions : callable
+        Imports what reads and writes it.
+    sweeps : "all", "table" or ""
+        What of a sweep it can hold: all of it, the table of its measures, or nothing.
+    streams : bool
+        Whether it can be written to standard output.
+    """
+
+    name: str
+    title: str
+    suffixes: tuple[str, ...]
+    functions: Callable[[], FormatFunctions]
+    sweeps: Literal["", "table", "all"] = ""
+    streams: bool = False
+
+
+def _hdf5() -> FormatFunctions:
+    from lagcli.results.hdf5 import trajectories  # h5py takes 0.1 s to import
+
+    return FormatFunctions(
+        trajectories.check_hdf5_target, trajectories.Hdf5Writer, trajectories.open_hdf5
+    )
+
+
+def _csv() -> FormatFunctions:
+    from lagcli.results.csv import reader, writer
+
+    return FormatFunctions(writer.check_csv_target, writer.CsvWriter, reader.open_csv)
+
+
+FORMATS = (
+    ResultFormat("hdf5", "HDF5", (".h5", ".hdf5"), _hdf5, sweeps="all"),
+    ResultFormat("csv", "CSV", (".csv",), _csv, sweeps="table", streams=True),
+)
+#: All suffixes, as `str.endswith` takes them.
+SUFFIXES = tuple(suffix for f in FORMATS for suffix in f.suffixes)
+#: The suffixes in help texts.
+SUFFIX_TEXT = " or ".join(f"{f.suffixes[0]} ({f.title})" for f in FORMATS)
+SUFFIX_NAMES = " or ".join(f.suffixes[0] for f in FORMATS)
+
+
+def format_of(path: str | os.PathLike[str]) -> ResultFormat:
     """Return the format that a name stands for.
 
     Parameters
@@ -66,24 +129,24 @@ def format_of(path: str | os.PathLike[str]) -> str:
 
     Returns
     -------
-    str
-        ``hdf5`` or ``csv``.
+    ResultFormat
 
     Raises
     ------
     UsageError
-        The suffix is neither ``.h5`` (``.hdf5``) nor ``.csv``, in whichever case.
+        The suffix, in whichever case, is that of no format.
     """
     stem, suffix = os.path.splitext(os.fspath(path))
     if stem == "-":
         raise UsageError("a result is not read from standard input; save it to a file first")
-    try:
-        return _SUFFIXES[suffix.lower()]
-    except KeyError:
-        raise UsageError(
-            f"{os.fspath(path)}: the suffix {suffix or '(none)'} is no format of results; "
-            f"name it {stem}.h5 (HDF5) or {stem}.csv (CSV)"
-        ) from None
+    for found in FORMATS:
+        if suffix.lower() in found.suffixes:
+            return found
+    names = " or ".join(f"{stem}{f.suffixes[0]} ({f.title})" for f in FORMATS)
+    raise UsageError(
+        f"{os.fspath(path)}: the suffix {suffix or '(none)'} is no format of results; name it"
+        f" {names}"
+    )
 
 
 def check_target(output: str | os.PathLike[str], force: bool = False, meta: bool = False) -> None:
@@ -99,11 +162,8 @@ def check_target(output: str | os.PathLike[str], force: bool = False, meta: bool
     FileError, UsageError
         As `write`, as far as can be known before.
     """
-    output = os.fspath(output)
-    if _is_csv(output):
-        check_csv_target(output, force, meta)
-    else:
-        check_writable(output, force)
+    path = os.fspath(output)
+    _target_format(path).functions().check_target(path, force, meta)
 
 
 def write(
@@ -112,12 +172,12 @@ def write(
     force: bool = False,
     meta: bool = False,
 ) -> None:
-    """Write a trajectory in the format that the name's suffix says.
+    """Write a trajectory in the format that the name's suffix says, whole or not at all.
 
     Parameters
     ----------
     trajectory : Trajectory
-        The run.
+        The run; nt, nq, nc and the number of outputs may be 0.
     output : str or path
         A name that ends with ``.h5`` (``.hdf5``) or ``.csv``; ``-`` is CSV on standard output.
     force : bool
@@ -128,16 +188,15 @@ def write(
     Raises
     ------
     FileError
-        The file exists and ``force`` is false, or it cannot be written.
+        The file exists and ``force`` is false, or it cannot be written; standard output takes no
+        more (a full disk). A closed pipe remains a ``BrokenPipeError``.
     UsageError
         The suffix is unknown, or a sidecar is asked for with standard output.
     """
-    if _is_csv(output):
-        write_csv(trajectory, output, force, meta)
-    else:
-        from lagcli.results.hdf5.trajectories import write_hdf5  # h5py takes 0.1 s to import
-
-        write_hdf5(trajectory, output, force)
+    check_target(output, force, meta)
+    with open_writer(output, force, meta) as writer:
+        writer.append(trajectory)
+        writer.finish(trajectory)
 
 
 def open_writer(
@@ -145,13 +204,10 @@ def open_writer(
 ) -> AbstractContextManager[Writer]:
     """Return what writes a run as its samples come; for the parameters and errors see `write`.
 
-    Whether the file could be written, `check_target` says.
+    `check_target` says whether the file could be written.
     """
-    if _is_csv(output):
-        return CsvWriter(output, force, meta)
-    from lagcli.results.hdf5.trajectories import Hdf5Writer
-
-    return Hdf5Writer(output, force)
+    path = os.fspath(output)
+    return _target_format(path).functions().open_writer(path, force, meta)
 
 
 def read(path: str | os.PathLike[str]) -> Trajectory:
@@ -160,17 +216,21 @@ def read(path: str | os.PathLike[str]) -> Trajectory:
     Parameters
     ----------
     path : str or path
-        A file that `write` wrote.
+        A file that `write` wrote. Of CSV, line ends may be ``\\r\\n`` and a byte order mark may
+        lead.
 
     Returns
     -------
     Trajectory
-        With the same bits in every array; see `read_csv` for what CSV without a sidecar lacks.
+        With the same bits in every array (in CSV, every NaN becomes the one of Python). What only
+        the sidecar of a CSV file holds is empty without it: ``status`` and the other texts are
+        ``""``, mappings have no entry, ``scale_position`` and ``scale_velocity`` are NaN.
 
     Raises
     ------
     FileError
-        The file is missing, damaged, or not of lagcli.
+        The file is missing, unreadable, cut short or damaged, or not of lagcli in a layout that
+        this version knows; or a sidecar belongs to another CSV file.
     UsageError
         The suffix is unknown.
     """
@@ -186,15 +246,9 @@ def open_reader(path: str | os.PathLike[str]) -> AbstractContextManager[Reader]:
     name = os.fspath(path)
     if name.lower().endswith((".yaml", ".yml")):
         raise UsageError(f"{name} is a model; simulate it first: lagcli simulate {name} -o run.h5")
-    if format_of(path) == "csv":
-        from lagcli.results.csv.reader import open_csv
-
-        return open_csv(path)
-    from lagcli.results.hdf5.trajectories import open_hdf5
-
-    return open_hdf5(path)
+    return format_of(name).functions().open_reader(name)
 
 
-def _is_csv(output: str | os.PathLike[str]) -> bool:
-    """Return whether to write CSV."""
-    return os.fspath(output) == "-" or format_of(output) == "csv"
+def _target_format(path: str) -> ResultFormat:
+    """Return the format to write; ``-`` is the one that can be written to standard output."""
+    return next(f for f in FORMATS if f.streams) if path == "-" else format_of(path)

@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.results.formats import format_of, open_reader
+from lagcli.results.formats import FORMATS, format_of, open_reader
 from lagcli.results.metadata import KIND, model_name, to_metadata
 from lagcli.trajectory.extremes import Extremes, known
 from lagcli.trajectory.samples import Array
 
 _WIDTH = 100
 _LABEL = 20  # columns for the labels on the left
-_FORMATS = {"hdf5": "HDF5", "csv": "CSV"}
 
 
 def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -58,7 +57,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
     balance = known(extremes.energy_balance)
     return {
         "path": path,
-        "format": format_of(path),
+        "format": format_of(path).name,
         "bytes": os.path.getsize(path),
         "kind": KIND,
         **metadata,
@@ -112,9 +111,10 @@ def format_info(info: Mapping[str, Any]) -> str:
     span = f"{_number(time['first'])} to {_number(time['last'])} s, " if sizes["samples"] else ""
     digest = f" (sha256 {info['model_sha256'][:12]}…)" if info["model_sha256"] else ""
     writer = f"lagcli {info['lagcli_version']}, " if info["lagcli_version"] else ""
+    title = next(f.title for f in FORMATS if f.name == info["format"])
     lines = _entry(
         "file",
-        f"{info['path']}: {info['kind']}, {_FORMATS[info['format']]}, {_size(info['bytes'])}, "
+        f"{info['path']}: {info['kind']}, {title}, {_size(info['bytes'])}, "
         f"{writer}layout {info['schema_version']}",
     )
     lines += _entry("status", info["status"] or "not recorded")

@@ -8,6 +8,7 @@ from lagcli.engine.contract import Block
 from lagcli.engine.evaluator import Batch
 from lagcli.engine.scales import least_scales_of_entries, usable
 from lagcli.engine.system import System
+from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.trajectory.samples import Array, Samples, Terms
 
 
@@ -58,9 +59,9 @@ class DerivedColumns:
         nq, nc = len(system.coordinates), len(system.constraints)
         batch = Batch(system, block.time, block.q, block.v)
         e = batch.entries()
-        kinetic, potential, total, applied, explicit, *outputs = batch.report(
-            block.a, block.multipliers
-        )
+        report = batch.report(block.a, block.multipliers)
+        reported = dict(zip(REPORTED, report, strict=False))
+        total, outputs = reported["energy_total"], report[len(REPORTED) :]
         v, a, multipliers = (
             np.ascontiguousarray(x.T) for x in (block.v, block.a, block.multipliers)
         )
@@ -110,17 +111,13 @@ class DerivedColumns:
             a=block.a,
             multipliers=block.multipliers,
             constraint_force_by=by,
-            energy_kinetic=kinetic,
-            energy_potential=potential,
-            energy_total=total,
-            power_applied=applied,
             power_constraint=power,
-            power_time=explicit,
             energy_balance=total - self._energy_before - block.work,
             residual_position=np.ascontiguousarray(position.T),
             residual_velocity=np.ascontiguousarray((velocity + e.drift).T),
             residual_equation=np.abs(equation - e.forcing - forces).max(axis=0, initial=0.0),
             outputs=dict(zip(system.outputs, outputs, strict=True)),
+            **reported,
         )
 
 

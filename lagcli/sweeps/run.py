@@ -16,14 +16,14 @@ from lagcli.model.yaml.reading import read_text
 from lagcli.results.formats import format_of
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
-from lagcli.sweeps.file.layout import named_measure
-from lagcli.sweeps.file.resume import State, opened
-from lagcli.sweeps.file.row_status import Missing
+from lagcli.sweeps.columns import named_measure
+from lagcli.sweeps.file.resume import OpenedSweep, opened
 from lagcli.sweeps.file.table_csv import export_csv
 from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.plan.validate import Asked, Ready, prepare_sweep
-from lagcli.sweeps.rows.rows import COMPLETED, Results
+from lagcli.sweeps.row_results import COMPLETED, Results
+from lagcli.sweeps.row_status import MissingRows
 from lagcli.sweeps.rows.workers import Chunks, run_here
+from lagcli.sweeps.validate import PreparedSweep, SweepRequest, prepare_sweep
 
 #: Runs the missing rows of a sweep and yields their results, in any order.
 Executor = Callable[[Spec, Chunks, Callable[[], None]], Iterable[Results]]
@@ -153,12 +153,12 @@ def sweep(
         set = {**model.set, **(set or {})}
         set_initial = {**model.set_initial, **(set_initial or {})}
     given = measures.items() if isinstance(measures, Mapping) else map(named_measure, measures)
-    asked = Asked(vary, sample, seed, zipped, tuple(given), keep, strict)
-    ready = prepare_sweep(text, name, set or {}, set_initial or {}, settings, asked, path)
-    with opened(ready, path, resume, retry_failed, force) as state:
+    request = SweepRequest(vary, sample, seed, zipped, tuple(given), keep, strict)
+    prepared = prepare_sweep(text, name, set or {}, set_initial or {}, settings, request, path)
+    with opened(prepared, path, resume, retry_failed, force) as state:
         if state.journal is None:
-            return _summary(ready, state, "completed", path, 0, began)
-        return _Sweep(ready, state, path, jobs, progress, executor, began).run()
+            return _summary(prepared, state, "completed", path, 0, began)
+        return _Sweep(prepared, state, path, jobs, progress, executor, began).run()
 
 
 class _Sweep:
@@ -166,8 +166,8 @@ class _Sweep:
 
     def __init__(
         self,
-        ready: Ready,
-        state: State,
+        prepared: PreparedSweep,
+        state: OpenedSweep,
         path: str,
         jobs: int | None,
         progress: Callable[[int, int], None] | None,
@@ -176,32 +176,34 @@ class _Sweep:
     ):
         assert state.journal is not None
         self.state = state
-        self.ready, self.path, self.began = ready, path, began
-        self.journal, self.ledger, self.replace = state.journal, state.ledger, state.replace
+        self.prepared, self.path, self.began = prepared, path, began
+        self.journal, self.row_status, self.replace = state.journal, state.row_status, state.replace
         self.jobs = jobs or _processors()
         self.progress = progress or (lambda done, all_: None)
         self.executor = executor or self._here
 
-    def _here(self, spec: Spec, chunks: Chunks, heed: Callable[[], None]) -> Iterable[Results]:
-        return run_here(spec, chunks, heed, self.jobs)
+    def _here(
+        self, spec: Spec, chunks: Chunks, check_cancelled: Callable[[], None]
+    ) -> Iterable[Results]:
+        return run_here(spec, chunks, check_cancelled, self.jobs)
 
     def run(self) -> Summary:
-        missing = Missing(self.ledger)
-        before = self.ledger.done
-        chunks = Chunks(missing, self.ready.row_bytes, self.jobs)
-        done, all_ = before, self.ready.spec.plan.length
+        missing = MissingRows(self.row_status)
+        before = self.row_status.done
+        chunks = Chunks(missing, self.prepared.row_bytes, self.jobs)
+        done, all_ = before, self.prepared.spec.plan.length
         with Interruption(*_signals()) as interruption:
 
-            def heed() -> None:
+            def check_cancelled() -> None:
                 if interruption.wished():
                     raise Interrupted
 
             try:
-                for results in self.executor(self.ready.spec, chunks, heed):
+                for results in self.executor(self.prepared.spec, chunks, check_cancelled):
                     self._keep(results)
                     done += len(results.numbers)
                     self.progress(done, all_)
-                    heed()
+                    check_cancelled()
             except (Interrupted, KeyboardInterrupt):
                 kept = None if self.journal.lost else self.journal.path
                 self.journal.close()
@@ -212,20 +214,20 @@ class _Sweep:
         return self._summary("completed", self.path, done - before)
 
     def _summary(self, status: str, output: str | None, run: int) -> Summary:
-        return _summary(self.ready, self.state, status, output, run, self.began)
+        return _summary(self.prepared, self.state, status, output, run, self.began)
 
     def _keep(self, results: Results) -> None:
         folder = os.path.dirname(self.journal.path) or "."
         if self.journal.lost and not os.path.isdir(folder):
             raise FileError(
                 f"cannot write {self.journal.path}: the folder {folder} was removed while the sweep"
-                f" ran, and with it {self.ledger.done} rows; run the sweep again"
+                f" ran, and with it {self.row_status.done} rows; run the sweep again"
             )
         try:
             self.journal.append(results)
         except FileError as error:
-            raise self._noted(error, f"{self.ledger.done} rows are kept", "goes on") from error
-        self.ledger.enter(results)
+            raise self._noted(error, f"{self.row_status.done} rows are kept", "goes on") from error
+        self.row_status.enter(results)
 
     def _noted(self, error: FileError, kept: str, does: str) -> FileError:
         """Return an error with what it leaves of the rows."""
@@ -238,7 +240,7 @@ class _Sweep:
 
     def _write(self, seconds: float) -> None:
         try:
-            if format_of(self.path) == "csv":
+            if format_of(self.path).sweeps == "table":
                 self._write_csv(seconds)
             else:
                 self._write_hdf5(self.path, seconds, self.replace)
@@ -248,21 +250,21 @@ class _Sweep:
     def _write_hdf5(self, path: str, seconds: float, force: bool) -> None:
         from lagcli.sweeps.file.store import write_sweep
 
-        ready = self.ready
+        prepared = self.prepared
         facts = {
-            "options": ready.options,
-            "rows": self.ledger.statuses(),
-            "failures": self.ledger.failures(),
+            "options": prepared.options,
+            "rows": self.row_status.statuses(),
+            "failures": self.row_status.failures(),
             "seconds": {"total": seconds},
         }
-        results = self.journal.results(*ready.spec.size)
+        results = self.journal.results(*prepared.spec.size)
         write_sweep(
             path,
-            ready.spec,
-            ready.model,
-            ready.times,
-            ready.columns,
-            ready.measures,
+            prepared.spec,
+            prepared.model,
+            prepared.times,
+            prepared.columns,
+            prepared.measures,
             results,
             facts,
             force,
@@ -292,21 +294,26 @@ def _signals() -> list[Any]:
 
 
 def _summary(
-    ready: Ready, state: State, status: str, output: str | None, run: int, began: float
+    prepared: PreparedSweep,
+    state: OpenedSweep,
+    status: str,
+    output: str | None,
+    run: int,
+    began: float,
 ) -> Summary:
-    ledger = state.ledger
+    row_status = state.row_status
     seconds = time.monotonic() - began
     return Summary(
         status=status,
         output=output,
-        rows=len(ledger.status),
-        done=ledger.done,
-        ok=ledger.count(COMPLETED),
-        failed=ledger.failures(),
+        rows=len(row_status.status),
+        done=row_status.done,
+        ok=row_status.count(COMPLETED),
+        failed=row_status.failures(),
         run=run,
         rows_per_second=run / seconds,
         seconds=seconds,
-        keep=ready.spec.keep,
-        measures=[name for name, _ in ready.spec.measures],
+        keep=prepared.spec.keep,
+        measures=[name for name, _ in prepared.spec.measures],
         notes=state.notes,
     )

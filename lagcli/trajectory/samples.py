@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.columns import Columns
 from lagcli.errors import UsageError
 
 Array = NDArray[np.float64]
@@ -109,43 +110,16 @@ class Terms(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Samples:
-    """Consecutive samples of a run, in SI units.
-
-    nt samples, nq coordinates, nc constraints (in the model's order), n terms of constraint force.
+class Samples(Columns):
+    """Consecutive samples of a run: its columns, see `Columns`, with the names along their axes.
 
     Parameters
     ----------
     coordinates, constraints : tuple of str
         Names, in the model's order.
     terms : Terms
-        Which constraint acts on which coordinate.
-    time : (nt,) array
-        s.
-    q, v, a : (nt, nq) arrays
-        Coordinates, velocities, accelerations.
-    multipliers : (nt, nc) array
-        λ.
-    constraint_force_by : (nt, n) array
-        λ_β b_βi, the generalized force of each constraint on each coordinate that it acts on, in
-        the order of ``terms``; `constraint_force_of` gives the forces of one constraint.
-    energy_kinetic, energy_potential : (nt,) arrays
-        T and V as the model states them, J.
-    energy_total : (nt,) array
-        v·∂L/∂v − L; equals T + V when T is a quadratic form in the velocities.
-    power_applied : (nt,) array
-        Power of Q and D, W.
-    power_constraint : (nt,) array
-        Σ λ_β b_β·v, W: rheonomic constraints do work.
-    power_time : (nt,) array
-        −∂L/∂t, W: what enters by the explicit time in T or V.
-    energy_balance : (nt,) array
-        energy_total minus its first value minus the integral of the three powers; zero for an
-        exact run.
-    residual_position, residual_velocity : (nt, nc) arrays
-        φ and ψ at the written state; φ of a nonholonomic constraint is NaN.
-    residual_equation : (nt,) array
-        max norm of M a − f − Bᵀλ, evaluated from the written numbers.
+        Which constraint acts on which coordinate: the order of ``constraint_force_by``.
+        `constraint_force_of` gives the forces of one constraint.
     outputs : mapping of str to (nt,) array
         The model's own columns.
     """
@@ -153,22 +127,6 @@ class Samples:
     coordinates: tuple[str, ...]
     constraints: tuple[str, ...]
     terms: Terms
-    time: Array
-    q: Array
-    v: Array
-    a: Array
-    multipliers: Array
-    constraint_force_by: Array
-    energy_kinetic: Array
-    energy_potential: Array
-    energy_total: Array
-    power_applied: Array
-    power_constraint: Array
-    power_time: Array
-    energy_balance: Array
-    residual_position: Array
-    residual_velocity: Array
-    residual_equation: Array
     outputs: Mapping[str, Array] = field(default_factory=dict)
 
     @property

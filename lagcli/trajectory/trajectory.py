@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from lagcli.columns import Columns
 from lagcli.trajectory.samples import Array, Record, Samples
 
 
@@ -35,11 +36,7 @@ def joined(blocks: Sequence[Samples]) -> Samples:
     def column(name: str) -> Array:
         return np.concatenate([getattr(block, name) for block in blocks])
 
-    arrays = {
-        f.name: column(f.name)
-        for f in fields(Samples)
-        if f.name not in ("coordinates", "constraints", "terms", "outputs")
-    }
+    arrays = {f.name: column(f.name) for f in fields(Columns)}
     outputs = {n: np.concatenate([block.outputs[n] for block in blocks]) for n in first.outputs}
     return Samples(
         coordinates=first.coordinates,

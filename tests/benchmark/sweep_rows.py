@@ -22,7 +22,8 @@ from scipy.integrate import solve_ivp
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.plan.plan import make_plan
 from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.rows.rows import COMPLETED, Runner
+from lagcli.sweeps.row_results import COMPLETED
+from lagcli.sweeps.rows.rows import Runner
 
 CASE = CASES["slider_crank"]
 T_END, SAMPLES, RTOL = 10.0, 1001, 1e-8
@@ -57,18 +58,18 @@ def main() -> None:
     function, start = rate(CASE), CASE.start
     times, begin = np.linspace(0, T_END, SAMPLES), np.concatenate([start.q, start.v])
 
-    def heed() -> None:
+    def check_cancelled() -> None:
         pass
 
     def together() -> None:
-        results = sweep.run(np.arange(rows), heed)
+        results = sweep.run(np.arange(rows), check_cancelled)
         assert (results.status == COMPLETED).all()
 
     def singly() -> None:
         table = sweep.spec.plan.rows(np.arange(SINGLE))
         values = group.variants.values(group.columns, table)
         for place in range(SINGLE):
-            group.measured(group.single(place, table[place], values, heed))
+            group.measured(group.single(place, table[place], values, check_cancelled))
 
     def by_hand() -> None:
         for _ in range(BY_HAND):
@@ -76,7 +77,7 @@ def main() -> None:
             assert found.success
             np.abs(found.y).max()
 
-    sweep.run(np.arange(8), heed)  # makes all ready
+    sweep.run(np.arange(8), check_cancelled)  # makes all ready
     taken = [
         [
             seconds(work) / count

@@ -278,7 +278,7 @@ def test_clients_that_leave_without_a_word_leave_the_program_running(program: Pr
     async def talk(ws: aiohttp.ClientWebSocketResponse, seconds: float) -> None:
         await heard(ws)
         for number in range(1, 4):
-            await ws.send_json({"number": number, "plots": ["coordinates", "energy", "power"]})
+            await ws.send_json({"number": number, "plots": ["coordinates", "energies", "powers"]})
             await asyncio.sleep(seconds)
         ws._response.connection.transport.abort()  # type: ignore[union-attr]
 

@@ -21,12 +21,13 @@ import lagcli
 from lagcli.cli.app import run as run_here
 from lagcli.errors import FileError
 from lagcli.settings.settings import SettingsOverrides
-from lagcli.sweeps.file.row_status import Ledger, Missing
 from lagcli.sweeps.plan.plan import make_plan
 from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.row_results import COMPLETED, FAILED
+from lagcli.sweeps.row_status import MissingRows, RowStatus
 from lagcli.sweeps.rows import cluster, dask_dispatch
 from lagcli.sweeps.rows.cluster import Cluster
-from lagcli.sweeps.rows.rows import COMPLETED, FAILED, run_rows
+from lagcli.sweeps.rows.rows import run_rows
 from lagcli.sweeps.rows.workers import Chunks
 
 pytest.importorskip("distributed", reason="lagcli[cluster] is not installed")
@@ -107,7 +108,7 @@ def crank(rows: int, **settings: Any) -> Spec:
 
 
 def run(
-    there: Cluster, spec: Spec, heed: Callable[[int], None] = lambda done: None
+    there: Cluster, spec: Spec, check_cancelled: Callable[[int], None] = lambda done: None
 ) -> dict[str, np.ndarray]:
     """Run all rows on a cluster; return their results in order, each of which came once."""
     n, done = spec.plan.length, 0
@@ -115,9 +116,9 @@ def run(
              "counts": np.zeros((n, 3), int), "messages": np.full(n, None)}  # fmt: skip
 
     def tell() -> None:
-        heed(done)
+        check_cancelled(done)
 
-    for results in there.run(spec, Chunks(Missing(Ledger(n)), 0, 1), tell):
+    for results in there.run(spec, Chunks(MissingRows(RowStatus(n)), 0, 1), tell):
         assert (found["status"][results.numbers] == -1).all()
         for name in ("status", "measures", "counts"):
             found[name][results.numbers] = getattr(results, name)
@@ -242,12 +243,12 @@ def test_an_endless_row_is_given_up_by_its_worker(two_workers: Dask) -> None:
 
     began = time.monotonic()
 
-    def heed(done: int) -> None:
+    def check_cancelled(done: int) -> None:
         if time.monotonic() - began > 0.7:
             raise Enough
 
     with pytest.raises(Enough), Cluster(two_workers.address) as there:
-        run(there, crank(6, t_end=1e6, method="Rodas5P"), heed)
+        run(there, crank(6, t_end=1e6, method="Rodas5P"), check_cancelled)
     with Cluster(two_workers.address) as there:  # whose threads are free again
         spec = crank(30, t_end=0.1)
         assert same(run(there, spec), spec)
@@ -289,10 +290,10 @@ class Deadly:
     def __init__(self, spec):
         self.spec = spec
 
-    def run(self, numbers, heed):
+    def run(self, numbers, check_cancelled):
         if {row} in numbers:
             os.kill(os.getpid(), signal.SIGKILL)
-        return runner(self.spec).run(numbers, heed)
+        return runner(self.spec).run(numbers, check_cancelled)
 
 flight._runner = Deadly
 """

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import lagcli
+from lagcli.columns import QUANTITIES
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -63,3 +64,12 @@ def test_names_of_the_reference_exist(name: str) -> None:
 def test_reference_has_every_public_function() -> None:
     documented = {name.rpartition(".")[2] for name in NAMES}
     assert {n for n in lagcli.__all__ if not n.startswith("_")} <= documented
+
+
+def test_the_table_of_columns_has_every_dataset(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mkdocs")
+    monkeypatch.syspath_prepend(DOCS)
+    hooks = import_module("hooks")
+    assert hooks.COLUMNS in (DOCS / "results.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \|", hooks.columns(), re.M)
+    assert rows == [quantity.name for quantity in QUANTITIES]

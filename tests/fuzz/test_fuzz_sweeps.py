@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import lagcli
 from lagcli.errors import LagcliError
 from lagcli.model.sections.measures import read_measures
-from lagcli.sweeps.file.layout import measure_columns, named_measure
+from lagcli.sweeps.columns import measure_columns, named_measure
 from lagcli.sweeps.plan.plan import make_plan
 
 MODEL = lagcli.load(Path(__file__).parents[2] / "models" / "slider_crank.yaml")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from lagcli.results.layout import QUANTITIES
+from lagcli.columns import QUANTITIES
 from lagcli.trajectory.samples import Terms
 from lagcli.trajectory.trajectory import Trajectory
 

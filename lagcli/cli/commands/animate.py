@@ -10,10 +10,11 @@ import typer
 from lagcli.cli.options import Force, NoColor, Quiet
 from lagcli.cli.streams import tell
 from lagcli.errors import UsageError
+from lagcli.results.formats import SUFFIX_NAMES
 
 
 def animate(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="Result file, .h5 or .csv.")],
+    file: Annotated[str, typer.Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}.")],
     output: Annotated[
         str,
         typer.Option(

@@ -19,6 +19,6 @@ def export_csv(
     from lagcli.results.formats import format_of
     from lagcli.sweeps.file.table_csv import export_csv as export
 
-    if format_of(output) != "csv":
+    if format_of(output).name != "csv":
         raise UsageError(f"{output} is not a CSV file; name it with .csv")
     export(file, output, force)

@@ -5,11 +5,13 @@ from typing import Annotated, Any
 import typer
 
 from lagcli.cli.options import Json
+from lagcli.results.formats import SUFFIX_NAMES
 
 
 def info(
     file: Annotated[
-        str, typer.Argument(metavar="FILE", help="Result file, .h5 or .csv, or sweep file.")
+        str,
+        typer.Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}, or sweep file."),
     ],
     json: Json = False,
 ) -> None:
@@ -26,7 +28,7 @@ def info(
 def _described(file: str) -> tuple[dict[str, Any], str]:
     from lagcli.results.formats import format_of
 
-    if format_of(file) == "hdf5":
+    if format_of(file).sweeps == "all":
         from lagcli.sweeps.file.store import is_sweep
 
         if is_sweep(file):

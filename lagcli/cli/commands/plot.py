@@ -7,8 +7,7 @@ import typer
 
 from lagcli.cli.options import Force
 from lagcli.errors import UsageError
-
-_RESULTS = (".h5", ".hdf5", ".csv")
+from lagcli.results.formats import SUFFIX_NAMES, SUFFIXES
 
 
 def plot(
@@ -16,9 +15,9 @@ def plot(
         list[str],
         typer.Argument(
             metavar="FILE… [NAME…]",
-            help="Result files (.h5, .csv), and what to plot of them: phi, phi_dot, lambda.guide,"
-            " Qc.guide.phi, energy_total, outputs, 'x[*]'; a:b is b over a; a,b share a panel."
-            " [default: coordinates, λ, energy balance and residuals]",
+            help=f"Result files ({SUFFIX_NAMES}), and what to plot of them: phi, phi_dot,"
+            " lambda.guide, Qc.guide.phi, energy_total, outputs, 'x[*]'; a:b is b over a; a,b"
+            " share a panel. [default: coordinates, λ, energy balance and residuals]",
         ),
     ],
     output: Annotated[
@@ -48,12 +47,12 @@ def plot(
     from lagcli.pictures.plots.figure_file import size_of
     from lagcli.pictures.plots.plot import plot as draw
 
-    files = [a for a in arguments if a.lower().endswith(_RESULTS)]
-    names = [a for a in arguments if not a.lower().endswith(_RESULTS)]
+    files = [a for a in arguments if a.lower().endswith(SUFFIXES)]
+    names = [a for a in arguments if not a.lower().endswith(SUFFIXES)]
     if not files:
         raise UsageError(
-            "there is no result file among the arguments: its name ends with .h5, .hdf5 or .csv;"
-            " lagcli simulate writes one"
+            "there is no result file among the arguments: its name ends with"
+            f" {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; lagcli simulate writes one"
         )
     inches = size_of(size) if size is not None else None
     look: dict[str, Any] = {"title": title, "size": inches, "dpi": dpi}

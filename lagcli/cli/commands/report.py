@@ -7,10 +7,11 @@ import typer
 
 from lagcli.cli.options import Force, Quiet
 from lagcli.cli.streams import tell
+from lagcli.results.formats import SUFFIX_NAMES
 
 
 def report(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="Result file, .h5 or .csv.")],
+    file: Annotated[str, typer.Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}.")],
     output: Annotated[str, typer.Option("--output", "-o", metavar="FILE", help="The page, .html.")],
     title: Annotated[str | None, typer.Option(help="In place of the model's name.")] = None,
     model: Annotated[

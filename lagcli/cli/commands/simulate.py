@@ -22,6 +22,7 @@ from lagcli.cli.options import (
 from lagcli.cli.settings import with_settings
 from lagcli.cli.streams import tell
 from lagcli.errors import LagcliError, UsageError
+from lagcli.results.formats import SUFFIX_TEXT
 from lagcli.settings.settings import SettingsOverrides
 
 FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
@@ -36,7 +37,7 @@ def simulate(
             "--output",
             "-o",
             metavar="FILE",
-            help="Result file: .h5 (HDF5) or .csv, or - for CSV on standard output. Values stand"
+            help=f"Result file: {SUFFIX_TEXT}, or - for CSV on standard output. Values stand"
             " for names in braces: run_{m}.h5, run_{phi:.3f}.csv.",
         ),
     ] = None,

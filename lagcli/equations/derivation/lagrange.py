@@ -22,6 +22,7 @@ from typing import NamedTuple
 import symengine as se
 from symengine import Basic
 
+from lagcli.columns import ColumnName, read_dotted_name
 from lagcli.equations.derivation.motion import TWO, ZERO, Motion, addends
 from lagcli.equations.derivation.quadratic import QuadraticForms, QuadraticPart
 from lagcli.model import model as symbols
@@ -288,7 +289,8 @@ def with_forces(
     forces = _ConstraintForces(model, constraints)
     found = {}
     for name, expression in expressions.items():
-        used = {s: forces.of(s.name) for s in expression.free_symbols if s.name.startswith("Qc.")}
+        named = {s: read_dotted_name(s.name) for s in expression.free_symbols}
+        used = {s: forces.of(n) for s, n in named.items() if n is not None and n.coordinate}
         found[name] = expression.subs(used) if used else expression
     return found
 
@@ -301,12 +303,11 @@ class _ConstraintForces:
         self.constraints = {c.constraint.name: c for c in constraints}
         self.by_coordinate: dict[int, list[ConstraintEquation]] = {}
 
-    def of(self, name: str) -> Basic:
-        """Return Qc.COORDINATE or Qc.CONSTRAINT.COORDINATE as λ b."""
-        _, *constraint, coordinate = name.split(".")
-        j = self.places[coordinate]
-        if constraint:
-            return self.part(self.constraints[constraint[0]], j)
+    def of(self, name: ColumnName) -> Basic:
+        """Return a constraint force, in total or of one constraint, as λ b."""
+        j = self.places[name.coordinate]
+        if name.constraint:
+            return self.part(self.constraints[name.constraint], j)
         if not self.by_coordinate:
             for c in self.constraints.values():
                 for i in c.row:

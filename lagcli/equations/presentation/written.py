@@ -9,6 +9,7 @@ from functools import lru_cache, partial
 import symengine as se
 from symengine import Basic
 
+from lagcli.columns import read_dotted_name
 from lagcli.equations.presentation import typeset
 from lagcli.equations.presentation.typeset import Node, product_of, quotient_of, sum_of
 from lagcli.equations.simplification.monomials import Exact
@@ -153,8 +154,9 @@ class _SourceFormulas:
             return typeset.Number(Fraction(self.values[name]))
         if name == "pi" and name not in self.model.parameters:
             return typeset.Symbol("pi", kind="constant")
-        if name.startswith("lambda."):
-            return typeset.Symbol(name.removeprefix("lambda."), kind="multiplier")
+        column = read_dotted_name(name)
+        if column is not None and column.quantity == "multipliers":
+            return typeset.Symbol(column.constraint, kind="multiplier")
         return typeset.Symbol(name, dots)
 
     def _product(self, tree: trees.ProductExpr) -> Node:

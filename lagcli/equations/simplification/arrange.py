@@ -17,6 +17,7 @@ from fractions import Fraction
 import symengine as se
 from symengine import Basic
 
+from lagcli.columns import read_dotted_name
 from lagcli.equations.presentation.typeset import (
     ZERO,
     Call,
@@ -354,8 +355,9 @@ def _defined_roots(model: Model) -> dict[tuple[Basic, int], str]:
 
 
 def _symbol(name: str, kind: str) -> Node:
-    if kind == "multiplier":
-        return Symbol(name.removeprefix("lambda."), kind="multiplier")
+    column = read_dotted_name(name)
+    if column is not None:
+        return Symbol(column.constraint, kind="multiplier")
     if name == "pi":
         return Symbol("pi", kind="constant")
     base = name.rstrip("'")

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import symengine as se
 from symengine import Basic
 
+from lagcli.columns import RESIDUALS, SCALARS, ColumnName
 from lagcli.model.diagnostics import Broken, Diagnostics
 from lagcli.model.expression.building import build, name_errors
 from lagcli.model.expression.constants import number
@@ -47,12 +48,8 @@ REDUCTIONS = {
     "at": 2,
 }
 #: Signals that every run has, by the names that they have in result files.
-COLUMNS = (
-    *("energy_kinetic", "energy_potential", "energy_total", "energy_balance"),
-    *("power_applied", "power_constraint", "power_time"),
-    *("residual_position", "residual_velocity", "residual_equation"),
-)
-_RESIDUALS = ("residual_position", "residual_velocity")
+COLUMNS = tuple(quantity.name for quantity in (*SCALARS, *RESIDUALS))
+_RESIDUALS = tuple(quantity.name for quantity in RESIDUALS)
 _MARK = "#"  # no name of the grammar begins with it
 
 
@@ -142,7 +139,7 @@ class _SignalScope(ModelScope):
         if head in _RESIDUALS and constraint:
             whole = self.named(name)[0].partition(".")[2]
             if whole in self.names.constraints:
-                return se.Symbol(f"{head}.{whole}")
+                return se.Symbol(str(ColumnName(head, whole)))
             known = ", ".join(self.names.constraints) or "none"
             raise ExpressionError(
                 "unknown-name",

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from symengine import Basic
 
+from lagcli.columns import SCALARS
 from lagcli.model.draft import Draft, Formula
 from lagcli.model.names.families import by_name, declarations
 from lagcli.model.sections.coordinates import expanded, si_unit
 from lagcli.model.symbols import DOTS, Context, Symbols
 
-_COLUMNS = (
-    *("t", "time", "energy_kinetic", "energy_potential", "energy_total", "power_applied"),
-    *("power_constraint", "power_time", "energy_balance", "residual_equation"),
-)
+_COLUMNS = {"t", "time", *(quantity.name for quantity in SCALARS)}
 
 
 def read_outputs(draft: Draft, constants: Symbols) -> tuple[dict[str, Basic], dict[str, str]]:

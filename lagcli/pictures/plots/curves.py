@@ -5,10 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from functools import cached_property
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
+from lagcli.columns import (
+    BY_NAME,
+    RESIDUALS,
+    SAMPLED,
+    SCALARS,
+    ColumnName,
+    column_names,
+    read_column_name,
+)
 from lagcli.equations.render.names import GREEK, Notation, split
 from lagcli.errors import LagcliError, UsageError
 from lagcli.model.names.members import told
@@ -20,18 +30,10 @@ from lagcli.trajectory.samples import Array
 #: Forces that are listed one by one, constraints times coordinates.
 _LISTED = 10_000
 _SHOWN = 40  # names in a message
-_RATES = (("", ""), ("_dot", "/s"), ("_ddot", "/s^2"))
-_SINGLE = {
-    "energy_kinetic": ("energies", "J", "$T$"),
-    "energy_potential": ("energies", "J", "$V$"),
-    "energy_total": ("energies", "J", "$E$"),
-    "power_applied": ("powers", "W", "applied"),
-    "power_constraint": ("powers", "W", "constraints"),
-    "power_time": ("powers", "W", "explicit time"),
-    "energy_balance": ("energy balance", "J", "energy balance"),
-    "residual_equation": ("equation residual", "", "equations"),
-}
-_RESIDUALS = {"residual_position": "position", "residual_velocity": "velocity"}
+_RATES = ("v", "a")
+_EVERY_MULTIPLIER = str(ColumnName("multipliers", "*"))
+_DOTS = {"q": 0, "v": 1, "a": 2}
+_RESIDUALS = {quantity.name: quantity for quantity in RESIDUALS}
 
 
 class Curve(NamedTuple):
@@ -94,8 +96,8 @@ class Catalogue:
         if curve is not None:
             return [curve]
         found: list[Curve] = []
-        if name == "lambda":
-            name = "lambda.*"
+        if f"{name}.*" == _EVERY_MULTIPLIER:
+            name = _EVERY_MULTIPLIER
         if "*" in name:
             pattern = name.replace("[", "[[]")
             names = [n for n in self.names() if fnmatchcase(n, pattern)]
@@ -114,82 +116,71 @@ class Catalogue:
         return curve
 
     def _named(self, name: str) -> Curve | None:
-        if name in ("t", "time"):
-            return Curve("t", "time", (), "time", "s", "$t$")
-        if name in _SINGLE:
-            group, unit, label = _SINGLE[name]
-            return Curve(name, name, (), group, unit, label, log=name.startswith("residual"))
+        found = read_column_name(name, self._places, self._constraints)
+        if found is not None:
+            return self._of(found)
         if name in _RESIDUALS:
-            label = _RESIDUALS[name]
             known = not np.isnan(self.run.record.scale_velocity).any()
-            group = "relative residuals" if known else "residuals"
+            group, label = "relative residuals" if known else "residuals", _RESIDUALS[name].label
             return Curve(name, name, (), group, "", label, log=True, largest=True)
-        for field, (suffix, per) in zip("qva", _RATES, strict=True):
-            base = name.removesuffix(suffix) if suffix else name
-            if base in self._places and name.endswith(suffix):
-                return self._motion(name, base, field, per)
         if name in self.run.outputs:
             unit = self.run.record.units.get(name, "")
-            label = self._look(name)
             # outputs without a unit have nothing in common but the name of their family
             group = "outputs" if unit else name.partition("[")[0]
-            return Curve(name, f"outputs/{name}", (), group, unit, label)
-        return self._dotted(name)
+            return Curve(name, f"outputs/{name}", (), group, unit, self._look(name))
+        return None
 
-    def _motion(self, name: str, base: str, field: str, per: str) -> Curve:
-        unit = self.run.record.units.get(base, "")
-        groups = {"q": "coordinates", "v": "velocities", "a": "accelerations"}
-        label = self._look(base, "qva".index(field))
-        unit = f"{unit}{per}" if unit else ""
-        return Curve(name, field, (self._places[base],), groups[field], unit, label)
+    def _of(self, name: ColumnName) -> Curve:
+        """Return the curve of a column."""
+        quantity, unit = BY_NAME[name.quantity], ""
+        if name.coordinate:
+            unit = quantity.unit_at(self.run.record.units.get(name.coordinate)) or ""
+        elif quantity.role != "residual" and not name.constraint:
+            unit = quantity.unit
+        place = [self._constraints[name.constraint]] if name.constraint else []
+        place += [self._places[name.coordinate]] if name.coordinate else []
+        return Curve(
+            *(str(name), quantity.name, tuple(place), quantity.panel, unit, self._label(name)),
+            log=quantity.role == "residual",
+        )
 
-    def _dotted(self, name: str) -> Curve | None:
-        """Return a multiplier, a constraint force or a residual."""
-        head, _, rest = name.partition(".")
-        if head in _RESIDUALS and rest in self._constraints:
-            group = f"{_RESIDUALS[head]} residuals"
-            place = (self._constraints[rest],)
-            return Curve(name, head, place, group, "", _raw(rest), log=True)
-        if head == "lambda" and rest in self._constraints:
-            place = (self._constraints[rest],)
-            return Curve(name, "multipliers", place, "multipliers", "", self._multiplier(rest))
-        if head != "Qc":
-            return None
-        constraint, _, q = rest.rpartition(".")
-        if q not in self._places or (constraint and constraint not in self._constraints):
-            return None
-        unit = _per(self.run.record.units.get(q, ""))
+    def _label(self, name: ColumnName) -> str:
+        """Return the label of a column in a legend."""
+        quantity = BY_NAME[name.quantity]
+        if quantity.name in _DOTS:
+            return self._look(name.coordinate, _DOTS[quantity.name])
+        if name.coordinate:
+            return self._force(name.coordinate, name.constraint)
+        if quantity.name == "multipliers":
+            return self._multiplier(name)
+        if name.constraint:
+            return _raw(name.constraint)
+        label = quantity.label or str(name)
+        return f"${label}$" if len(label) == 1 else label
+
+    def _force(self, q: str, constraint: str) -> str:
         sign = self._look(q)
         mark = sign.strip("$") if sign.startswith("$") else rf"\mathrm{{{_word(q)}}}"
         above = rf"\mathrm{{{_word(constraint)}}}" if constraint else "c"
-        label = f"$Q^{{{above}}}_{{{mark}}}$"
-        if constraint:
-            both = (self._constraints[constraint], self._places[q])
-            return Curve(name, "constraint_force_by", both, "constraint forces", unit, label)
-        place = (self._places[q],)
-        return Curve(name, "constraint_force", place, "constraint forces", unit, label)
+        return f"$Q^{{{above}}}_{{{mark}}}$"
 
     # names
 
     def names(self) -> Iterator[str]:
         """Yield the names of all curves."""
-        yield "t"
         q, constraints = self.run.coordinates, self.run.constraints
-        for suffix, _ in _RATES:
-            yield from (name + suffix for name in q)
-        yield from (f"lambda.{c}" for c in constraints)
-        yield from (f"Qc.{name}" for name in q)
-        if len(q) * len(constraints) <= _LISTED:
-            yield from (f"Qc.{c}.{name}" for c in constraints for name in q)
-        yield from _SINGLE
+        for quantity in SAMPLED:
+            pairs = len(q) * len(constraints) <= _LISTED and quantity.along == "term"
+            terms = list(product(constraints, q)) if pairs else ()
+            yield from map(str, column_names(quantity, q, constraints, terms))
         yield from _RESIDUALS
-        yield from (f"{head}.{c}" for head in _RESIDUALS for c in constraints)
         yield from self.run.outputs
 
     def _family(self, name: str) -> Iterator[Curve]:
         """Yield the members of a family: of x, x_dot, lambda.rod, tension."""
         stem, ending = name, ""
-        for suffix, _ in _RATES[1:]:
+        for rate in _RATES:
+            suffix = BY_NAME[rate].pattern.format(coordinate="")
             if name.endswith(suffix):
                 stem, ending = name.removesuffix(suffix), suffix
         start = f"{stem}["
@@ -203,20 +194,26 @@ class Catalogue:
         every = self.names() if self.run.fields is None else filter(self.named, self.names())
         question = did_you_mean(nearest(name, list(every)))
         q, constraints = self.run.coordinates, self.run.constraints
-        forces = [f"Qc.{q[0]}", f"Qc.{constraints[0]}.{q[0]}"] if q and constraints else []
+        forces: list[str] = []
+        if q and constraints:
+            of_one = ColumnName("constraint_force_by", constraints[0], q[0])
+            forces = [str(of_one._replace(quantity="constraint_force", constraint="")), str(of_one)]
+        rates = [str(ColumnName(rate, "", q[0])) for rate in _RATES] if q else []
+        multipliers = [str(ColumnName("multipliers", c)) for c in constraints]
+        scalars = (*(quantity.name for quantity in SCALARS), *_RESIDUALS)
         lines = [
             ("coordinates", _listed(q)),
-            ("velocities, …", f"{q[0]}_dot, {q[0]}_ddot" if q else ""),
-            ("multipliers", _listed([f"lambda.{c}" for c in constraints])),
+            ("velocities, …", ", ".join(rates)),
+            ("multipliers", _listed(multipliers)),
             ("forces", ", ".join(filter(self.named, forces))),
             ("outputs", _listed(self.run.outputs)),
-            ("of all runs", ", ".join(filter(self.named, (*_SINGLE, *_RESIDUALS)))),
+            ("of all runs", ", ".join(filter(self.named, scalars))),
         ]
         return UsageError(
             f"{self.run.name} has no `{shorten(text)}`"
             + (f"; {question}" if question else "")
             + "".join(f"\n   {what:<14} {names}" for what, names in lines if names)
-            + "\n   * stands for anything: 'lambda.*'"
+            + f"\n   * stands for anything: '{_EVERY_MULTIPLIER}'"
         )
 
     # looks
@@ -232,7 +229,7 @@ class Catalogue:
     def _look(self, name: str, dots: int = 0) -> str:
         """Return a name as matplotlib shows it: in TeX, if it is a letter with a subscript."""
         letter, _ = split(name)
-        names, raw = self._names, _raw(name + _RATES[dots][0])
+        names, raw = self._names, _raw(str(ColumnName("qva"[dots], "", name)))
         if names is None:
             return raw
         label = f"${names.latex(name, dots)}$"
@@ -240,10 +237,10 @@ class Catalogue:
             return label if _drawable(label) else raw
         return label if len(letter) == 1 or letter in GREEK else raw
 
-    def _multiplier(self, constraint: str) -> str:
+    def _multiplier(self, name: ColumnName) -> str:
         if self._names is None:
-            return _raw(f"lambda.{constraint}")
-        return f"${self._names.latex_multiplier(constraint)}$"
+            return _raw(str(name))
+        return f"${self._names.latex_multiplier(name.constraint)}$"
 
 
 def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:
@@ -285,21 +282,15 @@ def _values(run: RunFile, curve: Curve, values: Array) -> Array:
 def _plain(text: str) -> str:
     """Return a name as columns are called: phi' is phi_dot, x_dot[3] is x[3]_dot."""
     name = "".join(text.split())
-    for primes, suffix in (("''", "_ddot"), ("'", "_dot")):
-        if name.endswith(primes):
-            name = name.removesuffix(primes) + suffix
-            break
-    for suffix, _ in _RATES[1:]:
+    primes = len(name) - len(name.rstrip("'"))
+    if primes in (1, 2):
+        name = str(ColumnName(_RATES[primes - 1], "", name.rstrip("'")))
+    for rate in _RATES:
+        suffix = BY_NAME[rate].pattern.format(coordinate="")
         base, bracket, index = name.partition(f"{suffix}[")
         if bracket and index.endswith("]"):
             return f"{base}[{index}{suffix}"
     return name
-
-
-def _per(unit: str) -> str:
-    """Return the unit of a generalized force: J per unit of the coordinate."""
-    known = {"m": "N", "rad": "N*m", "": ""}
-    return known.get(unit, f"J/({unit})")
 
 
 def pretty_unit(unit: str) -> str:

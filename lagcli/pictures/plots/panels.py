@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from lagcli.columns import ColumnName
 from lagcli.errors import UsageError
 from lagcli.pictures.plots.curves import Catalogue, Curve
 
@@ -95,7 +96,11 @@ def _phase(catalogue: Catalogue, pairs: Sequence[str]) -> Panel:
 def usual(catalogue: Catalogue) -> list[Panel]:
     """Return the panels of a plot without names: q, λ, energy balance and residuals."""
     run = catalogue.run
-    names = [*run.coordinates, *(f"lambda.{c}" for c in run.constraints), "energy_balance"]
+    names = [
+        *run.coordinates,
+        *(str(ColumnName("multipliers", c)) for c in run.constraints),
+        "energy_balance",
+    ]
     panels = asked(catalogue, names)
     if run.constraints and catalogue.named("residual_velocity") is not None:
         residuals = ["residual_velocity"]

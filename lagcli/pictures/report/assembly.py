@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lagcli.columns import ColumnName
 from lagcli.equations.derivation.freedom import Freedom
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.formulas import Formulas
@@ -22,7 +23,9 @@ from lagcli.pictures.report.curves import (
     Plot,
     ReportCurve,
     Section,
+    curve_of,
     gather,
+    scalar_curves,
     sections,
     to_json,
 )
@@ -140,18 +143,14 @@ def _looked_at(run: RunFile, system: EquationSystem) -> list[ReportCurve]:
     names = system.names
     q, constraints = run.coordinates, run.constraints
     places = chosen(q, _ROWS)
-    found = [ReportCurve(q[j], names.text(q[j]), "q", (j,)) for j in places]
-    found += [ReportCurve(f"{q[j]}_dot", names.text(q[j], 1), "v", (j,)) for j in places]
+    found = [curve_of(ColumnName(field, "", q[j]), names, (j,)) for field in "qv" for j in places]
     found += [
-        ReportCurve(
-            f"lambda.{constraints[i]}", names.multiplier(constraints[i]), "multipliers", (i,)
-        )
+        curve_of(ColumnName("multipliers", constraints[i]), names, (i,))
         for i in chosen(constraints, _ROWS)
     ]
     outputs = [run.outputs[i] for i in chosen(run.outputs, _ROWS)]
     found += [ReportCurve(name, name, f"outputs/{name}") for name in outputs]
-    energies = {"kinetic": "T", "potential": "V", "total": "E"}
-    return found + [ReportCurve(f"energy_{n}", s, f"energy_{n}") for n, s in energies.items()]
+    return found + scalar_curves("energies", names)
 
 
 def _residuals(run: RunFile) -> Extremes:

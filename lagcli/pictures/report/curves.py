@@ -9,14 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName
 from lagcli.equations.render.names import Notation
 from lagcli.pictures.plots.thinning import thin
-from lagcli.pictures.report.writing import chosen, force_unit, rate_unit, unit
+from lagcli.pictures.report.writing import chosen, unit
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.extremes import Extreme, widen
 from lagcli.trajectory.samples import Array
 
-#: Curves in one plot, and constraints whose forces are drawn: more cannot be told apart.
+#: Curves in one plot, and constraints whose forces are drawn: a reader cannot distinguish more.
 _CURVES, _CONSTRAINTS = 24, 12
 #: Terms λ_β b_βi of a sample above which they are not looked at: they are n_c n_q.
 _FORCES = 4096
@@ -115,8 +116,8 @@ def sections(run: RunFile, names: Notation) -> list[Section]:
         Without those that have nothing to show.
     """
     found = [
-        Section("Coordinates", "", _by_coordinate(run, names, "q", 0)),
-        Section("Velocities", "", _by_coordinate(run, names, "v", 1)),
+        Section("Coordinates", "", _by_coordinate(run, names, "q")),
+        Section("Velocities", "", _by_coordinate(run, names, "v")),
         Section(
             "Multipliers",
             "λ of each constraint, in joules (or watts) by the unit of the constraint.",
@@ -128,7 +129,7 @@ def sections(run: RunFile, names: Notation) -> list[Section]:
             "Energy",
             "The energies as the model states T and V, and the powers that change their sum; a"
             " power that is rounding alone is left out.",
-            _energies(),
+            _scalars(names),
         ),
         Section(
             "Residuals",
@@ -210,14 +211,32 @@ def _thinned(time: Array, values: Array, numbers: float) -> tuple[Array, Array]:
     return time[kept], values[kept]
 
 
-def _by_coordinate(run: RunFile, names: Notation, field: str, dots: int) -> list[Plot]:
+def label(name: ColumnName, names: Notation) -> str:
+    """Return the label of a column in text, as legends of pages have it."""
+    match name.quantity:
+        case "q" | "v" | "a":
+            return names.text(name.coordinate, "qva".index(name.quantity))
+        case "multipliers":
+            return names.multiplier(name.constraint)
+    if name.coordinate:
+        return names.text(name.coordinate)
+    return name.constraint or BY_NAME[name.quantity].label or str(name)
+
+
+def curve_of(
+    name: ColumnName, names: Notation, place: tuple[int, ...] = (), scale: float = 1.0
+) -> ReportCurve:
+    """Return the curve of a column, which has this place in its field."""
+    return ReportCurve(str(name), label(name, names), name.quantity, place, scale)
+
+
+def _by_coordinate(run: RunFile, names: Notation, field: str) -> list[Plot]:
     """Return the plots of coordinates or of their rates, one for each unit."""
-    suffix = ("", "_dot")[dots]
     groups: dict[str | None, list[ReportCurve]] = {}
     for j, q in enumerate(run.coordinates):
-        symbol = run.record.units.get(q)
-        curve = ReportCurve(q + suffix, names.text(q, dots), field, (j,))
-        groups.setdefault(rate_unit(symbol) if dots else symbol, []).append(curve)
+        curve = curve_of(ColumnName(field, "", q), names, (j,))
+        stated = BY_NAME[field].unit_at(run.record.units.get(q))
+        groups.setdefault(stated, []).append(curve)
     # beside other units it must be said that there is none
     none = "1" if len(groups) > 1 else ""
     return [_abridged(Plot("", unit(symbol) or none, c)) for symbol, c in groups.items()]
@@ -225,8 +244,7 @@ def _by_coordinate(run: RunFile, names: Notation, field: str, dots: int) -> list
 
 def _multipliers(run: RunFile, names: Notation) -> list[Plot]:
     curves = [
-        ReportCurve(f"lambda.{c}", names.multiplier(c), "multipliers", (i,))
-        for i, c in enumerate(run.constraints)
+        curve_of(ColumnName("multipliers", c), names, (i,)) for i, c in enumerate(run.constraints)
     ]
     return [_abridged(Plot("", "", curves))] if curves else []
 
@@ -239,14 +257,14 @@ def _forces(run: RunFile, names: Notation) -> Section:
             "The generalized force Σ λ b of all constraints on each coordinate. Those of single"
             f" constraints are {len(run.constraints)} times as many, too many to be drawn."
         )
-        curves = _grouped(run, names, "Qc.", "constraint_force", {j: j for j in range(nq)})
+        curves = _grouped(run, names, "", {j: j for j in range(nq)})
         return Section(title, about, [_abridged(p) for p in _by_unit("", curves)])
     places = chosen(run.constraints, _CONSTRAINTS)
     plots = []
     for i in places:
         constraint = run.constraints[i]
         acting = run.terms.acting(i)
-        curves = _grouped(run, names, f"Qc.{constraint}.", "constraint_force_by", acting)
+        curves = _grouped(run, names, constraint, acting)
         plots += _by_unit(f"Force of {constraint}", curves)
     if len(places) < len(run.constraints):
         plots[0].note = f"{len(places)} of {len(run.constraints)} constraints are drawn."
@@ -255,14 +273,15 @@ def _forces(run: RunFile, names: Notation) -> Section:
 
 
 def _grouped(
-    run: RunFile, names: Notation, prefix: str, field: str, places: Mapping[int, int]
+    run: RunFile, names: Notation, constraint: str, places: Mapping[int, int]
 ) -> dict[str, list[ReportCurve]]:
-    """Return the curves of forces on coordinates, whose places in the field are given, by unit."""
+    """Return the forces of a constraint, or of all, on coordinates by their places, by unit."""
+    quantity = BY_NAME["constraint_force_by" if constraint else "constraint_force"]
     groups: dict[str, list[ReportCurve]] = {}
     for j, place in places.items():
         q = run.coordinates[j]
-        curve = ReportCurve(f"{prefix}{q}", names.text(q), field, (place,))
-        groups.setdefault(unit(force_unit(run.record.units.get(q))), []).append(curve)
+        curve = curve_of(ColumnName(quantity.name, constraint, q), names, (place,))
+        groups.setdefault(unit(quantity.unit_at(run.record.units.get(q))), []).append(curve)
     return groups
 
 
@@ -281,39 +300,39 @@ def _outputs(run: RunFile, names: Notation) -> list[Plot]:
     return [_abridged(Plot("", unit(symbol), curves)) for symbol, curves in groups.items()]
 
 
-def _energies() -> list[Plot]:
-    energies = {"kinetic": "T", "potential": "V", "total": "E"}
-    powers = {"applied": "applied forces", "constraint": "constraints", "time": "explicit time"}
-    e, p = (
-        [ReportCurve(f"{field}_{name}", label, f"{field}_{name}") for name, label in labels.items()]
-        for field, labels in (("energy", energies), ("power", powers))
-    )
-    return [Plot("Energies", "J", e), Plot(POWERS, "W", p)]
+def scalar_curves(panel: str, names: Notation) -> list[ReportCurve]:
+    """Return the curves of a panel of quantities with one number at each sample."""
+    return [curve_of(ColumnName(q.name), names) for q in PANELS[panel]]
+
+
+def _scalars(names: Notation) -> list[Plot]:
+    """Return a plot for each panel of quantities that are not errors."""
+    panels = dict.fromkeys(q.panel for q in SCALARS if not q.role)
+    return [
+        Plot(panel.capitalize(), PANELS[panel][0].unit, scalar_curves(panel, names))
+        for panel in panels
+    ]
 
 
 def _residuals(run: RunFile, names: Notation) -> list[Plot]:
     plots = []
-    for what in ("position", "velocity"):
-        scales = getattr(run.record, f"scale_{what}")
+    for quantity in RESIDUALS:
+        scales = getattr(run.record, quantity.name.replace("residual", "scale"))
         curves = [
-            ReportCurve(f"residual_{what}.{c}", c, f"residual_{what}", (i,), _usable(scales[i]))
+            curve_of(ColumnName(quantity.name, c), names, (i,), _usable(scales[i]))
             for i, c in enumerate(run.constraints)
-            if what == "velocity" or np.isfinite(scales[i])
+            if quantity.label == "velocity" or np.isfinite(scales[i])
         ]
         if curves:
-            title = f"Constraints, {what} (relative to each one's terms)"
+            title = f"Constraints, {quantity.label} (relative to each one's terms)"
             plots.append(_abridged(Plot(title, "", curves, log=True)))
-    plots.append(
-        Plot(
-            "Equations of motion and energy balance",
-            "",
-            [
-                ReportCurve("residual_equation", "equations", "residual_equation"),
-                ReportCurve("energy_balance", "energy balance [J]", "energy_balance"),
-            ],
-            log=True,
-        )
-    )
+    errors = []
+    for quantity in SCALARS:
+        if quantity.role:
+            curve = curve_of(ColumnName(quantity.name), names)
+            stated = f" [{quantity.unit}]" if "{u}" not in quantity.unit else ""
+            errors.append(curve._replace(label=curve.label + stated))
+    plots.append(Plot("Equations of motion and energy balance", "", errors, log=True))
     return plots
 
 

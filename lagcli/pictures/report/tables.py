@@ -8,9 +8,10 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
+from lagcli.columns import BY_NAME
 from lagcli.pictures.report.curves import ReportCurve
 from lagcli.pictures.report.equations import EquationSystem
-from lagcli.pictures.report.writing import number, rate_unit, table, unit
+from lagcli.pictures.report.writing import number, table, unit
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.extremes import Extreme, Extremes
 from lagcli.trajectory.samples import Array
@@ -125,14 +126,14 @@ def _named(curve: ReportCurve, system: EquationSystem) -> tuple[str, str]:
     match curve.field:
         case "q" | "v" as field:
             name = run.coordinates[place[0]]
-            symbol = run.record.units.get(name)
-            rate = field == "v"
-            return system.symbol(name, int(rate)), unit(rate_unit(symbol) if rate else symbol)
+            stated = BY_NAME[field].unit_at(run.record.units.get(name))
+            return system.symbol(name, int(field == "v")), unit(stated)
         case "multipliers":
             name = run.constraints[place[0]]
             return f'{system.multiplier(name)} <span class="name">{escape(name)}</span>', ""
-        case field if field.startswith("energy"):
-            return f"{curve.label}, {escape(curve.name.partition('_')[2])} energy", "J"
+        case field if field in BY_NAME:
+            quantity = BY_NAME[field]
+            return f"{escape(curve.label)}, {escape(quantity.description)}", unit(quantity.unit)
     return escape(curve.name), unit(run.record.units.get(curve.name))
 
 

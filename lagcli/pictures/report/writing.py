@@ -10,7 +10,6 @@ from typing import TypeVar
 
 _Item = TypeVar("_Item")
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-_PER_JOULE = {"m": "N", "rad": "N m", "1": "N m", "": "N m"}
 
 
 def number(value: float | None, digits: int = 6) -> str:
@@ -32,20 +31,6 @@ def unit(text: str | None) -> str:
         return ""
     shown = re.sub(r"(?:\^|\*\*)(-?\d+)", lambda m: m[1].translate(_RAISED), text)
     return shown.replace("*", " ")
-
-
-def rate_unit(text: str | None) -> str | None:
-    """Return the unit of a velocity, from that of its coordinate."""
-    if text is None:
-        return None
-    return "1/s" if text in ("", "1") else f"{_grouped(text)}/s"
-
-
-def force_unit(text: str | None) -> str | None:
-    """Return the unit of a generalized force, J by the unit of its coordinate."""
-    if text is None:
-        return None
-    return _PER_JOULE.get(text) or f"J/{_grouped(text)}"
 
 
 def table(
@@ -119,10 +104,6 @@ def elided(places: Sequence[int], items: Sequence[_Item], dots: _Item) -> list[_
 
 def _ends(places: list[int], most: int) -> list[int]:
     return [*places[: most - 1], places[-1]]
-
-
-def _grouped(text: str) -> str:
-    return f"({text})" if any(sign in text for sign in "*/ ") else text
 
 
 def _plain(html: str) -> str:

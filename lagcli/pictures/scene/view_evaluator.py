@@ -10,6 +10,7 @@ import symengine as se
 from numpy.typing import NDArray
 from symengine import Basic
 
+from lagcli.columns import read_dotted_name
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.render.names import Notation
@@ -107,17 +108,20 @@ class Stage:
         every = [TIME, *map(coordinate, q), *map(velocity, q), *map(acceleration, q)]
         every += map(multiplier, self._model.constraint_names)
         free = set().union(*(e.free_symbols for e in self._slots))
-        forces = sorted((s for s in free if s.name.startswith("Qc.")), key=str)
+        forces = sorted(
+            (s for s in free if _quantity(s.name).startswith("constraint_force")), key=str
+        )
         return [s for s in every if s in free] + forces
 
     def _also(self) -> list[str]:
         """Return the fields that are needed beside time and q."""
         names = [s.name for s in self._moving]
+        quantities = set(map(_quantity, names))
         found = {
             "v": any(n.endswith("'") and not n.endswith("''") for n in names),
             "a": any(n.endswith("''") for n in names),
-            "multipliers": any(n.startswith("lambda.") for n in names),
-            "constraint_force_by": any(self._forces) or any(n.startswith("Qc.") for n in names),
+            "multipliers": "multipliers" in quantities,
+            "constraint_force_by": any(self._forces) or not quantities <= {"", "multipliers"},
         }
         return [name for name, needed in found.items() if needed]
 
@@ -216,17 +220,23 @@ class Stage:
         coordinates = self._model.coordinate_names
         if name == TIME.name:
             return columns["time"]
-        if name.startswith("lambda."):
-            place = self._model.constraint_names.index(name.removeprefix("lambda."))
-            return columns["multipliers"][:, place]
-        if name.startswith("Qc."):
-            _, *constraint, q = name.split(".")
-            by, place = columns["constraint_force_by"], coordinates.index(q)
-            if not constraint:
+        named = read_dotted_name(name)
+        if named is not None:
+            constraints = self._model.constraint_names
+            if named.quantity == "multipliers":
+                return columns["multipliers"][:, constraints.index(named.constraint)]
+            by, place = columns["constraint_force_by"], coordinates.index(named.coordinate)
+            if not named.constraint:
                 return terms.total(by)[:, place]
-            return terms.column(by, self._model.constraint_names.index(constraint[0]), place)
+            return terms.column(by, constraints.index(named.constraint), place)
         field = ("q", "v", "a")[len(name) - len(name.rstrip("'"))]
         return columns[field][:, coordinates.index(name.rstrip("'"))]
+
+
+def _quantity(name: str) -> str:
+    """Return the quantity of a symbol of λ or of a constraint force; nothing of other symbols."""
+    named = read_dotted_name(name)
+    return "" if named is None else named.quantity
 
 
 def no_model(run: RunFile) -> UsageError:

@@ -9,7 +9,7 @@
  */
 
 class Pictures {
-  static USUAL = ["coordinates", "multipliers", "energy"];
+  static USUAL = ["coordinates", "multipliers", "energies"];
   static INSTEAD = "velocities"; // where a model has no constraints
 
   /**

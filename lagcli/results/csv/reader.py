@@ -8,15 +8,16 @@ import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import islice, takewhile
+from itertools import islice
 from typing import Any, TextIO
 
 import numpy as np
 
+from lagcli.columns import BY_NAME, SCALARS, ColumnName, read_dotted_name
 from lagcli.errors import FileError
 from lagcli.results.csv.sidecar import read_sidecar
-from lagcli.results.csv.writer import columns
-from lagcli.results.layout import QUANTITIES, term_names
+from lagcli.results.csv.writer import titles
+from lagcli.results.layout import term_names
 from lagcli.results.metadata import check_times
 from lagcli.results.reasons import check_readable, read_failure
 from lagcli.trajectory.samples import SCHEMA_VERSION, Array, Terms
@@ -26,35 +27,9 @@ from lagcli.trajectory.trajectory import Trajectory
 _NUMBERS_READ = 1 << 20
 
 
-def read_csv(path: str | os.PathLike[str]) -> Trajectory:
-    """Read the trajectory of a CSV file, and of its sidecar where there is one.
-
-    Parameters
-    ----------
-    path : str or path
-        A file that `write_csv` wrote; line ends may be ``\\r\\n`` and a byte order mark may lead.
-
-    Returns
-    -------
-    Trajectory
-        With the same bits in every array (every NaN becomes the one of Python). What only the
-        sidecar holds is empty without it: ``status`` and the other texts are ``""``, mappings
-        have no entry, ``scale_position`` and ``scale_velocity`` are NaN.
-
-    Raises
-    ------
-    FileError
-        A file is missing or unreadable, was not written by `write_csv`, is cut short or has a
-        line that is no sample; or the sidecar belongs to another CSV file.
-    """
-    with open_csv(path) as file:
-        return file.trajectory()
-
-
 @contextmanager
-def open_csv(path: str | os.PathLike[str]) -> Iterator[CsvReader]:
-    """Open a CSV file, to look at some of its columns; raises, then and later, as `read_csv`."""
-    path = os.fspath(path)
+def open_csv(path: str) -> Iterator[CsvReader]:
+    """Open a CSV file and its sidecar; raises, then and later, as `lagcli.results.formats.read`."""
     check_readable(path)
     _check_last_line(path)
     try:
@@ -110,18 +85,18 @@ class CsvReader:
             "constraint": len(self.constraints),
             "term": len(self.terms.constraint),
         }
-        axes = {quantity.name: quantity.axes for quantity in QUANTITIES}
         fields: dict[str, Any] = {}
         position = 0
         names = term_names(self.terms, self.coordinates, self.constraints)
-        titles = columns(self.coordinates, self.constraints, names, self.outputs)
-        for name, of_name in titles.items():
+        for name, of_name in titles(
+            self.coordinates, self.constraints, names, self.outputs
+        ).items():
             block = np.ascontiguousarray(table[:, position : position + len(of_name)])
             position += len(of_name)
             if name == "outputs":
                 fields[name] = {n: block[:, i].copy() for i, n in enumerate(self.outputs)}
             else:
-                fields[name] = block.reshape([length[axis] for axis in axes[name]])
+                fields[name] = block.reshape([length[axis] for axis in BY_NAME[name].axes])
         self._check_times(fields["time"])
         return fields
 
@@ -154,16 +129,17 @@ def _names(
     path: str, header: list[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...], Terms, tuple[str, ...]]:
     """Return the coordinates, constraints, terms and outputs that the header names."""
-    # Forces follow the accelerations; without a coordinate there are none, and energies follow.
-    ends = [i for i, n in enumerate(header) if n.startswith(("lambda.", "Qc."))]
-    ends += [i for i, n in enumerate(header) if n == "energy_kinetic"]
+    # Forces follow the accelerations; without a coordinate there are none, and scalars follow.
+    named = [read_dotted_name(text) or ColumnName("") for text in header]
+    forces = ("multipliers", "constraint_force", "constraint_force_by")
+    ends = [i for i, name in enumerate(named) if name.quantity in forces]
+    ends += [i for i, text in enumerate(header) if text == SCALARS[0].name]
     coordinates = tuple(header[1 : 1 + (ends[0] - 1) // 3]) if ends else ()
-    constraints = tuple(n.removeprefix("lambda.") for n in header if n.startswith("lambda."))
-    first = 1 + 4 * len(coordinates) + len(constraints)
-    acting = list(takewhile(lambda name: name.startswith("Qc."), header[first:]))
-    terms = _terms([name.removeprefix("Qc.") for name in acting], coordinates, constraints)
-    named = [] if terms is None else term_names(terms, coordinates, constraints)
-    fixed = [n for block in columns(coordinates, constraints, named, ()).values() for n in block]
+    constraints = tuple(n.constraint for n in named if n.quantity == "multipliers")
+    pairs = [(n.constraint, n.coordinate) for n in named if n.quantity == "constraint_force_by"]
+    terms = _terms(pairs, coordinates, constraints)
+    blocks = titles(coordinates, constraints, pairs, ()).values()
+    fixed = [text for block in blocks for text in block]
     if terms is None or header[: len(fixed)] != fixed:
         raise FileError(
             f"cannot read {path}: it is CSV, but not of lagcli, whose columns are t, coordinates, "
@@ -176,12 +152,11 @@ def _names(
 
 
 def _terms(
-    names: list[str], coordinates: tuple[str, ...], constraints: tuple[str, ...]
+    pairs: list[tuple[str, str]], coordinates: tuple[str, ...], constraints: tuple[str, ...]
 ) -> Terms | None:
     """Return the terms that columns name; None if they are not, or not in order."""
     places = {q: j for j, q in enumerate(coordinates)}
     rows = {c: i for i, c in enumerate(constraints)}
-    pairs = [(name.rpartition(".")[0], name.rpartition(".")[2]) for name in names]
     if not all(c in rows and q in places for c, q in pairs):
         return None
     terms = Terms.of(((rows[c], places[q]) for c, q in pairs), (len(constraints), len(coordinates)))

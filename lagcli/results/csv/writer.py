@@ -11,28 +11,25 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from itertools import chain
 from types import TracebackType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagcli.columns import SAMPLED, column_names
 from lagcli.errors import FileError, UsageError
 from lagcli.results.atomic import abandon, check_writable, whole_file
 from lagcli.results.csv.sidecar import sidecar_path, sidecar_text
-from lagcli.results.layout import QUANTITIES, term_names
+from lagcli.results.layout import term_names
 from lagcli.results.reasons import write_failure
 from lagcli.trajectory.samples import Record, Samples
-
-if TYPE_CHECKING:
-    from lagcli.trajectory.trajectory import Trajectory
 
 #: Numbers formatted in one go: large enough to be fast, small enough for any memory.
 _NUMBERS_WRITTEN = 1 << 14
 
 
-def columns(
+def titles(
     coordinates: Sequence[str],
     constraints: Sequence[str],
-    terms: Sequence[str],
+    terms: Sequence[tuple[str, str]],
     outputs: Iterable[str],
 ) -> dict[str, list[str]]:
     """Return the names of the columns of a CSV file.
@@ -41,8 +38,8 @@ def columns(
     ----------
     coordinates, constraints, outputs : sequence of str
         Names, in the model's order.
-    terms : sequence of str
-        Names of the terms of constraint force, ``CONSTRAINT.COORDINATE``.
+    terms : sequence of (constraint, coordinate)
+        Of the constraint forces.
 
     Returns
     -------
@@ -50,49 +47,25 @@ def columns(
         In the order of the file: field of `Trajectory` → names of its columns, the last axis
         running fastest.
     """
-    by_axes = {("time",): [""], ("time", "constraint"): [f".{c}" for c in constraints]}
-    named = {
-        "time": ["t"],
-        "q": list(coordinates),
-        "v": [f"{q}_dot" for q in coordinates],
-        "a": [f"{q}_ddot" for q in coordinates],
-        "multipliers": [f"lambda.{c}" for c in constraints],
-        "constraint_force": [f"Qc.{q}" for q in coordinates],
-        "constraint_force_by": [f"Qc.{term}" for term in terms],
+    found = {
+        quantity.name: list(map(str, column_names(quantity, coordinates, constraints, terms)))
+        for quantity in SAMPLED
     }
-    for quantity in QUANTITIES:
-        if "time" in quantity.axes and quantity.name not in named:
-            named[quantity.name] = [quantity.name + end for end in by_axes[quantity.axes]]
-    return {**named, "outputs": list(outputs)}
+    return {**found, "outputs": list(outputs)}
 
 
-def write_csv(
-    trajectory: Trajectory,
-    output: str | os.PathLike[str],
-    force: bool = False,
-    meta: bool = False,
-) -> None:
-    """Write a trajectory as CSV, to a file (whole or not at all) or to standard output.
+class CsvWriter:
+    """Writes a run as CSV as its samples come; see `lagcli.results.formats.Writer`.
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The run; nt, nc and the number of outputs may be 0.
-    output : str or path
-        The file, or ``-`` for standard output.
+    path : str
+        The file, or ``-`` for standard output; `check_csv_target` has accepted it.
     force : bool
         Replace an existing file and its sidecar.
     meta : bool
-        Write the sidecar ``OUTPUT.json`` too, with what CSV has no place for: status, message,
+        Write the sidecar ``PATH.json`` too, with what CSV has no place for: status, message,
         model, parameters, units, options, scales, …
-
-    Raises
-    ------
-    FileError
-        The file or its sidecar exists and ``force`` is false, or cannot be written; standard
-        output takes no more (a full disk). A closed pipe remains a ``BrokenPipeError``.
-    UsageError
-        A sidecar is asked for with standard output.
 
     Notes
     -----
@@ -102,27 +75,12 @@ def write_csv(
     infinities are ``inf`` and ``-inf``.
 
     The file gets its name just before the sidecar does. The sidecar carries the digest of its
-    CSV file, so that one that belongs to another run is noticed; with ``force`` and without
-    ``meta`` an old sidecar is removed.
-    """
-    path = os.fspath(output)
-    check_csv_target(path, force, meta)
-    with CsvWriter(path, force, meta) as writer:
-        writer.append(trajectory)
-        writer.finish(trajectory)
-
-
-class CsvWriter:
-    """Writes a run as CSV as its samples come; see `lagcli.results.formats.Writer`.
-
-    Parameters
-    ----------
-    output, force, meta
-        As for `write_csv`; that `check_csv_target` has nothing against them is supposed.
+    CSV file, by which a sidecar of another run is noticed; with ``force`` and without ``meta`` an
+    old sidecar is removed.
     """
 
-    def __init__(self, output: str | os.PathLike[str], force: bool = False, meta: bool = False):
-        self._path, self._force, self._meta = os.fspath(output), force, meta
+    def __init__(self, path: str, force: bool = False, meta: bool = False):
+        self._path, self._force, self._meta = path, force, meta
         self._opened = ExitStack()
         self._write: Callable[[bytes], object] | None = None
         self._digest = hashlib.sha256()
@@ -190,12 +148,12 @@ def _remove(path: str) -> None:
 
 
 def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None:
-    """Raise if `write_csv` could not write there now.
+    """Raise if `CsvWriter` could not write there now.
 
     Parameters
     ----------
     path, force, meta
-        As for `write_csv`.
+        As for `CsvWriter`.
 
     Raises
     ------
@@ -218,25 +176,23 @@ def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None
 
 def _header(samples: Samples) -> bytes:
     """Return the first line."""
-    titles = _titles(samples)
     header = io.StringIO()
-    csv.writer(header, lineterminator="\n").writerow(chain.from_iterable(titles.values()))
+    csv.writer(header, lineterminator="\n").writerow(chain.from_iterable(_titles(samples).values()))
     return header.getvalue().encode()
 
 
 def _titles(samples: Samples) -> dict[str, list[str]]:
     """Return the names of the columns of samples."""
     q, constraints = samples.coordinates, samples.constraints
-    return columns(q, constraints, term_names(samples.terms, q, constraints), samples.outputs)
+    return titles(q, constraints, term_names(samples.terms, q, constraints), samples.outputs)
 
 
 def _lines(samples: Samples) -> Iterator[bytes]:
     """Yield the lines of samples, some at a time."""
     count = len(samples.time)
-    titles = _titles(samples)
     arrays = [
         np.asarray(getattr(samples, name)).reshape(count, len(names))
-        for name, names in titles.items()
+        for name, names in _titles(samples).items()
         if name != "outputs"
     ]
     arrays += [np.asarray(values).reshape(count, 1) for values in samples.outputs.values()]

@@ -18,11 +18,11 @@ from typing import Any
 import h5py
 import numpy as np
 
+from lagcli.columns import SAMPLED
 from lagcli.errors import FileError
 from lagcli.results.hdf5.container import add_array, add_texts, new_file, set_text
 from lagcli.results.hdf5.opening import damage, not_of_lagcli
 from lagcli.results.hdf5.structure import group, numbers, stored_within
-from lagcli.results.layout import QUANTITIES
 from lagcli.results.metadata import KIND, TEXTS, from_metadata
 from lagcli.trajectory.samples import Array, Record, Samples, Terms
 
@@ -167,7 +167,7 @@ def _copy_trajectory(root: h5py.File, target: str) -> None:
     for rows in slabs:
         acting |= (read("constraint_force_by", dense, rows) != 0).any(axis=0)
     terms = Terms.of(np.argwhere(acting), (nc, nq))
-    columns = [q for q in QUANTITIES if q.axes[0] == "time" and q.name != "constraint_force"]
+    columns = [q for q in SAMPLED if q.name != "constraint_force"]
     with Hdf5Writer(target) as writer:
         for rows in slabs:
             arrays = {q.name: read(q.name, q.axes, rows) for q in columns if "term" not in q.axes}

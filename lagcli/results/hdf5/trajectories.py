@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from types import TracebackType
@@ -13,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
+from lagcli.columns import BY_NAME, QUANTITIES, SAMPLED
 from lagcli.errors import FileError
-from lagcli.results.atomic import abandon
+from lagcli.results.atomic import abandon, check_writable
 from lagcli.results.hdf5.container import (
     add_array,
     add_growing,
@@ -29,7 +29,7 @@ from lagcli.results.hdf5.container import (
 from lagcli.results.hdf5.opening import Opened, not_of_lagcli, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, OutputFamily, output_families
 from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute
-from lagcli.results.layout import NOT_STATED, QUANTITIES, shared_unit, term_names, unit
+from lagcli.results.layout import NOT_STATED, shared_unit, term_names, unit
 from lagcli.results.metadata import (
     KIND,
     MAPPINGS,
@@ -59,38 +59,12 @@ _LARGE = 1 << 18
 #: Bytes of each dataset that are looked at together.
 _SLAB = 1 << 23
 
-#: The quantities that have a value at each sample.
-_BY_TIME = tuple(quantity for quantity in QUANTITIES if quantity.axes[0] == "time")
-_AXES = {quantity.name: quantity.axes for quantity in QUANTITIES}
-
 _OUTPUTS = "outputs/"
 
 
-def write_hdf5(trajectory: Trajectory, path: str | os.PathLike[str], force: bool = False) -> None:
-    """Write a trajectory to an HDF5 file, whole or not at all.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        The run; nt, nq, nc and the number of outputs may be 0.
-    path : str or path
-        The file.
-    force : bool
-        Replace an existing file.
-
-    Raises
-    ------
-    FileError
-        The file exists and ``force`` is false, or it cannot be written.
-
-    Notes
-    -----
-    Mappings (parameters, options, counts, …) are JSON in root attributes. Tuples among the
-    options come back as lists.
-    """
-    with Hdf5Writer(path, force) as writer:
-        writer.append(trajectory)
-        writer.finish(trajectory)
+def check_hdf5_target(path: str, force: bool = False, meta: bool = False) -> None:
+    """Raise FileError if `Hdf5Writer` could not write there now."""
+    check_writable(path, force)
 
 
 class Hdf5Writer:
@@ -98,14 +72,21 @@ class Hdf5Writer:
 
     Parameters
     ----------
-    path : str or path
+    path : str
         The file.
     force : bool
         Replace an existing file.
+    meta : bool
+        Has no effect: the file holds the record of the run.
+
+    Notes
+    -----
+    Mappings (parameters, options, counts, …) are JSON in root attributes. Tuples among the
+    options come back as lists.
     """
 
-    def __init__(self, path: str | os.PathLike[str], force: bool = False):
-        self._path, self._force = os.fspath(path), force
+    def __init__(self, path: str, force: bool = False, meta: bool = False):
+        self._path, self._force = path, force
         self._opened = ExitStack()
         self._root: h5py.File | None = None
         self._held: list[Samples] = []
@@ -187,7 +168,7 @@ class Hdf5Writer:
             "time": datasets["time"],
             "coordinate": add_texts(root, "coordinate", self._coordinates),
             "constraint": add_texts(root, "constraint", self._constraints),
-            "term": add_texts(root, "term", names),
+            "term": add_texts(root, "term", list(map(".".join, names))),
         }
         for name, axis in axes.items():
             make_axis(axis, name)
@@ -202,7 +183,7 @@ class Hdf5Writer:
             dataset = datasets[quantity.name]
             if quantity.name not in axes:
                 attach_axes(dataset, [axes[axis] for axis in quantity.axes])
-            _say(dataset, quantity.long_name, unit(quantity, self._coordinates, record.units))
+            _say(dataset, quantity.description, unit(quantity, self._coordinates, record.units))
 
         units = [record.units.get(name, NOT_STATED) for name in self._coordinates]
         if any(u != NOT_STATED for u in units):
@@ -222,7 +203,7 @@ class Hdf5Writer:
 
 def _columns(samples: Samples, families: Sequence[OutputFamily]) -> dict[str, Array]:
     """Return the datasets that have a value at each sample, by their place in the file."""
-    columns = {quantity.name: getattr(samples, quantity.name) for quantity in _BY_TIME}
+    columns = {quantity.name: getattr(samples, quantity.name) for quantity in SAMPLED}
     for family in families:
         values = [samples.outputs[name] for name in family.members]
         together = np.stack(values, axis=1) if family.axis else values[0]
@@ -236,33 +217,9 @@ def _say(dataset: Any, long_name: str, units: str) -> None:
     set_text(dataset, "units", units)
 
 
-def read_hdf5(path: str | os.PathLike[str]) -> Trajectory:
-    """Read the trajectory of an HDF5 file.
-
-    Parameters
-    ----------
-    path : str or path
-        A file that `write_hdf5` wrote.
-
-    Returns
-    -------
-    Trajectory
-        With the same bits in every array.
-
-    Raises
-    ------
-    FileError
-        The file is missing or unreadable, is not HDF5, is cut short or damaged, or is not a
-        trajectory of lagcli in a layout that this version knows.
-    """
-    with open_hdf5(path) as file:
-        return file.trajectory()
-
-
 @contextmanager
-def open_hdf5(path: str | os.PathLike[str]) -> Iterator[Hdf5Reader]:
-    """Open an HDF5 file, to look at some of its columns; raises, then and later, as `read_hdf5`."""
-    path = os.fspath(path)
+def open_hdf5(path: str) -> Iterator[Hdf5Reader]:
+    """Open an HDF5 file; raises, then and later, as `lagcli.results.formats.read`."""
     with open_verified(path, SCHEMA_VERSION) as opened:
         if opened.kind != KIND:
             raise (
@@ -318,7 +275,7 @@ class Hdf5Reader:
     def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
         """Yield columns of consecutive samples, by name."""
         lengths = self._length
-        sizes = [math.prod(lengths[a] for a in _AXES[n][1:]) for n in names if n in _AXES]
+        sizes = [math.prod(lengths[a] for a in BY_NAME[n].axes[1:]) for n in names if n in BY_NAME]
         rows = max(1, _SLAB // (8 * max([1, *sizes])))
         for start in range(0, self._length["time"], rows):
             yield {name: self._array(name, slice(start, start + rows)) for name in names}
@@ -327,7 +284,7 @@ class Hdf5Reader:
         """Return all of it."""
         from lagcli.trajectory.trajectory import Trajectory
 
-        arrays: dict[str, Any] = {q.name: self._array(q.name) for q in _BY_TIME}
+        arrays: dict[str, Any] = {q.name: self._array(q.name) for q in SAMPLED}
         del arrays["constraint_force"]  # the sum of constraint_force_by
         return Trajectory(
             coordinates=self.coordinates,
@@ -345,7 +302,10 @@ class Hdf5Reader:
             shape, expected = self._outputs.shape(output), (self._length["time"],)
         else:
             dataset = numbers(self._root, name)
-            shape, expected = dataset.shape, tuple(self._length[axis] for axis in _AXES[name])
+            shape, expected = (
+                dataset.shape,
+                tuple(self._length[axis] for axis in BY_NAME[name].axes),
+            )
         if shape != expected:
             raise ValueError(f"{name} has shape {shape}, not {expected}")
         if name.startswith(_OUTPUTS):

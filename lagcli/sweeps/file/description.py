@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.results.layout import NOT_STATED
-from lagcli.sweeps.file.layout import Column
+from lagcli.sweeps.columns import Column
 from lagcli.sweeps.file.store import SLAB, SweepFile, open_sweep
 
 _WIDTH, _LABEL = 100, 14

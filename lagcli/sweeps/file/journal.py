@@ -22,7 +22,7 @@ from lagcli.errors import FileError, UsageError
 from lagcli.results.atomic import sync_folder
 from lagcli.results.reasons import read_failure, write_failure
 from lagcli.sweeps.file.records import decode, encode
-from lagcli.sweeps.rows.rows import Results
+from lagcli.sweeps.row_results import Results
 
 try:
     import fcntl

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.sweeps.rows.rows import MISSING, Results
+from lagcli.sweeps.row_results import MISSING, Results
 
 _LENGTH = struct.Struct("<Q")  # bytes of the JSON text at the beginning
 

@@ -1,4 +1,4 @@
-"""What a sweep finds of itself: nothing, its journal, or its file."""
+"""Open a sweep: new, from its journal, or from its finished file."""
 
 from __future__ import annotations
 
@@ -11,32 +11,32 @@ from typing import Any, NamedTuple
 from lagcli.errors import UsageError
 from lagcli.results.formats import check_target, format_of
 from lagcli.sweeps.file.journal import Journal, check_no_journal, journal_of
-from lagcli.sweeps.file.row_status import Ledger
-from lagcli.sweeps.plan.validate import Ready
-from lagcli.sweeps.rows.rows import COMPLETED
+from lagcli.sweeps.row_results import COMPLETED
+from lagcli.sweeps.row_status import RowStatus
+from lagcli.sweeps.validate import PreparedSweep
 
 
-class State(NamedTuple):
-    """An open journal (none where nothing is left to do), and what is done."""
+class OpenedSweep(NamedTuple):
+    """A sweep with its open journal (None where no row is missing) and the status of its rows."""
 
     journal: Journal | None
-    ledger: Ledger
+    row_status: RowStatus
     replace: bool  # whether the result file may be there
     notes: list[str]  # what was wrong with the journal
 
 
 @contextmanager
 def opened(
-    ready: Ready, path: str, resume: bool, retry_failed: bool, force: bool
-) -> Iterator[State]:
-    """Find or make the journal, and read what is done."""
+    prepared: PreparedSweep, path: str, resume: bool, retry_failed: bool, force: bool
+) -> Iterator[OpenedSweep]:
+    """Open or create the journal, and read the status of the rows."""
     if retry_failed and not resume:
         raise UsageError("--retry-failed goes with --resume")
     journal_path = journal_of(path)
-    ledger = Ledger(ready.spec.plan.length)
-    described = ready.spec.described()
+    row_status = RowStatus(prepared.spec.plan.length)
+    described = prepared.spec.described()
     if resume and not os.path.exists(journal_path) and os.path.exists(path):
-        yield State(_reopened(ready, path, ledger, retry_failed), ledger, True, [])
+        yield OpenedSweep(_reopened(prepared, path, row_status, retry_failed), row_status, True, [])
         return
     going_on = resume and os.path.exists(journal_path)
     if not going_on:
@@ -49,47 +49,49 @@ def opened(
     try:
         if going_on:
             refuse_difference(journal.header["sweep"], described, journal_path)
-            for results in journal.recover(*ready.spec.size):
-                ledger.enter(results)
+            for results in journal.recover(*prepared.spec.size):
+                row_status.enter(results)
             if journal.damage:
-                notes.append(_cut(journal, ledger))
+                notes.append(_cut(journal, row_status))
             if retry_failed:
-                ledger.forget_failures()
+                row_status.forget_failures()
         replace = force or bool(journal.header.get("replace"))
-        yield State(journal, ledger, replace, notes)
+        yield OpenedSweep(journal, row_status, replace, notes)
     except BaseException:
         journal.close()
         raise
 
 
-def _cut(journal: Journal, ledger: Ledger) -> str:
-    missing = len(ledger.status) - ledger.done
+def _cut(journal: Journal, row_status: RowStatus) -> str:
+    missing = len(row_status.status) - row_status.done
     return (
         f"{journal.path} was damaged or incomplete at its end: {journal.damage} bytes were cut off;"
-        f" {ledger.done} rows are kept, the other {missing} are run"
+        f" {row_status.done} rows are kept, the other {missing} are run"
     )
 
 
-def _reopened(ready: Ready, path: str, ledger: Ledger, retry_failed: bool) -> Journal | None:
+def _reopened(
+    prepared: PreparedSweep, path: str, row_status: RowStatus, retry_failed: bool
+) -> Journal | None:
     """Take up a finished sweep again: its failed rows, if these are to be run again."""
     from lagcli.sweeps.file.store import open_sweep
 
-    if format_of(path) == "csv":
+    if format_of(path).sweeps == "table":
         raise UsageError(
-            f"{path} is complete, and a CSV file does not say how it was made; write to .h5 to"
-            " resume a finished sweep"
+            f"{path} is complete, and a {format_of(path).title} file does not say how it was made;"
+            " write to .h5 to resume a finished sweep"
         )
-    described = ready.spec.described()
+    described = prepared.spec.described()
     with open_sweep(path) as file:
         refuse_difference(file.facts["sweep"], described, path)
         for results in file.results():
-            ledger.enter(results)
-        if not retry_failed or ledger.count(COMPLETED) == len(ledger.status):
+            row_status.enter(results)
+        if not retry_failed or row_status.count(COMPLETED) == len(row_status.status):
             return None
         journal = Journal(journal_of(path), {"sweep": described, "replace": True})
         for results in file.results():
             journal.append(results)
-    ledger.forget_failures()
+    row_status.forget_failures()
     return journal
 
 

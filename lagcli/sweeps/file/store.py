@@ -19,12 +19,12 @@ from lagcli.results.hdf5.container import add_texts, make_axis, new_file, set_te
 from lagcli.results.hdf5.opening import Opened, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, output_families
 from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute, texts
-from lagcli.results.layout import QUANTITIES, shared_unit, unit
+from lagcli.results.layout import shared_unit, unit
 from lagcli.results.metadata import check_model, check_times, shortened, storable, to_json
-from lagcli.sweeps.file.layout import COUNTS, KIND, SCHEMA_VERSION, Column, kept_layout
-from lagcli.sweeps.file.row_status import runs_of
+from lagcli.sweeps.columns import COUNTS, KEPT, KIND, SCHEMA_VERSION, Column, kept_layout
 from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.rows.rows import STATUSES, Results
+from lagcli.sweeps.row_results import STATUSES, Results
+from lagcli.sweeps.row_status import runs_of
 from lagcli.trajectory.samples import SIGN_CONVENTION
 from lagcli.version import __version__
 
@@ -33,7 +33,6 @@ Numbers = NDArray[np.int64]
 
 #: Bytes of messages at first, and of those that are stored together.
 _SHORT, _MESSAGES = 64, 1 << 16
-_QUANTITIES = {q.name: q for q in QUANTITIES}
 #: Rows that are looked at together.
 SLAB = 1 << 14
 _OUTPUTS = "outputs/"
@@ -185,11 +184,11 @@ class _SweepWriter:
         for name, scale in scales.items():
             make_axis(scale.id, name)
         units = {c.name: c.unit for c in model.coordinates if c.unit}
-        for name, axes, width in kept_layout(model):
-            quantity = _QUANTITIES[name]
-            column = unit(quantity, model.coordinate_names, units), quantity.long_name
+        for quantity, width in kept_layout(model):
+            column = unit(quantity, model.coordinate_names, units), quantity.description
             if width:
-                added = self.add(name, "<f8", column, *(scales[axis] for axis in axes))
+                axes = [scales[axis] for axis in quantity.axes]
+                added = self.add(quantity.name, "<f8", column, *axes)
                 self.kept.append((added, width))
         for family in output_families(model.outputs):
             along = [time]
@@ -348,10 +347,8 @@ class SweepFile:
         """Return the datasets of kept trajectories, in their order."""
         if not self.kept:
             return []
-        names = ["q", "v", "a", "multipliers", "constraint_force"]
-        names += ["energy_kinetic", "energy_potential", "energy_total", "energy_balance"]
         outputs = [_OUTPUTS + family.dataset for family in self._outputs.families]
-        return [name for name in names if name in self.root] + outputs
+        return [q.name for q in KEPT if q.name in self.root] + outputs
 
     def _fact(self, name: str) -> Any:
         """Return a root attribute; what is JSON is read."""

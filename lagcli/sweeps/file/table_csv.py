@@ -31,7 +31,7 @@ def export_csv(
         One of the files cannot be read or written, or exists already.
     """
     from lagcli.sweeps.file.store import SLAB, open_sweep
-    from lagcli.sweeps.rows.rows import STATUSES
+    from lagcli.sweeps.row_results import STATUSES
 
     output = os.fspath(output)
     check_csv_target(output, force)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from lagcli.errors import FileError, UsageError
 from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.row_results import FAILED, Results
 from lagcli.sweeps.rows.dask_dispatch import Flight
-from lagcli.sweeps.rows.rows import FAILED, Results
 from lagcli.sweeps.rows.workers import Chunks
 from lagcli.version import __version__
 
@@ -69,7 +69,9 @@ class Cluster:
     def __exit__(self, *error: object) -> None:
         self._opened.close()
 
-    def run(self, spec: Spec, chunks: Chunks, heed: Callable[[], None]) -> Iterator[Results]:
+    def run(
+        self, spec: Spec, chunks: Chunks, check_cancelled: Callable[[], None]
+    ) -> Iterator[Results]:
         """Run rows; yield results as they come, in no certain order.
 
         Parameters
@@ -77,7 +79,7 @@ class Cluster:
         spec : Spec
         chunks : Chunks
             Read as workers take rows, so that few are under way, however many there are.
-        heed : callable
+        check_cancelled : callable
             Called several times a second; what it raises ends the runs.
 
         Yields
@@ -96,7 +98,7 @@ class Cluster:
         looked = time.monotonic()
         try:
             while flight.fill(sum(self._threads.values())):
-                heed()
+                check_cancelled()
                 if time.monotonic() - looked > _LOOK:
                     self._look()
                     looked = time.monotonic()

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from lagcli.engine.contract import Interrupted
 from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.rows.rows import Results, Runner
+from lagcli.sweeps.row_results import Results
+from lagcli.sweeps.rows.rows import Runner
 from lagcli.sweeps.rows.workers import Chunks
 from lagcli.version import __version__
 
@@ -133,14 +134,14 @@ def _run(spec: Spec, numbers: Numbers, version: str) -> Answer:
         return done
     key = worker.get_current_task()
 
-    def heed() -> None:
+    def check_cancelled() -> None:
         task = worker.state.tasks.get(key)
         if task is None or task.state == "cancelled":
             raise Interrupted
 
     began = time.perf_counter()
     try:
-        results = _runner(spec).run(numbers, heed)
+        results = _runner(spec).run(numbers, check_cancelled)
     except Interrupted:
         return done._replace(bug="cancelled")  # nobody waits for it
     except Exception:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,49 +15,17 @@ from lagcli.model.expression.units import si_notation, to_si
 from lagcli.simulations.threads import one_thread
 from lagcli.simulations.variants import Variants
 from lagcli.sweeps.plan.spec import Spec
+from lagcli.sweeps.row_results import COMPLETED, ERROR, FAILED, MISSING, Numbers, Results
 from lagcli.sweeps.rows.group import Ended, RowGroup
 from lagcli.trajectory.samples import ENDED
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
-
-#: The status of a row, by its number; MISSING is none that a result has.
-STATUSES = ("completed", "failed", "error", "missing")
-COMPLETED, FAILED, ERROR, MISSING = range(4)
 
 _MOST_GROUPS = 16  # structures that are kept derived
 _MOST_SPECS = 2
 
 
-class Results(NamedTuple):
-    """The results of n rows; arrays, so that they are sent and kept as they are.
-
-    Parameters
-    ----------
-    numbers : (n,) array of int
-        The rows' numbers.
-    status : (n,) array of int8
-        An index of ``STATUSES``: completed; failed, where the numbers did or, of a strict sweep,
-        cannot be trusted; error, where the model cannot have these values.
-    messages : list of n str
-        Empty for most completed rows.
-    counts : (n, 3) array of int
-        Steps, rejected steps and evaluations.
-    measures : (n, m) array
-        NaN in rows that are not completed.
-    kept : (n, nt, columns) array
-        The samples, NaN where a run did not come to them; (n, 0, 0) where they are not kept.
-    """
-
-    numbers: Numbers
-    status: NDArray[np.int8]
-    messages: list[str]
-    counts: NDArray[np.int64]
-    measures: Array
-    kept: Array
-
-
-def run_rows(spec: Spec, numbers: Numbers, heed: Callable[[], None] | None = None) -> Results:
+def run_rows(
+    spec: Spec, numbers: Numbers, check_cancelled: Callable[[], None] | None = None
+) -> Results:
     """Run some rows of a sweep.
 
     A plain function of its arguments, which may be sent to any process; the model is loaded and
@@ -70,7 +37,7 @@ def run_rows(spec: Spec, numbers: Numbers, heed: Callable[[], None] | None = Non
     spec : Spec
     numbers : (n,) array of int
         A few dozen rows or more, so that they are run together.
-    heed : callable, optional
+    check_cancelled : callable, optional
         Called several times in 0.1 s. What it raises ends the call; `Interrupted` is made for it.
 
     Returns
@@ -78,7 +45,7 @@ def run_rows(spec: Spec, numbers: Numbers, heed: Callable[[], None] | None = Non
     Results
         In the order of ``numbers``. A row that fails is a row with a status and a message.
     """
-    return _runner(spec).run(np.asarray(numbers, dtype=np.int64), heed or (lambda: None))
+    return _runner(spec).run(np.asarray(numbers, dtype=np.int64), check_cancelled or (lambda: None))
 
 
 class Runner:
@@ -145,7 +112,7 @@ class Runner:
         text = repr(int(value) if value.is_integer() else value)
         return text if unit is None or to_si(unit) == 1 else f"{text} {si_notation(unit)}"
 
-    def run(self, numbers: Numbers, heed: Callable[[], None]) -> Results:
+    def run(self, numbers: Numbers, check_cancelled: Callable[[], None]) -> Results:
         """Run rows; as `run_rows`."""
         table = self.spec.plan.rows(numbers)
         found = _Collected(numbers, len(self.spec.measures), self.spec.strict)
@@ -159,7 +126,11 @@ class Runner:
                 continue
             found.expect(group)
             with one_thread():
-                group.run(table[places][:, self.numeric], partial(found.enter, group, places), heed)
+                group.run(
+                    table[places][:, self.numeric],
+                    partial(found.enter, group, places),
+                    check_cancelled,
+                )
         return found.results()
 
 

@@ -1,4 +1,4 @@
-"""What measures and kept trajectories are made of: expressions along the samples of many runs."""
+"""Evaluate expressions along the samples of many runs, for measures and kept trajectories."""
 
 from __future__ import annotations
 
@@ -10,18 +10,26 @@ import symengine as se
 from numpy.typing import NDArray
 from symengine import Basic
 
+from lagcli.columns import RESIDUALS, SAMPLED, SCALARS, column_names, read_dotted_name
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.tape import Tape
-from lagcli.equations.derivation.lagrange import Equations, with_forces
+from lagcli.equations.derivation.column_expressions import (
+    ENERGY_BEFORE,
+    WORK,
+    column_expression,
+    largest,
+)
+from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations, with_forces
 from lagcli.errors import UsageError
-from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.model import TIME, multiplier
 
 Array = NDArray[np.float64]
 
-_WORK = se.Symbol("#work")
-_BEFORE = se.Symbol("#before")  # energy less work at the first sample
+#: What a trajectory is made of.
+STATE = ("time", "q", "v", "a", "multipliers")
+_SCALARS = {quantity.name for quantity in SCALARS}
+_RESIDUALS = {quantity.name for quantity in RESIDUALS}
 #: Samples that are evaluated at once: their registers stay in the cache.
 _TOGETHER = 1 << 12
 
@@ -47,22 +55,19 @@ class Signals:
         eq = equations
         numbered = {str(i): x for i, x in enumerate(expressions)}
         written = with_forces(eq.model, eq.constraints, numbered)
-        columns = _Columns(eq)
-        found = [
-            x.xreplace({s: columns.of(s.name) for s in x.free_symbols if columns.knows(s.name)})
-            for x in written.values()
-        ]
+        columns = _ColumnSymbols(eq)
+        found = [x.xreplace(columns.in_expression(x)) for x in written.values()]
         parameters = [se.Symbol(name) for name in eq.model.parameters]
         lambdas = [multiplier(c.constraint.name) for c in eq.constraints]
-        state = [TIME, *eq.q, *eq.v, *eq.a, *lambdas, _WORK]
-        tape = compile_tape(found, state, [*parameters, _BEFORE])
+        state = [TIME, *eq.q, *eq.v, *eq.a, *lambdas, WORK]
+        tape = compile_tape(found, state, [*parameters, ENERGY_BEFORE])
         self._evaluate: Callable[[Array, Array], Array] = partial(_run_blocks, tape)
         if compiled:
             from lagcli.engine.integrate.batch import SampleTape
 
             self._evaluate = SampleTape(tape)
-        self._balance = any(_BEFORE in x.free_symbols for x in found)
-        self._energy = compile_tape([eq.energy - _WORK], state, parameters)
+        self._balance = any(ENERGY_BEFORE in x.free_symbols for x in found)
+        self._energy = compile_tape([eq.energy - WORK], state, parameters)
 
     def __call__(self, samples: Array, parameters: Array) -> Array:
         """Return the signals, (runs, signals, nt).
@@ -96,94 +101,53 @@ def _run_blocks(tape: Tape, samples: Array, constants: Array) -> Array:
     return found
 
 
-class _Columns:
-    """The columns of result files as expressions, built when asked for."""
+class _ColumnSymbols:
+    """The columns of results that expressions name, as expressions themselves."""
 
     def __init__(self, equations: Equations):
         self.equations = equations
-        self.places = {c.constraint.name: c for c in equations.constraints}
+        self.rows = {c.constraint.name: c for c in equations.constraints}
 
-    def knows(self, name: str) -> bool:
-        """Return whether a symbol is the name of a column."""
-        if name in self.equations.model.parameters:
-            return False
-        return name.startswith(("energy_", "power_", "residual_")) and (
-            "." in name or hasattr(self, name)
-        )
+    def in_expression(self, expression: Basic) -> dict[Basic, Basic]:
+        """Return the expressions of the columns that an expression names, by symbol."""
+        parameters = self.equations.model.parameters
+        names = (s for s in expression.free_symbols if s.name not in parameters)
+        found = {s: self._column(s.name) for s in names}
+        return {symbol: column for symbol, column in found.items() if column is not None}
 
-    def of(self, name: str) -> Basic:
-        """Return the expression of a column."""
-        head, _, constraint = name.partition(".")
-        if not constraint:
-            found: Basic = getattr(self, name)()
-            return found
-        row = self.places[constraint]
-        if head == "residual_velocity":
-            return row.velocity
-        if row.position is None:
+    def _column(self, name: str) -> Basic | None:
+        """Return the expression of a column; None of any other symbol."""
+        if name in _SCALARS:
+            return column_expression(self.equations, name)
+        if name in _RESIDUALS:  # of all constraints
+            parts = (_part(c, name) for c in self.equations.constraints)
+            return largest([part for part in parts if part is not None])
+        named = read_dotted_name(name)
+        if named is None or named.quantity not in _RESIDUALS:
+            return None
+        residual = _part(self.rows[named.constraint], named.quantity)
+        if residual is None:
+            other = named._replace(quantity="residual_velocity")
             raise UsageError(
-                f"`{name}`: the constraint `{constraint}` is nonholonomic and has no position;"
-                f" take residual_velocity.{constraint}"
+                f"`{name}`: the constraint `{named.constraint}` is nonholonomic and has no"
+                f" position; take {other}"
             )
-        return row.position
-
-    def energy_kinetic(self) -> Basic:
-        return self.equations.kinetic
-
-    def energy_potential(self) -> Basic:
-        return self.equations.potential
-
-    def energy_total(self) -> Basic:
-        return self.equations.energy
-
-    def energy_balance(self) -> Basic:
-        return self.equations.energy - _WORK - _BEFORE
-
-    def power_applied(self) -> Basic:
-        eq = self.equations
-        return se.Add(*[q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)])
-
-    def power_constraint(self) -> Basic:
-        eq = self.equations
-        return se.Add(
-            *[
-                multiplier(c.constraint.name) * b * eq.v[j]
-                for c in eq.constraints
-                for j, b in c.row.items()
-            ]
-        )
-
-    def power_time(self) -> Basic:
-        return self.equations.time_power
-
-    def residual_position(self) -> Basic:
-        return _largest([c.position for c in self.equations.constraints if c.position is not None])
-
-    def residual_velocity(self) -> Basic:
-        return _largest([c.velocity for c in self.equations.constraints])
-
-    def residual_equation(self) -> Basic:
-        eq = self.equations
-        rows = [
-            [m * eq.a[j] for j, m in row.items()] + [-f]
-            for row, f in zip(eq.mass_matrix, eq.forcing, strict=True)
-        ]
-        for c in eq.constraints:
-            for j, b in c.row.items():
-                rows[j].append(-multiplier(c.constraint.name) * b)
-        return _largest([se.Add(*row) for row in rows])
+        return residual
 
 
-def _largest(values: Sequence[Basic]) -> Basic:
-    """Return the largest magnitude."""
-    if not values:
-        return se.Integer(0)
-    return FUNCTIONS["max"].apply(*[FUNCTIONS["abs"].apply(x) for x in values])
+def _part(constraint: ConstraintEquation, residual: str) -> Basic | None:
+    """Return a residual of one constraint; None for the position of a nonholonomic one."""
+    return constraint.position if residual == "residual_position" else constraint.velocity
 
 
 def kept_signals(equations: Equations) -> Mapping[str, Basic]:
     """Return what a kept trajectory has beside its state, by column."""
-    forces = {f"Qc.{q}": se.Symbol(f"Qc.{q}") for q in equations.model.coordinate_names}
-    names = ("energy_kinetic", "energy_potential", "energy_total", "energy_balance")
-    energies = {name: se.Symbol(name) for name in names}
-    return {**forces, **energies, **{f"outputs.{n}": x for n, x in equations.model.outputs.items()}}
+    model = equations.model
+    derived = [q for q in SAMPLED if q.kept and q.name not in STATE]
+    names = [
+        str(name)
+        for quantity in derived
+        for name in column_names(quantity, model.coordinate_names, model.constraint_names)
+    ]
+    columns = {name: se.Symbol(name) for name in names}
+    return {**columns, **{f"outputs.{n}": x for n, x in model.outputs.items()}}

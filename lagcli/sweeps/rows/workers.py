@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.errors import NumericalError
-from lagcli.sweeps.file.row_status import Missing
 from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.rows.rows import Results, run_rows
+from lagcli.sweeps.row_results import Results
+from lagcli.sweeps.row_status import MissingRows
+from lagcli.sweeps.rows.rows import run_rows
 
 Numbers = NDArray[np.int64]
 
@@ -36,13 +37,13 @@ class Chunks:
 
     Parameters
     ----------
-    missing : Missing
+    missing : MissingRows
     row_bytes : int
         Bytes of the samples that a row keeps.
     jobs : int
     """
 
-    def __init__(self, missing: Missing, row_bytes: int, jobs: int):
+    def __init__(self, missing: MissingRows, row_bytes: int, jobs: int):
         self.missing, self.jobs = missing, jobs
         self.most = max(1, min(_MOST, _MOST_BYTES // max(1, row_bytes)))
         self.size = min(_FIRST, self.most)
@@ -78,25 +79,27 @@ def _filled(rows: int) -> int:
     return rows // _TOGETHER * _TOGETHER or rows
 
 
-def run_here(spec: Spec, chunks: Chunks, heed: Callable[[], None], jobs: int) -> Iterator[Results]:
+def run_here(
+    spec: Spec, chunks: Chunks, check_cancelled: Callable[[], None], jobs: int
+) -> Iterator[Results]:
     """Run all rows; yield results as they come.
 
     Parameters
     ----------
     spec : Spec
     chunks : Chunks
-    heed : callable
+    check_cancelled : callable
         Called several times in 0.1 s; what it raises ends the runs.
     jobs : int
         The number of processes. What a row gives does not depend on it.
     """
     while len(numbers := chunks.next()):
         began = time.monotonic()
-        yield run_rows(spec, numbers, heed)
+        yield run_rows(spec, numbers, check_cancelled)
         chunks.took(len(numbers), time.monotonic() - began)
         if jobs > 1 and chunks.left > _WORTH:
             with _Processes(spec, min(jobs, chunks.missing.left)) as processes:
-                yield from processes.run(chunks, heed)
+                yield from processes.run(chunks, check_cancelled)
 
 
 class _Processes:
@@ -128,7 +131,7 @@ class _Processes:
         for process in self.workers.values():
             process.join()
 
-    def run(self, chunks: Chunks, heed: Callable[[], None]) -> Iterator[Results]:
+    def run(self, chunks: Chunks, check_cancelled: Callable[[], None]) -> Iterator[Results]:
         busy: set[Any] = set()
         idle = list(self.workers)
         while True:
@@ -138,7 +141,7 @@ class _Processes:
                 busy.add(pipe)
             if not busy:
                 return
-            heed()
+            check_cancelled()
             ready: list[Any] = connection.wait(list(busy), _PATIENCE)
             for pipe in ready:
                 answer, seconds = self._talk(pipe, pipe.recv)

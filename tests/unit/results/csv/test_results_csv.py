@@ -27,8 +27,7 @@ from trajectories import (
 )
 
 from lagcli.errors import FileError, UsageError
-from lagcli.results.csv.reader import read_csv
-from lagcli.results.csv.writer import write_csv
+from lagcli.results import read, write
 from lagcli.trajectory.trajectory import Trajectory
 
 HEADER = (
@@ -42,7 +41,7 @@ HEADER = (
 
 
 def _written(folder: Path, trajectory: Trajectory, meta: bool = False) -> Path:
-    write_csv(trajectory, folder / "run.csv", meta=meta)
+    write(trajectory, folder / "run.csv", meta=meta)
     return folder / "run.csv"
 
 
@@ -82,7 +81,7 @@ def test_columns_and_numbers(tmp_path: Path) -> None:
 )
 def test_a_run_comes_back(tmp_path: Path, size: dict[str, Any], meta: bool) -> None:
     run = make(**size) if meta else make_for_csv(**size)
-    back = read_csv(_written(tmp_path, run, meta))
+    back = read(_written(tmp_path, run, meta))
     assert_same_arrays(run, back)
     if meta:
         assert_same(run, back)
@@ -92,11 +91,11 @@ def test_a_run_comes_back(tmp_path: Path, size: dict[str, Any], meta: bool) -> N
 @given(run=random_trajectories(st.floats(allow_nan=False) | st.just(np.nan)))  # one NaN in CSV
 def test_any_run_comes_back(run: Trajectory) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        assert_same(run, read_csv(_written(Path(folder), run, meta=True)))
+        assert_same(run, read(_written(Path(folder), run, meta=True)))
 
 
 def test_without_a_sidecar_the_rest_is_empty(tmp_path: Path) -> None:
-    back = read_csv(_written(tmp_path, make()))
+    back = read(_written(tmp_path, make()))
     assert (back.status, back.message, back.model, back.lagcli_version) == ("", "", "", "")
     assert (back.units, back.parameters, back.options, back.initial_correction) == ({}, {}, {}, {})
     assert np.isnan(back.scale_position).all()
@@ -109,7 +108,7 @@ def test_names_are_quoted_where_needed(tmp_path: Path) -> None:
     header = path.read_text(encoding="utf-8").split("\n")[0]
     assert header.startswith('t,"A[1,2]",φ,"A[1,2]_dot",φ_dot,')
     assert header.endswith(',"say ""x"""')
-    assert_same_arrays(run, read_csv(path))
+    assert_same_arrays(run, read(path))
 
 
 def test_pandas_reads_the_same(tmp_path: Path) -> None:
@@ -125,7 +124,7 @@ def test_line_ends_and_a_mark_of_a_spreadsheet_are_no_obstacle(tmp_path: Path) -
     run = make_for_csv()
     path = _written(tmp_path, run)
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
-    assert_same_arrays(run, read_csv(path))
+    assert_same_arrays(run, read(path))
 
 
 def test_the_sidecar_is_strict_json_with_everything_else(tmp_path: Path) -> None:
@@ -144,7 +143,7 @@ def test_the_sidecar_is_strict_json_with_everything_else(tmp_path: Path) -> None
     assert about["scale_velocity"] == list(run.scale_velocity)
     assert (about["samples"], about["coordinates"]) == (5, ["phi", "psi"])
     assert {"sign_convention", "schema_version", "units", "seconds", "counts"} <= set(about)
-    assert_same(run, read_csv(path))
+    assert_same(run, read(path))
 
 
 def test_an_old_sidecar_stands_in_the_way(tmp_path: Path) -> None:
@@ -152,7 +151,7 @@ def test_an_old_sidecar_stands_in_the_way(tmp_path: Path) -> None:
     (tmp_path / "run.csv.json").write_text("mine")
     for meta in (False, True):
         with pytest.raises(FileError, match=r"run\.csv\.json exists already"):
-            write_csv(make(), path, meta=meta)
+            write(make(), path, meta=meta)
     assert os.listdir(tmp_path) == ["run.csv.json"]
     assert (tmp_path / "run.csv.json").read_text() == "mine"
 
@@ -160,18 +159,18 @@ def test_an_old_sidecar_stands_in_the_way(tmp_path: Path) -> None:
 def test_force_replaces_the_sidecar_or_removes_it(tmp_path: Path) -> None:
     path = _written(tmp_path, make(), meta=True)
     run = make(7, seed=1)
-    write_csv(run, path, force=True, meta=True)
-    assert_same(run, read_csv(path))
-    write_csv(run, path, force=True)
+    write(run, path, force=True, meta=True)
+    assert_same(run, read(path))
+    write(run, path, force=True)
     assert os.listdir(tmp_path) == ["run.csv"]
-    assert read_csv(path).status == ""
+    assert read(path).status == ""
 
 
 def test_a_sidecar_of_another_run_is_noticed(tmp_path: Path) -> None:
     path = _written(tmp_path, make(), meta=True)
     path.write_bytes(path.read_bytes().replace(b"1", b"2"))
     with pytest.raises(FileError, match=r"run\.csv\.json is of another run.* remove"):
-        read_csv(path)
+        read(path)
 
 
 @pytest.mark.parametrize(
@@ -188,7 +187,7 @@ def test_a_sidecar_that_is_none_is_said(tmp_path: Path, text: str, reason: str) 
     path = _written(tmp_path, make())
     Path(f"{path}.json").write_text(text)
     with pytest.raises(FileError, match=reason) as caught:
-        read_csv(path)
+        read(path)
     assert "run.csv.json" in str(caught.value)
 
 
@@ -199,7 +198,7 @@ def test_a_damaged_sidecar_is_said(tmp_path: Path) -> None:
         about = json.loads(sidecar.read_text(encoding="utf-8"))
         sidecar.write_text(json.dumps({**about, name: value}))
         with pytest.raises(FileError, match="damaged"):
-            read_csv(path)
+            read(path)
         sidecar.write_text(json.dumps(about))
 
 
@@ -220,15 +219,16 @@ def test_what_is_no_run_is_said(tmp_path: Path, content: bytes, reason: str) -> 
     path = tmp_path / "run.csv"
     path.write_bytes(content)
     with pytest.raises(FileError, match=reason) as caught:
-        read_csv(path)
+        read(path)
     assert str(path) in str(caught.value)
 
 
 def test_a_missing_file_and_a_folder_are_said(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="no such file"):
-        read_csv(tmp_path / "run.csv")
+        read(tmp_path / "run.csv")
+    (tmp_path / "folder.csv").mkdir()
     with pytest.raises(FileError, match="it is a folder"):
-        read_csv(tmp_path)
+        read(tmp_path / "folder.csv")
 
 
 @pytest.mark.parametrize(
@@ -249,7 +249,7 @@ def test_a_line_that_is_no_sample_is_named(tmp_path: Path, change: Any, reason: 
     with path.open("w", newline="") as file:
         csv.writer(file).writerows(rows)
     with pytest.raises(FileError, match=reason):
-        read_csv(path)
+        read(path)
 
 
 def test_a_cut_within_a_line_is_noticed(tmp_path: Path) -> None:
@@ -259,7 +259,7 @@ def test_a_cut_within_a_line_is_noticed(tmp_path: Path) -> None:
         if whole[size - 1 : size] != b"\n":
             path.write_bytes(whole[:size])
             with pytest.raises(FileError):
-                read_csv(path)
+                read(path)
 
 
 def test_standard_output(tmp_path: Path) -> None:
@@ -282,7 +282,7 @@ def test_a_standard_output_that_takes_little_at_a_time(
 ) -> None:
     write_all = os.write
     monkeypatch.setattr(os, "write", lambda fd, data: write_all(fd, data[:1000]))
-    write_csv(make(), "-")
+    write(make(), "-")
     assert capfdbinary.readouterr().out == _written(tmp_path, make()).read_bytes()
 
 
@@ -290,16 +290,16 @@ def test_standard_output_in_memory(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = make(coordinates=("φ", "psi"))
-    write_csv(run, "-")
+    write(run, "-")
     assert capsys.readouterr().out.encode() == _written(tmp_path, run).read_bytes()
     monkeypatch.setattr(sys, "stdout", None)
     with pytest.raises(FileError, match="closed"):
-        write_csv(run, "-")
+        write(run, "-")
 
 
 def test_standard_output_has_no_sidecar() -> None:
     with pytest.raises(UsageError, match="no sidecar"):
-        write_csv(make(), "-", meta=True)
+        write(make(), "-", meta=True)
 
 
 TO_STDOUT = """

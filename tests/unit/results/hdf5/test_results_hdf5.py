@@ -20,12 +20,13 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from trajectories import MODEL, assert_same, make, random_trajectories
 
+from lagcli.columns import QUANTITIES
 from lagcli.errors import FileError, UsageError
+from lagcli.results import read, write
 from lagcli.results.formats import open_reader
 from lagcli.results.hdf5 import seal
 from lagcli.results.hdf5.container import Sink, set_text
-from lagcli.results.hdf5.trajectories import read_hdf5, write_hdf5
-from lagcli.results.layout import MIXED, NOT_STATED, QUANTITIES
+from lagcli.results.layout import MIXED, NOT_STATED
 from lagcli.trajectory.samples import SIGN_CONVENTION, Terms
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -54,27 +55,27 @@ SIZES: dict[str, dict[str, Any]] = {
 
 
 def _written(folder: Path, trajectory: Trajectory) -> Path:
-    write_hdf5(trajectory, folder / "run.h5")
+    write(trajectory, folder / "run.h5")
     return folder / "run.h5"
 
 
 @pytest.mark.parametrize("size", SIZES)
 def test_a_run_comes_back(tmp_path: Path, size: str) -> None:
     run = make(**SIZES[size])
-    assert_same(run, read_hdf5(_written(tmp_path, run)))
+    assert_same(run, read(_written(tmp_path, run)))
 
 
 @settings(deadline=None, max_examples=40)
 @given(run=random_trajectories(st.floats()))
 def test_any_run_comes_back(run: Trajectory) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        assert_same(run, read_hdf5(_written(Path(folder), run)))
+        assert_same(run, read(_written(Path(folder), run)))
 
 
 def test_bits_of_nan_and_signed_zero_come_back(tmp_path: Path) -> None:
     odd = np.array([0x7FF8000000000123, 0xFFF8000000000000, 1 << 63, 1, 0x7FF0000000000000])
     run = make(5, energy_total=odd.astype(np.uint64).view(np.float64))
-    assert_same(run, read_hdf5(_written(tmp_path, run)))
+    assert_same(run, read(_written(tmp_path, run)))
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -151,7 +152,7 @@ def test_xarray_opens_it_as_it_is(tmp_path: Path, size: str) -> None:
 def test_an_output_may_have_the_name_of_an_axis(tmp_path: Path) -> None:
     run = make(outputs=("time", "constraint"))
     path = _written(tmp_path, run)
-    assert_same(run, read_hdf5(path))
+    assert_same(run, read(path))
     with xr.open_dataset(path, engine="h5netcdf", group="outputs") as data:
         np.testing.assert_array_equal(data["constraint"], run.outputs["constraint"])
 
@@ -188,7 +189,7 @@ def test_a_model_of_a_megabyte_comes_back(tmp_path: Path) -> None:
     run = make(model="φ: r·sin(ψ)\r\n" * 80_000)
     assert len(run.model.encode()) > 1 << 20
     path = _written(tmp_path, run)
-    assert_same(run, read_hdf5(path))
+    assert_same(run, read(path))
     with xr.open_dataset(path, engine="h5netcdf") as data:
         assert data.attrs["model"] == run.model
 
@@ -199,7 +200,7 @@ def test_values_that_json_lacks_are_no_obstacle(tmp_path: Path) -> None:
         counts={"steps": np.int64(7)},
         parameters={"m": np.float64(2), "limit": np.inf, "unknown": np.nan},
     )
-    back = read_hdf5(_written(tmp_path, run))
+    back = read(_written(tmp_path, run))
     assert back.options == {"path": str(Path("in/data.csv")), "n": 3, "times": [0.5, 1.0]}
     assert back.counts == {"steps": 7}
     assert repr(back.parameters) == "{'m': 2.0, 'limit': inf, 'unknown': nan}"
@@ -209,7 +210,7 @@ def test_outputs_of_a_family_share_a_dataset(tmp_path: Path) -> None:
     members = tuple(f"tension[{i},{j}]" for i in range(3) for j in range(2))
     run = make(outputs=("first", *members, "last"), units=dict.fromkeys(members, "N"))
     path = _written(tmp_path, run)
-    assert_same(run, read_hdf5(path))
+    assert_same(run, read(path))
     with xr.open_dataset(path, engine="h5netcdf", group="outputs") as data:
         assert list(data.data_vars) == ["first", "tension", "last"]
         assert data["tension"].attrs["units"] == "N"
@@ -226,7 +227,7 @@ def test_outputs_of_a_family_share_a_dataset(tmp_path: Path) -> None:
 )
 def test_odd_names_of_outputs(tmp_path: Path, outputs: tuple[str, ...]) -> None:
     run = make(outputs=outputs)
-    assert_same(run, read_hdf5(_written(tmp_path, run)))
+    assert_same(run, read(_written(tmp_path, run)))
 
 
 def test_many_outputs_take_little_time(tmp_path: Path) -> None:
@@ -246,7 +247,7 @@ def test_constraint_forces_are_stored_sparse(tmp_path: Path) -> None:
     run = make(200, names, names, terms=terms)
     path = _written(tmp_path, run)
     assert path.stat().st_size < 1.2 * run.nbytes
-    assert_same(run, read_hdf5(path))
+    assert_same(run, read(path))
     expected = np.zeros((200, 60))
     expected[:, 7] = run.constraint_force_by[:, 7]
     np.testing.assert_array_equal(run.constraint_force_of("c7"), expected)
@@ -361,7 +362,7 @@ def test_what_is_no_run_is_said(tmp_path: Path, spoil: Any, reason: str) -> None
     path = _written(tmp_path, make())
     spoil(path)
     with pytest.raises(FileError, match=reason) as caught:
-        read_hdf5(path)
+        read(path)
     assert str(path) in str(caught.value)
 
 
@@ -454,7 +455,7 @@ def test_a_file_with_a_right_checksum_is_still_checked(tmp_path: Path, name: str
     with path.open("r+b") as file:
         seal.seal(file)
     with pytest.raises(FileError, match=reason) as caught:
-        read_hdf5(path)
+        read(path)
     assert str(path) in str(caught.value)
 
 
@@ -464,4 +465,4 @@ def test_every_cut_is_noticed(tmp_path: Path) -> None:
     for size in range(0, len(whole) - seal.LENGTH, 97):
         path.write_bytes(whole[:size])
         with pytest.raises(FileError):
-            read_hdf5(path)
+            read(path)

@@ -12,8 +12,8 @@ import pytest
 from lagcli.errors import FileError, UsageError
 from lagcli.sweeps.file import journal as module
 from lagcli.sweeps.file.journal import Journal
-from lagcli.sweeps.file.row_status import Ledger, Missing, cause, runs_of
-from lagcli.sweeps.rows.rows import COMPLETED, FAILED, Results
+from lagcli.sweeps.row_results import COMPLETED, FAILED, Results
+from lagcli.sweeps.row_status import MissingRows, RowStatus, cause, runs_of
 
 HEADER = {"sweep": {"x": 1}}
 ROWS = 10
@@ -275,22 +275,22 @@ def test_a_full_disk_leaves_the_journal_as_it_was(
 
 
 def test_ledger_counts_rows_and_causes() -> None:
-    ledger = Ledger(10)
-    ledger.enter(results(0, 1, 2, 3, 6))
-    assert ledger.done == 5
-    assert ledger.statuses() == {"completed": 2, "failed": 3, "missing": 5}
-    assert ledger.failures() == {"row …: “no”": 3}
-    ledger.enter(results(4, 5, 9))
-    ledger.forget_failures()
-    assert ledger.statuses() == {"completed": 4, "missing": 6}
-    assert ledger.failures() == {}
+    row_status = RowStatus(10)
+    row_status.enter(results(0, 1, 2, 3, 6))
+    assert row_status.done == 5
+    assert row_status.statuses() == {"completed": 2, "failed": 3, "missing": 5}
+    assert row_status.failures() == {"row …: “no”": 3}
+    row_status.enter(results(4, 5, 9))
+    row_status.forget_failures()
+    assert row_status.statuses() == {"completed": 4, "missing": 6}
+    assert row_status.failures() == {}
 
 
 def test_the_missing_are_handed_out_once() -> None:
-    ledger = Ledger(200_000)
+    row_status = RowStatus(200_000)
     done = np.random.default_rng(1).permutation(200_000)[:150_000]
-    ledger.status[done] = COMPLETED
-    missing = Missing(ledger)
+    row_status.status[done] = COMPLETED
+    missing = MissingRows(row_status)
     assert missing.left == 50_000
     parts = []
     while len(part := missing.take(777)):

@@ -17,10 +17,10 @@ import pytest
 
 import lagcli
 from lagcli.errors import FileError, UsageError
+from lagcli.sweeps.row_results import COMPLETED, FAILED, Results
 from lagcli.sweeps.rows import cluster
 from lagcli.sweeps.rows.cluster import Cluster
 from lagcli.sweeps.rows.dask_dispatch import Answer
-from lagcli.sweeps.rows.rows import COMPLETED, FAILED, Results
 from lagcli.sweeps.rows.workers import Chunks
 
 distributed = pytest.importorskip("distributed", reason="lagcli[cluster] is not installed")
@@ -104,12 +104,15 @@ SPEC: Any = SimpleNamespace(sha256="0", measures=(("a", "a"),))
 
 
 def run(
-    client: Client, rows: int, said: list[str] | None = None, heed: Callable = lambda: None
+    client: Client,
+    rows: int,
+    said: list[str] | None = None,
+    check_cancelled: Callable = lambda: None,
 ) -> list[Results]:
     there = Cluster("tcp://h:1", (said if said is not None else []).append)
     there._client = client  # type: ignore[assignment]
     there._look()
-    return list(there.run(SPEC, Chunks(Missing(rows), 0, 1), heed))  # type: ignore[arg-type]
+    return list(there.run(SPEC, Chunks(Missing(rows), 0, 1), check_cancelled))  # type: ignore[arg-type]
 
 
 def test_every_row_comes_back_once() -> None:
@@ -170,12 +173,12 @@ def test_another_version_is_refused_though_it_came_late() -> None:
     client = Client()
     looked = []
 
-    def heed() -> None:
+    def check_cancelled() -> None:
         looked.append(1)
         client.version = "0.0.9"
 
     with pytest.raises(UsageError, match=r"tcp://w:1 has lagcli 0\.0\.9, and this is lagcli"):
-        run(client, 10**5, heed=heed)
+        run(client, 10**5, check_cancelled=check_cancelled)
     assert looked
 
 
@@ -197,13 +200,13 @@ def test_what_a_bug_says_on_a_worker_is_told() -> None:
 def test_an_interrupt_leaves_nothing_under_way() -> None:
     client, seen = Client(), []
 
-    def heed() -> None:
+    def check_cancelled() -> None:
         seen.append(1)
         if len(seen) == 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(client, 10**6, heed=heed)
+        run(client, 10**6, check_cancelled=check_cancelled)
     assert client.cancelled == 4
     assert len(client.sent) == 6
 

@@ -15,7 +15,8 @@ from lagcli.model.sections.measures import read_measures
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.plan.plan import make_plan
 from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.rows.rows import COMPLETED, ERROR, FAILED, run_rows
+from lagcli.sweeps.row_results import COMPLETED, ERROR, FAILED
+from lagcli.sweeps.rows.rows import run_rows
 from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[4] / "models"

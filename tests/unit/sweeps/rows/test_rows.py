@@ -9,10 +9,11 @@ import pytest
 
 import lagcli
 from lagcli.settings.settings import SettingsOverrides
-from lagcli.sweeps.file.row_status import Ledger, Missing
 from lagcli.sweeps.plan.plan import make_plan
 from lagcli.sweeps.plan.spec import Spec
-from lagcli.sweeps.rows.rows import COMPLETED, Runner
+from lagcli.sweeps.row_results import COMPLETED
+from lagcli.sweeps.row_status import MissingRows, RowStatus
+from lagcli.sweeps.rows.rows import Runner
 from lagcli.sweeps.rows.workers import Chunks
 
 pytest.importorskip("lagcli.engine.core.binding")
@@ -63,7 +64,7 @@ def test_programs_are_assembled_once_for_all_rows(path, vary, settings, counted)
 
 @pytest.mark.parametrize("seconds", [0.001, 0.1, 0.3, 1.0])
 def test_chunks_fill_the_lanes(seconds):
-    chunks = Chunks(Missing(Ledger(1000)), 0, 2)
+    chunks = Chunks(MissingRows(RowStatus(1000)), 0, 2)
     for _ in range(5):
         numbers = chunks.next()
         assert len(numbers) % 8 == 0
@@ -71,6 +72,6 @@ def test_chunks_fill_the_lanes(seconds):
 
 
 def test_rows_that_take_long_come_one_by_one():
-    chunks = Chunks(Missing(Ledger(1000)), 0, 2)
+    chunks = Chunks(MissingRows(RowStatus(1000)), 0, 2)
     chunks.took(len(chunks.next()), 16 * 20.0)
     assert len(chunks.next()) == 1

@@ -26,11 +26,11 @@ def test_endless_rows_end(method: str) -> None:
     spec = Spec(model.text, CRANK, {}, {}, settings, plan, (("a", "max(phi)"),), "measures")
     began = time.monotonic()
 
-    def heed() -> None:
+    def check_cancelled() -> None:
         if time.monotonic() - began > 0.3:
             raise Interrupted
 
     with pytest.raises(Interrupted):
-        run_rows(spec, np.arange(plan.length), heed)
+        run_rows(spec, np.arange(plan.length), check_cancelled)
     # several times in 0.1 s are promised; the rest is for a busy machine
     assert time.monotonic() - began < 5

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from lagcli.columns import QUANTITIES, SAMPLED, SCALARS, ColumnName, ResultQuantity
 from lagcli.errors import UsageError
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.trees import CallExpr, Name, SumExpr, Tree
 from lagcli.model.expression.units import si_notation
 from lagcli.model.model import Model
 from lagcli.model.sections.measures import REDUCTIONS
-from lagcli.results.layout import NOT_STATED, QUANTITIES
+from lagcli.results.layout import NOT_STATED
 
 KIND = "sweep"
 #: Version of the layout of sweep files.
@@ -22,7 +23,12 @@ RESERVED = {
     *("run", "status", "message", "steps", "rejected", "evaluations", "outputs"),
     *("coordinate", "constraint", *(q.name for q in QUANTITIES)),
 }
+#: The quantities of kept trajectories.
+KEPT = tuple(quantity for quantity in SAMPLED if quantity.kept)
 COUNTS = ("steps", "rejected", "evaluations")
+
+#: The units of the columns that have one number at each sample.
+_UNITS = {"t": "s", **{q.name: q.unit for q in SCALARS if "{u}" not in q.unit}}
 
 _NAMED = re.compile(r"\s*([^\W\d_]\w*)\s*=(?!=)\s*(.*)", re.DOTALL)
 
@@ -136,12 +142,8 @@ def _unit_of_name(model: Model, name: str) -> str:
         return si_notation(unit) if unit else NOT_STATED
     if name in model.output_units:
         return model.output_units[name]
-    if name.startswith("energy_"):
-        return "J"
-    if name.startswith("power_"):
-        return "W"
-    if name == "t":
-        return "s"
+    if name in _UNITS:
+        return _UNITS[name]
     base, dots = name.rstrip("'"), len(name) - len(name.rstrip("'"))
     for ending, order in (("_ddot", 2), ("_dot", 1)):
         if base.removesuffix(ending) in model.coordinate_names and base.endswith(ending):
@@ -154,23 +156,18 @@ def _unit_of_name(model: Model, name: str) -> str:
 
 def default_measures(model: Model) -> tuple[tuple[str, str], ...]:
     """Return what is measured where nothing is said: extremes of λ, the last state, and errors."""
-    texts = [f"{kind}(lambda.{c})" for c in model.constraint_names for kind in ("min", "max")]
+    multipliers = [ColumnName("multipliers", c) for c in model.constraint_names]
+    texts = [f"{kind}({name})" for name in multipliers for kind in ("min", "max")]
     texts += [f"final({q}{dot})" for dot in ("", "'") for q in model.coordinate_names]
     worst = ["energy_balance"]
     worst += ["residual_position", "residual_velocity"] if model.constraints else []
     return tuple((x, x) for x in [*texts, *(f"max(abs({name}))" for name in worst)])
 
 
-def kept_layout(model: Model) -> list[tuple[str, tuple[str, ...], int]]:
-    """Return the datasets of kept trajectories: name, axes after ``run``, and how many numbers.
+def kept_layout(model: Model) -> list[tuple[ResultQuantity, int]]:
+    """Return the quantities of kept trajectories, and how many numbers a sample has of each.
 
     The outputs come after them, in the model's order.
     """
-    nq, nc = len(model.coordinates), len(model.constraints)
-    axes: Any = ("time", "coordinate")
-    found: list[tuple[str, tuple[str, ...], int]] = [(name, axes, nq) for name in ("q", "v", "a")]
-    found.append(("multipliers", ("time", "constraint"), nc))
-    found.append(("constraint_force", axes, nq))
-    for name in ("energy_kinetic", "energy_potential", "energy_total", "energy_balance"):
-        found.append((name, ("time",), 1))
-    return found
+    widths = {"coordinate": len(model.coordinates), "constraint": len(model.constraints), "": 1}
+    return [(quantity, widths[quantity.along]) for quantity in KEPT]

@@ -1,4 +1,4 @@
-"""The options of a sweep → a sweep that is checked, before its first row."""
+"""Check the options of a sweep before its first row."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lagcli.model.model import Model
 from lagcli.model.sections.measures import read_measures
 from lagcli.results.formats import format_of
 from lagcli.settings.settings import SettingsOverrides
-from lagcli.sweeps.file.layout import (
+from lagcli.sweeps.columns import (
     Column,
     check_names,
     default_measures,
@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 KEPT_UNASKED = 10**9
 
 
-class Asked(NamedTuple):
-    """What is asked for beside the model: texts of options."""
+class SweepRequest(NamedTuple):
+    """The options of a sweep, as they are given."""
 
     vary: Sequence[str]
     sample: str | None
@@ -46,7 +46,7 @@ class Asked(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Ready:
+class PreparedSweep:
     """A checked sweep.
 
     Parameters
@@ -78,27 +78,34 @@ def prepare_sweep(
     set: Mapping[str, object],
     set_initial: Mapping[str, object],
     settings: SettingsOverrides | None,
-    asked: Asked,
+    request: SweepRequest,
     path: str,
-) -> Ready:
+) -> PreparedSweep:
     """Check everything that can be wrong before the first row."""
     model = load_text(text, name, set, set_initial)
     taken = {**set, **_dotted(set_initial)}
-    plan = make_plan(model, asked.vary, asked.sample, asked.seed, asked.zipped, taken)
-    csv = format_of(path) == "csv"
-    if asked.keep == "trajectories" and csv:
-        raise UsageError("a CSV file holds measures only; give -o with .h5 to keep trajectories")
-    read_measures(model, asked.measures)
+    plan = make_plan(model, request.vary, request.sample, request.seed, request.zipped, taken)
+    written = format_of(path)
+    if not written.sweeps:
+        raise UsageError(f"{path}: {written.title} files hold no sweeps; give -o with .h5")
+    table = written.sweeps == "table"
+    if request.keep == "trajectories" and table:
+        raise UsageError(
+            f"a {written.title} file holds measures only; give -o with .h5 to keep trajectories"
+        )
+    read_measures(model, request.measures)
     given = settings or SettingsOverrides()
-    spec = Spec(text, name, set, set_initial, given, plan, asked.measures, "measures", asked.strict)
+    spec = Spec(
+        text, name, set, set_initial, given, plan, request.measures, "measures", request.strict
+    )
     trial = Runner(spec)
     base = trial.base()
-    widths = sum(width for _, _, width in kept_layout(model)) + len(model.outputs)
+    widths = sum(width for _, width in kept_layout(model)) + len(model.outputs)
     row_bytes = 8 * len(base.grid.times) * widths
-    keep, measures = asked.keep, asked.measures
+    keep, measures = request.keep, request.measures
     if keep is None:
         small = row_bytes * plan.length <= KEPT_UNASKED and not trial.structural
-        keep = "trajectories" if small and not measures and not csv else "measures"
+        keep = "trajectories" if small and not measures and not table else "measures"
     if keep == "trajectories" and trial.structural:
         names = ", ".join(f"`{plan.columns[i]}`" for i in trial.structural)
         raise UsageError(
@@ -115,7 +122,7 @@ def prepare_sweep(
     if keep == "measures":
         row_bytes = 0
     options = base.variants.settings.as_dict()
-    return Ready(spec, model, base.grid.times, columns, measured, row_bytes, options)
+    return PreparedSweep(spec, model, base.grid.times, columns, measured, row_bytes, options)
 
 
 def _dotted(set_initial: Mapping[str, object]) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""What is done of a sweep: a few bytes for each row, and how often what went wrong."""
+"""The status of each row of a sweep, and the causes of failures with their counts."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.sweeps.rows.rows import COMPLETED, MISSING, STATUSES, Results
+from lagcli.sweeps.row_results import COMPLETED, MISSING, STATUSES, Results
 
 Numbers = NDArray[np.int64]
 
-_MOST_CAUSES = 1000  # told apart
+_MOST_CAUSES = 1000  # counted separately
 _LONGEST = 200  # characters of a cause
 _NUMBER = re.compile(r"[-+−]?(?<![\w.])\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
 def cause(message: str) -> str:
-    """Return what a message says without the numbers of its row, so that alike ones are counted."""
+    """Return a message without the numbers of its row, for counting equal causes."""
     text = message.strip().partition("\n")[0]
     text = text[text.find("error[") :] if "error[" in text else text
     text = _NUMBER.sub("…", text.partition(";")[0])
     return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
 
 
-class Ledger:
-    """The rows of a sweep and what became of them.
+class RowStatus:
+    """The status of each row of a sweep, and why rows failed.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Ledger:
     Attributes
     ----------
     status : (length,) array of int8
-        As in `lagcli.sweeps.rows.rows.Results`.
+        As in `lagcli.sweeps.row_results.Results`.
     """
 
     def __init__(self, length: int):
@@ -45,7 +45,7 @@ class Ledger:
         self._causes = {"": 0}
 
     def enter(self, results: Results) -> None:
-        """Take note of results; later ones of a row replace earlier ones."""
+        """Record results; later ones of a row replace earlier ones."""
         self.status[results.numbers] = results.status
         self._cause[results.numbers] = 0
         for i in np.flatnonzero(results.status != COMPLETED):
@@ -56,7 +56,7 @@ class Ledger:
             self._cause[results.numbers[i]] = place
 
     def forget_failures(self) -> None:
-        """Let the rows that failed be missing again."""
+        """Mark the rows that failed as missing."""
         self.status[self.status != COMPLETED] = MISSING
         self._cause[:] = 0
 
@@ -80,17 +80,17 @@ class Ledger:
         return {name: self.count(i) for i, name in enumerate(STATUSES) if self.count(i)}
 
 
-class Missing:
-    """The rows that are missing, handed out in order, some at a time.
+class MissingRows:
+    """The missing rows in order, taken some at a time.
 
     Parameters
     ----------
-    ledger : Ledger
-        As it is now: what is handed out is not handed out again.
+    row_status : RowStatus
+        Read once, now: each row is returned once.
     """
 
-    def __init__(self, ledger: Ledger):
-        self._wanted = ledger.status == MISSING
+    def __init__(self, row_status: RowStatus):
+        self._wanted = row_status.status == MISSING
         self._next = 0
         self.left = int(np.count_nonzero(self._wanted))
 

@@ -1,0 +1,342 @@
+"""The columns of results, each declared once.
+
+Result files, the signals of sweeps, and the curves of plots, reports and the live page follow from
+these declarations. Inside the program a column of numbers is a `ColumnName`; its text, such as
+``phi_dot``, ``lambda.guide`` or ``Qc.guide.phi``, is written and read here alone.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+_MIXED = "mixed: as each constraint"
+_PER_JOULE = {"m": "N", "rad": "N*m", "1": "N*m", "": "N*m"}
+
+
+class ResultQuantity(NamedTuple):
+    """One array of a result: a column, or several along an axis.
+
+    Parameters
+    ----------
+    name : str
+        Its field of `Columns` and its dataset in HDF5 files.
+    axes : tuple of str
+        Among ``time``, ``coordinate``, ``constraint``, ``term``.
+    description : str
+        The ``long_name`` in HDF5 files.
+    unit : str
+        ``{u}`` stands for the unit of the coordinate.
+    panel : str
+        The title of the plots that show it, in lower case; none of what is not along the time.
+    label : str
+        In legends; of a single letter, a symbol. Columns along an axis have labels by their names.
+    text : str
+        The pattern of the names of its columns: by default ``name``, or ``name.{constraint}``.
+    role : str
+        ``error`` where it is zero for an exact run; ``residual`` where it is also drawn as a
+        magnitude on a logarithmic axis.
+    kept : bool
+        Whether sweeps keep it with the trajectories.
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    description: str
+    unit: str
+    panel: str = ""
+    label: str = ""
+    text: str = ""
+    role: Literal["", "error", "residual"] = ""
+    kept: bool = False
+
+    @property
+    def along(self) -> str:
+        """The axis beside the time, or nothing."""
+        return "".join(axis for axis in self.axes if axis != "time")
+
+    @property
+    def pattern(self) -> str:
+        """The names of its columns, with ``{coordinate}`` and ``{constraint}``."""
+        return self.text or self.name + (".{constraint}" if self.along == "constraint" else "")
+
+    def unit_at(self, coordinate_unit: str | None) -> str | None:
+        """Return the unit of a column, given that of its coordinate; None where none is stated."""
+        if "{u}" not in self.unit:
+            return self.unit
+        if coordinate_unit is None or self.unit == "{u}":
+            return coordinate_unit
+        if self.unit == "J/{u}" and coordinate_unit in _PER_JOULE:
+            return _PER_JOULE[coordinate_unit]
+        grouped = any(sign in coordinate_unit for sign in "*/ ")
+        return self.unit.format(u=f"({coordinate_unit})" if grouped else coordinate_unit or "1")
+
+
+def _column(
+    description: str, unit: str, panel: str, label: str = "", along: str = "", **more: Any
+) -> Any:
+    """Return a field of `Columns`, declared as a `ResultQuantity`."""
+    declared = {"description": description, "unit": unit, "panel": panel, "label": label, **more}
+    return field(metadata={"axes": ("time", along) if along else ("time",), **declared})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Columns:
+    """The numbers of consecutive samples, in SI units.
+
+    nt samples, nq coordinates, nc constraints (in the model's order), n terms of constraint force.
+
+    Parameters
+    ----------
+    time : (nt,) array
+        s.
+    q, v, a : (nt, nq) arrays
+        Coordinates, velocities, accelerations.
+    multipliers : (nt, nc) array
+        λ.
+    constraint_force_by : (nt, n) array
+        λ_β b_βi, the generalized force of each constraint on each coordinate that it acts on, in
+        the order of the terms.
+    energy_kinetic, energy_potential : (nt,) arrays
+        T and V as the model states them, J.
+    energy_total : (nt,) array
+        v·∂L/∂v − L; equals T + V when T is a quadratic form in the velocities.
+    power_applied : (nt,) array
+        Power of Q and D, W.
+    power_constraint : (nt,) array
+        Σ λ_β b_β·v, W: rheonomic constraints do work.
+    power_time : (nt,) array
+        −∂L/∂t, W: what enters by the explicit time in T or V.
+    energy_balance : (nt,) array
+        energy_total minus its first value minus the integral of the three powers; zero for an
+        exact run.
+    residual_position, residual_velocity : (nt, nc) arrays
+        φ and ψ at the written state; φ of a nonholonomic constraint is NaN.
+    residual_equation : (nt,) array
+        max norm of M a − f − Bᵀλ, evaluated from the written numbers.
+    """
+
+    time: Array = _column("time", "s", "time", "t", text="t")
+    q: Array = _column(
+        "generalized coordinates",
+        "{u}",
+        "coordinates",
+        along="coordinate",
+        text="{coordinate}",
+        kept=True,
+    )
+    v: Array = _column(
+        "generalized velocities",
+        "{u}/s",
+        "velocities",
+        along="coordinate",
+        text="{coordinate}_dot",
+        kept=True,
+    )
+    a: Array = _column(
+        "generalized accelerations",
+        "{u}/s^2",
+        "accelerations",
+        along="coordinate",
+        text="{coordinate}_ddot",
+        kept=True,
+    )
+    multipliers: Array = _column(
+        "Lagrange multipliers",
+        "mixed: J or W per unit of each position or velocity constraint",
+        "multipliers",
+        along="constraint",
+        text="lambda.{constraint}",
+        kept=True,
+    )
+    constraint_force_by: Array = _column(
+        "generalized constraint force lambda_beta b_beta of each constraint",
+        "J/{u}",
+        "constraint forces",
+        along="term",
+        text="Qc.{constraint}.{coordinate}",
+    )
+    energy_kinetic: Array = _column("kinetic energy", "J", "energies", "T", kept=True)
+    energy_potential: Array = _column("potential energy", "J", "energies", "V", kept=True)
+    energy_total: Array = _column("total energy", "J", "energies", "E", kept=True)
+    power_applied: Array = _column("power of the applied forces", "W", "powers", "applied forces")
+    power_constraint: Array = _column(
+        "power of the constraint forces", "W", "powers", "constraints"
+    )
+    power_time: Array = _column(
+        "power by the explicit time in T or V", "W", "powers", "explicit time"
+    )
+    energy_balance: Array = _column(
+        "total energy minus its first value minus the integral of the powers",
+        "J",
+        "energy balance",
+        "energy balance",
+        role="error",
+        kept=True,
+    )
+    residual_position: Array = _column(
+        "residual of each position constraint",
+        _MIXED,
+        "position residuals",
+        "position",
+        along="constraint",
+        role="residual",
+    )
+    residual_velocity: Array = _column(
+        "residual of each velocity constraint",
+        _MIXED,
+        "velocity residuals",
+        "velocity",
+        along="constraint",
+        role="residual",
+    )
+    residual_equation: Array = _column(
+        "max norm of the residual of the equations",
+        "J/{u}",
+        "equation residual",
+        "equations",
+        role="residual",
+    )
+
+
+#: What follows from a stored column: the sum of ``constraint_force_by`` over the constraints.
+_CONSTRAINT_FORCE = ResultQuantity(
+    "constraint_force",
+    ("time", "coordinate"),
+    "generalized constraint force, the sum of lambda_beta b_beta over beta",
+    "J/{u}",
+    "constraint forces",
+    text="Qc.{coordinate}",
+    kept=True,
+)
+
+
+def _quantities() -> Iterator[ResultQuantity]:
+    for declared in fields(Columns):
+        if declared.name == "constraint_force_by":
+            yield _CONSTRAINT_FORCE
+        yield ResultQuantity(declared.name, **declared.metadata)
+    for what in ("position", "velocity"):
+        said = f"scale by which the {what} residual is judged"
+        yield ResultQuantity(f"scale_{what}", ("constraint",), said, _MIXED)
+
+
+#: Every array of a result but the model's own outputs, in the order of files.
+QUANTITIES = tuple(_quantities())
+BY_NAME = {quantity.name: quantity for quantity in QUANTITIES}
+#: Those with values at each sample.
+SAMPLED = tuple(quantity for quantity in QUANTITIES if quantity.axes[0] == "time")
+#: Those with one number at each sample, which is a function of that sample.
+SCALARS = tuple(q for q in SAMPLED if not q.along and q.name != "time")
+#: The residuals of each constraint.
+RESIDUALS = tuple(q for q in SAMPLED if q.along == "constraint" and q.role == "residual")
+#: The titles of plots, in their order, with the quantities that they show.
+PANELS = {
+    panel: tuple(q for q in SAMPLED if q.panel == panel)
+    for panel in dict.fromkeys(q.panel for q in SAMPLED if q.name != "time")
+}
+
+
+class ColumnName(NamedTuple):
+    """The name of one column of numbers; `str` writes it as files and messages have it.
+
+    Parameters
+    ----------
+    quantity : str
+        Of `QUANTITIES`.
+    constraint, coordinate : str
+        Of which constraint and coordinate, where it is along such an axis.
+    """
+
+    quantity: str
+    constraint: str = ""
+    coordinate: str = ""
+
+    def __str__(self) -> str:
+        return BY_NAME[self.quantity].pattern.format(
+            constraint=self.constraint, coordinate=self.coordinate
+        )
+
+
+def column_names(
+    quantity: ResultQuantity,
+    coordinates: Sequence[str],
+    constraints: Sequence[str],
+    terms: Sequence[tuple[str, str]] = (),
+) -> list[ColumnName]:
+    """Return the names of the columns of a quantity.
+
+    Parameters
+    ----------
+    quantity : ResultQuantity
+    coordinates, constraints : sequence of str
+        Names, in the model's order.
+    terms : sequence of (constraint, coordinate)
+        Of ``constraint_force_by``.
+    """
+    match quantity.along:
+        case "coordinate":
+            return [ColumnName(quantity.name, "", q) for q in coordinates]
+        case "constraint":
+            return [ColumnName(quantity.name, c) for c in constraints]
+        case "term":
+            return [ColumnName(quantity.name, c, q) for c, q in terms]
+    return [ColumnName(quantity.name)]
+
+
+@cache
+def _expression(quantity: ResultQuantity) -> re.Pattern[str]:
+    """Return what matches the names of a quantity's columns; names of models have no dots."""
+    pattern = re.escape(quantity.pattern).replace(r"\{", "{").replace(r"\}", "}")
+    return re.compile(re.sub(r"{(\w+)}", r"(?P<\1>[^.]+)", pattern))
+
+
+def _readings(text: str) -> Iterator[ColumnName]:
+    """Yield the columns that a text may name, whatever the coordinates and constraints are."""
+    for quantity in SAMPLED:
+        found = _expression(quantity).fullmatch(text)
+        if found is not None:
+            yield ColumnName(quantity.name, **found.groupdict())
+
+
+def read_column_name(
+    text: str, coordinates: Container[str], constraints: Container[str]
+) -> ColumnName | None:
+    """Return the column of a name, given those of the coordinates and constraints.
+
+    Parameters
+    ----------
+    text : str
+        As `str` of a `ColumnName` writes it; ``time`` is the time as well.
+    coordinates, constraints : container of str
+
+    Returns
+    -------
+    ColumnName or None
+        None where no column has this name.
+    """
+    if text in BY_NAME and not BY_NAME[text].along:
+        return ColumnName(text)
+    for name in _readings(text):
+        known = not name.constraint or name.constraint in constraints
+        if known and (not name.coordinate or name.coordinate in coordinates):
+            return name
+    return None
+
+
+def read_dotted_name(text: str) -> ColumnName | None:
+    """Return the column of λ, a constraint force or a residual by its name, of any model.
+
+    ``lambda.guide``, ``Qc.phi``, ``Qc.guide.phi``, ``residual_position.guide``; None of any other
+    text.
+    """
+    return next(_readings(text), None) if "." in text else None

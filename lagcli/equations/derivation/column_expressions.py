@@ -1,0 +1,83 @@
+"""The columns of results as expressions in t, q, v, a and λ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.columns import SCALARS
+from lagcli.equations.derivation.lagrange import Equations
+from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.model.model import multiplier
+
+#: Work of the powers since the first sample, and total energy less that work there.
+WORK, ENERGY_BEFORE = se.Symbol("#work"), se.Symbol("#before")
+
+#: Columns that `lagcli.simulations.derived` computes from the entries of M and B.
+FROM_ENTRIES = ("power_constraint", "energy_balance", "residual_equation")
+#: The columns that the engine reports, in the order of its tape.
+REPORTED = tuple(q.name for q in SCALARS if q.name not in FROM_ENTRIES)
+
+
+def column_expression(equations: Equations, name: str) -> Basic:
+    """Return the expression of a column that has one number at each sample.
+
+    Parameters
+    ----------
+    equations : Equations
+    name : str
+        One of `lagcli.columns.SCALARS`.
+
+    Returns
+    -------
+    expression
+        In t, q, v, a, λ, the parameters, and in `WORK` and `ENERGY_BEFORE` for the energy balance.
+    """
+    return _EXPRESSIONS[name](equations)
+
+
+def reported(equations: Equations) -> list[Basic]:
+    """Return the expressions of the columns `REPORTED`."""
+    return [column_expression(equations, name) for name in REPORTED]
+
+
+def largest(values: Sequence[Basic]) -> Basic:
+    """Return the largest magnitude; 0 of none."""
+    if not values:
+        return se.Integer(0)
+    return FUNCTIONS["max"].apply(*[FUNCTIONS["abs"].apply(x) for x in values])
+
+
+def power_applied(eq: Equations) -> Basic:
+    """Return Q·v."""
+    return se.Add(*[q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)])
+
+
+def _power_constraint(eq: Equations) -> Basic:
+    forces = ((multiplier(c.constraint.name), c.row) for c in eq.constraints)
+    return se.Add(*[force * b * eq.v[j] for force, row in forces for j, b in row.items()])
+
+
+def _residual_equation(eq: Equations) -> Basic:
+    rows = [
+        [m * eq.a[j] for j, m in row.items()] + [-f]
+        for row, f in zip(eq.mass_matrix, eq.forcing, strict=True)
+    ]
+    for c in eq.constraints:
+        for j, b in c.row.items():
+            rows[j].append(-multiplier(c.constraint.name) * b)
+    return largest([se.Add(*row) for row in rows])
+
+
+_EXPRESSIONS: Mapping[str, Callable[[Equations], Basic]] = {
+    "energy_kinetic": lambda eq: eq.kinetic,
+    "energy_potential": lambda eq: eq.potential,
+    "energy_total": lambda eq: eq.energy,
+    "power_applied": power_applied,
+    "power_constraint": _power_constraint,
+    "power_time": lambda eq: eq.time_power,
+    "energy_balance": lambda eq: eq.energy - WORK - ENERGY_BEFORE,
+    "residual_equation": _residual_equation,
+}
