@@ -1,28 +1,17 @@
-"""Hooks of MkDocs: pages and models outside `docs/`, and tables made from declarations."""
+"""Hooks of MkDocs: pages and models outside `docs/`."""
 
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File, Files
 
-sys.path.append(str(Path(__file__).parent))
-from tables import with_tables
-
-from lagcli.columns import QUANTITIES
-
 ROOT = Path(__file__).parents[1]
 #: Pages of the repository's root, and their places in the site, where README means the index.
 PAGES = {"README.md": "first-example.md", "CONTRIBUTING.md": "CONTRIBUTING.md"}
 PAGES["CHANGELOG.md"] = "CHANGELOG.md"
-#: The line that the table of columns replaces.
-COLUMNS = (
-    "*The site shows a table of the datasets here, made from their declarations in"
-    " `lagcli/columns.py`.*"
-)
 LINK = re.compile(r"\]\(([^)#:]+)(?=[)#])")
 
 
@@ -35,10 +24,8 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
-    """Add the tables, and turn links between `docs/` and its parent folder into the site's."""
-    markdown = with_tables(markdown)
+    """Turn links between `docs/` and its parent folder into the site's."""
     place = page.file.src_uri
-    markdown = markdown.replace(COLUMNS, columns())
     if place in PAGES.values():
         return LINK.sub(lambda m: f"]({_of_root(m[1])}", markdown)
     depth = place.count("/")
@@ -50,19 +37,6 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
         return f"]({'../' * depth}{_of_root(link[1].removeprefix(leaving))}"
 
     return LINK.sub(inside, markdown)
-
-
-def columns() -> str:
-    """Return the table of the columns of results; [q] is the unit of the coordinate."""
-    sizes = {"time": "nt", "coordinate": "nq", "constraint": "nc", "term": "n"}
-    lines = ["| dataset | shape | meaning | unit | column |", "|---|---|---|---|---|"]
-    for q in QUANTITIES:
-        shape = f"({', '.join(sizes[axis] for axis in q.axes)}{',' * (len(q.axes) == 1)})"
-        unit = q.unit.replace("{u}", "[q]")
-        name = q.pattern.replace("{constraint}", "NAME").replace("{coordinate}", "q")
-        name = f"`{name}`" if q.axes[0] == "time" else ""
-        lines.append(f"| `{q.name}` | {shape} | {q.description} | {unit} | {name} |")
-    return "\n".join(lines)
 
 
 def _of_root(target: str) -> str:

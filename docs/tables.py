@@ -1,22 +1,28 @@
-"""Tables of the documentation that are made from what the program declares."""
+"""Tables of the documentation that follow from declarations.
+
+``python docs/tables.py`` writes them into the pages.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
+from lagcli.columns import QUANTITIES, ResultQuantity
 from lagcli.settings.kinds import Choice, Flag, Setting, Times, Tolerances, WholeNumber
 from lagcli.settings.methods import FORMULATIONS, METHODS, Method
 from lagcli.settings.settings import Settings
 
-#: Where a page has a table.
-PLACE = re.compile(r"^<!-- table of (\w+) -->$", re.MULTILINE)
+DOCS = Path(__file__).parent
+#: A table in a page, between comments that say which.
+PLACE = re.compile(r"(?<=^<!-- table of )(\w+)( -->\n).*?(?=^<!-- end of table -->$)", re.M | re.S)
 
 
 def with_tables(markdown: str) -> str:
-    """Return a page with its tables."""
-    return PLACE.sub(lambda place: TABLES[place[1]](), markdown)
+    """Return a page with its tables as they follow from the declarations."""
+    return PLACE.sub(lambda place: f"{place[1]}{place[2]}\n{TABLES[place[1]]()}\n\n", markdown)
 
 
 def settings_table() -> str:
@@ -44,7 +50,16 @@ def methods_table() -> str:
     return _table(("method", "", "order", "steps", "between steps", "engines"), rows)
 
 
-TABLES = {"settings": settings_table, "methods": methods_table}
+def columns_table() -> str:
+    """Return the table of the datasets and columns of results; [q] is a coordinate's unit."""
+    rows = (
+        (f"`{x.name}`", _shape(x), x.description, x.unit.replace("{u}", "[q]"), _column(x))
+        for x in QUANTITIES
+    )
+    return _table(("dataset", "shape", "meaning", "unit", "column"), rows)
+
+
+TABLES = {"settings": settings_table, "methods": methods_table, "columns": columns_table}
 
 
 def _value(setting: Setting[Any]) -> str:
@@ -69,6 +84,25 @@ def _limits(method: Method, engine: str) -> str:
     return f" (not {', '.join(missing)})" if missing else ""
 
 
+def _shape(quantity: ResultQuantity) -> str:
+    sizes = {"time": "nt", "coordinate": "nq", "constraint": "nc", "term": "n"}
+    axes = [sizes[axis] for axis in quantity.axes]
+    return f"({', '.join(axes)}{',' * (len(axes) == 1)})"
+
+
+def _column(quantity: ResultQuantity) -> str:
+    if quantity.axes[0] != "time":
+        return ""
+    name = quantity.pattern.replace("{constraint}", "NAME").replace("{coordinate}", "q")
+    return f"`{name}`"
+
+
 def _table(heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     lines = (heads, tuple("---" for _ in heads), *rows)
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+if __name__ == "__main__":
+    for page in DOCS.glob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        page.write_text(with_tables(text), encoding="utf-8")

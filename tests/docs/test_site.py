@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import lagcli
-from lagcli.columns import QUANTITIES
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -66,10 +65,15 @@ def test_reference_has_every_public_function() -> None:
     assert {n for n in lagcli.__all__ if not n.startswith("_")} <= documented
 
 
-def test_the_table_of_columns_has_every_dataset(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("mkdocs")
+@pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda path: path.name)
+def test_tables_are_those_of_the_declarations(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(DOCS)
-    hooks = import_module("hooks")
-    assert hooks.COLUMNS in (DOCS / "results.md").read_text("utf-8")
-    rows = re.findall(r"^\| `(\w+)` \|", hooks.columns(), re.M)
-    assert rows == [quantity.name for quantity in QUANTITIES]
+    text = page.read_text("utf-8")
+    assert import_module("tables").with_tables(text) == text, "run `python docs/tables.py`"
+
+
+def test_every_table_is_in_a_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(DOCS)
+    pages = "".join(page.read_text("utf-8") for page in DOCS.glob("*.md"))
+    for name in import_module("tables").TABLES:
+        assert f"<!-- table of {name} -->" in pages
