@@ -59,11 +59,13 @@ def commands(name: str, folder: Path) -> list[list[str]]:
     picture, page = str(folder / "picture.svg"), str(folder / "page.html")
     if name.endswith("sweep.h5"):
         return [["info"], ["export-csv", "-o", str(folder / "table.csv"), "--force"]]
+    # a table without a sidecar holds no model
+    model = ["--model", str(MODEL)] if name == "alone.csv" else []
     return [
         ["info"],
         ["info", "--json"],
-        ["animate", "-o", page, "--force", "--quiet"],
-        ["report", "-o", page, "--force", "--quiet"],
+        ["animate", "-o", page, "--force", "--quiet", *model],
+        ["report", "-o", page, "--force", "--quiet", *model],
         ["plot", "-o", picture, "--force"],
     ]
 

@@ -29,6 +29,10 @@ def power(exponent: int) -> str:
     return f"10{str(exponent).translate(_RAISED)}"
 
 
+#: Powers of ten that have neighbours in double precision: ticks lie one beyond the limits.
+_MOST_DECADES = 305
+
+
 def plain_ticks(axis: Any) -> None:
     """Number an axis; a common power of ten stands at its end."""
     from matplotlib.ticker import ScalarFormatter
@@ -47,7 +51,8 @@ def decades(ax: Any, values: list[Array]) -> None:
 
     finite = np.concatenate([v[np.isfinite(v) & (v > 0)] for v in values] or [np.empty(0)])
     low, high = (finite.min(), finite.max()) if finite.size else (1e-16, 1e-15)
-    first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
+    first = min(max(math.floor(math.log10(low)), -_MOST_DECADES), _MOST_DECADES - 1)
+    last = min(math.ceil(math.log10(high)), _MOST_DECADES)
     ax.set_yscale("log")
     ax.set_ylim(10.0**first, 10.0 ** max(last, first + 1))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: power(round(math.log10(y)))))
