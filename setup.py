@@ -1,43 +1,31 @@
 """Builds the compiled engine's core; without a C compiler, lagcli runs on its reference engine."""
 
+import sys
 from pathlib import Path
 
 from Cython.Build import cythonize
 from setuptools import Extension, setup
 
+# a build is isolated from the directory that it is run in
+sys.path.insert(0, str(Path(__file__).parent))
+from lagcli.engine.core.headers import headers
+
 CORE = Path("lagcli") / "engine" / "core"
+
+for name, text in headers().items():
+    header = CORE / name
+    if not header.exists() or header.read_text(encoding="utf-8") != text:
+        header.write_text(text, encoding="utf-8")
 
 core = Extension(
     "lagcli.engine.core.binding",
     sources=[
-        str(CORE / name)
-        for name in (
-            "binding.pyx",
-            "dop853.c",
-            "events.c",
-            "implicit.c",
-            "lanes.c",
-            "lanes_avx2.c",
-            "lanes_default.c",
-            "ldl.c",
-            "linear.c",
-            "motion.c",
-            "project.c",
-            "radau5.c",
-            "rodas5p.c",
-            "run.c",
-            "series.c",
-            "sizes.c",
-            "sparse.c",
-            "tape.c",
-            "taylor.c",
-            "vectors.c",
-            "vectors_avx2.c",
-            "vectors_default.c",
-            "watch.c",
-        )
+        str(CORE / "binding.pyx"),
+        *(str(path) for path in sorted(CORE.glob("*.c")) if path.stem != "binding"),
     ],
-    depends=[str(path) for path in sorted([*CORE.glob("*.h"), *CORE.glob("*.pxi")])],
+    depends=[
+        str(path) for suffix in ("h", "pxi", "pxd") for path in sorted(CORE.glob(f"*.{suffix}"))
+    ],
     # no -ffast-math: NaN and the order of operations mean something here; nor may a processor that
     # multiplies and adds at once change them. Nobody reads errno, and with it no root is a vector's
     # Jumps through tables cost the evaluator dearly where they cannot be predicted. How vectors are

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.engine.layout import SampleLayout
 from lagcli.engine.system import System
 from lagcli.settings.settings import Settings
 
@@ -121,15 +122,15 @@ class Block(NamedTuple):
     work: Array
 
     @classmethod
-    def of_rows(cls, rows: Array, nq: int) -> Block:
-        """Return the block whose rows are t, q, v, a, λ, W."""
+    def of_rows(cls, rows: Array, layout: SampleLayout) -> Block:
+        """Return the block of sample rows."""
         return cls(
-            time=rows[:, 0],
-            q=rows[:, 1 : 1 + nq],
-            v=rows[:, 1 + nq : 1 + 2 * nq],
-            a=rows[:, 1 + 2 * nq : 1 + 3 * nq],
-            multipliers=rows[:, 1 + 3 * nq : -1],
-            work=rows[:, -1],
+            time=rows[:, layout.t.start],
+            q=rows[:, layout.q],
+            v=rows[:, layout.v],
+            a=rows[:, layout.a],
+            multipliers=rows[:, layout.multipliers],
+            work=rows[:, layout.work.start],
         )
 
 

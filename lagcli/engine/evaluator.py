@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.engine.layout import ConstraintLayout, DynamicsLayout
 from lagcli.engine.scales import coordinate_sizes, row_lengths
 from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
@@ -62,12 +63,13 @@ class Entries(NamedTuple):
     velocity_scale: Array
 
 
-class _Layout:
-    """Where the numbers of a System's tapes go in M and B."""
+class _Matrices:
+    """Makes matrices of the outputs of a System's tapes."""
 
     def __init__(self, system: System):
         self.nq, self.nc = len(system.coordinates), len(system.constraints)
-        self.nh = len(system.holonomic)
+        self.of_dynamics = DynamicsLayout(system.counts)
+        self.of_constraint = ConstraintLayout(system.counts)
         self.mass = self._flat(system.mass_pattern)
         self.jacobian = self._flat(system.jacobian_pattern)
 
@@ -81,27 +83,24 @@ class _Layout:
         return flat.reshape(rows, self.nq, *values.shape[1:])
 
     def dynamics(self, out: Array, finite: bool) -> Dynamics:
-        f = len(self.mass)
-        b = f + self.nq
-        rhs = b + len(self.jacobian)
+        at = self.of_dynamics
         return Dynamics(
-            mass_matrix=self.matrix(self.nq, self.mass, out[:f]),
-            forcing=out[f:b],
-            jacobian=self.matrix(self.nc, self.jacobian, out[b:rhs]),
-            rhs=out[rhs : rhs + self.nc],
-            power=out[-1],
+            mass_matrix=self.matrix(self.nq, self.mass, out[at.mass_matrix]),
+            forcing=out[at.forcing],
+            jacobian=self.matrix(self.nc, self.jacobian, out[at.jacobian]),
+            rhs=out[at.rhs],
+            power=out[at.power][0],
             finite=finite,
         )
 
     def constraints(self, out: Array) -> Constraints:
-        drift = self.nh + len(self.jacobian)
-        scale = drift + self.nc
+        at = self.of_constraint
         return Constraints(
-            position=out[: self.nh],
-            jacobian=self.matrix(self.nc, self.jacobian, out[self.nh : drift]),
-            drift=out[drift:scale],
-            position_scale=out[scale : scale + self.nh],
-            velocity_scale=out[scale + self.nh :],
+            position=out[at.position],
+            jacobian=self.matrix(self.nc, self.jacobian, out[at.jacobian]),
+            drift=out[at.drift],
+            position_scale=out[at.position_scale],
+            velocity_scale=out[at.velocity_scale],
         )
 
 
@@ -112,7 +111,7 @@ class Evaluator:
         self.system = system
         self._dynamics = ScalarTape(system.dynamics)
         self._constraint = ScalarTape(system.constraint)
-        self._layout = _Layout(system)
+        self._matrices = _Matrices(system)
         self._holonomic = list(system.holonomic)
 
     def entries(self, t: float, q: Array, v: Array) -> list[float]:
@@ -123,12 +122,12 @@ class Evaluator:
         """Return M, f, B, γ and the external power."""
         numbers = self.entries(t, q, v)
         # a sum is finite when its terms are, and costs nothing next to them
-        return self._layout.dynamics(np.array(numbers), math.isfinite(sum(numbers)))
+        return self._matrices.dynamics(np.array(numbers), math.isfinite(sum(numbers)))
 
     def constraints(self, t: float, q: Array, v: Array) -> Constraints:
         """Return φ, B, b_0 and scales."""
         numbers = self._constraint((t, *q.tolist(), *v.tolist(), *self.system.parameters))
-        return self._layout.constraints(np.array(numbers))
+        return self._matrices.constraints(np.array(numbers))
 
     def sizes(self, t: float, q: Array, v: Array) -> Array:
         """Return changes of the coordinates that count as equal at a state."""
@@ -157,27 +156,29 @@ class Batch:
     def __init__(self, system: System, t: Array, q: Array, v: Array):
         self.system, self.count = system, len(t)
         self._state = [t, *q.T, *v.T]
-        self._layout = _Layout(system)
+        self._matrices = _Matrices(system)
 
     def dynamics(self) -> Dynamics:
         """Return M (nq, nq, n), f (nq, n), B (nc, nq, n), γ (nc, n) and the power (n,)."""
         s = self.system
         out = run_arrays(s.dynamics, [*self._state, *s.parameters], self.count)
-        return self._layout.dynamics(out, bool(np.isfinite(out).all()))
+        return self._matrices.dynamics(out, bool(np.isfinite(out).all()))
 
     def entries(self) -> Entries:
         """Return M, f, B and the constraints without the zeros."""
-        s, layout = self.system, self._layout
+        s = self.system
         inputs = [*self._state, *s.parameters]
-        nm, nb = len(s.mass_pattern), len(s.jacobian_pattern)
-        mass, forcing, jacobian, _ = np.split(
-            run_arrays(s.dynamics, inputs, self.count), np.cumsum([nm, layout.nq, nb])
+        out, at = run_arrays(s.dynamics, inputs, self.count), self._matrices.of_dynamics
+        own, of = run_arrays(s.constraint, inputs, self.count), self._matrices.of_constraint
+        return Entries(
+            mass_matrix=out[at.mass_matrix],
+            forcing=out[at.forcing],
+            jacobian=out[at.jacobian],
+            position=own[of.position],
+            drift=own[of.drift],
+            position_scale=own[of.position_scale],
+            velocity_scale=own[of.velocity_scale],
         )
-        position, _, drift, position_scale, velocity_scale = np.split(
-            run_arrays(s.constraint, inputs, self.count),
-            np.cumsum([layout.nh, nb, layout.nc, layout.nh]),
-        )
-        return Entries(mass, forcing, jacobian, position, drift, position_scale, velocity_scale)
 
     def report(self, a: Array, multipliers: Array) -> Array:
         """Return the report tape's outputs, (outputs, n); a is (n, nq) and λ (n, nc)."""

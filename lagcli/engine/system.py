@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.engine.tape.tape import Tape
 
 Array = NDArray[np.float64]
@@ -94,6 +96,22 @@ class System:
     events: Tape | None = None
     variation: Callable[[], JacobianTapes] | None = None
     alike: tuple[tuple[int, ...], ...] = ()
+
+    @cached_property
+    def counts(self) -> Counts:
+        """Numbers of coordinates, constraints and nonzero entries."""
+        return Counts(
+            nq=len(self.coordinates),
+            nc=len(self.constraints),
+            nh=len(self.holonomic),
+            nm=len(self.mass_pattern),
+            nb=len(self.jacobian_pattern),
+        )
+
+    @cached_property
+    def sample_layout(self) -> SampleLayout:
+        """Where t, q, v, a, λ and W stand in a sample row."""
+        return SampleLayout(self.counts)
 
     def inertia(self, mass_diagonal: Array) -> Array:
         """Return the inertia by which coordinates are compared, (..., nq).

@@ -324,15 +324,15 @@ def warnings_of(
         Complete ones.
     rank : int
         Of B at the start.
-    samples : (nt, 2 + 3 nq + nc) array
-        As for `Block.of_rows`, from the start on.
+    samples : (nt, width) array
+        Sample rows from the start on, as in `SampleLayout`.
     steps : int
     """
-    nq, held = len(system.coordinates), _block_rows(system)
+    layout, held = system.sample_layout, _block_rows(system)
     columns, trust = DerivedColumns(system), Trust(system)
     for start in range(0, len(samples), held):
-        trust.add(columns(Block.of_rows(samples[start : start + held], nq)))
-    first = Block.of_rows(samples[:1], nq)
+        trust.add(columns(Block.of_rows(samples[start : start + held], layout)))
+    first = Block.of_rows(samples[:1], layout)
     return (
         *negative_inertia(system, float(first.time[0]), first.q[0], first.v[0], rank),
         *_distrust(trust, columns, settings, steps),
@@ -348,10 +348,8 @@ def _distrust(
 
 
 def _no_samples(system: System) -> Block:
-    return Block.of_rows(
-        np.empty((0, 2 + 3 * len(system.coordinates) + len(system.constraints))),
-        len(system.coordinates),
-    )
+    layout = system.sample_layout
+    return Block.of_rows(np.empty((0, layout.size)), layout)
 
 
 def _block_rows(system: System) -> int:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lagcli.engine.constraints.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR
 from lagcli.engine.core import binding
+from lagcli.engine.layout import ConstraintLayout, DynamicsLayout
 from lagcli.engine.program.program import assemble
 from lagcli.engine.scales import coordinate_sizes, least_scales, usable
 from lagcli.engine.system import Pattern, System
@@ -57,7 +58,7 @@ class StartSearch:
         self.system = system
         # each row has parameters of its own
         self.tables = tuple(
-            binding.LaneTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)
+            binding.BatchTable(assemble(tape._replace(parameters=0)), tape.inputs, 0)
             for tape in (system.constraint, system.dynamics)
         )
 
@@ -123,14 +124,16 @@ class _StartSearch:
         return np.hstack([np.full((len(q), 1), self.t), q, v, parameters])[None]
 
     def constraints(self, parameters: Array, q: Array, v: Array) -> _Constraints:
-        nh, nc = len(self.holonomic), self.nc
-        nb = len(self.system.jacobian_pattern)
+        layout = ConstraintLayout(self.system.counts)
         out = self.constraint(self.inputs(parameters, q, v), np.empty((1, 0)))[0].T
-        position, entries, drift, position_scale, velocity_scale = np.split(
-            out, np.cumsum([nh, nb, nc, nh]), axis=1
+        pattern = self.system.jacobian_pattern
+        return _Constraints(
+            position=out[:, layout.position],
+            jacobian=_matrices(out[:, layout.jacobian], pattern, self.nc, self.nq),
+            drift=out[:, layout.drift],
+            position_scale=out[:, layout.position_scale],
+            velocity_scale=out[:, layout.velocity_scale],
         )
-        jacobian = _matrices(entries, self.system.jacobian_pattern, nc, self.nq)
-        return _Constraints(position, jacobian, drift, position_scale, velocity_scale)
 
     def entries(self, parameters: Array, q: Array, v: Array) -> Array:
         """Return the outputs of the dynamics tape, (n, outputs)."""
@@ -152,12 +155,10 @@ class _StartSearch:
 
     def matrices(self, out: Array) -> tuple[Array, Array]:
         """Return M and B from outputs of the dynamics tape."""
-        s, nm = self.system, len(self.system.mass_pattern)
-        first = nm + self.nq
-        jacobian = out[:, first : first + len(s.jacobian_pattern)]
+        s, layout = self.system, DynamicsLayout(self.system.counts)
         return (
-            _matrices(out[:, :nm], s.mass_pattern, self.nq, self.nq),
-            _matrices(jacobian, s.jacobian_pattern, self.nc, self.nq),
+            _matrices(out[:, layout.mass_matrix], s.mass_pattern, self.nq, self.nq),
+            _matrices(out[:, layout.jacobian], s.jacobian_pattern, self.nc, self.nq),
         )
 
     # positions

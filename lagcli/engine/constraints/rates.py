@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lagcli.engine.layout import ConstraintLayout, RatesLayout
 from lagcli.engine.system import System
 from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.tape import Tape
@@ -12,14 +13,18 @@ def with_rates(system: System) -> Tape:
 
     Asked for alone are φ with its scale, and B, ψ and its scale.
     """
-    given, nq, nc = system.constraint, len(system.coordinates), len(system.constraints)
-    nh, nb = len(system.holonomic), len(system.jacobian_pattern)
+    given, layout = system.constraint, ConstraintLayout(system.counts)
+    v = system.sample_layout.v.start
     builder = Arithmetic(given.inputs, given.parameters)
     outputs = builder.extend(given)
-    drift, scales = nh + nb, nh + nb + nc
-    rates = outputs[drift:scales]
-    for (i, j), x in zip(system.jacobian_pattern, outputs[nh:], strict=False):
-        rates[i] = builder.plus(rates[i], builder.times(x, 1 + nq + j))
-    positions = *range(nh), *range(scales, scales + nh)
-    velocities = *range(nh, drift), *range(scales + nh, scales + nh + 2 * nc)
+    rates = outputs[layout.drift]
+    for (i, j), x in zip(system.jacobian_pattern, outputs[layout.jacobian], strict=True):
+        rates[i] = builder.plus(rates[i], builder.times(x, v + j))
+    extended, places = RatesLayout(system.counts), range(len(outputs) + len(rates))
+    positions = *places[layout.position], *places[layout.position_scale]
+    velocities = (
+        *places[layout.jacobian],
+        *places[layout.velocity_scale],
+        *places[extended.velocity],
+    )
     return builder.finish([*outputs, *rates], alone=(positions, velocities))

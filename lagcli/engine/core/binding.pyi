@@ -14,24 +14,9 @@ from lagcli.engine.taylor.series import SeriesProgram
 
 _Array = NDArray[np.float64]
 
-RUNNING: int
-DONE: int
-BLOCK_FULL: int
-UNDEFINED: int
-FLOOR: int
-NEAR: int
-OVER: int
-OFF: int
-INACCURATE: int
-STIFF: int
-ORDER: int
-EVENT: int
-CONTRADICTED: int
-JUMPED: int
 METHODS: tuple[str, ...]
 
 LANES: int
-LEFT: int
 
 def rodas5p_coefficients() -> tuple[float, _Array, _Array, _Array, _Array, _Array]: ...
 def radau5_coefficients() -> tuple[_Array, _Array, _Array, tuple[float, complex], _Array]: ...
@@ -41,7 +26,7 @@ def run_tape(
 def solve_ldl(
     plan: Elimination, places: Sequence[tuple[int, int]], values: Iterable[float], right: ArrayLike
 ) -> _Array: ...
-def lanes_sincos(x: ArrayLike, portable: bool = False) -> _Array: ...
+def batch_sincos(x: ArrayLike, portable: bool = False) -> _Array: ...
 
 class Integrator:
     @property
@@ -110,7 +95,7 @@ class Integrator:
     @property
     def t_bad(self) -> float: ...
 
-class Lanes:
+class Batch:
     @property
     def status(self) -> NDArray[np.int32]: ...
     @property
@@ -134,7 +119,7 @@ class Lanes:
     def under_way(self) -> list[int]: ...
     def leave(self, lane: int) -> None: ...
 
-class LaneTable:
+class BatchTable:
     @property
     def columns(self) -> int: ...
     @property

@@ -1,220 +1,30 @@
 # cython: language_level=3, boundscheck=False, wraparound=False
-"""The compiled engine's binding: memory and calls, no mathematics."""
+"""The compiled engine's binding: Python's objects to and from core/lagcore.h, no mathematics."""
 
 import numpy as np
 
+from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.engine.program.program import assemble
 
-from libc.stdint cimport int32_t
+from libc.stdint cimport int32_t, int64_t
+from libc.stdlib cimport free, malloc
+
+from lagcli.engine.core.lagcore cimport *
 
 
 cdef extern from "tape.h":
-    ctypedef struct lag_tape:
-        const int32_t *stream
-        const int32_t *later[3]
-        const int32_t *alone[2]
-        int32_t *held
-        double *registers
-        const int32_t *outputs
-
     void lag_stream_run(const int32_t *stream, double *registers) nogil
 
 
 cdef extern from "ldl.h":
-    ctypedef struct lag_ldl:
-        int n
-        const int32_t *order
-        const int32_t *paired
-        const int32_t *start
-        const int32_t *row
-        const int32_t *left_start
-        const int32_t *left_column
-        const int32_t *left_entry
-
     void lag_ldl_factor(
-        const lag_ldl *plan, double *diagonal, double *beside, double *lower, double *product,
-        double *work,
+        const lag_elimination *plan, double *diagonal, double *beside, double *lower,
+        double *product, double *work,
     ) nogil
     void lag_ldl_solve(
-        const lag_ldl *plan, const double *diagonal, const double *beside, const double *lower,
-        double *work, double *x,
+        const lag_elimination *plan, const double *diagonal, const double *beside,
+        const double *lower, double *work, double *x,
     ) nogil
-
-
-cdef extern from "system.h":
-    ctypedef struct lag_system:
-        int nq, nc, nh
-        const int32_t *holonomic
-        int nm, nb
-        const int32_t *mass_row
-        const int32_t *mass_column
-        const int32_t *jacobian_row
-        const int32_t *jacobian_column
-        const int32_t *mass_diagonal
-        const int32_t *unit
-        lag_tape dynamics
-        lag_tape constraint
-
-
-cdef extern from "events.h":
-    ctypedef struct lag_events:
-        int count
-        lag_tape tape
-        int32_t *sign
-        int32_t *after
-        double time
-        int which, direction
-        double *y
-
-
-cdef extern from "series.h":
-    ctypedef struct lag_series:
-        lag_tape values
-        const int32_t *stream
-        double *known
-        int count
-        double *file
-        int order
-        int steady, numbers, begun
-        const int32_t *begins
-        int origin, layer
-        const int32_t *state
-
-    int lag_series_expand(const lag_series *series, int nq, double t, const double *y) nogil
-
-
-cdef extern from "run.h":
-    cdef enum lag_method:
-        LAG_DOP853
-        LAG_RODAS5P
-        LAG_RADAU5
-        LAG_TAYLOR
-
-    ctypedef struct lag_run:
-        const lag_system *system
-        int method
-        lag_implicit *implicit
-        lag_series series
-        int detecting
-        double t_start, t, t_end, h, h_max, rtol, error_old
-        double *atol
-        const double *given
-        double *size
-        double *gross
-        double *later
-        int kinds
-        const int32_t *kind
-        double *largest
-        int projecting, watching
-        double alpha, beta
-        int baumgarte
-        int alpha_from_step, beta_from_alpha
-        double *y
-        double *f
-        double t_old, h_old
-        double *y_old
-        double *stages
-        double *dense
-        double *y_new
-        double *f_new
-        double *trial
-        double *y_sample
-        double *work
-        int finishing
-        double *a
-        double *multipliers
-        int eliminating, refinable, refining, kept_count, other_right
-        lag_ldl ldl
-        const int32_t *mass_targets
-        const int32_t *jacobian_targets
-        double *factors
-        double *product
-        long dense_steps
-        double *kkt
-        double *lu
-        double *right
-        double *solution
-        int *pivots
-        double *sizes
-        double *weight
-        double *lengths
-        double *plain_lengths
-        double *scale_position
-        double *scale_velocity
-        double *rows
-        double *weakest_rows
-        double *jacobian_before
-        int *order
-        double *components
-        double *dependencies
-        int rank
-        const double *times
-        long times_count, times_next
-        double *block
-        long block_rows, block_used
-        lag_events events
-        long steps, rejected, evaluations
-        double t_bad
-        double *y_bad
-
-    int lag_start(lag_run *run) nogil
-    int lag_switch(lag_run *run, int method) nogil
-    int lag_advance(lag_run *run, long slice) nogil
-    int lag_sample_until(lag_run *run, double end) nogil
-    void lag_dense(lag_run *run, double t, double *y) nogil
-
-cdef extern from "sizes.h":
-    int lag_sizes_again(lag_run *run)
-
-
-cdef extern from "system.h":
-    int lag_first_kept(const lag_system *system)
-
-
-cdef extern from "sparse.h":
-    ctypedef struct lag_order_of_pivots:
-        int n
-        const int32_t *row
-        const int32_t *column
-        const int32_t *start
-        const int32_t *columns
-        const int32_t *diagonal
-        const int32_t *places
-
-
-cdef extern from "implicit.h":
-    ctypedef struct lag_block:
-        int count, first
-        const int32_t *places
-
-    ctypedef struct lag_implicit:
-        lag_tape variation
-        lag_block force_position, force_velocity, rhs_position, rhs_velocity
-        lag_block power_position, power_velocity
-        double *mass
-        double *jacobian
-        double *border
-        double *derivatives
-        double *velocity
-        int n, count
-        const int32_t *start
-        const int32_t *columns
-        const int32_t *parts
-        double *matrix
-        double *matrix_re
-        double *matrix_im
-        lag_order_of_pivots order
-        double *factors
-        double *complex_re
-        double *complex_im
-        double *right
-        double *right_im
-        double *residual
-        double *work
-        double *quotient
-        double *zero
-        double shift
-        long ordered
 
 
 cdef extern from "rodas5p_tableau.h":
@@ -234,11 +44,14 @@ cdef extern from "radau5_tableau.h":
     const double radau_error[3]
 
 
-(
-    RUNNING, DONE, BLOCK_FULL, UNDEFINED, FLOOR, NEAR, OVER, OFF, INACCURATE, STIFF, ORDER, EVENT,
-    CONTRADICTED, JUMPED,
-) = range(14)
-METHODS = ("DOP853", "Rodas5P", "Radau", "Taylor")
+def _methods():
+    cdef int i = 0
+    while lag_method_at(i) != NULL:
+        yield lag_method_name(lag_method_at(i)).decode()
+        i += 1
+
+
+METHODS = tuple(_methods())
 
 
 def rodas5p_coefficients():
@@ -300,17 +113,9 @@ def solve_ldl(plan, places, values, right):
     -------
     (n,) array
     """
-    starts, columns, entries = plan.left
-    cdef int n = len(plan.order), count = len(entries)
-    cdef int32_t[::1] order = _integers(plan.order), paired = _integers(plan.paired)
-    cdef int32_t[::1] start = _integers(plan.starts), left_start = _integers(starts)
-    cdef int32_t[::1] row = _integers([i for column in plan.columns for i in column])
-    cdef int32_t[::1] left_column = _integers(columns), left_entry = _integers(entries)
-    cdef lag_ldl ldl
-    ldl.n = n
-    ldl.order, ldl.paired, ldl.start, ldl.row = &order[0], &paired[0], &start[0], &row[0]
-    ldl.left_start, ldl.left_column = &left_start[0], &left_column[0]
-    ldl.left_entry = &left_entry[0]
+    cdef _Arguments arguments = _Arguments()
+    cdef lag_elimination ldl = arguments.elimination(plan)
+    cdef int n = ldl.n, count = ldl.start[n]
     cdef double[::1] factors = np.zeros(2 * n + count + 1), product = np.zeros(count + 1)
     cdef double[::1] work = np.zeros(2 * n), x = np.array(right, dtype=float)
     for target, value in zip(plan.targets(places), values, strict=True):
@@ -321,17 +126,106 @@ def solve_ldl(plan, places, values, right):
     return np.asarray(x)
 
 
-def _integers(values):
-    """Return an array that is never empty: C forbids pointers to nothing."""
-    array = np.array(values, dtype=np.int32).reshape(-1)
-    return array if array.size else np.zeros(1, dtype=np.int32)
+cdef void *_allocate(void *context, size_t size) noexcept nogil:
+    return malloc(size)
 
 
-def _aligned(long n):
-    """Return an array of zeros that begins where a cache line does; never empty."""
-    array = np.zeros(n + 8)
-    first = (-array.ctypes.data % 64) // 8
-    return array[first : first + max(n, 1)]
+cdef void _release(void *context, void *memory) noexcept nogil:
+    free(memory)
+
+
+cdef lag_memory _MEMORY
+_MEMORY.allocate, _MEMORY.release, _MEMORY.context = _allocate, _release, NULL
+
+
+def _checked(failed):
+    if failed:
+        raise MemoryError
+
+
+cdef class _Arguments:
+    """What the core is given for the time of a call: structures that point into arrays."""
+
+    cdef list arrays
+
+    def __cinit__(self):
+        self.arrays = []
+
+    # a pointer is never NULL, also to nothing: C forbids that even for copies of no bytes
+
+    cdef const double *doubles(self, values) except NULL:
+        array = np.ascontiguousarray(values, dtype=float).reshape(-1)
+        array = array if array.size else np.zeros(1)
+        self.arrays.append(array)
+        cdef const double[::1] view = array
+        return &view[0]
+
+    cdef const int32_t *integers(self, values) except NULL:
+        array = np.ascontiguousarray(values, dtype=np.int32).reshape(-1)
+        array = array if array.size else np.zeros(1, dtype=np.int32)
+        self.arrays.append(array)
+        cdef const int32_t[::1] view = array
+        return &view[0]
+
+    cdef lag_stream stream(self, code):
+        return lag_stream(self.integers(code), len(code))
+
+    cdef lag_program program(self, program):
+        cdef lag_program p
+        cdef int i
+        p.prelude, p.main = self.stream(program.prelude), self.stream(program.main)
+        for i in range(3):
+            p.later[i] = lag_stream(NULL, 0)
+        for i in range(2):
+            p.alone[i] = lag_stream(NULL, 0)
+        for i, code in enumerate(program.later):
+            p.later[i] = self.stream(code)
+        for i, code in enumerate(program.alone):
+            p.alone[i] = self.stream(code)
+        p.inputs = program.inputs
+        p.registers, p.register_count = self.doubles(program.registers), len(program.registers)
+        p.outputs, p.output_count = self.integers(program.outputs), len(program.outputs)
+        return p
+
+    cdef lag_equations equations(self, system, constraint):
+        cdef lag_equations e
+        e.nq, e.nc = len(system.coordinates), len(system.constraints)
+        e.nh, e.np = len(system.holonomic), len(system.parameters)
+        e.nm, e.nb = len(system.mass_pattern), len(system.jacobian_pattern)
+        e.holonomic = self.integers(system.holonomic)
+        e.mass_row = self.integers([i for i, _ in system.mass_pattern])
+        e.mass_column = self.integers([j for _, j in system.mass_pattern])
+        e.jacobian_row = self.integers([i for i, _ in system.jacobian_pattern])
+        e.jacobian_column = self.integers([j for _, j in system.jacobian_pattern])
+        first = {j: group[0] for group in system.alike for j in group}
+        e.unit = self.integers([first.get(j, j) for j in range(e.nq)])
+        e.constraint = self.program(constraint)
+        return e
+
+    cdef lag_elimination elimination(self, plan):
+        cdef lag_elimination e
+        starts, columns, entries = plan.left
+        e.n = len(plan.order)
+        e.order, e.paired = self.integers(plan.order), self.integers(plan.paired)
+        e.start = self.integers(plan.starts)
+        e.row = self.integers([i for column in plan.columns for i in column])
+        e.left_start, e.left_column = self.integers(starts), self.integers(columns)
+        e.left_entry = self.integers(entries)
+        e.mass_targets = e.jacobian_targets = NULL
+        return e
+
+    cdef lag_block block(self, places):
+        return lag_block(len(places), self.integers(places))
+
+
+cdef _copy(const double *values, long count):
+    """Return an array of the core's numbers."""
+    out = np.empty(count)
+    cdef double[::1] view = out
+    cdef long i
+    for i in range(count):
+        view[i] = values[i]
+    return out
 
 
 cdef class Integrator:
@@ -359,15 +253,11 @@ cdef class Integrator:
         Samples kept before they are handed over.
     """
 
-    cdef lag_system system
-    cdef lag_run run
-    cdef lag_implicit implicit
-    cdef object keep  # the arrays that the pointers point into
-    cdef readonly object block, y_bad
-    cdef object tolerances
-    cdef object y, y_dense, parameters, mass_pattern, jacobian_pattern
-    cdef object y_event, pattern, matrix, factors, kept_order, kept_lengths
-    cdef int nq, nc, size
+    cdef lag_run *run
+    cdef readonly object block
+    cdef object system, pattern
+    cdef int nq, nc, n, series_order
+    cdef long times
 
     def __init__(
         self, system, constraint, double t, double t_end, y, times, sizes, lengths,
@@ -375,118 +265,36 @@ cdef class Integrator:
         int watching, double alpha, double beta, bint baumgarte, bint detecting, bint refinable,
         long block_rows,
     ):
-        cdef int nq = len(system.coordinates), nc = len(system.constraints)
-        cdef int n = 2 * nq + 1, size = nq + 2 * nc - rank
-        self.nq, self.nc, self.size, self.keep = nq, nc, size, []
-        self.parameters = system.parameters
-        self.mass_pattern, self.jacobian_pattern = system.mass_pattern, system.jacobian_pattern
-        self.system.nq, self.system.nc = nq, nc
-        self.system.nh = len(system.holonomic)
-        self.system.nm = len(system.mass_pattern)
-        self.system.nb = len(system.jacobian_pattern)
-        self.system.holonomic = self.integers(system.holonomic)
-        self.system.mass_row = self.integers([i for i, _ in system.mass_pattern])
-        self.system.mass_column = self.integers([j for _, j in system.mass_pattern])
-        self.system.jacobian_row = self.integers([i for i, _ in system.jacobian_pattern])
-        self.system.jacobian_column = self.integers([j for _, j in system.jacobian_pattern])
-        diagonal = {i: at for at, (i, j) in enumerate(system.mass_pattern) if i == j}
-        self.system.mass_diagonal = self.integers([diagonal.get(j, -1) for j in range(nq)])
-        first = {j: group[0] for group in system.alike for j in group}
-        self.system.unit = self.integers([first.get(j, j) for j in range(nq)])
-        self.bind(&self.system.constraint, constraint)
-        self.run.system = &self.system
-        self.run.t, self.run.t_end, self.run.h_max = t, t_end, h_max
-        self.run.t_start, self.run.rtol = t, rtol
-        kept = np.array(atol, dtype=float)
-        self.run.given = self.borrow(kept)
-        self.tolerances = kept.copy()
-        self.run.atol = self.borrow(self.tolerances)
-        self.run.size = self.doubles(n)
-        self.run.gross, self.run.later = self.doubles(nq), self.doubles(nq)
-        self.run.kind, self.run.kinds = self.integers(kinds), 1 + max(kinds, default=0)
-        self.run.largest = self.doubles(2 * self.run.kinds)
-        self.run.projecting, self.run.watching = projecting, watching
-        self.run.baumgarte = baumgarte
-        self.run.method = LAG_DOP853
-        self.run.detecting, self.run.refinable = detecting, refinable
-        self.run.alpha_from_step = baumgarte and alpha < 0
-        self.run.beta_from_alpha = beta < 0
-        self.run.alpha, self.run.beta = max(alpha, 0.0), max(beta, 0.0)
-        self.run.rank = rank
-        self.y = np.array(y, dtype=float)
-        self.run.y = self.borrow(self.y)
-        self.run.f, self.run.y_old = self.doubles(n), self.doubles(n)
-        self.run.y_new, self.run.f_new = self.doubles(n), self.doubles(n)
-        self.run.trial = self.doubles(n)
-        self.run.y_sample = self.doubles(n)
-        self.run.work = self.doubles(2 * (n + size) + 3 * nc)
-        self.run.stages, self.run.dense = self.doubles(16 * (n + 7)), self.doubles(7 * (n + 7))
-        self.run.a = self.doubles(nq + nc)
-        self.run.multipliers = self.run.a + nq
-        self.run.right, self.run.solution = self.doubles(size), self.doubles(size)
-        self.run.weight = self.doubles(nc)
-        self.run.sizes = self.borrow(np.array(sizes, dtype=float))
-        self.kept_lengths = np.array(lengths, dtype=float)
-        self.run.lengths = self.borrow(self.kept_lengths)
-        self.run.plain_lengths = self.borrow(np.array(plain_lengths, dtype=float))
-        self.run.scale_position = self.doubles(self.system.nh)
-        self.run.scale_velocity = self.doubles(nc)
-        self.run.rows = self.doubles(nq * nc)
-        self.run.weakest_rows = self.doubles(nc)
-        self.run.jacobian_before = self.doubles(2 * self.system.nb)
-        self.run.order = <int *>self.integers([0] * nc)
-        self.run.components = self.doubles(nc * nc)
-        self.run.dependencies = self.doubles((nc - rank) * nc)
-        self.run.pivots = <int *>self.integers([0] * size)
-        kept = np.array(times, dtype=float)
-        self.run.times, self.run.times_count = self.borrow(kept), len(kept)
-        self.block = np.empty((block_rows, 2 + 3 * nq + nc))
-        self.run.block, self.run.block_rows = self.borrow(self.block), block_rows
-        self.y_bad = np.full(n, np.nan)
-        self.run.y_bad = self.borrow(self.y_bad)
-        self.y_dense = np.empty(n)
+        cdef _Arguments arguments = _Arguments()
+        cdef lag_equations equations = arguments.equations(system, constraint)
+        cdef lag_settings s
+        self.system, self.times = system, len(times)
+        self.nq, self.nc, self.n = equations.nq, equations.nc, 2 * equations.nq + 1
+        s.t_start, s.t_end, s.h_max, s.rtol = t, t_end, h_max, rtol
+        s.y, s.atol = arguments.doubles(y), arguments.doubles(atol)
+        s.parameters = arguments.doubles(system.parameters)
+        s.kind, s.rank = arguments.integers(kinds), rank
+        s.sizes, s.lengths = arguments.doubles(sizes), arguments.doubles(lengths)
+        s.plain_lengths = arguments.doubles(plain_lengths)
+        s.projecting, s.watching = projecting, watching
+        s.baumgarte, s.alpha, s.beta = baumgarte, alpha, beta
+        s.detecting, s.refinable = detecting, refinable
+        s.times, s.times_count = arguments.doubles(times), len(times)
+        self.block = np.empty((block_rows, SampleLayout(Counts(self.nq, self.nc)).size))
+        cdef double[:, ::1] block = self.block
+        s.block, s.block_rows = &block[0, 0], block_rows
+        self.run = lag_create(&_MEMORY, &equations, &s)
+        _checked(self.run == NULL)
 
-    # a pointer is never NULL, also to nothing: C forbids that even for copies of no bytes
-
-    cdef double *borrow(self, array) except NULL:
-        if array.size == 0:
-            array = np.zeros(1)
-        self.keep.append(array)
-        cdef double[::1] view = array.reshape(-1)
-        return &view[0]
-
-    cdef double *doubles(self, int n) except NULL:
-        return self.borrow(_aligned(n))
-
-    cdef int32_t *integers(self, values) except NULL:
-        array = _integers(values)
-        self.keep.append(array)
-        cdef int32_t[::1] view = array
-        return &view[0]
-
-    cdef int bind(self, lag_tape *tape, program) except -1:
-        registers = _aligned(len(program.registers))
-        registers[:] = program.registers
-        registers[program.inputs - len(self.parameters) : program.inputs] = self.parameters
-        registers[0] = np.nan  # no state yet
-        tape.registers = self.borrow(registers)
-        tape.stream = self.integers(program.main)
-        for i, stream in enumerate(program.later):
-            tape.later[<int>i] = self.integers(stream)
-        for i, stream in enumerate(program.alone):
-            tape.alone[<int>i] = self.integers(stream)
-        if not program.alone:
-            tape.alone[0] = tape.alone[1] = NULL
-        tape.held = self.integers([0, 0])
-        tape.outputs = self.integers(program.outputs)
-        lag_stream_run(self.integers(program.prelude), tape.registers)
-        return 0
+    def __dealloc__(self):
+        if self.run != NULL:
+            lag_destroy(self.run)
 
     def use_dense(self, dynamics):
         """Solve for a and λ densely. Parameters: dynamics, the program of the System's tape."""
-        self.bind(&self.system.dynamics, dynamics)
-        self.run.eliminating = 0
-        self.allow_dense(0)
+        cdef _Arguments arguments = _Arguments()
+        cdef lag_program program = arguments.program(dynamics)
+        _checked(lag_use_dense(self.run, &program))
 
     def use_elimination(self, dynamics, plan, bint unrolled):
         """Solve for a and λ by a static elimination.
@@ -499,250 +307,200 @@ cdef class Integrator:
         unrolled : bool
             Whether it is appended to the tape.
         """
-        cdef lag_ldl *ldl = &self.run.ldl
-        cdef int nq = self.nq, n = nq + self.nc
-        self.bind(&self.system.dynamics, dynamics)
-        self.run.eliminating = 1 if unrolled else 2
-        self.run.refining = 0
-        ldl.n = n
-        ldl.order = self.integers(plan.order)
-        ldl.paired = self.integers(plan.paired)
-        ldl.start = self.integers(plan.starts)
-        ldl.row = self.integers([i for column in plan.columns for i in column])
+        cdef _Arguments arguments = _Arguments()
+        cdef lag_program program = arguments.program(dynamics)
+        cdef lag_elimination elimination
         if unrolled:
-            self.run.kept_count = (
-                len(dynamics.outputs) - lag_first_kept(&self.system) - n - nq
-            )
-            self.run.other_right = dynamics.inputs
+            _checked(lag_use_unrolled(self.run, &program))
             return
-        # what the factorization in a loop needs
-        starts, columns, entries = plan.left
-        ldl.left_start = self.integers(starts)
-        ldl.left_column = self.integers(columns)
-        ldl.left_entry = self.integers(entries)
-        self.run.factors = self.doubles(2 * n + len(entries))
-        self.run.product = self.doubles(len(entries))
-        self.run.mass_targets = self.integers(plan.targets(self.mass_pattern))
+        elimination = arguments.elimination(plan)
+        elimination.mass_targets = arguments.integers(plan.targets(self.system.mass_pattern))
         # an entry of B stands in the matrix twice; one of them in the half that is stored
-        places = plan.targets([(nq + i, j) for i, j in self.jacobian_pattern])
-        others = plan.targets([(j, nq + i) for i, j in self.jacobian_pattern])
-        self.run.jacobian_targets = self.integers(np.maximum(places, others))
+        entries = self.system.jacobian_pattern
+        lower = plan.targets([(self.nq + i, j) for i, j in entries])
+        upper = plan.targets([(j, self.nq + i) for i, j in entries])
+        elimination.jacobian_targets = arguments.integers(np.maximum(lower, upper))
+        _checked(lag_use_elimination(self.run, &program, &elimination))
 
     def use_series(self, program):
         """Allow Taylor's method.
 
         Parameters
         ----------
-        program : Series
+        program : SeriesProgram
             Of the dynamics that are used.
         """
-        cdef lag_series *series = &self.run.series
-        cdef int i
-        self.bind(&series.values, assemble(program.values))
-        series.stream, series.state = self.integers(program.stream), self.integers(program.state)
-        series.count, series.known = program.convolutions, self.doubles(program.convolutions)
-        series.file = self.doubles(program.size)
-        series.order = program.order
-        series.steady, series.numbers = program.steady, program.numbers
-        series.begins, series.begun = self.integers(program.begins), len(program.begins)
-        series.origin, series.layer = program.origin, program.layer
-        for i in range(program.steady):
-            series.file[i] = series.values.registers[series.values.outputs[i]]
+        cdef _Arguments arguments = _Arguments()
+        cdef lag_series_program s
+        s.values = arguments.program(assemble(program.values))
+        s.stream = arguments.stream(program.stream)
+        s.convolutions, s.order = program.convolutions, program.order
+        s.steady, s.numbers = program.steady, program.numbers
+        s.begins, s.begun = arguments.integers(program.begins), len(program.begins)
+        s.origin, s.layer = program.origin, program.layer
+        s.state, s.size = arguments.integers(program.state), program.size
+        self.series_order = s.order
+        _checked(lag_use_series(self.run, &s))
 
     def series(self):
         """Return the Taylor coefficients of y = (q, v, W) here, (n, order + 1); NaN without any."""
-        cdef const lag_series *series = &self.run.series
-        cdef int n = 2 * self.nq + 1, m, k
-        found = np.full((n, series.order + 1), np.nan)
-        cdef double[:, ::1] coefficients = found
-        if lag_series_expand(series, self.nq, self.run.t, self.run.y) == 0:
-            for m in range(n):
-                for k in range(series.order + 1):
-                    coefficients[m, k] = series.file[
-                        series.origin + series.state[1 + m] + k * series.layer
-                    ]
+        found = np.empty((self.n, self.series_order + 1))
+        cdef double[:, ::1] view = found
+        if lag_coefficients(self.run, &view[0, 0]):
+            found[:] = np.nan
         return found
 
     def allow_dense(self, long steps):
         """Take the next steps by the dense solution, whatever is used otherwise."""
-        self.run.dense_steps = steps
-        if self.run.kkt == NULL:
-            self.run.kkt = self.doubles(self.size * self.size)
-            self.run.lu = self.doubles(self.size * self.size)
+        _checked(lag_allow_dense(self.run, steps))
 
     def size_again(self):
         """Find anew what accelerations are made of, after a change of how they are solved for."""
-        return lag_sizes_again(&self.run)
-
-    cdef int block_of(self, lag_block *block, places, int first) except -1:
-        block.count, block.first = len(places), first
-        block.places = self.integers(places)
-        return first + len(places)
+        return lag_sizes_again(self.run)
 
     def prepare(self, variation, pattern):
         """Allow implicit methods: take the derivatives and the pattern of their matrix.
 
         Parameters
         ----------
-        variation : Variation
+        variation : JacobianTapes
         pattern : MatrixPattern
         """
-        cdef lag_implicit *m = &self.implicit
-        cdef int nq = self.nq, nc = self.nc, nd = nc - self.run.rank, first = 0
+        cdef _Arguments arguments = _Arguments()
+        cdef lag_jacobians j
         w = variation
-        first = self.block_of(&m.force_position, self.flat(w.force_position), first)
-        first = self.block_of(&m.force_velocity, self.flat(w.force_velocity), first)
-        first = self.block_of(&m.rhs_position, self.flat(w.rhs_position), first)
-        first = self.block_of(&m.rhs_velocity, self.flat(w.rhs_velocity), first)
-        first = self.block_of(&m.power_position, w.power_position, first)
-        first = self.block_of(&m.power_velocity, w.power_velocity, first)
-        self.bind(&m.variation, assemble(w.tape))
-        m.mass, m.jacobian = self.doubles(self.system.nm), self.doubles(self.system.nb)
-        m.border, m.derivatives = self.doubles(nd * nc), self.doubles(len(w.tape.outputs))
-        m.velocity = self.doubles(nq)
-        m.quotient, m.zero = self.doubles(nq), self.doubles(nq)
+        j.program = arguments.program(assemble(w.tape))
+        j.force_position = arguments.block(self.flat(w.force_position))
+        j.force_velocity = arguments.block(self.flat(w.force_velocity))
+        j.rhs_position = arguments.block(self.flat(w.rhs_position))
+        j.rhs_velocity = arguments.block(self.flat(w.rhs_velocity))
+        j.power_position = arguments.block(w.power_position)
+        j.power_velocity = arguments.block(w.power_velocity)
+        j.n = len(pattern.start) - 1
+        j.start, j.columns = arguments.integers(pattern.start), arguments.integers(pattern.columns)
+        j.parts, j.parts_count = arguments.integers(pattern.parts), len(pattern.parts)
         self.pattern = pattern
-        m.n, m.count = len(pattern.start) - 1, len(pattern.columns)
-        m.start, m.columns = self.integers(pattern.start), self.integers(pattern.columns)
-        m.parts = self.integers(pattern.parts)
-        self.matrix = np.zeros(m.count)
-        m.matrix = self.borrow(self.matrix)
-        m.matrix_re, m.matrix_im = self.doubles(m.count), self.doubles(m.count)
-        m.right, m.right_im = self.doubles(m.n), self.doubles(m.n)
-        m.residual, m.work = self.doubles(m.n), self.doubles(2 * m.n)
-        m.order.n, m.ordered, m.shift = 0, -1, 0.0
-        self.run.implicit = m
+        _checked(lag_use_jacobians(self.run, &j))
 
     def flat(self, places):
         return [i * self.nq + j for i, j in places]
 
     def watch_events(self, tape):
         """Look for sign changes of a tape's outputs along the motion, from the start on."""
-        cdef lag_events *events = &self.run.events
-        self.bind(&events.tape, assemble(tape))
-        events.count, events.time = len(tape.outputs), np.nan
-        events.sign = self.integers([0] * events.count)
-        events.after = self.integers([0] * events.count)
-        self.y_event = np.zeros(2 * self.nq + 1)
-        events.y = self.borrow(self.y_event)
+        cdef _Arguments arguments = _Arguments()
+        cdef lag_program program = arguments.program(assemble(tape))
+        _checked(lag_use_events(self.run, &program))
 
     @property
     def event(self):
         """Number, direction, time and state of the last event."""
-        events = self.run.events
-        return events.which, events.direction, events.time, self.y_event.copy()
+        cdef lag_event event = lag_last_event(self.run)
+        return event.which, event.direction, event.time, _copy(event.y, self.n)
 
     def switch(self, method):
         """Go on with a method of `METHODS`; an implicit one must be prepared."""
-        return lag_switch(&self.run, METHODS.index(method))
+        return lag_switch(self.run, lag_method_at(METHODS.index(method)))
 
     def order(self, choose):
         """Let ``choose(pattern, values)`` find an order of pivots for the matrix at hand."""
-        found = choose(self.pattern, self.matrix)
-        cdef lag_order_of_pivots *order = &self.implicit.order
-        order.n = 0
-        if found is None:
-            return
-        self.kept_order = []  # what the former order held goes with it
-        order.n = len(found.row)
-        order.row, order.column = self.replaced(found.row), self.replaced(found.column)
-        order.start, order.columns = self.replaced(found.start), self.replaced(found.columns)
-        order.diagonal, order.places = self.replaced(found.diagonal), self.replaced(found.places)
-        self.factors = np.zeros((3, len(found.columns)))
-        cdef double[:, ::1] view = self.factors
-        self.implicit.factors = &view[0, 0]
-        self.implicit.complex_re, self.implicit.complex_im = &view[1, 0], &view[2, 0]
-
-    cdef const int32_t *replaced(self, array) except NULL:
-        self.kept_order.append(array)
-        cdef const int32_t[::1] view = array
-        return &view[0]
+        cdef _Arguments arguments = _Arguments()
+        cdef lag_pivots pivots
+        found = choose(self.pattern, _copy(lag_matrix(self.run), len(self.pattern.columns)))
+        pivots.n = 0
+        if found is not None:
+            pivots.n = len(found.row)
+            pivots.row, pivots.column = arguments.integers(found.row), arguments.integers(found.column)
+            pivots.start = arguments.integers(found.start)
+            pivots.columns = arguments.integers(found.columns)
+            pivots.diagonal = arguments.integers(found.diagonal)
+            pivots.places = arguments.integers(found.places)
+        _checked(lag_use_pivots(self.run, &pivots))
 
     def start(self):
         """Prepare the first step; sample what lies at the start."""
         cdef int status
         with nogil:
-            status = lag_start(&self.run)
-            if status == 0:
-                status = lag_sample_until(&self.run, self.run.t)
+            status = lag_start(self.run)
         return status
 
     def advance(self, long slice):
         """Take at most ``slice`` steps."""
         cdef int status
         with nogil:
-            status = lag_advance(&self.run, slice)
+            status = lag_advance(self.run, slice)
         return status
 
     def sample_until(self, double end):
         """Sample the last step up to a time."""
-        return lag_sample_until(&self.run, end)
+        return lag_sample_until(self.run, end)
 
     def dense(self, double t):
         """Return the last step's state at a time in it."""
-        cdef double[::1] view = self.y_dense
-        lag_dense(&self.run, t, &view[0])
-        return self.y_dense.copy()
+        y = np.empty(self.n)
+        cdef double[::1] view = y
+        lag_dense(self.run, t, &view[0])
+        return y
 
     def take(self):
         """Return the samples since the last call."""
-        rows = self.block[: self.run.block_used]
-        if self.run.times_next < self.run.times_count:
-            rows = rows.copy()  # more are to come
-        self.run.block_used = 0
-        return rows
+        rows = self.block[: lag_take(self.run)]
+        return rows.copy() if self.times_next < self.times else rows  # more are to come
 
     def limit(self, double h_max):
         """Set the largest step, s."""
-        self.run.h_max = h_max
-        if self.run.h > h_max:
-            self.run.h = h_max
+        lag_limit(self.run, h_max)
 
     def move(self, double t, y, long times_next):
         """Go on from another state; `start` must follow."""
-        self.run.t = t
-        self.y[:] = y
-        self.run.times_next = times_next
+        cdef double[::1] view = np.ascontiguousarray(y, dtype=float)
+        lag_move(self.run, t, &view[0], times_next)
 
     @property
     def t(self):
         """Time reached, s."""
-        return self.run.t
+        return lag_report_of(self.run).t
 
     @property
     def state(self):
         """(q, v, W) there."""
-        return self.y.copy()
+        return _copy(lag_report_of(self.run).y, self.n)
 
     @property
     def absolute_tolerances(self):
         """The absolute tolerances of q, v and W now."""
-        return self.tolerances.copy()
+        return _copy(lag_report_of(self.run).atol, self.n)
 
     @property
     def step(self):
         """Start and end of the last step, s."""
-        return self.run.t_old, self.run.t
+        cdef lag_report report = lag_report_of(self.run)
+        return report.t_old, report.t
 
     @property
     def counts(self):
         """Steps, rejected steps, evaluations."""
-        return self.run.steps, self.run.rejected, self.run.evaluations
+        cdef lag_report report = lag_report_of(self.run)
+        return report.steps, report.rejected, report.evaluations
 
     @property
     def lengths(self):
         """The largest lengths that the rows of B times sizes have had, (nc,)."""
-        return self.kept_lengths.copy()
+        return _copy(lag_report_of(self.run).lengths, self.nc)
 
     @property
     def times_next(self):
         """Index of the next sample time."""
-        return self.run.times_next
+        return lag_report_of(self.run).times_next
 
     @property
     def t_bad(self):
         """Time at which the equations had no finite value."""
-        return self.run.t_bad
+        return lag_report_of(self.run).t_bad
+
+    @property
+    def y_bad(self):
+        """The state there."""
+        return _copy(lag_report_of(self.run).y_bad, self.n)
 
 
-include "lanes.pxi"
+include "batch.pxi"

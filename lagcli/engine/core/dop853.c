@@ -3,8 +3,11 @@
 #include <math.h>
 #include <string.h>
 
+#include "control.h"
 #include "dop853_tableau.h"
+#include "method.h"
 #include "motion.h"
+#include "step.h"
 #include "vectors.h"
 #include "watch.h"
 
@@ -12,7 +15,7 @@
 /* From one stage to the next: whole lines of the cache. */
 static int apart(const lag_run *run)
 {
-    return (lag_size(run->system) + 7) / 8 * 8;
+    return (lag_size(&run->system) + 7) / 8 * 8;
 }
 
 /* Count steps that the method's stability limits, not its error: Hairer & Wanner, IV.2. The last
@@ -20,22 +23,22 @@ static int apart(const lag_run *run)
  * the last but one was evaluated. */
 static void look_for_stiffness(lag_run *run, double h, const double *before)
 {
-    const int n = lag_size(run->system), moving = n - 1;
-    const double *k = run->stages + (DOP_STAGES - 1) * apart(run), *last = k + apart(run);
-    double *df = run->work, *dy = run->work + n;
+    const int n = lag_size(&run->system), moving = n - 1;
+    const double *k = run->step.stages + (DOP_STAGES - 1) * apart(run), *last = k + apart(run);
+    double *df = run->step.work, *dy = run->step.work + n;
     for (int m = 0; m < moving; ++m) {
         df[m] = last[m] - k[m];
-        dy[m] = run->y_new[m] - before[m];
+        dy[m] = run->step.y_new[m] - before[m];
     }
     /* over the tolerances: coordinates and velocities of different units count alike */
     const lag_vector_kernel *v = lag_vectors();
-    const double rise = v->scaled_square(moving, df, run->y, run->y_new, run->atol, run->rtol);
-    const double length = v->scaled_square(moving, dy, run->y, run->y_new, run->atol, run->rtol);
+    const double rise = v->scaled_square(moving, df, run->step.y, run->step.y_new, run->tolerances.atol, run->tolerances.rtol);
+    const double length = v->scaled_square(moving, dy, run->step.y, run->step.y_new, run->tolerances.atol, run->tolerances.rtol);
     if (length > 0.0 && h * sqrt(rise / length) > STABLE) {
-        run->not_stiff = 0;
-        ++run->stiff;
-    } else if (++run->not_stiff == NOT_STIFF) {
-        run->stiff = 0;
+        run->stiffness.not_stiff = 0;
+        ++run->stiffness.stiff;
+    } else if (++run->stiffness.not_stiff == NOT_STIFF) {
+        run->stiffness.stiff = 0;
     }
 }
 
@@ -43,7 +46,7 @@ static void look_for_stiffness(lag_run *run, double h, const double *before)
 static void add_stages(const lag_run *run, const double *base, const double *stage,
                        const double *weight, int count, double h, double *y)
 {
-    const int n = lag_size(run->system), s = apart(run);
+    const int n = lag_size(&run->system), s = apart(run);
     const double *used[DOP_ALL_STAGES];
     double w[DOP_ALL_STAGES];
     int terms = 0;
@@ -58,33 +61,33 @@ static void add_stages(const lag_run *run, const double *base, const double *sta
 /* The sum of the squares of an error estimate over the tolerances. */
 static double error_by(lag_run *run, const double *weight)
 {
-    const int n = lag_size(run->system);
-    double *error = run->work;
+    const int n = lag_size(&run->system);
+    double *error = run->step.work;
     memset(error, 0, (size_t)n * sizeof(double));
-    add_stages(run, error, run->stages, weight, DOP_STAGES + 1, 1.0, error);
-    return lag_vectors()->scaled_square(n, error, run->y, run->y_new, run->atol, run->rtol);
+    add_stages(run, error, run->step.stages, weight, DOP_STAGES + 1, 1.0, error);
+    return lag_vectors()->scaled_square(n, error, run->step.y, run->step.y_new, run->tolerances.atol, run->tolerances.rtol);
 }
 
-int lag_dop853_step(lag_run *run)
+static int step(lag_run *run)
 {
-    const int n = lag_size(run->system), s = apart(run);
-    double *stage = run->stages;
+    const int n = lag_size(&run->system), s = apart(run);
+    double *stage = run->step.stages;
     int rejected = 0, undefined = 0;
     for (;;) {
         const double h = lag_step_size(run);
         if (h == 0.0)
             return undefined ? LAG_UNDEFINED : LAG_FLOOR;
-        memcpy(stage, run->f, (size_t)n * sizeof(double));
+        memcpy(stage, run->step.f, (size_t)n * sizeof(double));
         int bad = 0;
         lag_watch_step(run);
         for (int i = 1; i <= DOP_STAGES && !bad; ++i) {
-            double *y = run->y_new;
-            add_stages(run, run->y, stage, i < DOP_STAGES ? dop_a[i] : dop_b, i, h, y);
+            double *y = run->step.y_new;
+            add_stages(run, run->step.y, stage, i < DOP_STAGES ? dop_a[i] : dop_b, i, h, y);
             const double c = i < DOP_STAGES ? dop_c[i] : 1.0;
             if (i == DOP_STAGES - 1)
-                memcpy(run->trial, y, (size_t)n * sizeof(double));
-            bad = lag_derivative(run, run->t + c * h, y, stage + i * s);
-            if (!bad && run->watching && dop_watched[i])
+                memcpy(run->step.trial, y, (size_t)n * sizeof(double));
+            bad = lag_derivative(run, run->step.t + c * h, y, stage + i * s);
+            if (!bad && run->watch.mode && dop_watched[i])
                 lag_watch_stage(run);
         }
         double factor = 0.2;
@@ -95,43 +98,39 @@ int lag_dop853_step(lag_run *run)
             const double error = !isfinite(below) ? INFINITY
                                  : below > 0.0    ? h * e5 / sqrt(below)
                                                   : 0.0;
-            /* PI control, Hairer & Wanner IV.2, with beta = 0.04 */
-            factor = error > 0.0
-                         ? 0.9 * pow(error, -1.0 / 8.0 + 0.03) * pow(run->error_old, 0.04)
-                         : 10.0;
             if (error <= 1.0) {
-                factor = fmin(fmax(factor, 0.2), rejected ? 1.0 : 10.0);
-                run->error_old = fmax(error, 1e-4);
-                memcpy(run->f_new, stage + DOP_STAGES * s, (size_t)n * sizeof(double));
-                if (run->detecting)
-                    look_for_stiffness(run, h, run->trial);
+                factor = lag_pi_factor(error, run->step.error_old, lag_dop853.order, rejected);
+                run->step.error_old = fmax(error, LEAST_ERROR);
+                memcpy(run->step.f_new, stage + DOP_STAGES * s, (size_t)n * sizeof(double));
+                if (run->stiffness.detecting)
+                    look_for_stiffness(run, h, run->step.trial);
                 lag_accept(run, h, factor);
                 return LAG_RUNNING;
             }
-            factor = fmax(0.9 * pow(error, -1.0 / 8.0), 0.2);
+            factor = lag_rejected_factor(error, lag_dop853.order);
         }
         undefined |= bad;
-        run->h = h * factor;
+        run->step.h = h * factor;
         rejected = 1;
-        ++run->rejected;
+        ++run->step.rejected;
     }
 }
 
-void lag_dop853_dense(lag_run *run, double t, double *y)
+static void dense(lag_run *run, double t, double *y)
 {
-    const int n = lag_size(run->system), s = apart(run);
-    const double h = run->h_old, x = (t - run->t_old) / h;
-    if (!run->dense_ready) {
+    const int n = lag_size(&run->system), s = apart(run);
+    const double h = run->step.h_old, x = (t - run->step.t_old) / h;
+    if (!run->step.dense_ready) {
         for (int i = DOP_STAGES + 1; i < DOP_ALL_STAGES; ++i) {
-            double *trial = run->trial;
-            add_stages(run, run->y_old, run->stages, dop_a[i], i, h, trial);
+            double *trial = run->step.trial;
+            add_stages(run, run->step.y_old, run->step.stages, dop_a[i], i, h, trial);
             /* undefined values cannot arise: the step around it was accepted; if they do, the
              * sample's own check finds them */
-            if (lag_derivative(run, run->t_old + dop_c[i] * h, trial, run->stages + i * s))
+            if (lag_derivative(run, run->step.t_old + dop_c[i] * h, trial, run->step.stages + i * s))
                 for (int m = 0; m < n; ++m)
-                    run->stages[i * s + m] = NAN;
+                    run->step.stages[i * s + m] = NAN;
         }
-        run->dense_ready = 1;
+        run->step.dense_ready = 1;
     }
     /* x (d_0 + (1 - x) (d_1 + x (d_2 + (1 - x) (d_3 + ...)))), where d_0 is the change of y in the
      * step, d_1 and d_2 give it the slopes at the ends, and all are sums of stages */
@@ -146,5 +145,8 @@ void lag_dop853_dense(lag_run *run, double t, double *y)
     }
     stage[0] += weight[1] - weight[2];
     stage[DOP_STAGES] -= weight[2];
-    add_stages(run, run->y_old, run->stages, stage, DOP_ALL_STAGES, h, y);
+    add_stages(run, run->step.y_old, run->step.stages, stage, DOP_ALL_STAGES, h, y);
 }
+
+const lag_method lag_dop853 = {
+    .name = "DOP853", .order = 8.0, .uses_slope = 1, .step = step, .dense = dense};

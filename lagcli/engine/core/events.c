@@ -5,6 +5,8 @@
 
 #include "motion.h"
 #include "project.h"
+#include "sample.h"
+#include "step.h"
 
 #define PARTS 8             /* of a step, at whose ends the signs are compared */
 #define EXACT 1e-14         /* of the time, or of the step: where a root is located */
@@ -18,25 +20,25 @@ static int sign_of(double x)
 /* An event's function at a state. */
 static double value(lag_run *run, int which, double t, const double *y)
 {
-    lag_evaluate(&run->events.tape, run->system, t, y, LAG_ALL);
+    lag_evaluate(&run->events.tape, &run->system, t, y, LAG_ALL);
     return OUT(&run->events.tape, which);
 }
 
 /* An event's function on the last step's dense output. */
 static double value_inside(lag_run *run, int which, double t)
 {
-    lag_dense(run, t, run->y_sample);
-    return value(run, which, t, run->y_sample);
+    lag_dense(run, t, run->samples.y);
+    return value(run, which, t, run->samples.y);
 }
 
 void lag_events_start(lag_run *run)
 {
     lag_events *e = &run->events;
     for (int k = 0; k < e->count; ++k)
-        e->sign[k] = sign_of(value(run, k, run->t, run->y));
-    if (e->count && e->time == run->t)
+        e->sign[k] = sign_of(value(run, k, run->step.t, run->step.y));
+    if (e->count && e->time == run->step.t)
         e->sign[e->which] = 0;
-    e->since = run->t;
+    e->since = run->step.t;
     e->located = 0;
 }
 
@@ -46,7 +48,7 @@ static double locate(lag_run *run, int which, double low, double high)
 {
     double a = value_inside(run, which, low), b = value_inside(run, which, high);
     const int after = sign_of(b);
-    const double exact = EXACT * fmax(fabs(high), run->h_old);
+    const double exact = EXACT * fmax(fabs(high), run->step.h_old);
     for (int i = 0; i < ITERATIONS && high - low > exact; ++i) {
         const double width = high - low;
         double t = i % 3 == 2 ? low + 0.5 * width : high - b * width / (b - a);
@@ -73,11 +75,11 @@ static int find(lag_run *run)
     double low = e->since;
     for (int part = 1; part <= PARTS; ++part) {
         const double high =
-            part == PARTS ? run->t : run->t_old + run->h_old * part / (double)PARTS;
+            part == PARTS ? run->step.t : run->step.t_old + run->step.h_old * part / (double)PARTS;
         if (high <= low)
             continue;
-        lag_dense(run, high, run->y_sample);
-        lag_evaluate(&e->tape, run->system, high, run->y_sample, LAG_ALL);
+        lag_dense(run, high, run->samples.y);
+        lag_evaluate(&e->tape, &run->system, high, run->samples.y, LAG_ALL);
         int found = 0;
         for (int k = 0; k < e->count; ++k) {
             const int now = sign_of(OUT(&e->tape, k));
@@ -116,7 +118,7 @@ int lag_events_look(lag_run *run)
     if (status != LAG_RUNNING)
         return status;
     lag_dense(run, e->time, e->y);
-    if (run->projecting && (status = lag_project(run, e->time, e->y)) != LAG_RUNNING)
+    if (run->projection.active && (status = lag_project(run, e->time, e->y)) != LAG_RUNNING)
         return status;
     e->located = 0;
     e->since = e->time;

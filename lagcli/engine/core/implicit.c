@@ -10,7 +10,7 @@
 #define ROUNDING 1e-15      /* of a solution: beyond it, it is refined */
 
 /* Add a block times a vector to a vector. */
-static void add_product(const lag_block *block, const double *values, int nq, const double *x,
+static void add_product(const lag_part_of_jacobian *block, const double *values, int nq, const double *x,
                         double *out)
 {
     for (int i = 0; i < block->count; ++i)
@@ -19,14 +19,14 @@ static void add_product(const lag_block *block, const double *values, int nq, co
 
 int lag_linearize(lag_run *run, double t, const double *y, double *f)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     lag_implicit *m = run->implicit;
     const lag_tape *d = &s->dynamics, *w = &m->variation;
-    const int nq = s->nq, nc = s->nc, nd = nc - run->rank;
+    const int nq = s->nq, nc = s->nc, nd = nc - run->rows.rank;
     if (lag_accelerate(run, t, y, 1, f + 2 * nq))
         return 1;
     memcpy(f, y + nq, (size_t)nq * sizeof(double));
-    memcpy(f + nq, run->a, (size_t)nq * sizeof(double));
+    memcpy(f + nq, run->solver.a, (size_t)nq * sizeof(double));
     memcpy(m->velocity, y + nq, (size_t)nq * sizeof(double));
     for (int i = 0; i < s->nm; ++i)
         m->mass[i] = OUT(d, i);
@@ -34,12 +34,12 @@ int lag_linearize(lag_run *run, double t, const double *y, double *f)
         m->jacobian[i] = OUT(d, lag_first_jacobian(s) + i);
     for (int j = 0; j < nd; ++j)
         for (int i = 0; i < nc; ++i)
-            m->border[j * nc + i] = run->dependencies[j * nc + i] / run->lengths[i];
+            m->border[j * nc + i] = run->rows.dependencies[j * nc + i] / run->rows.lengths[i];
     double *r = w->registers;
     r[0] = t;
-    memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
-    memcpy(r + 1 + 2 * nq, run->a, (size_t)nq * sizeof(double));
-    memcpy(r + 1 + 3 * nq, run->multipliers, (size_t)nc * sizeof(double));
+    memcpy(r + lag_sample_q(s), y, 2 * (size_t)nq * sizeof(double));
+    memcpy(r + lag_sample_a(s), run->solver.a, (size_t)nq * sizeof(double));
+    memcpy(r + lag_sample_multipliers(s), run->solver.multipliers, (size_t)nc * sizeof(double));
     lag_stream_run(w->stream, r);
     const int outputs = m->power_velocity.first + m->power_velocity.count + nq + nc + 1;
     for (int i = 0; i < outputs; ++i) {
@@ -63,9 +63,9 @@ static const int32_t *add_part(double *matrix, const int32_t *place, int count,
 /* The matrix for 1/s = a (+ i b) and 1/s^2 = aa (+ i bb); the imaginary part has no M, B, N. */
 static void assemble(lag_run *run, double one, double a, double aa, double *matrix)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     lag_implicit *m = run->implicit;
-    const int nd = s->nc - run->rank;
+    const int nd = s->nc - run->rows.rank;
     const double *x = m->derivatives;
     const int32_t *p = m->parts;
     memset(matrix, 0, (size_t)m->count * sizeof(double));
@@ -84,7 +84,7 @@ static void assemble(lag_run *run, double one, double a, double aa, double *matr
 static void right_side(lag_run *run, const double *rv, const double *rq_over_s, double tau,
                        double *x)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_implicit *m = run->implicit;
     const int nq = s->nq, nc = s->nc;
     const double *d = m->derivatives;
@@ -105,7 +105,7 @@ static void right_side(lag_run *run, const double *rv, const double *rq_over_s, 
 static double power_change(lag_run *run, const double *uq, const double *uv, const double *found,
                            double scale)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_implicit *m = run->implicit;
     double sum = 0.0, reaction = 0.0;
     add_product(&m->power_position, m->derivatives, s->nq, uq, &sum);
@@ -178,7 +178,7 @@ int lag_shift_complex(lag_run *run, double re, double im)
 void lag_shifted_solve(lag_run *run, const double *r, double tau, double *u)
 {
     lag_implicit *m = run->implicit;
-    const int nq = run->system->nq, nc = run->system->nc;
+    const int nq = run->system.nq, nc = run->system.nc;
     const double s = m->shift, *rates = m->derivatives + m->power_velocity.first
                                         + m->power_velocity.count;
     double *x = m->right_im, rw = r[2 * nq];
@@ -204,7 +204,7 @@ void lag_shifted_solve(lag_run *run, const double *r, double tau, double *u)
 void lag_shifted_solve_complex(lag_run *run, double *re, double *im)
 {
     lag_implicit *m = run->implicit;
-    const int nq = run->system->nq;
+    const int nq = run->system.nq;
     const double square = m->shift_re * m->shift_re + m->shift_im * m->shift_im;
     const double a = m->shift_re / square, b = -m->shift_im / square; /* 1/s */
     double *x = m->right, *y = m->right_im;
@@ -239,8 +239,8 @@ void lag_shifted_solve_complex(lag_run *run, double *re, double *im)
 int lag_reorder(lag_run *run)
 {
     lag_implicit *m = run->implicit;
-    if (m->ordered != run->steps)
+    if (m->ordered != run->step.steps)
         m->orders = 0;
-    m->ordered = run->steps;
+    m->ordered = run->step.steps;
     return m->orders++ < ORDERS ? LAG_ORDER : LAG_RUNNING;
 }

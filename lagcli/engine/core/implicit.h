@@ -18,16 +18,16 @@
 #include "run.h"
 #include "sparse.h"
 
-/* A sparse block of derivatives: places are row * nq + column, values begin at an output. */
+/* A block of derivatives: places are row * nq + column, values begin at an output. */
 typedef struct {
     int count, first;
     const int32_t *places;
-} lag_block;
+} lag_part_of_jacobian;
 
 typedef struct lag_implicit {
     lag_tape variation;
-    lag_block force_position, force_velocity, rhs_position, rhs_velocity;
-    lag_block power_position, power_velocity;
+    lag_part_of_jacobian force_position, force_velocity, rhs_position, rhs_velocity;
+    lag_part_of_jacobian power_position, power_velocity;
 
     /* at the state of the last linearization */
     double *mass, *jacobian;           /* nm, nb: entries of M and B */
@@ -43,7 +43,8 @@ typedef struct lag_implicit {
     double *matrix;                    /* count */
     double *matrix_re, *matrix_im;     /* count: for a complex shift */
 
-    lag_order_of_pivots order;         /* n is 0 where there is none yet */
+    lag_pool pivots_pool;
+    lag_pivots order;                  /* n is 0 where there is none yet */
     double *factors, *complex_re, *complex_im;
     double *right, *right_im, *residual;   /* n each */
     double *work;                      /* 2 n */
@@ -52,6 +53,10 @@ typedef struct lag_implicit {
     int refine;                        /* whether the factors need a refined solution */
     long ordered;                      /* the step for which orders were chosen */
     int orders;                        /* how many */
+
+    double h_accepted;                 /* the last step; 0 before the first */
+    double theta, contraction;         /* Radau: Newton's rate, and what follows for its last change */
+    double h_converging;               /* the largest step at which Newton is likely to converge */
 } lag_implicit;
 
 /* Linearize at (t, y); y' goes to f. Returns 0, or 1 where it is undefined. */

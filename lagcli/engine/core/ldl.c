@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-void lag_ldl_factor(const lag_ldl *f, double *diagonal, double *beside, double *lower,
+void lag_ldl_factor(const lag_elimination *f, double *diagonal, double *beside, double *lower,
                     double *product, double *work)
 {
     const int n = f->n;
@@ -58,7 +58,7 @@ void lag_ldl_factor(const lag_ldl *f, double *diagonal, double *beside, double *
     }
 }
 
-void lag_ldl_solve(const lag_ldl *f, const double *diagonal, const double *beside,
+void lag_ldl_solve(const lag_elimination *f, const double *diagonal, const double *beside,
                    const double *lower, double *z, double *x)
 {
     const int n = f->n;

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "ldl.h"
 #include "linear.h"
 #include "vectors.h"
 
@@ -15,18 +16,30 @@ int lag_size(const lag_system *s)
     return 2 * s->nq + 1;
 }
 
+/* Whether n numbers have the same bits. */
+static int same(int n, const double *x, const double *y)
+{
+    for (int i = 0; i < n; ++i) {
+        uint64_t a, b;
+        memcpy(&a, x + i, sizeof a);
+        memcpy(&b, y + i, sizeof b);
+        if (a != b)
+            return 0;
+    }
+    return 1;
+}
+
 void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const double *y, int part)
 {
-    const size_t bytes = 2 * (size_t)s->nq * sizeof(double);
     double *r = tape->registers;
     if (part && !tape->alone[part - 1])
         part = LAG_ALL;
-    if (r[0] == t && memcmp(r + 1, y, bytes) == 0) {
+    if (r[0] == t && same(2 * s->nq, r + 1, y)) {
         if (tape->held[0] == LAG_ALL || tape->held[0] == part)
             return;
     } else {
         r[0] = t;
-        memcpy(r + 1, y, bytes);
+        memcpy(r + 1, y, 2 * (size_t)s->nq * sizeof(double));
     }
     tape->held[0] = part;
     tape->held[1] = NOT_FACTORED;
@@ -36,12 +49,12 @@ void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const dou
 /* Order of the dense linear system. */
 static int order_of(const lag_run *run)
 {
-    return run->system->nq + 2 * run->system->nc - run->rank;
+    return run->system.nq + 2 * run->system.nc - run->rows.rank;
 }
 
-int lag_eliminating(const lag_run *run)
+enum lag_solution lag_solving_by(const lag_run *run)
 {
-    return run->dense_steps ? 0 : run->eliminating;
+    return run->solver.dense_steps ? LAG_BY_LU : run->solver.by;
 }
 
 void lag_row_squares(const lag_system *s, const lag_tape *tape, int first, const double *sizes,
@@ -56,13 +69,13 @@ void lag_row_squares(const lag_system *s, const lag_tape *tape, int first, const
 
 int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     double sum = 0.0;
-    memset(run->rows, 0, (size_t)s->nq * s->nc * sizeof(double));
+    memset(run->rows.scaled, 0, (size_t)s->nq * s->nc * sizeof(double));
     for (int i = 0; i < s->nb; ++i) {
         const int row = s->jacobian_row[i], column = s->jacobian_column[i];
-        const double x = OUT(tape, first + i) * run->sizes[column] / run->lengths[row];
-        run->rows[row * s->nq + column] = x;
+        const double x = OUT(tape, first + i) * run->rows.sizes[column] / run->rows.lengths[row];
+        run->rows.scaled[row * s->nq + column] = x;
         sum += x;
     }
     return !isfinite(sum);
@@ -78,31 +91,31 @@ int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first)
  */
 static int factor_dense(lag_run *run)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
     const int nq = s->nq, nc = s->nc, n = order_of(run), first = lag_first_jacobian(s);
-    double *k = run->kkt, *w = run->weight;
+    double *k = run->dense.matrix, *w = run->dense.weight;
     memset(k, 0, (size_t)n * n * sizeof(double));
     for (int i = 0; i < s->nm; ++i) {
         const int row = s->mass_row[i], column = s->mass_column[i];
-        k[row * n + column] = OUT(d, i) * run->sizes[row] * run->sizes[column];
+        k[row * n + column] = OUT(d, i) * run->rows.sizes[row] * run->rows.sizes[column];
     }
-    lag_row_squares(s, d, first, run->sizes, w);
+    lag_row_squares(s, d, first, run->rows.sizes, w);
     for (int i = 0; i < nc; ++i)
-        w[i] = run->rank < nc ? 1.0 / run->lengths[i] : w[i] > 0.0 ? 1.0 / sqrt(w[i]) : 1.0;
+        w[i] = run->rows.rank < nc ? 1.0 / run->rows.lengths[i] : w[i] > 0.0 ? 1.0 / sqrt(w[i]) : 1.0;
     for (int i = 0; i < s->nb; ++i) {
         const int row = s->jacobian_row[i], column = s->jacobian_column[i];
-        const double x = OUT(d, first + i) * run->sizes[column] * w[row];
+        const double x = OUT(d, first + i) * run->rows.sizes[column] * w[row];
         k[(nq + row) * n + column] = x;
         k[column * n + nq + row] = x;
     }
-    if (run->rank < nc) {
+    if (run->rows.rank < nc) {
         if (lag_scaled_rows(run, d, first))
             return 1;
-        lag_pivot(run->rows, nq, nc, run->rank, run->order, run->components);
-        lag_dependencies(nc, run->rank, run->order, run->components, run->dependencies);
-        for (int j = 0; j < nc - run->rank; ++j) {
-            const double *dependency = run->dependencies + j * nc;
+        lag_pivot(run->rows.scaled, nq, nc, run->rows.rank, run->rows.order, run->rows.components);
+        lag_dependencies(nc, run->rows.rank, run->rows.order, run->rows.components, run->rows.dependencies);
+        for (int j = 0; j < nc - run->rows.rank; ++j) {
+            const double *dependency = run->rows.dependencies + j * nc;
             double *row = k + (nq + nc + j) * n + nq, largest = 0.0;
             for (int i = 0; i < nc; ++i) {
                 k[(nq + i) * n + nq + nc + j] = dependency[i];
@@ -113,56 +126,55 @@ static int factor_dense(lag_run *run)
                 row[i] /= largest;
         }
     }
-    memcpy(run->lu, k, (size_t)n * n * sizeof(double));
-    return lag_lu(run->lu, run->pivots, n);
+    memcpy(run->dense.lu, k, (size_t)n * n * sizeof(double));
+    return lag_lu(run->dense.lu, run->dense.pivots, n);
 }
 
 static void solve_dense(lag_run *run, const double *right, double *x, int refined)
 {
-    const int nq = run->system->nq, nc = run->system->nc, n = order_of(run);
-    double *z = run->solution, *b = run->right, *r = run->work;
-    memmove(b, right, (size_t)(nq + nc) * sizeof(double));
+    const int nq = run->system.nq, nc = run->system.nc, n = order_of(run);
+    double *z = run->solver.solution, *b = run->solver.right, *r = run->step.work;
     for (int i = 0; i < nq; ++i)
-        b[i] *= run->sizes[i];
+        b[i] = right[i] * run->rows.sizes[i];
     for (int i = 0; i < nc; ++i)
-        b[nq + i] *= run->weight[i];
+        b[nq + i] = right[nq + i] * run->dense.weight[i];
     for (int i = nq + nc; i < n; ++i)
         b[i] = 0.0;
     memcpy(z, b, (size_t)n * sizeof(double));
-    lag_lu_solve(run->lu, run->pivots, n, z);
+    lag_lu_solve(run->dense.lu, run->dense.pivots, n, z);
     if (refined) {
         for (int i = 0; i < n; ++i) {
             double sum = b[i];
-            const double *row = run->kkt + i * n;
+            const double *row = run->dense.matrix + i * n;
             for (int j = 0; j < n; ++j)
                 sum -= row[j] * z[j];
             r[i] = sum;
         }
-        lag_lu_solve(run->lu, run->pivots, n, r);
+        lag_lu_solve(run->dense.lu, run->dense.pivots, n, r);
         for (int i = 0; i < n; ++i)
             z[i] += r[i];
     }
     for (int i = 0; i < nq; ++i)
-        x[i] = z[i] * run->sizes[i];
+        x[i] = z[i] * run->rows.sizes[i];
     for (int i = 0; i < nc; ++i)
-        x[nq + i] = z[nq + i] * run->weight[i];
+        x[nq + i] = z[nq + i] * run->dense.weight[i];
 }
 
 /* Set up the matrix and factor it by the static elimination, in a loop. Returns 0, or 1. */
 static int factor(lag_run *run)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
-    const lag_ldl *ldl = &run->ldl;
-    double *f = run->factors, sum = 0.0;
+    const lag_elimination *ldl = &run->factors.plan;
+    double *f = run->factors.factors, sum = 0.0;
     const int n = ldl->n, count = 2 * n + ldl->start[n];
     memset(f, 0, (size_t)count * sizeof(double));
     for (int i = 0; i < s->nm; ++i)
-        if (run->mass_targets[i] >= 0)
-            f[run->mass_targets[i]] = OUT(d, i);
+        if (run->factors.plan.mass_targets[i] >= 0)
+            f[run->factors.plan.mass_targets[i]] = OUT(d, i);
     for (int i = 0; i < s->nb; ++i)
-        f[run->jacobian_targets[i]] = OUT(d, lag_first_jacobian(s) + i);
-    lag_ldl_factor(ldl, f, f + n, f + 2 * n, run->product, run->work);
+        f[run->factors.plan.jacobian_targets[i]] = OUT(d, lag_first_jacobian(s) + i);
+    lag_ldl_factor(ldl, f, f + n, f + 2 * n, run->factors.product, run->step.work);
     for (int i = 0; i < count; ++i)
         sum += f[i];
     return !isfinite(sum);
@@ -170,11 +182,11 @@ static int factor(lag_run *run)
 
 int lag_factor(lag_run *run, double t, const double *y)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
-    const int way = lag_eliminating(run) ? FACTORED : FACTORED_DENSE;
+    const int way = lag_solving_by(run) != LAG_BY_LU ? FACTORED : FACTORED_DENSE;
     lag_evaluate(d, s, t, y, LAG_FACTORS);
-    if (lag_eliminating(run) == 1 || d->held[1] == way)
+    if (lag_solving_by(run) == LAG_BY_TAPE || d->held[1] == way)
         return 0;
     const int bad = way == FACTORED ? factor(run) : factor_dense(run);
     d->held[1] = bad ? NOT_FACTORED : way;
@@ -185,7 +197,7 @@ int lag_factor(lag_run *run, double t, const double *y)
 static void residual(const lag_run *run, const double *right, const double *x, double *r,
                      double *size)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
     const int nq = s->nq, n = nq + s->nc;
     memcpy(r, right, (size_t)n * sizeof(double));
@@ -221,33 +233,33 @@ static void turn(double *x, int n)
 /* Where the tape's solution for another right side begins; the one for the constraints alone follows. */
 static int first_other(const lag_run *run)
 {
-    return lag_first_kept(run->system) + run->kept_count;
+    return lag_first_kept(&run->system) + run->solver.cancellation_count;
 }
 
 /* Solve with the last factors in place of the right side; not by the dense solution. */
 static void substitute(lag_run *run, double *x)
 {
-    const lag_ldl *ldl = &run->ldl;
-    const lag_tape *d = &run->system->dynamics;
+    const lag_elimination *ldl = &run->factors.plan;
+    const lag_tape *d = &run->system.dynamics;
     const int n = ldl->n;
-    const double *f = run->factors;
-    if (run->eliminating == 1) {
-        memcpy(d->registers + run->other_right, x, (size_t)n * sizeof(double));
+    const double *f = run->factors.factors;
+    if (run->solver.by == LAG_BY_TAPE) {
+        memcpy(d->registers + run->solver.other_right, x, (size_t)n * sizeof(double));
         lag_stream_run(d->later[1], d->registers);
         lag_vectors()->pick(n, d->registers, d->outputs + first_other(run), x);
-        turn(x + run->system->nq, run->system->nc);
+        turn(x + run->system.nq, run->system.nc);
     } else {
-        lag_ldl_solve(ldl, f, f + n, f + 2 * n, run->work + n, x);
+        lag_ldl_solve(ldl, f, f + n, f + 2 * n, run->step.work + n, x);
     }
 }
 
 /* One step of iterative refinement of a solution x. */
 static void refine(lag_run *run, const double *right, double *x)
 {
-    double *r = run->work;
+    double *r = run->step.work;
     residual(run, right, x, r, 0);
     substitute(run, r);
-    for (int i = 0; i < run->ldl.n; ++i)
+    for (int i = 0; i < run->factors.plan.n; ++i)
         x[i] += r[i];
 }
 
@@ -255,11 +267,11 @@ static void refine(lag_run *run, const double *right, double *x)
  * one step of iterative refinement. right is destroyed. */
 static void solve(lag_run *run, double *right, double *x, int refined)
 {
-    if (!lag_eliminating(run)) {
+    if (lag_solving_by(run) == LAG_BY_LU) {
         solve_dense(run, right, x, refined);
         return;
     }
-    memcpy(x, right, (size_t)run->ldl.n * sizeof(double));
+    memcpy(x, right, (size_t)run->factors.plan.n * sizeof(double));
     substitute(run, x);
     if (refined)
         refine(run, right, x);
@@ -267,16 +279,16 @@ static void solve(lag_run *run, double *right, double *x, int refined)
 
 double lag_correction(lag_run *run, const double *rhs, double *x)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
     const int nq = s->nq, nc = s->nc;
     double sum = 0.0;
-    if (lag_eliminating(run) == 1) {
-        memcpy(d->registers + run->other_right + nq + nc, rhs, (size_t)nc * sizeof(double));
+    if (lag_solving_by(run) == LAG_BY_TAPE) {
+        memcpy(d->registers + run->solver.other_right + nq + nc, rhs, (size_t)nc * sizeof(double));
         lag_stream_run(d->later[2], d->registers);
         return lag_vectors()->pick(nq, d->registers, d->outputs + first_other(run) + nq + nc, x);
     }
-    double *right = run->right, *all = run->a;
+    double *right = run->solver.right, *all = run->solver.a;
     memset(right, 0, (size_t)nq * sizeof(double));
     memcpy(right + nq, rhs, (size_t)nc * sizeof(double));
     solve(run, right, all, 0);
@@ -287,8 +299,8 @@ double lag_correction(lag_run *run, const double *rhs, double *x)
 
 void lag_oppose(lag_run *run, double *x)
 {
-    const int nq = run->system->nq, nc = run->system->nc;
-    double *all = run->solution;
+    const int nq = run->system.nq, nc = run->system.nc;
+    double *all = run->solver.solution;
     memset(all, 0, (size_t)nq * sizeof(double));
     memcpy(all + nq, x, (size_t)nc * sizeof(double));
     substitute(run, all);
@@ -296,56 +308,56 @@ void lag_oppose(lag_run *run, double *x)
         x[i] = -all[nq + i];
 }
 
-/* The right side (f, gamma) at the state that the tapes hold, to run->right. */
+/* The right side (f, gamma) at the state that the tapes hold, to run->solver.right. */
 static void right_side(lag_run *run)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics, *c = &s->constraint;
     const int nq = s->nq, nc = s->nc;
-    double *right = run->right;
+    double *right = run->solver.right;
     lag_vectors()->pick(nq, d->registers, d->outputs + lag_first_forcing(s), right);
     lag_vectors()->pick(nc, d->registers, d->outputs + lag_first_rhs(s), right + nq);
-    if (!run->baumgarte)
+    if (!run->baumgarte.active)
         return;
-    const int psi = lag_first_velocity(s);
+    const int psi = lag_constraint_velocity(s);
     for (int i = 0; i < nc; ++i)
-        right[nq + i] -= run->alpha * OUT(c, psi + i);
+        right[nq + i] -= run->baumgarte.alpha * OUT(c, psi + i);
     for (int i = 0; i < s->nh; ++i) {
         const int k = s->holonomic[i];
-        right[nq + k] -= run->alpha * OUT(c, psi + k) + run->beta * run->beta * OUT(c, i);
+        right[nq + k] -= run->baumgarte.alpha * OUT(c, psi + k) + run->baumgarte.beta * run->baumgarte.beta * OUT(c, i);
     }
 }
 
 /* Note where the equations have no finite value. Returns 1. */
 static int undefined(lag_run *run, double t, const double *y)
 {
-    run->t_bad = t;
-    memcpy(run->y_bad, y, (size_t)lag_size(run->system) * sizeof(double));
+    run->failure.t = t;
+    memcpy(run->failure.y, y, (size_t)lag_size(&run->system) * sizeof(double));
     return 1;
 }
 
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
     const int nq = s->nq, nc = s->nc, n = nq + nc;
-    double *x = run->a; /* a, then lambda */
+    double *x = run->solver.a; /* a, then lambda */
     int bad = 0;
-    ++run->evaluations;
-    if (run->baumgarte)
+    ++run->step.evaluations;
+    if (run->baumgarte.active)
         lag_evaluate(&s->constraint, s, t, y, LAG_ALL);
     lag_evaluate(d, s, t, y, LAG_ALL);
     /* the unrolled tape finds a, lambda and their power itself, to its own right side */
-    const int own = lag_eliminating(run) == 1 && !run->baumgarte;
+    const int own = lag_solving_by(run) == LAG_BY_TAPE && !run->baumgarte.active;
     bad = own ? !isfinite(lag_vectors()->pick(n, d->registers, d->outputs + lag_first_solution(s), x))
               : lag_factor(run, t, y);
     if (!bad && (refined || !own)) {
         right_side(run);
         if (own) {
             turn(x + nq, nc);
-            refine(run, run->right, x);
+            refine(run, run->solver.right, x);
         } else {
-            solve(run, run->right, x, refined);
+            solve(run, run->solver.right, x, refined);
         }
         turn(x + nq, nc);
         double sum = 0.0;
@@ -356,10 +368,10 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     if (bad)
         return undefined(run, t, y);
     if (own) {
-        *power = OUT(d, lag_first_solution(s) + n);
+        *power = OUT(d, lag_first_total_power(s));
         return 0;
     }
-    double p = OUT(d, lag_first_rhs(s) + nc);
+    double p = OUT(d, lag_first_power(s));
     for (int i = 0; i < s->nb; ++i)
         p += x[nq + s->jacobian_row[i]] * OUT(d, lag_first_jacobian(s) + i)
              * y[nq + s->jacobian_column[i]];
@@ -369,36 +381,36 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
 
 int lag_derivative(lag_run *run, double t, const double *y, double *f)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
     const int nq = s->nq;
     memcpy(f, y + nq, (size_t)nq * sizeof(double));
-    if (lag_eliminating(run) != 1 || run->baumgarte || run->refining) {
-        if (lag_accelerate(run, t, y, run->refining, f + 2 * nq))
+    if (lag_solving_by(run) != LAG_BY_TAPE || run->baumgarte.active || run->solver.refining) {
+        if (lag_accelerate(run, t, y, run->solver.refining, f + 2 * nq))
             return 1;
-        memcpy(f + nq, run->a, (size_t)nq * sizeof(double));
+        memcpy(f + nq, run->solver.a, (size_t)nq * sizeof(double));
         return 0;
     }
     /* straight from the unrolled tape; without lambda there is no a */
-    ++run->evaluations;
+    ++run->step.evaluations;
     lag_evaluate(d, s, t, y, LAG_ALL);
-    f[2 * nq] = OUT(d, lag_first_solution(s) + nq + s->nc);
+    f[2 * nq] = OUT(d, lag_first_total_power(s));
     const int32_t *places = d->outputs + lag_first_solution(s);
     return isfinite(lag_vectors()->pick(nq, d->registers, places, f + nq)) ? 0 : undefined(run, t, y);
 }
 
 double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const int nq = s->nq, n = nq + s->nc;
-    double *r = run->work, *size = run->work + n, *x = run->solution, power, all = 0.0;
-    if (!lag_eliminating(run) || lag_accelerate(run, t, y, refined, &power))
+    double *r = run->step.work, *size = run->step.work + n, *x = run->solver.solution, power, all = 0.0;
+    if (lag_solving_by(run) == LAG_BY_LU || lag_accelerate(run, t, y, refined, &power))
         return 0;
-    --run->evaluations;
+    --run->step.evaluations;
     right_side(run);
     for (int i = 0; i < n; ++i)
-        x[i] = i < nq ? run->a[i] : -run->a[i];
-    residual(run, run->right, x, r, size);
+        x[i] = i < nq ? run->solver.a[i] : -run->solver.a[i];
+    residual(run, run->solver.right, x, r, size);
     for (int i = 0; i < n; ++i)
         all = size[i] > all ? size[i] : all;
     for (int i = 0; i < n; ++i)
@@ -409,33 +421,33 @@ double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
 
 double lag_contradiction(lag_run *run, double t, const double *y)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
-    const int nq = s->nq, nc = s->nc, extra = nc - run->rank;
+    const int nq = s->nq, nc = s->nc, extra = nc - run->rows.rank;
     /* the unknowns beside a and lambda: how much of each dependency there is in gamma */
-    const double *taken = run->solution + nq + nc;
+    const double *taken = run->solver.solution + nq + nc;
     double most = 0.0, terms = 0.0, power;
     if (!extra || lag_accelerate(run, t, y, 0, &power))
         return 0.0;
-    --run->evaluations;
+    --run->step.evaluations;
     for (int i = 0; i < nc; ++i) {
         double part = 0.0;
         for (int j = 0; j < extra; ++j)
-            part += run->dependencies[j * nc + i] * taken[j];
+            part += run->rows.dependencies[j * nc + i] * taken[j];
         most = fmax(most, fabs(part));
-        terms = fmax(terms, fabs(OUT(d, lag_first_rhs(s) + i)) / run->lengths[i]);
+        terms = fmax(terms, fabs(OUT(d, lag_first_rhs(s) + i)) / run->rows.lengths[i]);
     }
     for (int i = 0; i < nq; ++i)
-        terms = fmax(terms, fabs(run->a[i]) / run->sizes[i]);
+        terms = fmax(terms, fabs(run->solver.a[i]) / run->rows.sizes[i]);
     return terms > 0.0 ? most / terms : 0.0;
 }
 
 double lag_allowed_inaccuracy(const lag_run *run)
 {
-    return fmin(fmax(ACCURATE * run->rtol, MOST_ACCURATE), LEAST_ACCURATE);
+    return fmin(fmax(ACCURATE * run->tolerances.rtol, MOST_ACCURATE), LEAST_ACCURATE);
 }
 
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z)
 {
-    return sqrt(lag_vectors()->scaled_square(lag_size(run->system), x, y, z, run->atol, run->rtol));
+    return sqrt(lag_vectors()->scaled_square(lag_size(&run->system), x, y, z, run->tolerances.atol, run->tolerances.rtol));
 }

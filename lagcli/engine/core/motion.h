@@ -20,7 +20,7 @@ enum lag_part { LAG_ALL, LAG_FACTORS = 1, LAG_POSITIONS = 1, LAG_VELOCITIES = 2 
  * afterwards. */
 void lag_evaluate(const lag_tape *tape, const lag_system *system, double t, const double *y, int part);
 
-/* Write the rows of B times sizes, over their lengths, to run->rows, from a tape whose B entries begin
+/* Write the rows of B times sizes, over their lengths, to run->rows.scaled, from a tape whose B entries begin
  * at output `first`. Returns 0, or 1 where they are not finite. */
 int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first);
 
@@ -29,8 +29,8 @@ int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first);
 void lag_row_squares(const lag_system *system, const lag_tape *tape, int first, const double *sizes,
                      double *sum);
 
-/* How a and lambda are found now: as run->eliminating says, or densely (0). */
-int lag_eliminating(const lag_run *run);
+/* How a and lambda are found now: as run->solver.by says, or densely (0). */
+enum lag_solution lag_solving_by(const lag_run *run);
 
 /* Make [[M, B'], [B, 0]] at a state ready to solve with. Returns 0, or 1 if it is singular; of the
  * unrolled factors it does not say so: the solutions are not finite then. */
@@ -44,7 +44,7 @@ double lag_correction(lag_run *run, const double *rhs, double *x);
  * that go with constraints' accelerations. */
 void lag_oppose(lag_run *run, double *x);
 
-/* a, lambda (in run->a, run->multipliers) and the power at a state. Returns 0, or 1 where they are
+/* a, lambda (in run->solver.a, run->solver.multipliers) and the power at a state. Returns 0, or 1 where they are
  * undefined. */
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power);
 

@@ -7,13 +7,13 @@
 #include "vectors.h"
 
 
-/* Raise the scales of phi to the least ones at y. Changes run->work beyond the right side, phi and its
+/* Raise the scales of phi to the least ones at y. Changes run->step.work beyond the right side, phi and its
  * scale. */
 static void raise_scales(lag_run *run, double t, const double *y)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
-    double *own = run->work + 3 * s->nc, *square = own + s->nc, *compliance = square + s->nc;
+    double *own = run->step.work + 3 * s->nc, *square = own + s->nc, *compliance = square + s->nc;
     double size = 0.0;
     lag_evaluate(d, s, t, y, LAG_ALL);
     memset(own, 0, 2 * (size_t)s->nc * sizeof(double));
@@ -36,26 +36,27 @@ static void raise_scales(lag_run *run, double t, const double *y)
     for (int i = 0; i < s->nh; ++i) {
         const int k = s->holonomic[i];
         const double least = fmax(own[k], LEAST_PART * sqrt(size) * sqrt(square[k]));
-        if (least > run->scale_position[i]) /* not where it is undefined */
-            run->scale_position[i] = least;
+        if (least > run->projection.scale_position[i]) /* not where it is undefined */
+            run->projection.scale_position[i] = least;
     }
 }
 
 int lag_project(lag_run *run, double t, double *y)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *c = &s->constraint;
     const int nq = s->nq, nc = s->nc, nh = s->nh;
-    const int scale_position = nh + s->nb + nc;
-    const int scale_velocity = scale_position + nh, first_velocity = lag_first_velocity(s);
+    const int scale_position = lag_constraint_position_scale(s);
+    const int scale_velocity = lag_constraint_velocity_scale(s);
+    const int first_velocity = lag_constraint_velocity(s);
     const lag_vector_kernel *vectors = lag_vectors();
-    double *rhs = run->work, *residual = rhs + nc, *scale = residual + nc, *x = run->a;
+    double *rhs = run->step.work, *residual = rhs + nc, *scale = residual + nc, *x = run->solver.a;
     double best = INFINITY;
     int met = 0;
     if (nc == 0)
         return LAG_RUNNING;
-    run->t_bad = t;
-    memcpy(run->y_bad, y, (size_t)lag_size(s) * sizeof(double));
+    run->failure.t = t;
+    memcpy(run->failure.y, y, (size_t)lag_size(s) * sizeof(double));
     if (lag_factor(run, t, y))
         return LAG_UNDEFINED;
     for (int iteration = 0; iteration < PROJECTIONS; ++iteration) {
@@ -63,22 +64,22 @@ int lag_project(lag_run *run, double t, double *y)
         if (!isfinite(vectors->pick(nh, c->registers, c->outputs, residual)))
             return LAG_UNDEFINED;
         vectors->pick(nh, c->registers, c->outputs + scale_position, scale);
-        double worst = vectors->largest(nh, residual, scale, run->scale_position);
+        double worst = vectors->largest(nh, residual, scale, run->projection.scale_position);
         if (iteration == RAISE && worst > RESIDUAL) {
             raise_scales(run, t, y);
-            worst = vectors->largest(nh, residual, scale, run->scale_position);
+            worst = vectors->largest(nh, residual, scale, run->projection.scale_position);
         }
         met = worst <= RESIDUAL;
         if (best <= NOT_REACHED && worst >= 0.5 * best && !met) {
             /* rounding error is reached: the better of the last two */
             if (worst > best)
-                memcpy(y, run->trial, (size_t)nq * sizeof(double));
+                memcpy(y, run->step.trial, (size_t)nq * sizeof(double));
             met = 1;
         }
         if (met)
             break;
         best = worst;
-        memcpy(run->trial, y, (size_t)nq * sizeof(double));
+        memcpy(run->step.trial, y, (size_t)nq * sizeof(double));
         memset(rhs, 0, (size_t)nc * sizeof(double));
         for (int i = 0; i < nh; ++i)
             rhs[s->holonomic[i]] = -residual[i];
@@ -96,7 +97,7 @@ int lag_project(lag_run *run, double t, double *y)
         if (!isfinite(vectors->pick(nc, c->registers, c->outputs + first_velocity, residual)))
             return LAG_UNDEFINED;
         vectors->pick(nc, c->registers, c->outputs + scale_velocity, scale);
-        if (vectors->largest(nc, residual, scale, run->scale_velocity) <= RESIDUAL)
+        if (vectors->largest(nc, residual, scale, run->projection.scale_velocity) <= RESIDUAL)
             break;
         for (int i = 0; i < nc; ++i)
             rhs[i] = -residual[i];
@@ -110,13 +111,13 @@ int lag_project(lag_run *run, double t, double *y)
 
 int lag_return(lag_run *run, double t, double *y)
 {
-    const int nq = run->system->nq, status = lag_project(run, t, y);
-    if (status != LAG_RUNNING || run->system->nh == 0)
+    const int nq = run->system.nq, status = lag_project(run, t, y);
+    if (status != LAG_RUNNING || run->system.nh == 0)
         return status;
     for (int i = 0; i < nq; ++i) {
-        const double moved = fabs(y[i] - run->y_bad[i]);
-        if (moved > FAR * (run->atol[i] + run->rtol * fabs(y[i]))
-            && moved > FAR_PART * run->largest[run->kind[i]])
+        const double moved = fabs(y[i] - run->failure.y[i]);
+        if (moved > FAR * (run->tolerances.atol[i] + run->tolerances.rtol * fabs(y[i]))
+            && moved > FAR_PART * run->tolerances.largest[run->tolerances.kind[i]])
             return LAG_JUMPED;
     }
     return LAG_RUNNING;

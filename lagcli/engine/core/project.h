@@ -11,6 +11,7 @@
 #define FAR 100.0           /* of a step's tolerances: no error of a step moves a coordinate further, ... */
 #define FAR_PART 1e-3       /* ... if this is also such a part of the largest size of its kind */
 #define RAISE 2             /* Newton steps after which the least scales are looked at */
+#define NEGLIGIBLE 0.01     /* of the tolerance: a projection that moves less leaves f as it is */
 
 /*
  * A constraint's scale is the largest sum of the magnitudes of its terms so far. These may vanish all

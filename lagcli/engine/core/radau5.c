@@ -1,12 +1,14 @@
-#include "radau5.h"
-
+/* Radau IIA of order 5 with simplified Newton steps, after Hairer & Wanner's RADAU5. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
+#include "control.h"
 #include "implicit.h"
+#include "method.h"
 #include "motion.h"
 #include "radau5_tableau.h"
+#include "step.h"
 #include "watch.h"
 
 #define NEWTON 7            /* iterations */
@@ -20,13 +22,13 @@
 /* The error estimate is of order 3: a tolerance that gives an error like the one asked for. */
 static double looseness(const lag_run *run)
 {
-    return 0.1 * pow(run->rtol, -1.0 / 3.0);
+    return 0.1 * pow(run->tolerances.rtol, -1.0 / 3.0);
 }
 
 /* A norm against the estimate's own tolerance; y_new is near the step's end. */
 static double norm(const lag_run *run, const double *x)
 {
-    return lag_scaled_norm(run, x, run->y, run->y_new) / looseness(run);
+    return lag_scaled_norm(run, x, run->step.y, run->step.y_new) / looseness(run);
 }
 
 /* The collocation polynomial of the last step at x of its size, less its value at the end. */
@@ -38,11 +40,11 @@ static double continued(const double *d, int n, int m, double x)
 /* Newton's start: what the last step's polynomial says, or nothing. */
 static void predict(lag_run *run, double h, double *z, double *w)
 {
-    const int n = lag_size(run->system);
-    if (run->h_accepted > 0.0) {
+    const int n = lag_size(&run->system);
+    if (run->implicit->h_accepted > 0.0) {
         for (int i = 0; i < 3; ++i)
             for (int m = 0; m < n; ++m)
-                z[i * n + m] = continued(run->dense, n, m, radau_c[i] * h / run->h_accepted);
+                z[i * n + m] = continued(run->step.dense, n, m, radau_c[i] * h / run->implicit->h_accepted);
     } else {
         memset(z, 0, 3 * (size_t)n * sizeof(double));
     }
@@ -56,12 +58,12 @@ static void predict(lag_run *run, double h, double *z, double *w)
  * Returns 0, or 1 where it is undefined. */
 static int defects(lag_run *run, double h, const double *z, const double *w, double *r)
 {
-    const int n = lag_size(run->system);
-    double *f = run->stages + 9 * n;
+    const int n = lag_size(&run->system);
+    double *f = run->step.stages + 9 * n;
     for (int i = 0; i < 3; ++i) {
         for (int m = 0; m < n; ++m)
-            run->y_new[m] = run->y[m] + z[i * n + m];
-        if (lag_stage(run, run->t + radau_c[i] * h, run->y_new, f + i * n))
+            run->step.y_new[m] = run->step.y[m] + z[i * n + m];
+        if (lag_stage(run, run->step.t + radau_c[i] * h, run->step.y_new, f + i * n))
             return 1;
     }
     const double real = radau_real / h, re = radau_re / h, im = radau_im / h;
@@ -83,15 +85,15 @@ enum newton { CONVERGED, DIVERGED, NOT_DEFINED };
 /* Solve for z. `factor` is by what to change a step that did not converge. */
 static enum newton solve_stages(lag_run *run, double h, double *z, int *iterations, double *factor)
 {
-    const int n = lag_size(run->system);
-    const double tolerance = looseness(run) * run->rtol;
+    const int n = lag_size(&run->system);
+    const double tolerance = looseness(run) * run->tolerances.rtol;
     const double enough = fmax(10.0 * DBL_EPSILON / tolerance, fmin(0.03, sqrt(tolerance)));
-    double *w = run->stages + 3 * n, *r = run->stages + 6 * n;
+    double *w = run->step.stages + 3 * n, *r = run->step.stages + 6 * n;
     double change = 0.0, before = 0.0, rate = 0.0;
     lag_watch_step(run);
     predict(run, h, z, w);
-    run->contraction = pow(fmax(run->contraction, DBL_EPSILON), 0.8);
-    run->theta = FAST;
+    run->implicit->contraction = pow(fmax(run->implicit->contraction, DBL_EPSILON), 0.8);
+    run->implicit->theta = FAST;
     *factor = 0.5;
     for (int k = 0; k < NEWTON; ++k) {
         if (defects(run, h, z, w, r))
@@ -108,14 +110,14 @@ static enum newton solve_stages(lag_run *run, double h, double *z, int *iteratio
             return DIVERGED;
         if (k > 0) {
             const double ratio = change / before;
-            run->theta = k == 1 ? ratio : sqrt(ratio * rate);
+            run->implicit->theta = k == 1 ? ratio : sqrt(ratio * rate);
             rate = ratio;
-            if (run->theta >= 0.99)
+            if (run->implicit->theta >= 0.99)
                 return DIVERGED;
-            run->contraction = run->theta / (1.0 - run->theta);
+            run->implicit->contraction = run->implicit->theta / (1.0 - run->implicit->theta);
             /* what will be left after the last iteration */
             const double left =
-                run->contraction * change * pow(run->theta, NEWTON - 2 - k) / enough;
+                run->implicit->contraction * change * pow(run->implicit->theta, NEWTON - 2 - k) / enough;
             if (left >= 1.0 && k < NEWTON - 1) {
                 const double q = fmax(1e-4, fmin(20.0, left));
                 *factor = 0.8 * pow(q, -1.0 / (4 + NEWTON - 2 - k));
@@ -130,7 +132,7 @@ static enum newton solve_stages(lag_run *run, double h, double *z, int *iteratio
                 z[i * n + m] = radau_t[i][0] * w[m] + radau_t[i][1] * w[n + m]
                                + radau_t[i][2] * w[2 * n + m];
         }
-        if (run->contraction * change <= enough) {
+        if (run->implicit->contraction * change <= enough) {
             *iterations = k + 1;
             return CONVERGED;
         }
@@ -141,19 +143,19 @@ static enum newton solve_stages(lag_run *run, double h, double *z, int *iteratio
 /* The error estimate (IV.8.19, and IV.8.20 where it is large and the step follows no other). */
 static double estimate(lag_run *run, double h, const double *z, int doubtful)
 {
-    const int n = lag_size(run->system);
-    double *sum = run->stages + 6 * n, *error = run->stages + 7 * n, *y = run->stages + 8 * n;
+    const int n = lag_size(&run->system);
+    double *sum = run->step.stages + 6 * n, *error = run->step.stages + 7 * n, *y = run->step.stages + 8 * n;
     for (int m = 0; m < n; ++m) {
         sum[m] = (radau_error[0] * z[m] + radau_error[1] * z[n + m] + radau_error[2] * z[2 * n + m])
                  / h;
-        error[m] = run->f[m] + sum[m];
+        error[m] = run->step.f[m] + sum[m];
     }
     lag_shifted_solve(run, error, 0.0, error);
     double size = norm(run, error);
     if (size >= 1.0 && doubtful) {
         for (int m = 0; m < n; ++m)
-            y[m] = run->y[m] + error[m];
-        if (!lag_derivative(run, run->t, y, error)) {
+            y[m] = run->step.y[m] + error[m];
+        if (!lag_derivative(run, run->step.t, y, error)) {
             for (int m = 0; m < n; ++m)
                 error[m] += sum[m];
             lag_shifted_solve(run, error, 0.0, error);
@@ -166,9 +168,9 @@ static double estimate(lag_run *run, double h, const double *z, int doubtful)
 /* The collocation polynomial's divided differences. */
 static void interpolate(lag_run *run, const double *z)
 {
-    const int n = lag_size(run->system);
+    const int n = lag_size(&run->system);
     const double c1 = radau_c[0], c2 = radau_c[1];
-    double *d = run->dense;
+    double *d = run->step.dense;
     for (int m = 0; m < n; ++m) {
         const double middle = (z[m] - z[n + m]) / (c1 - c2);
         d[m] = (z[n + m] - z[2 * n + m]) / (c2 - 1.0);
@@ -177,29 +179,29 @@ static void interpolate(lag_run *run, const double *z)
     }
 }
 
-void lag_radau5_restart(lag_run *run)
+static void restart(lag_run *run)
 {
-    run->h_accepted = 0.0;
-    run->h_converging = INFINITY;
-    run->contraction = 1.0;
-    run->theta = 1.0; /* no Jacobian that could be kept */
+    run->implicit->h_accepted = 0.0;
+    run->implicit->h_converging = INFINITY;
+    run->implicit->contraction = 1.0;
+    run->implicit->theta = 1.0; /* no Jacobian that could be kept */
 }
 
-int lag_radau5_step(lag_run *run)
+static int step(lag_run *run)
 {
-    const int n = lag_size(run->system);
+    const int n = lag_size(&run->system);
     lag_implicit *implicit = run->implicit;
     int rejected = 0, undefined = 0, current = 0;
-    double *z = run->stages;
+    double *z = run->step.stages;
     for (;;) {
         const double h = lag_step_size(run);
         if (h == 0.0)
             return undefined ? LAG_UNDEFINED : LAG_FLOOR;
-        if (run->theta > FAST && !current) {
-            if (lag_linearize(run, run->t, run->y, run->f))
+        if (run->implicit->theta > FAST && !current) {
+            if (lag_linearize(run, run->step.t, run->step.y, run->step.f))
                 return LAG_UNDEFINED;
             current = 1;
-        } else if (!rejected && !current && lag_derivative(run, run->t, run->y, run->f)) {
+        } else if (!rejected && !current && lag_derivative(run, run->step.t, run->step.y, run->step.f)) {
             return LAG_UNDEFINED;
         }
         if (implicit->shift != radau_real / h
@@ -209,7 +211,7 @@ int lag_radau5_step(lag_run *run)
             const int status = lag_reorder(run);
             if (status != LAG_RUNNING)
                 return status;
-            run->h = 0.5 * h;
+            run->step.h = 0.5 * h;
             rejected = 1;
             continue;
         }
@@ -217,49 +219,52 @@ int lag_radau5_step(lag_run *run)
         double factor;
         const enum newton outcome = solve_stages(run, h, z, &iterations, &factor);
         if (outcome == CONVERGED) {
-            const double error = estimate(run, h, z, rejected || run->h_accepted == 0.0);
+            const double error = estimate(run, h, z, rejected || run->implicit->h_accepted == 0.0);
             const double safe = fmin(SAFETY, SAFETY * (1.0 + 2.0 * NEWTON)
                                                  / (iterations + 2.0 * NEWTON));
             factor = fmin(fmax(safe * pow(error, -0.25), LEAST), LARGEST);
             if (error < 1.0) {
-                if (run->h_accepted > 0.0) {
-                    /* predictive control (Gustafsson) */
-                    const double follows = SAFETY * h / run->h_accepted
-                                           * pow(run->error_old / (error * error), 0.25);
+                if (run->implicit->h_accepted > 0.0) {
+                    const double follows = lag_predicted_factor(h, error, run->implicit->h_accepted,
+                                                                run->step.error_old, lag_radau5.order);
                     factor = fmin(factor, fmax(follows, LEAST));
                 }
-                run->h_converging *= RELAXED;
-                factor = fmin(factor, run->h_converging / h);
+                run->implicit->h_converging *= RELAXED;
+                factor = fmin(factor, run->implicit->h_converging / h);
                 if (rejected)
                     factor = fmin(factor, 1.0);
                 for (int m = 0; m < n; ++m)
-                    run->y_new[m] = run->y[m] + z[2 * n + m];
+                    run->step.y_new[m] = run->step.y[m] + z[2 * n + m];
                 interpolate(run, z);
-                run->error_old = fmax(error, 1e-2);
-                run->h_accepted = h;
-                if (run->theta <= FAST && factor >= 1.0 && factor <= KEPT)
+                run->step.error_old = fmax(error, 1e-2);
+                run->implicit->h_accepted = h;
+                if (run->implicit->theta <= FAST && factor >= 1.0 && factor <= KEPT)
                     factor = 1.0;
                 lag_accept(run, h, factor);
                 return LAG_RUNNING;
             }
-            if (run->h_accepted == 0.0)
+            if (run->implicit->h_accepted == 0.0)
                 factor = 0.1;
         } else {
             undefined = outcome == NOT_DEFINED;
-            run->h_converging = h * factor;
+            run->implicit->h_converging = h * factor;
         }
-        run->theta = 1.0; /* a new Jacobian may help as much as the smaller step */
-        run->h = h * factor;
+        run->implicit->theta = 1.0; /* a new Jacobian may help as much as the smaller step */
+        run->step.h = h * factor;
         rejected = 1;
-        ++run->rejected;
+        ++run->step.rejected;
     }
 }
 
-void lag_radau5_dense(lag_run *run, double t, double *y)
+/* The collocation polynomial. */
+static void dense(lag_run *run, double t, double *y)
 {
-    const int n = lag_size(run->system);
+    const int n = lag_size(&run->system);
     /* from the end, where what is continued is y_new */
-    const double x = (t - run->t_old) / run->h_old - 1.0;
+    const double x = (t - run->step.t_old) / run->step.h_old - 1.0;
     for (int m = 0; m < n; ++m)
-        y[m] = run->y_new[m] + continued(run->dense, n, m, x);
+        y[m] = run->step.y_new[m] + continued(run->step.dense, n, m, x);
 }
+
+const lag_method lag_radau5 = {
+    .name = "Radau", .order = 4.0, .step = step, .dense = dense, .restart = restart};

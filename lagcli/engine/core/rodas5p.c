@@ -1,46 +1,48 @@
-#include "rodas5p.h"
-
+/* Rodas5P: a Rosenbrock-Wanner method of order 5(4), with dense output of order 4. */
 #include <math.h>
 #include <string.h>
 
+#include "control.h"
 #include "implicit.h"
+#include "method.h"
 #include "motion.h"
 #include "rodas5p_tableau.h"
+#include "step.h"
 #include "watch.h"
 
 /* The stages U of a step of size h from (t, y), and y_new. Returns 0, or 1 where they are
  * undefined. */
 static int stages(lag_run *run, double h)
 {
-    const int n = lag_size(run->system);
-    double *r = run->trial, *y = run->y_new;
+    const int n = lag_size(&run->system);
+    double *r = run->step.trial, *y = run->step.y_new;
     lag_watch_step(run);
     for (int i = 0; i < RODAS_STAGES; ++i) {
-        double *u = run->stages + i * n;
-        memcpy(y, run->y, (size_t)n * sizeof(double));
+        double *u = run->step.stages + i * n;
+        memcpy(y, run->step.y, (size_t)n * sizeof(double));
         for (int j = 0; j < i; ++j)
             for (int m = 0; m < n; ++m)
-                y[m] += rodas_a[i][j] * run->stages[j * n + m];
+                y[m] += rodas_a[i][j] * run->step.stages[j * n + m];
         if (i == 0)
-            memcpy(r, run->f, (size_t)n * sizeof(double));
-        else if (lag_stage(run, run->t + rodas_c[i] * h, y, r))
+            memcpy(r, run->step.f, (size_t)n * sizeof(double));
+        else if (lag_stage(run, run->step.t + rodas_c[i] * h, y, r))
             return 1;
         for (int j = 0; j < i; ++j)
             for (int m = 0; m < n; ++m)
-                r[m] += rodas_C[i][j] / h * run->stages[j * n + m];
+                r[m] += rodas_C[i][j] / h * run->step.stages[j * n + m];
         lag_shifted_solve(run, r, rodas_d[i] * h, u);
     }
-    const double *last = run->stages + (RODAS_STAGES - 1) * n;
+    const double *last = run->step.stages + (RODAS_STAGES - 1) * n;
     for (int m = 0; m < n; ++m)
         y[m] += last[m];
     return 0;
 }
 
-int lag_rodas5p_step(lag_run *run)
+static int step(lag_run *run)
 {
-    const int n = lag_size(run->system);
+    const int n = lag_size(&run->system);
     int rejected = 0, undefined = 0;
-    if (lag_linearize(run, run->t, run->y, run->f))
+    if (lag_linearize(run, run->step.t, run->step.y, run->step.f))
         return LAG_UNDEFINED;
     for (;;) {
         const double h = lag_step_size(run);
@@ -54,49 +56,56 @@ int lag_rodas5p_step(lag_run *run)
         } else if (stages(run, h)) {
             undefined = 1;
         } else {
-            const double *last = run->stages + (RODAS_STAGES - 1) * n;
-            const double error = lag_scaled_norm(run, last, run->y, run->y_new);
+            const double *last = run->step.stages + (RODAS_STAGES - 1) * n;
+            const double error = lag_scaled_norm(run, last, run->step.y, run->step.y_new);
             factor = error > 0.0 ? fmin(fmax(0.9 * pow(error, -1.0 / 5.0), 0.2), 6.0) : 6.0;
             if (error <= 1.0) {
-                /* predictive control (Gustafsson; Hairer & Wanner, IV.8) */
-                if (run->h_accepted > 0.0 && error > 0.0) {
-                    const double follows = 0.9 * h / run->h_accepted
-                                           * pow(run->error_old / (error * error), 1.0 / 5.0);
+                if (run->implicit->h_accepted > 0.0 && error > 0.0) {
+                    const double follows = lag_predicted_factor(h, error, run->implicit->h_accepted,
+                                                                run->step.error_old, lag_rodas5p.order);
                     factor = fmax(fmin(factor, follows), 0.2);
                 }
                 if (rejected)
                     factor = fmin(factor, 1.0);
-                run->error_old = fmax(error, 1e-2);
-                run->h_accepted = h;
+                run->step.error_old = fmax(error, 1e-2);
+                run->implicit->h_accepted = h;
                 lag_accept(run, h, factor);
                 return LAG_RUNNING;
             }
             if (!isfinite(error))
                 factor = 0.2;
         }
-        run->h = h * factor;
+        run->step.h = h * factor;
         rejected = 1;
-        ++run->rejected;
+        ++run->step.rejected;
     }
 }
 
-void lag_rodas5p_dense(lag_run *run, double t, double *y)
+static void dense(lag_run *run, double t, double *y)
 {
-    const int n = lag_size(run->system);
-    double *d = run->dense;
-    if (!run->dense_ready) {
+    const int n = lag_size(&run->system);
+    double *d = run->step.dense;
+    if (!run->step.dense_ready) {
         for (int i = 0; i < 3; ++i)
             for (int m = 0; m < n; ++m) {
                 double sum = 0.0;
                 for (int j = 0; j < RODAS_STAGES; ++j)
-                    sum += rodas_h[i][j] * run->stages[j * n + m];
+                    sum += rodas_h[i][j] * run->step.stages[j * n + m];
                 d[i * n + m] = sum;
             }
-        run->dense_ready = 1;
+        run->step.dense_ready = 1;
     }
-    const double x = (t - run->t_old) / run->h_old;
+    const double x = (t - run->step.t_old) / run->step.h_old;
     for (int m = 0; m < n; ++m) {
         const double bend = d[m] + x * (d[n + m] + x * d[2 * n + m]);
-        y[m] = run->y_old[m] + x * (run->y_new[m] - run->y_old[m] + (1.0 - x) * bend);
+        y[m] = run->step.y_old[m] + x * (run->step.y_new[m] - run->step.y_old[m] + (1.0 - x) * bend);
     }
 }
+
+static void restart(lag_run *run)
+{
+    run->implicit->h_accepted = 0.0;
+}
+
+const lag_method lag_rodas5p = {
+    .name = "Rodas5P", .order = 5.0, .step = step, .dense = dense, .restart = restart};

@@ -1,146 +1,176 @@
 /*
- * The compiled engine: steps on the index-1 form, with projection onto the constraints.
+ * A run of the integrator: steps on the index-1 form, with projection onto the constraints.
  *
- * State y = (q, v, W), W the work done on the system. All memory belongs to the caller.
+ * Each part below belongs to the source file that its comment names, which alone changes it, unless said
+ * otherwise.
  */
 #ifndef LAGCLI_RUN_H
 #define LAGCLI_RUN_H
 
-#include "events.h"
-#include "ldl.h"
+#include "memory.h"
 #include "series.h"
 #include "system.h"
 
-#define NEGLIGIBLE 0.01     /* of the tolerance: a projection that moves less leaves f as it is */
-#define STIFF 15            /* steps that stability limits, until the model counts as stiff */
+/* step.c, and the methods: the state and the last step. */
+typedef struct {
+    double t_start, t, t_end;
+    double h, h_max;                   /* of the next step */
+    double error_old;                  /* what the control keeps of the last step */
+    double *y, *f;                     /* n: the state and its derivative */
+    double t_old, h_old;               /* the last step */
+    double *y_old;                     /* n */
+    double *y_new, *f_new;             /* n: the step's end before projection, its derivative */
+    double *stages;                    /* 16 n */
+    double *dense;                     /* 7 n */
+    int dense_ready;
+    int finishing;                     /* the last step is accepted and not yet sampled */
+    double *trial;                     /* n: scratch */
+    double *work;                      /* 2 N, 2 n and 3 nc: scratch */
+    long steps, rejected, evaluations;
+} lag_step;
 
-enum lag_status {
-    LAG_RUNNING,      /* the slice of steps is over */
-    LAG_DONE,         /* t_end is reached */
-    LAG_BLOCK_FULL,   /* the sample block is full */
-    LAG_UNDEFINED,    /* the equations have no finite value at (t_bad, y_bad) */
-    LAG_FLOOR,        /* the step size fell to the floor */
-    LAG_NEAR,         /* the last step went towards a singular configuration */
-    LAG_OVER,         /* the last step may have gone over one */
-    LAG_OFF,          /* (t_bad, y_bad) cannot be brought onto the constraints */
-    LAG_INACCURATE,   /* the static elimination is inaccurate at (t_bad, y_bad), the end of a
-                       * step that was not taken */
-    LAG_STIFF,        /* an explicit method has no use for the accuracy of its steps */
-    LAG_ORDER,        /* an implicit method needs an order of pivots for its matrix */
-    LAG_EVENT,        /* an event happened inside the last step */
-    LAG_CONTRADICTED, /* redundant constraints may contradict each other after the last step */
-    LAG_JUMPED        /* the constraints at t_bad are met only far from y_bad */
-};
-
-enum lag_method { LAG_DOP853, LAG_RODAS5P, LAG_RADAU5, LAG_TAYLOR };
-
-typedef struct lag_run {
-    const lag_system *system;
-    int method;                        /* a lag_method */
-    int stepped;                       /* the method that took the last step */
-    struct lag_implicit *implicit;     /* what implicit methods need; else NULL */
-    lag_series series;                 /* what Taylor's method needs */
-    double t_start, t, t_end, h, h_max, rtol, error_old;
-    double *atol;                      /* n: the absolute tolerances of the next step; see sizes.h */
+/* sizes.c: the absolute tolerances. */
+typedef struct {
+    double rtol;
+    double *atol;                      /* n: of the next step */
     const double *given;               /* n: those that are given; 0 where they follow the size */
     double *size, *gross, *later;      /* n, nq, nq: S, A and R of sizes.h */
     int kinds;                         /* of coordinates, by their unit */
     const int32_t *kind;               /* nq */
     double *largest;                   /* 2 kinds: size of the coordinates and the velocities */
-    double h_accepted;                 /* an implicit method's last step; 0 before its first */
-    double theta, contraction;         /* Newton's rate, and what follows for its last change */
-    double h_converging;               /* the largest step at which Newton is likely to converge */
-    int detecting;                     /* whether to look for stiffness */
+} lag_tolerances;
+
+/* dop853.c: whether stability, not accuracy, limits the steps. */
+typedef struct {
+    int detecting;                     /* whether to look for it */
     int stiff, not_stiff;              /* steps that were so in a row */
-    int projecting;
-    int watching;                      /* 0: no; 1: for NEAR, taking shorter steps; 2: for OVER too */
-    double alpha, beta;                /* Baumgarte; unused where not asked for */
-    int baumgarte;
+} lag_stiffness;
+
+/* motion.c: Baumgarte's stabilization. */
+typedef struct {
+    int active;
+    double alpha, beta;
     int alpha_from_step, beta_from_alpha;
+} lag_baumgarte;
 
-    double *y, *f;                     /* state and its derivative, n */
-    double t_old, h_old;               /* the last step */
-    double *y_old;                     /* n */
-    double *stages;                    /* 16 n */
-    double *dense;                     /* 7 n */
-    int dense_ready;
-    double *y_new, *f_new;             /* n: the step's end before projection, its derivative */
-    double *trial, *y_sample;          /* n each */
-    double *work;                      /* 2 N, 2 n and 3 nc */
-    int contradicted;                  /* redundant constraints may contradict each other there */
-    int finishing;                     /* the last step is accepted and not yet sampled */
+/* project.c: the projection. */
+typedef struct {
+    int active;
+    double *scale_position, *scale_velocity;   /* nh, nc */
+} lag_projection;
 
-    double *a, *multipliers;           /* nq, nc: at the state evaluated last */
+/* motion.c: how a and lambda are found. */
+enum lag_solution { LAG_BY_LU, LAG_BY_TAPE, LAG_BY_LDL };
 
-    /* [[M, B'], [B, 0]] by a static elimination ... */
-    int eliminating;                   /* 0: not; 1: unrolled in the dynamics tape; 2: by ldl */
-    int kept_count;                    /* outputs that tell what the unrolled pivots keep */
-    int other_right;                   /* where another right side goes in the unrolled tape */
+typedef struct {
+    enum lag_solution by;
+    long dense_steps;                  /* steps to take by LU all the same */
     int refinable;                     /* whether solutions may be refined before an order is given up */
     int refining;                      /* whether y' asks for a refined solution ... */
     int accurate_steps;                /* ... and the steps in a row that would not have needed it */
     double inaccuracy;                 /* residual of the equations at the last step's end */
-    lag_ldl ldl;
-    const int32_t *mass_targets;       /* nm: where M's entries go in `factors`; -1: nowhere */
-    const int32_t *jacobian_targets;   /* nb */
+    double *a, *multipliers;           /* nq, nc: at the state evaluated last */
+    double *right, *solution;          /* N each */
+    int cancellation_count;            /* outputs of the tape on cancellation in its pivots */
+    int other_right;                   /* where another right side goes in the tape's inputs */
+} lag_solver;
+
+/* motion.c: the elimination in a loop. */
+typedef struct {
+    lag_elimination plan;
     double *factors;                   /* inverse of D: 2 (nq + nc); L */
     double *product;                   /* as long as L */
-    long dense_steps;                  /* steps to take by the dense one all the same */
+} lag_factors;
 
-    /* ... or dense, bordered by the dependencies of B's rows: N = nq + nc + nc - rank */
-    double *kkt, *lu;                  /* N*N each; null until they are needed */
-    double *right, *solution;          /* N each */
+/* motion.c: the dense matrix, bordered by the dependencies of B's rows: N = nq + nc + nc - rank. */
+typedef struct {
+    double *matrix, *lu;               /* N*N each; NULL until they are needed */
     int *pivots;                       /* N */
+    double *weight;                    /* nc: brings the rows of B times sizes near one */
+} lag_dense_matrix;
+
+/* watch.c and motion.c: the rows of B. */
+typedef struct {
+    int rank;                          /* of B at the start */
     double *sizes;                     /* nq: changes of the coordinates that count as equal, by their
                                         * inertia at the start; the unknowns are a over sizes */
-    double *weight;                    /* nc: brings the rows of B times sizes near one */
     double *lengths;                   /* nc: largest length of each row of B times sizes so far */
     double *plain_lengths;             /* nc: the same of the rows of B alone */
-    double *scale_position, *scale_velocity;   /* nh, nc: see project.h */
-    double *rows;                      /* nc * nq */
+    double *scaled;                    /* nc * nq: the rows of B times sizes over their lengths */
     int *order;                        /* nc */
     double *components;                /* nc * nc */
     double *dependencies;              /* (nc - rank) * nc */
-    int rank;                          /* of B at the start */
-    double *weakest_rows;              /* nc: the combination of rows that lag_weakest found last */
-    double weakest, usual;             /* weakest pivot after the last step; its largest so far */
-    double kept, most_kept;            /* the least part that pivots kept of their terms at a stage:
-                                        * its smallest and largest during the last step */
-    double usually_kept;               /* its largest so far */
-    double *jacobian_before;           /* 2 nb: B's entries where a step of Taylor's began and ends */
-    double kept_last;                  /* at the last stage; 0 where that was not on the way here */
+    int contradicted;                  /* redundant constraints may contradict each other */
+} lag_rows;
 
-    const double *times;               /* sample times */
-    long times_count, times_next;
-    double *block;                     /* rows of 1 + 3 nq + nc + 1 */
-    long block_rows, block_used;
+/*
+ * Cancellation in the pivots of the elimination: the least part that a pivot keeps of the terms that it
+ * is the sum of, 1 without cancellation, near 0 next to a singular configuration.
+ */
+typedef struct {
+    double least, most;                /* at the stages of the last step */
+    double largest;                    /* so far */
+    double last;                       /* at the last stage; 0 where that was not on the way here */
+} lag_cancellation;
 
+/* watch.c: the watch for singular configurations. */
+typedef struct {
+    int mode;                          /* a lag_watching */
+    double pivot, largest_pivot;       /* least pivot of B after the last step; its largest so far */
+    double *combination;               /* nc: of rows, that inverse iteration found last */
+    double *jacobian;                  /* 2 nb: B's entries where a step of Taylor's began and ends */
+    lag_cancellation cancellation;
+} lag_watch;
+
+/* sample.c: samples. */
+typedef struct {
+    const double *times;
+    long count, next;                  /* of times; the next one */
+    double *block;                     /* rows of t, q, v, a, lambda, W */
+    long rows, used;
+    double *y;                         /* n: scratch */
+} lag_samples;
+
+/* events.c: where a function of (t, q, v) changes its sign along the motion. */
+typedef struct {
+    int count;                         /* 0: there are none to look for */
+    lag_tape tape;                     /* their functions */
+    int32_t *sign, *after;             /* count: at `since` and later; 0 where not known yet */
+    double since;                      /* up to where the last step was searched */
+    double time;                       /* of the last event */
+    int which, direction;              /* which it was; 1 where its function rises, else -1 */
+    int located;                       /* whether it lies ahead of the samples */
+    double *y;                         /* n: the state there, on the constraints */
+} lag_events;
+
+/* motion.c and project.c: the state that a status is about. */
+typedef struct {
+    double t;
+    double *y;                         /* n */
+} lag_failure;
+
+struct lag_run {
+    lag_pool pool;                     /* of what lives as long as the run ... */
+    lag_pool dynamics_pool;            /* ... and as long as its way to find a and lambda */
+    int np;
+    const double *parameters;
+    lag_system system;
+    const lag_method *method, *stepped; /* in use; the one that took the last step */
+    lag_step step;
+    lag_tolerances tolerances;
+    lag_stiffness stiffness;
+    lag_baumgarte baumgarte;
+    lag_projection projection;
+    lag_solver solver;
+    lag_factors factors;
+    lag_dense_matrix dense;
+    lag_rows rows;
+    lag_watch watch;
+    lag_samples samples;
     lag_events events;
-
-    long steps, rejected, evaluations;
-    double t_bad;
-    double *y_bad;                     /* n */
-} lag_run;
-
-/* The size of the next step, cut at t_end; 0 where it is below the floor. */
-double lag_step_size(const lag_run *run);
-
-/* Accept a step of size h to y_new; the next is larger by a factor. */
-void lag_accept(lag_run *run, double h, double factor);
-
-/* Go on with another method from y at t. Returns LAG_RUNNING or LAG_UNDEFINED. */
-int lag_switch(lag_run *run, int method);
-
-/* Prepare the first step from y at t. Returns LAG_RUNNING or what is wrong there. */
-int lag_start(lag_run *run);
-
-/* Take at most `slice` steps. */
-int lag_advance(lag_run *run, long slice);
-
-/* Sample the last accepted step, or the start, up to a time. */
-int lag_sample_until(lag_run *run, double end);
-
-/* The last step's dense output, n values. */
-void lag_dense(lag_run *run, double t, double *y);
+    lag_series series;                 /* what Taylor's method needs */
+    struct lag_implicit *implicit;     /* what implicit methods need; NULL until they are allowed */
+    lag_failure failure;
+};
 
 #endif

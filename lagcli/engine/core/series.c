@@ -29,11 +29,8 @@
 #endif
 #endif
 
-enum lag_series_op {
-    SERIES_SUM, SERIES_SCALE, SERIES_RATE, SERIES_MUL, SERIES_MULSUM, SERIES_INVERSE, SERIES_CHAIN,
-    SERIES_PAST, SERIES_NEXT, SERIES_ENTER, SERIES_COPY, SERIES_SUM3,
-    SERIES_SUM4, SERIES_PASTSUM, SERIES_END
-};
+/* The operands that each operation has. */
+static const int operands_of[] = LAG_SERIES_OPERANDS;
 
 /* Four numbers side by side. */
 #if defined(VECTORS)
@@ -121,7 +118,6 @@ ALWAYS_INLINE double past(const double *x, const double *y, int k, int fours, do
 
 /* Vectors of series in layers. */
 
-#define LONGEST 1024             /* elements that one has at most */
 #define TOGETHER 8               /* convolutions that are made together, at most */
 
 #if defined(__GNUC__)
@@ -259,15 +255,14 @@ static const int32_t *after(const int32_t *p, int n)
 FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op, int n, const int32_t *p,
                                            int k)
 {
-    double made[LONGEST], buffer[2][LONGEST], apart[LONGEST], same[2][PACK];
+    double made[LAG_SERIES_LONGEST], buffer[2][LAG_SERIES_LONGEST], apart[LAG_SERIES_LONGEST], same[2][PACK];
     const ptrdiff_t layer = series->layer;
     const double *const file = series->file;
     double *const now = series->file + series->origin + k * layer;
-    double *const to = op == SERIES_NEXT ? now + layer : now;
+    double *const to = op == SERIES_INTEGRATE ? now + layer : now;
     double *const out = p[1] == 1 ? to + p[0] : apart;
     const int32_t *o[5] = {after(p, n)}; /* the operands */
-    static const int operands[] = {4, 2, 1, 2, 5, 2, 3, 2, 1, 0, 1};
-    for (int i = 1; i < operands[op]; ++i)
+    for (int i = 1; i < operands_of[op]; ++i)
         o[i] = after(o[i - 1], n);
     const elements m = {made, -1};
 #define CONVOLVED(i) (now + o[i][0])
@@ -291,7 +286,7 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
         const elements a = VALUES(0, 0);
         ELEMENTS((double)k * A)
     }
-    case SERIES_NEXT: {
+    case SERIES_INTEGRATE: {
         const elements a = VALUES(0, 0);
         const double over = 1.0 / (k + 1);
         ELEMENTS(over * A)
@@ -310,7 +305,7 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
         products(made, CONVOLVED(1), CONVOLVED(2), layer, k, n);
         ELEMENTS(S * MADE + T * B)
     }
-    case SERIES_PAST: { /* with those that follow: the matrix depends on none of them */
+    case SERIES_MUL_TAIL: { /* with those that follow: the matrix depends on none of them */
         convolution of[TOGETHER] = {{out, CONVOLVED(0) - k * layer, CONVOLVED(1)}};
         const int32_t *next = o[1] + 2;
         int count = 1;
@@ -338,12 +333,12 @@ FOR_WIDER static const int32_t *run_vector(const lag_series *series, int32_t op,
     if (out == apart)
         for (int i = 0; i < n; ++i)
             to[p[1] == LAG_INDEXED ? p[2 + i] : p[0] + i * (ptrdiff_t)p[1]] = apart[i];
-    return after(o[operands[op] - 1], n);
+    return after(o[operands_of[op] - 1], n);
 }
 
-#define RUN(op, width, value)                                                                     \
-    case op:                                                                                      \
-        TWO_AT_A_TIME for (int left = n; left > 0; --left, p += (width))                          \
+#define RUN(op, value)                                                                            \
+    case SERIES_##op:                                                                             \
+        TWO_AT_A_TIME for (int left = n; left > 0; --left, p += SERIES_##op##_PLACES)             \
             c[p[0]] = (value);                                                                    \
         break;
 #define NUMBER(i) file[p[i]]
@@ -360,23 +355,20 @@ ALWAYS_INLINE void run_order(const lag_series *s, int k, int fours)
     for (;;) {
         const int32_t op = *p++, n = *p++;
         switch (op) {
-            RUN(SERIES_SUM, 5, NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4))
-            RUN(SERIES_SUM3, 7, NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4) + NUMBER(5) * NOW(6))
-            RUN(SERIES_SUM4, 9, (NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4))
-                                + (NUMBER(5) * NOW(6) + NUMBER(7) * NOW(8)))
-            RUN(SERIES_SCALE, 3, NUMBER(1) * NOW(2))
-            RUN(SERIES_RATE, 2, k * NOW(1))
-            RUN(SERIES_MUL, 3, BY(product, 1, 2))
-            RUN(SERIES_MULSUM, 6, NUMBER(1) * BY(product, 2, 3) + NUMBER(4) * NOW(5))
-            RUN(SERIES_INVERSE, 3, BY(inverse, 1, 2))
-            RUN(SERIES_CHAIN, 4, NUMBER(1) * over * BY(past, 2, 3))
-            RUN(SERIES_PAST, 3, BY(past, 1, 2))
-            RUN(SERIES_PASTSUM, 6, NUMBER(1) * BY(past, 2, 3) + NUMBER(4) * NOW(5))
-        case SERIES_NEXT:
+            RUN(SUM, NUMBER(1) * NOW(2) + NUMBER(3) * NOW(4))
+            RUN(SCALE, NUMBER(1) * NOW(2))
+            RUN(RATE, k * NOW(1))
+            RUN(MUL, BY(product, 1, 2))
+            RUN(MULSUM, NUMBER(1) * BY(product, 2, 3) + NUMBER(4) * NOW(5))
+            RUN(INVERSE, BY(inverse, 1, 2))
+            RUN(CHAIN, NUMBER(1) * over * BY(past, 2, 3))
+            RUN(MUL_TAIL, BY(past, 1, 2))
+            RUN(MUL_TAIL_SUM, NUMBER(1) * BY(past, 2, 3) + NUMBER(4) * NOW(5))
+        case SERIES_INTEGRATE:
             for (const int32_t *end = p + 2 * n; p != end; p += 2)
                 next[p[0]] = NOW(1) * over_next;
             break;
-        case SERIES_ENTER:
+        case SERIES_TO_ROW:
             for (const int32_t *end = p + 2 * n; p != end; p += 2)
                 file[p[0] + k] = NOW(1);
             break;
@@ -444,8 +436,8 @@ FOR_WIDER static void weigh(const lag_series *s, int m, int count, int from, con
     const int terms = s->order - from;
     if (s->layer > 1) { /* the state's families lie side by side, and W comes last */
         const int first = s->state[1 + m], size = s->state[m + count] + 1 - first;
-        const double *c = &COEFFICIENT(s, m, from), *x[MOST_ORDER];
-        double reversed[MOST_ORDER], *side_by_side = &COEFFICIENT(s, m + count - 1, s->order) + 1;
+        const double *c = &COEFFICIENT(s, m, from), *x[LAG_SERIES_ORDER];
+        double reversed[LAG_SERIES_ORDER], *side_by_side = &COEFFICIENT(s, m + count - 1, s->order) + 1;
         for (int k = 0; k < terms; ++k) { /* small terms first */
             x[k] = c + (terms - k) * (ptrdiff_t)s->layer;
             reversed[k] = weight[terms - k];
@@ -466,7 +458,7 @@ FOR_WIDER static void weigh(const lag_series *s, int m, int count, int from, con
 
 void lag_series_sum(const lag_series *s, int n, double h, double *y)
 {
-    double power[MOST_ORDER + 4] = {1.0, h};
+    double power[LAG_SERIES_ORDER + 4] = {1.0, h};
     for (int k = 2; k <= s->order; ++k)
         power[k] = power[k / 2] * power[k - k / 2];
     weigh(s, 0, n, 0, power, y);
@@ -474,7 +466,7 @@ void lag_series_sum(const lag_series *s, int n, double h, double *y)
 
 void lag_series_slope(const lag_series *s, int m, int count, double h, double *slope)
 {
-    double weight[MOST_ORDER + 4] = {1.0}, power = 1.0;
+    double weight[LAG_SERIES_ORDER + 4] = {1.0}, power = 1.0;
     for (int k = 1; k < s->order; ++k) {
         power *= h;
         weight[k] = (k + 1) * power;

@@ -4,8 +4,6 @@
 
 #include "tape.h"
 
-#define MOST_ORDER 31
-
 /* A program bound to its file. Orders begin at `origin` and are `layer` numbers apart; the state's
  * series, t, q, v, W, have their offsets there. */
 typedef struct {

@@ -4,13 +4,14 @@
 #include <math.h>
 #include <string.h>
 
+#include "control.h"
 #include "motion.h"
 
 /* The kinetic energy of velocities v, or of what they may be h later, with the dynamics tape's M. */
 static double kinetic_energy(const lag_run *run, const double *v, double h)
 {
-    const lag_system *s = run->system;
-    const double *a = run->gross, *b = run->later;
+    const lag_system *s = &run->system;
+    const double *a = run->tolerances.gross, *b = run->tolerances.later;
     double sum = 0.0;
     for (int m = 0; m < s->nm; ++m) {
         const int i = s->mass_row[m], j = s->mass_column[m];
@@ -22,28 +23,28 @@ static double kinetic_energy(const lag_run *run, const double *v, double h)
 
 void lag_sizes_energy(lag_run *run, const double *y)
 {
-    const int nq = run->system->nq;
-    if (run->given[2 * nq] == 0.0)
-        run->size[2 * nq] = fmax(run->size[2 * nq], kinetic_energy(run, y + nq, 0.0));
+    const int nq = run->system.nq;
+    if (run->tolerances.given[2 * nq] == 0.0)
+        run->tolerances.size[2 * nq] = fmax(run->tolerances.size[2 * nq], kinetic_energy(run, y + nq, 0.0));
 }
 
 /* Raise R_i to what the accelerations of coordinates at rest will be. */
 static void look_ahead(lag_run *run)
 {
-    const int nq = run->system->nq;
-    const double *y = run->y, *a = run->f + nq;
-    double *f = run->f_new, length = run->t_end - run->t;
+    const int nq = run->system.nq;
+    const double *y = run->step.y, *a = run->step.f + nq;
+    double *f = run->step.f_new, length = run->step.t_end - run->step.t;
     int at_rest = 0;
     for (int i = 0; i < nq; ++i)
         at_rest |= y[i] == 0.0 && y[nq + i] == 0.0 && a[i] == 0.0;
     if (!at_rest)
         return;
     for (int k = 0; k < LOOKS; ++k) {
-        if (lag_derivative(run, run->t + (k + 0.5) / LOOKS * length, y, f))
+        if (lag_derivative(run, run->step.t + (k + 0.5) / LOOKS * length, y, f))
             continue;
         for (int i = 0; i < nq; ++i)
             if (y[i] == 0.0 && y[nq + i] == 0.0 && a[i] == 0.0)
-                run->later[i] = fmax(run->later[i], fabs(f[nq + i]));
+                run->tolerances.later[i] = fmax(run->tolerances.later[i], fabs(f[nq + i]));
     }
 }
 
@@ -51,22 +52,22 @@ static void look_ahead(lag_run *run)
  * largest sum of the magnitudes of f_i and M_ij a_j over the largest M_ii. */
 static void count_forces(lag_run *run, double *largest)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
-    double *forces = run->trial, *of_kind = run->f_new, *inertia = of_kind + run->kinds;
-    lag_evaluate(d, s, run->t, run->y, LAG_ALL);
+    double *forces = run->step.trial, *of_kind = run->step.f_new, *inertia = of_kind + run->tolerances.kinds;
+    lag_evaluate(d, s, run->step.t, run->step.y, LAG_ALL);
     for (int i = 0; i < s->nq; ++i)
         forces[i] = fabs(OUT(d, lag_first_forcing(s) + i));
     for (int m = 0; m < s->nm; ++m)
-        forces[s->mass_row[m]] += fabs(OUT(d, m) * run->f[s->nq + s->mass_column[m]]);
-    memset(of_kind, 0, 2 * (size_t)run->kinds * sizeof(double));
+        forces[s->mass_row[m]] += fabs(OUT(d, m) * run->step.f[s->nq + s->mass_column[m]]);
+    memset(of_kind, 0, 2 * (size_t)run->tolerances.kinds * sizeof(double));
     for (int i = 0; i < s->nq; ++i) {
-        const int kind = run->kind[i];
+        const int kind = run->tolerances.kind[i];
         of_kind[kind] = fmax(of_kind[kind], forces[i]);
         if (s->mass_diagonal[i] >= 0)
             inertia[kind] = fmax(inertia[kind], OUT(d, s->mass_diagonal[i]));
     }
-    for (int kind = 0; kind < run->kinds; ++kind) {
+    for (int kind = 0; kind < run->tolerances.kinds; ++kind) {
         const double a = inertia[kind] > 0.0 ? of_kind[kind] / inertia[kind] : 0.0;
         if (largest[kind] < HIDDEN * a && isfinite(a))
             largest[kind] = a;
@@ -76,110 +77,92 @@ static void count_forces(lag_run *run, double *largest)
 void lag_sizes_start(lag_run *run)
 {
     static const int mode[] = {FE_DOWNWARD, FE_UPWARD};
-    const int nq = run->system->nq, nearest = fegetround();
-    double *found[] = {run->trial, run->f_new};
+    const int nq = run->system.nq, nearest = fegetround();
+    double *found[] = {run->step.trial, run->step.f_new};
     int undefined = 0;
     for (int side = 0; side < 2; ++side) {
-        run->system->dynamics.registers[0] = NAN; /* what it holds is rounded otherwise */
+        run->system.dynamics.registers[0] = NAN; /* what it holds is rounded otherwise */
         fesetround(mode[side]);
-        undefined |= lag_derivative(run, run->t, run->y, found[side]);
+        undefined |= lag_derivative(run, run->step.t, run->step.y, found[side]);
         fesetround(nearest);
     }
-    run->system->dynamics.registers[0] = NAN;
+    run->system.dynamics.registers[0] = NAN;
     for (int i = 0; i < nq; ++i) {
         const double noise = undefined ? 0.0 : fabs(found[1][nq + i] - found[0][nq + i]);
-        const double a = fmax(fabs(run->f[nq + i]), noise / DBL_EPSILON);
-        run->gross[i] = fmax(run->gross[i], a);
+        const double a = fmax(fabs(run->step.f[nq + i]), noise / DBL_EPSILON);
+        run->tolerances.gross[i] = fmax(run->tolerances.gross[i], a);
     }
-    memset(run->largest, 0, (size_t)run->kinds * sizeof(double));
+    memset(run->tolerances.largest, 0, (size_t)run->tolerances.kinds * sizeof(double));
     for (int i = 0; i < nq; ++i)
-        run->largest[run->kind[i]] = fmax(run->largest[run->kind[i]], run->gross[i]);
-    count_forces(run, run->largest);
+        run->tolerances.largest[run->tolerances.kind[i]] = fmax(run->tolerances.largest[run->tolerances.kind[i]], run->tolerances.gross[i]);
+    count_forces(run, run->tolerances.largest);
     for (int i = 0; i < nq; ++i)
-        run->gross[i] = run->largest[run->kind[i]];
+        run->tolerances.gross[i] = run->tolerances.largest[run->tolerances.kind[i]];
     look_ahead(run);
 }
 
 int lag_sizes_again(lag_run *run)
 {
-    memset(run->gross, 0, (size_t)run->system->nq * sizeof(double));
-    if (lag_derivative(run, run->t, run->y, run->f))
+    memset(run->tolerances.gross, 0, (size_t)run->system.nq * sizeof(double));
+    if (lag_derivative(run, run->step.t, run->step.y, run->step.f))
         return LAG_UNDEFINED;
     lag_sizes_start(run);
-    lag_evaluate(&run->system->dynamics, run->system, run->t, run->y, LAG_ALL);
-    run->size[2 * run->system->nq] = kinetic_energy(run, run->y + run->system->nq, run->h);
+    lag_evaluate(&run->system.dynamics, &run->system, run->step.t, run->step.y, LAG_ALL);
+    run->tolerances.size[2 * run->system.nq] = kinetic_energy(run, run->step.y + run->system.nq, run->step.h);
     lag_sizes_update(run);
     return LAG_RUNNING;
 }
 
 void lag_sizes_update(lag_run *run)
 {
-    const int nq = run->system->nq;
-    const double h = SUMMING * run->h, length = TIMING * (run->t_end - run->t_start);
-    double *size = run->size, *largest = run->largest;
-    memset(largest, 0, 2 * (size_t)run->kinds * sizeof(double));
+    const int nq = run->system.nq;
+    const double h = SUMMING * run->step.h, length = TIMING * (run->step.t_end - run->step.t_start);
+    double *size = run->tolerances.size, *largest = run->tolerances.largest;
+    memset(largest, 0, 2 * (size_t)run->tolerances.kinds * sizeof(double));
     for (int part = 0; part < 2; ++part)
         for (int i = 0; i < nq; ++i) {
-            double *all = largest + part * run->kinds + run->kind[i];
+            double *all = largest + part * run->tolerances.kinds + run->tolerances.kind[i];
             const int m = part * nq + i;
-            size[m] = fmax(size[m], fabs(run->y[m]));
+            size[m] = fmax(size[m], fabs(run->step.y[m]));
             *all = fmax(*all, size[m]);
         }
     for (int part = 0; part < 2; ++part)
         for (int i = 0; i < nq; ++i) {
             const int m = part * nq + i;
-            const double noise = (h * run->gross[i] + length * run->later[i]) * (part ? 1.0 : run->h);
-            const double all = largest[part * run->kinds + run->kind[i]];
-            run->atol[m] = run->given[m] > 0.0
-                               ? run->given[m]
-                               : FOLLOWING * run->rtol * size[m] + ROUNDING * all + noise + NO_SIZE;
+            const double noise = (h * run->tolerances.gross[i] + length * run->tolerances.later[i]) * (part ? 1.0 : run->step.h);
+            const double all = largest[part * run->tolerances.kinds + run->tolerances.kind[i]];
+            run->tolerances.atol[m] = run->tolerances.given[m] > 0.0
+                               ? run->tolerances.given[m]
+                               : FOLLOWING * run->tolerances.rtol * size[m] + ROUNDING * all + noise + NO_SIZE;
         }
-    size[2 * nq] = fmax(size[2 * nq], fabs(run->y[2 * nq]));
-    run->atol[2 * nq] = run->given[2 * nq] > 0.0 ? run->given[2 * nq]
-                                                 : FOLLOWING * run->rtol * size[2 * nq] + NO_SIZE;
+    size[2 * nq] = fmax(size[2 * nq], fabs(run->step.y[2 * nq]));
+    run->tolerances.atol[2 * nq] = run->tolerances.given[2 * nq] > 0.0 ? run->tolerances.given[2 * nq]
+                                                 : FOLLOWING * run->tolerances.rtol * size[2 * nq] + NO_SIZE;
 }
 
-/* The 2-norm of the rates f over sizes w. */
-static double rate(int n, const double *f, const double *w)
-{
-    double sum = 0.0;
-    for (int i = 0; i < n; ++i)
-        sum += w[i] > 0.0 ? f[i] / w[i] * (f[i] / w[i]) : 0.0;
-    return sqrt(sum);
-}
-
-/*
- * Hairer, Norsett & Wanner, II.4, with sizes instead of tolerances and in the motion's own time. An
- * entry's size is what it has, or will have soon by its rate.
- */
 void lag_first_step(lag_run *run, double order)
 {
-    const int nq = run->system->nq, n = 2 * nq;
-    const double length = run->t_end - run->t, horizon = HORIZON * length;
-    const double *y = run->y, *f = run->f;
-    double *w = run->trial, *f1 = run->stages;
+    const int nq = run->system.nq, n = 2 * nq;
+    const double *y = run->step.y, *f = run->step.f;
+    double *change = run->step.stages;
+    lag_first_step_rule rule = {
+        .nq = nq, .stride = 1, .kinds = run->tolerances.kinds, .kind = run->tolerances.kind, .y = y, .f = f,
+        .gross = run->tolerances.gross, .later = run->tolerances.later, .largest = run->tolerances.largest, .weight = run->step.trial,
+        .length = run->step.t_end - run->step.t, .h_max = run->step.h_max,
+    };
     lag_sizes_update(run);
-    for (int i = 0; i < nq; ++i) {
-        const double a = run->gross[i] + run->later[i];
-        w[i] = fabs(y[i]) + BESIDE * run->largest[run->kind[i]] + horizon * (fabs(y[nq + i]) + horizon * a);
-        w[nq + i] = fabs(y[nq + i]) + BESIDE * run->largest[run->kinds + run->kind[i]] + horizon * a
-                    + sqrt(a * w[i]);
-    }
-    double d1 = rate(n, f, w), h = d1 > 0.0 ? 0.01 / d1 : horizon;
-    h = fmin(h, fmin(run->h_max, length));
+    const double h = lag_trial_step(&rule);
     for (int i = 0; i <= n; ++i)
-        run->y_new[i] = y[i] + h * f[i];
-    if (lag_derivative(run, run->t + h, run->y_new, f1)) {
-        run->h = h; /* the step itself will find a size that is defined */
+        run->step.y_new[i] = y[i] + h * f[i];
+    if (lag_derivative(run, run->step.t + h, run->step.y_new, change)) {
+        run->step.h = h;
     } else {
         for (int i = 0; i < n; ++i)
-            f1[i] -= f[i];
-        d1 = fmax(d1, sqrt(rate(n, f1, w) / h));
-        const double h1 = d1 > 0.0 ? pow(0.01 * run->rtol, 1.0 / order) / d1 : horizon;
-        run->h = fmin(fmin(100.0 * h, h1), fmin(run->h_max, length));
+            change[i] -= f[i];
+        run->step.h = lag_first_size(&rule, change, h, run->tolerances.rtol, order);
     }
     /* M at the start, where velocities may be zero: what they will be after the step counts */
-    lag_evaluate(&run->system->dynamics, run->system, run->t, y, LAG_ALL);
-    run->size[n] = fmax(run->size[n], kinetic_energy(run, y + nq, run->h));
+    lag_evaluate(&run->system.dynamics, &run->system, run->step.t, y, LAG_ALL);
+    run->tolerances.size[n] = fmax(run->tolerances.size[n], kinetic_energy(run, y + nq, run->step.h));
     lag_sizes_update(run);
 }

@@ -38,11 +38,6 @@
 #define NO_SIZE 1e-100      /* the tolerance of an entry that has no size at all yet */
 #define LOOKS 64            /* times in a run at which accelerations to come are looked at */
 
-/* What a first step is estimated with, in parts of the run's length, where nothing else says how
- * fast the motion is; and parts of the largest size of a kind. */
-#define HORIZON 1e-4
-#define BESIDE 1e-3
-
 /* Find what the accelerations at (t, y, f), where the run starts, are made of, and will be: A, R. */
 void lag_sizes_start(lag_run *run);
 

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-int lag_sparse_factor(const lag_order_of_pivots *order, int count, const double *matrix,
+int lag_sparse_factor(const lag_pivots *order, int count, const double *matrix,
                       double *factors, double *w)
 {
     const int n = order->n;
@@ -32,7 +32,7 @@ int lag_sparse_factor(const lag_order_of_pivots *order, int count, const double 
     return 0;
 }
 
-void lag_sparse_solve(const lag_order_of_pivots *order, const double *factors, double *x, double *w)
+void lag_sparse_solve(const lag_pivots *order, const double *factors, double *x, double *w)
 {
     const int n = order->n;
     const int32_t *start = order->start, *columns = order->columns, *diagonal = order->diagonal;
@@ -52,7 +52,7 @@ void lag_sparse_solve(const lag_order_of_pivots *order, const double *factors, d
         x[order->column[i]] = w[i];
 }
 
-int lag_sparse_factor_complex(const lag_order_of_pivots *order, int count, const double *re,
+int lag_sparse_factor_complex(const lag_pivots *order, int count, const double *re,
                               const double *im, double *fr, double *fi, double *work)
 {
     const int n = order->n;
@@ -96,7 +96,7 @@ int lag_sparse_factor_complex(const lag_order_of_pivots *order, int count, const
     return 0;
 }
 
-void lag_sparse_solve_complex(const lag_order_of_pivots *order, const double *fr, const double *fi,
+void lag_sparse_solve_complex(const lag_pivots *order, const double *fr, const double *fi,
                               double *xr, double *xi, double *work)
 {
     const int n = order->n;

@@ -7,31 +7,22 @@
 #ifndef LAGCLI_SPARSE_H
 #define LAGCLI_SPARSE_H
 
-#include <stdint.h>
-
-typedef struct {
-    int n;
-    const int32_t *row, *column;       /* n: the pivots' places in the matrix */
-    const int32_t *start;              /* n + 1: the factors' rows */
-    const int32_t *columns;            /* of the factors' entries, increasing in each row */
-    const int32_t *diagonal;           /* n: each row's diagonal entry */
-    const int32_t *places;             /* where each entry of the matrix goes in the factors */
-} lag_order_of_pivots;
+#include "lagcore.h"
 
 /* Factor a matrix of `count` entries; work has n entries. Returns 0, or 1 at a zero or undefined
  * pivot. */
-int lag_sparse_factor(const lag_order_of_pivots *order, int count, const double *matrix,
+int lag_sparse_factor(const lag_pivots *order, int count, const double *matrix,
                       double *factors, double *work);
 
 /* Solve with the factors; x holds the right side and becomes the solution. */
-void lag_sparse_solve(const lag_order_of_pivots *order, const double *factors, double *x,
+void lag_sparse_solve(const lag_pivots *order, const double *factors, double *x,
                       double *work);
 
 /* The same in complex numbers; work has 2 n entries. */
-int lag_sparse_factor_complex(const lag_order_of_pivots *order, int count, const double *re,
+int lag_sparse_factor_complex(const lag_pivots *order, int count, const double *re,
                               const double *im, double *factors_re, double *factors_im,
                               double *work);
-void lag_sparse_solve_complex(const lag_order_of_pivots *order, const double *factors_re,
+void lag_sparse_solve_complex(const lag_pivots *order, const double *factors_re,
                               const double *factors_im, double *x_re, double *x_im, double *work);
 
 #endif

@@ -96,53 +96,44 @@ INLINE elements operand(const double *r, const int32_t **p, int n, double *buffe
         for (const int32_t *end = p + (width) * n; p != end; p += (width))                        \
             r[p[0]] = (value);                                                                    \
         break;
-#define A r[p[1]]
-#define B r[p[2]]
-#define C r[p[3]]
+/* What values are made of; roots and magnitudes are taken of vectors, too. */
+#define SQRT(x) _Generic((x), double: sqrt, default: roots)(x)
+#define ABS(x) _Generic((x), double: fabs, default: magnitudes)(x)
+#define SIN(x) sin(x)
+#define COS(x) cos(x)
+#define LARGER(x, y) fmax(x, y)
+#define CHOOSE(condition, x, y) ((condition) ? (x) : (y))
 
 /* An operation on vectors of operands a, b, c; no operand lies where the results do. */
-#define ELEMENTS(four_value, value)                                                               \
-    const int rest = n % TWO_FOURS;                                                               \
-    for (double *end = out + (n - rest); out != end; out += TWO_FOURS) {                          \
-        four first, second;                                                                       \
-        {                                                                                         \
-            const four a = FOUR(x.at), b = FOUR(y.at), c = FOUR(z.at);                            \
-            first = (four_value);                                                                 \
+#define VECTOR(op, places, value)                                                                 \
+    case LAG_VECTOR + op: {                                                                       \
+        double *out = r + *p++;                                                                   \
+        elements x = operand(r, &p, n, buffer[0]);                                                \
+        elements y = (places) > 2 ? operand(r, &p, n, buffer[1]) : x;                             \
+        elements z = (places) > 3 ? operand(r, &p, n, buffer[2]) : y;                             \
+        const int rest = n % TWO_FOURS;                                                           \
+        for (double *end = out + (n - rest); out != end; out += TWO_FOURS) {                      \
+            four first, second;                                                                   \
+            {                                                                                     \
+                const four a = FOUR(x.at), b = FOUR(y.at), c = FOUR(z.at);                        \
+                first = (value);                                                                  \
+                (void)a, (void)b, (void)c;                                                        \
+            }                                                                                     \
+            {                                                                                     \
+                const four a = FOUR(x.at + 4), b = FOUR(y.at + 4), c = FOUR(z.at + 4);            \
+                second = (value);                                                                 \
+                (void)a, (void)b, (void)c;                                                        \
+            }                                                                                     \
+            *(four *)out = first;                                                                 \
+            *(four *)(out + 4) = second;                                                          \
+            x.at += x.next, y.at += y.next, z.at += z.next;                                       \
+        }                                                                                         \
+        for (int k = 0; k < rest; ++k) {                                                          \
+            const double a = x.at[k], b = y.at[k], c = z.at[k];                                   \
+            out[k] = (value);                                                                     \
             (void)a, (void)b, (void)c;                                                            \
         }                                                                                         \
-        {                                                                                         \
-            const four a = FOUR(x.at + 4), b = FOUR(y.at + 4), c = FOUR(z.at + 4);                \
-            second = (four_value);                                                                \
-            (void)a, (void)b, (void)c;                                                            \
-        }                                                                                         \
-        *(four *)out = first;                                                                     \
-        *(four *)(out + 4) = second;                                                              \
-        x.at += x.next, y.at += y.next, z.at += z.next;                                           \
-    }                                                                                             \
-    for (int k = 0; k < rest; ++k) {                                                              \
-        const double a = x.at[k], b = y.at[k], c = z.at[k];                                       \
-        out[k] = (value);                                                                         \
-        (void)a, (void)b, (void)c;                                                                \
-    }                                                                                             \
-    break;
-#define VECTOR_1(op, four_value, value)                                                           \
-    case LAG_VECTOR + op: {                                                                       \
-        double *out = r + *p++;                                                                   \
-        elements x = operand(r, &p, n, buffer[0]), y = x, z = x;                                  \
-        ELEMENTS(four_value, value)                                                               \
-    }
-#define VECTOR_2(op, value)                                                                       \
-    case LAG_VECTOR + op: {                                                                       \
-        double *out = r + *p++;                                                                   \
-        elements x = operand(r, &p, n, buffer[0]), y = operand(r, &p, n, buffer[1]), z = y;       \
-        ELEMENTS(value, value)                                                                    \
-    }
-#define VECTOR_3(op, value)                                                                       \
-    case LAG_VECTOR + op: {                                                                       \
-        double *out = r + *p++;                                                                   \
-        elements x = operand(r, &p, n, buffer[0]), y = operand(r, &p, n, buffer[1]);              \
-        elements z = operand(r, &p, n, buffer[2]);                                                \
-        ELEMENTS(value, value)                                                                    \
+        break;                                                                                    \
     }
 
 static void run_stream(const int32_t *p, double *r)
@@ -151,61 +142,29 @@ static void run_stream(const int32_t *p, double *r)
     for (;;) {
         const int32_t op = *p++, n = *p++;
         switch (op) {
-            RUN(OP_ADD, 3, A + B)
-            RUN(OP_SUB, 3, A - B)
-            RUN(OP_MUL, 3, A * B)
-            RUN(OP_DIV, 3, A / B)
-            RUN(OP_NEG, 2, -A)
-            RUN(OP_POW, 3, pow(A, B))
-            RUN(OP_SQRT, 2, sqrt(A))
-            RUN(OP_SIN, 2, sin(A))
-            RUN(OP_COS, 2, cos(A))
-            RUN(OP_TAN, 2, tan(A))
-            RUN(OP_ASIN, 2, asin(A))
-            RUN(OP_ACOS, 2, acos(A))
-            RUN(OP_ATAN, 2, atan(A))
-            RUN(OP_ATAN2, 3, atan2(A, B))
-            RUN(OP_SINH, 2, sinh(A))
-            RUN(OP_COSH, 2, cosh(A))
-            RUN(OP_TANH, 2, tanh(A))
-            RUN(OP_ASINH, 2, asinh(A))
-            RUN(OP_ACOSH, 2, acosh(A))
-            RUN(OP_ATANH, 2, atanh(A))
-            RUN(OP_EXP, 2, exp(A))
-            RUN(OP_LOG, 2, log(A))
-            RUN(OP_ERF, 2, erf(A))
-            RUN(OP_ERFC, 2, erfc(A))
-            RUN(OP_FLOOR, 2, floor(A))
-            RUN(OP_CEIL, 2, ceil(A))
-            RUN(OP_ABS, 2, fabs(A))
-            RUN(OP_LT, 3, A < B)
-            RUN(OP_LE, 3, A <= B)
-            RUN(OP_EQ, 3, A == B)
-            RUN(OP_NE, 3, A != B)
-            RUN(OP_AND, 3, A * B)
-            RUN(OP_OR, 3, fmax(A, B))
-            RUN(OP_NOT, 2, 1.0 - A)
-            RUN(OP_SELECT, 4, A != 0.0 ? B : C)
-            RUN(OP_MULADD, 4, A * B + C)
-            RUN(OP_MULSUB, 4, A * B - C)
-            RUN(OP_SUBMUL, 4, C - A * B)
+#define A r[p[1]]
+#define B r[p[2]]
+#define C r[p[3]]
+            LAG_LIBRARY_OPERATIONS(RUN)
+            LAG_RELATION_OPERATIONS(RUN)
+            LAG_BATCH_OPERATIONS(RUN)
+            LAG_VECTOR_OPERATIONS(RUN)
+#undef A
+#undef B
+#undef C
         case OP_SINCOS:
             for (const int32_t *end = p + 3 * n; p != end; p += 3) {
                 const double x = r[p[2]];
                 SINCOS(x, r + p[0], r + p[1]);
             }
             break;
-            VECTOR_1(OP_MOVE, a, a)
-            VECTOR_2(OP_ADD, a + b)
-            VECTOR_2(OP_SUB, a - b)
-            VECTOR_2(OP_MUL, a * b)
-            VECTOR_2(OP_DIV, a / b)
-            VECTOR_1(OP_NEG, -a, -a)
-            VECTOR_1(OP_SQRT, roots(a), sqrt(a))
-            VECTOR_1(OP_ABS, magnitudes(a), fabs(a))
-            VECTOR_3(OP_MULADD, a * b + c)
-            VECTOR_3(OP_MULSUB, a * b - c)
-            VECTOR_3(OP_SUBMUL, c - a * b)
+#define A a
+#define B b
+#define C c
+            LAG_VECTOR_OPERATIONS(VECTOR)
+#undef A
+#undef B
+#undef C
         default: /* OP_END */
             return;
         }

@@ -1,12 +1,12 @@
-#include "taylor.h"
-
+/* Taylor's method: steps of high order by the power series of the motion. */
 #include <math.h>
 #include <string.h>
 
-#include "dop853.h"
+#include "method.h"
 #include "motion.h"
 #include "series.h"
 #include "sizes.h"
+#include "step.h"
 #include "vectors.h"
 #include "watch.h"
 
@@ -26,9 +26,9 @@
 static double size_of_terms(lag_run *run, int order)
 {
     const lag_series *s = &run->series;
-    double *term = run->trial;
-    lag_vectors()->pick(lag_size(run->system), s->file + s->origin + order * s->layer, s->state + 1, term);
-    return lag_scaled_norm(run, term, run->y, run->y);
+    double *term = run->step.trial;
+    lag_vectors()->pick(lag_size(&run->system), s->file + s->origin + order * s->layer, s->state + 1, term);
+    return lag_scaled_norm(run, term, run->step.y, run->step.y);
 }
 
 /* The step at which the last terms are within the tolerances. The last but one is looked at too:
@@ -49,46 +49,46 @@ static double step_of_series(lag_run *run)
  * what is left out. */
 static int is_off(lag_run *run, double h)
 {
-    const int nq = run->system->nq;
-    double *slope = run->trial;
+    const int nq = run->system.nq;
+    double *slope = run->step.trial;
     lag_series_slope(&run->series, nq, nq + 1, h, slope);
     for (int i = 0; i <= nq; ++i)
-        slope[i] = h * (slope[i] - run->f_new[nq + i]);
-    const double square = lag_vectors()->scaled_square(nq + 1, slope, run->y + nq, run->y_new + nq,
-                                                       run->atol + nq, run->rtol);
+        slope[i] = h * (slope[i] - run->step.f_new[nq + i]);
+    const double square = lag_vectors()->scaled_square(nq + 1, slope, run->step.y + nq, run->step.y_new + nq,
+                                                       run->tolerances.atol + nq, run->tolerances.rtol);
     return !(square <= DEFECT * DEFECT);
 }
 
 static int explicit_step(lag_run *run)
 {
-    if (lag_derivative(run, run->t, run->y, run->f))
+    if (lag_derivative(run, run->step.t, run->step.y, run->step.f))
         return LAG_UNDEFINED;
-    if (run->stepped != LAG_DOP853)
-        lag_first_step(run, 8.0);
-    run->stepped = LAG_DOP853;
-    run->kept_last = 0.0;
-    return lag_dop853_step(run);
+    if (run->stepped != &lag_dop853)
+        lag_first_step(run, lag_dop853.order);
+    run->stepped = &lag_dop853;
+    run->watch.cancellation.last = 0.0;
+    return lag_dop853.step(run);
 }
 
 /* Note B at the state that the dynamics tape holds, as that at which a step begins (0) or ends (1). */
 static void note_jacobian(lag_run *run, int at)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     for (int i = 0; i < s->nb; ++i)
-        run->jacobian_before[at * s->nb + i] = OUT(&s->dynamics, lag_first_jacobian(s) + i);
+        run->watch.jacobian[at * s->nb + i] = OUT(&s->dynamics, lag_first_jacobian(s) + i);
 }
 
 /* The largest change of a row of B between the places noted, over the row's length. */
 static double turned(lag_run *run)
 {
-    const lag_system *s = run->system;
-    const double *before = run->jacobian_before, *after = before + s->nb;
-    double *sum = run->work, most = 0.0;
+    const lag_system *s = &run->system;
+    const double *before = run->watch.jacobian, *after = before + s->nb;
+    double *sum = run->step.work, most = 0.0;
     memset(sum, 0, (size_t)s->nc * sizeof(double));
     for (int i = 0; i < s->nb; ++i)
         sum[s->jacobian_row[i]] += (after[i] - before[i]) * (after[i] - before[i]);
     for (int i = 0; i < s->nc; ++i) {
-        const double part = sum[i] / (run->plain_lengths[i] * run->plain_lengths[i]);
+        const double part = sum[i] / (run->rows.plain_lengths[i] * run->rows.plain_lengths[i]);
         most = part > most ? part : most;
     }
     return sqrt(most);
@@ -103,49 +103,51 @@ static double turned(lag_run *run)
 static int try_step(lag_run *run, double h, double kept_before, double *factor)
 {
     static const double place[] = {0.5, 1.0, 0.2, 0.4, 0.6, 0.8};
-    const int n = lag_size(run->system);
+    const int n = lag_size(&run->system);
     double kept_at_end = 0.0;
     lag_watch_step(run);
     *factor = 0.5;
-    for (int i = run->watching ? 0 : 1; i < 6; ++i) {
-        double *y = i == 1 ? run->y_new : run->y_sample;
+    for (int i = run->watch.mode ? 0 : 1; i < 6; ++i) {
+        double *y = i == 1 ? run->step.y_new : run->samples.y;
         lag_series_sum(&run->series, n, place[i] * h, y);
-        if (lag_stage(run, run->t + place[i] * h, y, run->f_new))
+        if (lag_stage(run, run->step.t + place[i] * h, y, run->step.f_new))
             return LAG_UNDEFINED;
         if (i != 1)
             continue;
         if (is_off(run, h))
             return LAG_INACCURATE;
-        if (!run->watching)
+        if (!run->watch.mode)
             break;
         note_jacobian(run, 1);
         const double turn = turned(run);
         *factor = turn > 0.0 ? 0.9 * TURN / turn : LARGEST;
         if (turn > TURN)
             return LAG_INACCURATE;
-        const double least = fmin(run->kept, kept_before), most = fmax(run->most_kept, kept_before);
-        kept_at_end = run->kept_last;
-        if (least > EVEN * most && least > FAR * run->usually_kept)
+        const double least = fmin(run->watch.cancellation.least, kept_before), most = fmax(run->watch.cancellation.most, kept_before);
+        kept_at_end = run->watch.cancellation.last;
+        if (least > EVEN * most && least > FAR * run->watch.cancellation.largest)
             break;
     }
-    *factor = run->watching ? fmin(*factor, LARGEST) : LARGEST;
-    run->kept_last = kept_at_end;
+    *factor = run->watch.mode ? fmin(*factor, LARGEST) : LARGEST;
+    run->watch.cancellation.last = kept_at_end;
     return LAG_RUNNING;
 }
 
-int lag_taylor_step(lag_run *run)
+/* Where there is no series (a static elimination that fails there) DOP853 takes the step. */
+static int step(lag_run *run)
 {
-    const lag_system *s = run->system;
-    const double kept_before = run->kept_last;
-    ++run->evaluations;
-    if (lag_eliminating(run) != 1 || lag_series_expand(&run->series, s->nq, run->t, run->y))
+    const lag_system *s = &run->system;
+    const double kept_before = run->watch.cancellation.last;
+    ++run->step.evaluations;
+    if (lag_solving_by(run) != LAG_BY_TAPE || run->series.order == 0
+        || lag_series_expand(&run->series, s->nq, run->step.t, run->step.y))
         return explicit_step(run);
-    run->stepped = LAG_TAYLOR;
-    if (run->watching && kept_before == 0.0) {
-        lag_evaluate(&s->dynamics, s, run->t, run->y, LAG_ALL);
+    run->stepped = &lag_taylor;
+    if (run->watch.mode && kept_before == 0.0) {
+        lag_evaluate(&s->dynamics, s, run->step.t, run->step.y, LAG_ALL);
         note_jacobian(run, 0);
     }
-    run->h = fmin(run->h, step_of_series(run));
+    run->step.h = fmin(run->step.h, step_of_series(run));
     int undefined = 0;
     for (;;) {
         double factor;
@@ -154,17 +156,20 @@ int lag_taylor_step(lag_run *run)
             return undefined ? LAG_UNDEFINED : explicit_step(run);
         const int status = try_step(run, h, kept_before, &factor);
         if (status == LAG_RUNNING) {
-            memcpy(run->jacobian_before, run->jacobian_before + s->nb, (size_t)s->nb * sizeof(double));
+            memcpy(run->watch.jacobian, run->watch.jacobian + s->nb, (size_t)s->nb * sizeof(double));
             lag_accept(run, h, factor);
             return LAG_RUNNING;
         }
         undefined |= status == LAG_UNDEFINED;
-        run->h = factor * h;
-        ++run->rejected;
+        run->step.h = factor * h;
+        ++run->step.rejected;
     }
 }
 
-void lag_taylor_dense(lag_run *run, double t, double *y)
+static void dense(lag_run *run, double t, double *y)
 {
-    lag_series_sum(&run->series, lag_size(run->system), t - run->t_old, y);
+    lag_series_sum(&run->series, lag_size(&run->system), t - run->step.t_old, y);
 }
+
+const lag_method lag_taylor = {
+    .name = "Taylor", .order = 8.0, .uses_series = 1, .step = step, .dense = dense};

@@ -5,7 +5,9 @@
 #include <string.h>
 
 #include "linear.h"
+#include "method.h"
 #include "motion.h"
+#include "step.h"
 #include "vectors.h"
 
 #define LARGE 20000.0       /* operations beyond which the rows of B are not orthogonalized */
@@ -22,11 +24,11 @@
  */
 static double least_kept(lag_run *run)
 {
-    const lag_ldl *ldl = &run->ldl;
+    const lag_elimination *ldl = &run->factors.plan;
     const int n = ldl->n;
     const double *d, *beside, *l;
-    double *taken = run->work, least = 1.0;
-    d = run->factors;
+    double *taken = run->step.work, least = 1.0;
+    d = run->factors.factors;
     beside = d + n;
     l = beside + n;
     memset(taken, 0, (size_t)n * sizeof(double));
@@ -57,20 +59,20 @@ static double least_kept(lag_run *run)
 /* The same, or what the shortest row of B keeps of its largest length, if that is less. */
 static double least_kept_of_all(lag_run *run)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
-    if (run->eliminating == 1) { /* the tape finds both */
-        const int pivots = run->kept_count - s->nc;
+    if (run->solver.by == LAG_BY_TAPE) { /* the tape finds both */
+        const int pivots = run->solver.cancellation_count - s->nc;
         const int32_t *places = d->outputs + lag_first_kept(s);
         const lag_vector_kernel *vectors = lag_vectors();
         lag_stream_run(d->later[0], d->registers);
         return sqrt(fmin(vectors->least(pivots, d->registers, places, NULL),
-                         vectors->least(s->nc, d->registers, places + pivots, run->plain_lengths)));
+                         vectors->least(s->nc, d->registers, places + pivots, run->rows.plain_lengths)));
     }
-    double *sum = run->work, shortest = 1.0;
+    double *sum = run->step.work, shortest = 1.0;
     lag_row_squares(s, d, lag_first_jacobian(s), NULL, sum);
     for (int i = 0; i < s->nc; ++i)
-        shortest = fmin(shortest, sum[i] / (run->plain_lengths[i] * run->plain_lengths[i]));
+        shortest = fmin(shortest, sum[i] / (run->rows.plain_lengths[i] * run->rows.plain_lengths[i]));
     return fmin(least_kept(run), sqrt(shortest));
 }
 
@@ -93,18 +95,18 @@ static double normalize(double *x, int n)
  */
 static double least_singular(lag_run *run)
 {
-    const int nc = run->system->nc;
-    double *x = run->weakest_rows, value = INFINITY;
+    const int nc = run->system.nc;
+    double *x = run->watch.combination, value = INFINITY;
     for (int i = 0; i < nc; ++i)
         x[i] += ASIDE * cos(1.0 + 1.7 * i) / sqrt(nc);
     normalize(x, nc);
     for (int k = 0; k < ITERATIONS; ++k) {
         const double before = value;
         for (int i = 0; i < nc; ++i)
-            x[i] *= run->lengths[i];
+            x[i] *= run->rows.lengths[i];
         lag_oppose(run, x);
         for (int i = 0; i < nc; ++i)
-            x[i] *= run->lengths[i];
+            x[i] *= run->rows.lengths[i];
         value = 1.0 / sqrt(normalize(x, nc));
         if (!(value > 0.0) || !isfinite(value)) { /* the factors have no digits left */
             memset(x, 0, (size_t)nc * sizeof(double));
@@ -118,41 +120,41 @@ static double least_singular(lag_run *run)
 
 double lag_weakest(lag_run *run, double t, const double *y)
 {
-    const lag_system *s = run->system;
+    const lag_system *s = &run->system;
     const lag_tape *c = &s->constraint;
-    if (run->rank == 0)
+    if (run->rows.rank == 0)
         return 1.0;
-    if (lag_eliminating(run) && (double)s->nc * s->nc * s->nq > LARGE) {
+    if (lag_solving_by(run) != LAG_BY_LU && (double)s->nc * s->nc * s->nq > LARGE) {
         lag_evaluate(&s->dynamics, s, t, y, LAG_ALL);
         return lag_factor(run, t, y) ? 0.0 : least_singular(run);
     }
     lag_evaluate(c, s, t, y, LAG_VELOCITIES);
-    if (lag_scaled_rows(run, c, s->nh))
+    if (lag_scaled_rows(run, c, lag_constraint_jacobian(s)))
         return 1.0;
-    return lag_pivot(run->rows, s->nq, s->nc, run->rank, run->order, run->components);
+    return lag_pivot(run->rows.scaled, s->nq, s->nc, run->rows.rank, run->rows.order, run->rows.components);
 }
 
 void lag_watch_step(lag_run *run)
 {
-    run->kept = INFINITY;
-    run->most_kept = 0.0;
+    run->watch.cancellation.least = INFINITY;
+    run->watch.cancellation.most = 0.0;
 }
 
 void lag_watch_stage(lag_run *run)
 {
     /* without a static elimination every step is looked at */
-    const double kept = lag_eliminating(run) ? least_kept_of_all(run) : 0.0;
-    run->kept_last = kept;
-    run->kept = fmin(run->kept, kept);
-    run->most_kept = fmax(run->most_kept, kept);
-    run->usually_kept = fmax(run->usually_kept, kept);
+    const double kept = lag_solving_by(run) != LAG_BY_LU ? least_kept_of_all(run) : 0.0;
+    run->watch.cancellation.last = kept;
+    run->watch.cancellation.least = fmin(run->watch.cancellation.least, kept);
+    run->watch.cancellation.most = fmax(run->watch.cancellation.most, kept);
+    run->watch.cancellation.largest = fmax(run->watch.cancellation.largest, kept);
 }
 
 int lag_stage(lag_run *run, double t, const double *y, double *f)
 {
     if (lag_derivative(run, t, y, f))
         return 1;
-    if (run->watching)
+    if (run->watch.mode)
         lag_watch_stage(run);
     return 0;
 }
@@ -160,9 +162,9 @@ int lag_stage(lag_run *run, double t, const double *y, double *f)
 /* Keep the largest length that each row of B times sizes, or of B, has had. */
 static void measure(lag_run *run, const double *sizes, double *lengths)
 {
-    const lag_system *s = run->system;
-    double *sum = run->work;
-    lag_row_squares(s, &s->constraint, s->nh, sizes, sum);
+    const lag_system *s = &run->system;
+    double *sum = run->step.work;
+    lag_row_squares(s, &s->constraint, lag_constraint_jacobian(s), sizes, sum);
     for (int i = 0; i < s->nc; ++i)
         if (sum[i] > lengths[i] * lengths[i])
             lengths[i] = sqrt(sum[i]);
@@ -170,33 +172,33 @@ static void measure(lag_run *run, const double *sizes, double *lengths)
 
 void lag_measure(lag_run *run)
 {
-    if (lag_eliminating(run))
-        measure(run, NULL, run->plain_lengths);
-    measure(run, run->sizes, run->lengths);
+    if (lag_solving_by(run) != LAG_BY_LU)
+        measure(run, NULL, run->rows.plain_lengths);
+    measure(run, run->rows.sizes, run->rows.lengths);
 }
 
 /* Whether the stages of the last step may have come near to a singular configuration. */
 static int alarmed(const lag_run *run)
 {
-    return run->kept <= NEAR * run->usually_kept || run->kept < STEADY * run->most_kept;
+    return run->watch.cancellation.least <= NEAR * run->watch.cancellation.largest || run->watch.cancellation.least < STEADY * run->watch.cancellation.most;
 }
 
 /* The weakest pivot inside the last step, on the cubic through its ends: B depends on q and t alone. */
 static double weakest_inside(lag_run *run, double x)
 {
-    const int nq = run->system->nq;
-    const double h = run->h_old, z = 1.0 - x;
-    const double *q0 = run->y_old, *v0 = q0 + nq, *q1 = run->y_new, *v1 = q1 + nq;
-    double *y = run->y_sample;
-    if (run->stepped == LAG_TAYLOR) { /* its steps are too long for a cubic, and have all at hand */
-        lag_dense(run, run->t_old + x * h, y);
-        return lag_weakest(run, run->t_old + x * h, y);
+    const int nq = run->system.nq;
+    const double h = run->step.h_old, z = 1.0 - x;
+    const double *q0 = run->step.y_old, *v0 = q0 + nq, *q1 = run->step.y_new, *v1 = q1 + nq;
+    double *y = run->samples.y;
+    if (run->stepped->uses_series) { /* its steps are too long for a cubic, and have all at hand */
+        lag_dense(run, run->step.t_old + x * h, y);
+        return lag_weakest(run, run->step.t_old + x * h, y);
     }
     for (int m = 0; m < nq; ++m)
         y[m] = z * z * ((1.0 + 2.0 * x) * q0[m] + x * h * v0[m])
                + x * x * ((1.0 + 2.0 * z) * q1[m] - z * h * v1[m]);
     memcpy(y + nq, v1, (size_t)nq * sizeof(double));
-    return lag_weakest(run, run->t_old + x * h, y);
+    return lag_weakest(run, run->step.t_old + x * h, y);
 }
 
 int lag_goes_over(lag_run *run)
@@ -225,7 +227,7 @@ int lag_goes_over(lag_run *run)
             }
             least = fmin(least, fmin(fa, fb));
         }
-        if (least < OVER * run->usual)
+        if (least < OVER * run->watch.largest_pivot)
             return 1;
     }
     return 0;
@@ -233,11 +235,11 @@ int lag_goes_over(lag_run *run)
 
 int lag_approaches(lag_run *run)
 {
-    const double before = run->weakest;
-    run->weakest = run->usual;
+    const double before = run->watch.pivot;
+    run->watch.pivot = run->watch.largest_pivot;
     if (!alarmed(run))
         return 0;
-    run->weakest = lag_weakest(run, run->t, run->y);
-    run->usual = fmax(run->usual, run->weakest);
-    return run->weakest < fmin(before, NEAR * run->usual);
+    run->watch.pivot = lag_weakest(run, run->step.t, run->step.y);
+    run->watch.largest_pivot = fmax(run->watch.largest_pivot, run->watch.pivot);
+    return run->watch.pivot < fmin(before, NEAR * run->watch.largest_pivot);
 }

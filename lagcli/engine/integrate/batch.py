@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.core import binding
+from lagcli.engine.core.status import LaneStatus, Status
 from lagcli.engine.integrate import compiled_engine
 from lagcli.engine.integrate.prepared import Prepared, unrolled
 from lagcli.engine.program.program import assemble
@@ -46,8 +47,8 @@ class Finished(NamedTuple):
     ----------
     rows : (k,) array of int
         Which of the given runs.
-    samples : (k, nt, 2 + 3 nq + nc) array
-        By sample t, q, v, a, λ, W, as in `lagcli.engine.contract.Block.of_rows`. Where k
+    samples : (k, nt, width) array
+        Sample rows, as in `SampleLayout`. Where k
         is 1 and the run failed, those that were reached; otherwise all of ``request.times``.
     runs : list of k Run
         How each ended, and what it took.
@@ -128,7 +129,7 @@ def suits_lanes(system: System, request: IntegrationRequest) -> bool:
     There are none for implicit methods, Baumgarte's stabilization, redundant constraints, events,
     an elimination that is not unrolled, or samples that would fill the memory.
     """
-    width = 2 + 3 * len(system.coordinates) + len(system.constraints)
+    width = system.sample_layout.size
     return (
         request.prepared is not None
         and request.prepared.unrolled
@@ -153,9 +154,9 @@ class _Lanes:
         # in the order of all, whatever that of the first one is
         values = dataclasses.replace(values, elimination=prepared.elimination)
         single = compiled_engine.Integration(first, values, lambda block: None, None)
-        width = 2 + 3 * len(system.coordinates) + len(system.constraints)
+        width = system.sample_layout.size
         held = min(_HELD, _MOST_NUMBERS // (width * max(1, len(request.times))) - binding.LANES)
-        self.core = binding.Lanes(
+        self.core = binding.Batch(
             single.core,
             prepared.dynamics,
             prepared.constraint,
@@ -170,13 +171,13 @@ class _Lanes:
     def run(self, sink: Callable[[Finished], None], heed: Callable[[], None]) -> None:
         """Do the runs, but for those that leave."""
         core, tries = self.core, _FIRST_SLICE
-        status = binding.RUNNING
-        while status != binding.DONE:
+        status: int = Status.RUNNING
+        while status != Status.DONE:
             heed()
             started = time.monotonic()
             status = core.advance(tries)
             taken = time.monotonic() - started
-            if status == binding.RUNNING:
+            if status == Status.RUNNING:
                 tries = max(1, min(_GROWTH * tries, int(tries * _SLICE / max(taken, 1e-6))))
             rows, samples = core.take()
             if len(rows):
@@ -200,7 +201,7 @@ class _Lanes:
 
     def left(self) -> list[int]:
         """Return the runs that have left the lanes."""
-        found: list[int] = np.flatnonzero(self.core.status == binding.LEFT).tolist()
+        found: list[int] = np.flatnonzero(self.core.status == LaneStatus.LEFT).tolist()
         return found
 
 
@@ -231,7 +232,7 @@ def _singly(
     )
     if run.status == "interrupted":
         raise Interrupted
-    width = 2 + 3 * len(system.coordinates) + len(system.constraints)
+    width = system.sample_layout.size
     rows = np.concatenate([np.empty((0, width)), *(_as_rows(block) for block in blocks)])
     return Finished(np.array([row]), rows[None], [run])
 
@@ -252,7 +253,7 @@ class SampleTape:
     """
 
     def __init__(self, tape: Tape):
-        self._table = binding.LaneTable(assemble(tape), tape.inputs, tape.parameters)
+        self._table = binding.BatchTable(assemble(tape), tape.inputs, tape.parameters)
 
     def __call__(self, samples: Array, parameters: Array) -> Array:
         """Return the outputs, (runs, outputs, nt).

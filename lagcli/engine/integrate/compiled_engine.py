@@ -30,6 +30,7 @@ from lagcli.engine.contract import (
     outcome,
 )
 from lagcli.engine.core import binding
+from lagcli.engine.core.status import Status
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.methods import Methods
 from lagcli.engine.integrate.prepared import (
@@ -276,60 +277,60 @@ class Integration:
             self.methods.count()
             if self.heed(status):
                 return
-            if status == binding.RUNNING:
+            if status == Status.RUNNING:
                 slice_ = max(1, min(_GROWTH * slice_, int(most * _SLICE / max(taken, 1e-6))))
                 self.methods.review()
                 if core.counts[0] >= self.unroll_at:
                     self.use(unrolled(self.system, self.in_use))
-            elif status == binding.NEAR:
+            elif status == Status.NEAR:
                 slice_ = 1
             self.progress(core.t)
 
     def heed(self, status: int) -> bool:
         """Do what a status of the core asks for; return whether the run is complete."""
         core = self.core
-        if status == binding.UNDEFINED:
+        if status == Status.UNDEFINED:
             state = core.t_bad, *self.split(core.y_bad)
             if self.reordered != core.t and self.evaluator.dynamics(*state).finite:
                 # the equations are defined: a pivot of the static order vanished
                 self.reorder()
                 return self.heed(core.start())
             raise Undefined(*state)
-        if status == binding.OFF:
+        if status == Status.OFF:
             self.projection(core.t_bad, *self.split(core.y_bad))
             raise Stop(
                 f"the motion cannot be brought back onto the constraints at t = {core.t_bad:.9g} s;"
                 " try a smaller --rtol or --max-step, or --engine scipy"
             )
-        if status == binding.JUMPED:
+        if status == Status.JUMPED:
             from lagcli.engine.constraints.projection import jumped
 
             q, v = self.split(core.y_bad)
             raise jumped(self.system, core.t_bad, q, self.projection(core.t_bad, q, v)[0])
-        if status == binding.FLOOR:
+        if status == Status.FLOOR:
             if self.methods.may_help() and not self.watch.near(core.t, core.state):
                 self.methods.stiff(forced=True)
                 return False
             raise self.watch.floor(core.t, core.state, self.settings.method)
-        if status == binding.BLOCK_FULL:
+        if status == Status.BLOCK_FULL:
             self.collect()
             return False  # in the midst of a step: nothing else changes
-        if status == binding.NEAR:
+        if status == Status.NEAR:
             return self.approach()
-        if status == binding.OVER:
+        if status == Status.OVER:
             self.look_over()
-        elif status == binding.INACCURATE:
+        elif status == Status.INACCURATE:
             self.reorder()
-        elif status == binding.CONTRADICTED:
+        elif status == Status.CONTRADICTED:
             self.check_redundancy()
-        elif status == binding.STIFF:
+        elif status == Status.STIFF:
             self.methods.stiff()
-        elif status == binding.ORDER:
+        elif status == Status.ORDER:
             self.methods.order()
-        elif status == binding.EVENT:
+        elif status == Status.EVENT:
             return self.react()
         core.limit(self.settings.max_step)
-        return bool(status == binding.DONE)
+        return bool(status == Status.DONE)
 
     def approach(self) -> bool:
         """Look along the path of the last steps, which go towards a singular configuration."""
@@ -397,7 +398,7 @@ class Integration:
         self.measure()
         found = self.watch.singular_time(core.dense, t_old, t)
         if found is not None:
-            while (status := core.sample_until(found)) == binding.BLOCK_FULL:
+            while (status := core.sample_until(found)) == Status.BLOCK_FULL:
                 self.collect()
                 self.progress(core.t)
             self.heed(status)
@@ -420,4 +421,4 @@ class Integration:
 
     def hand_over(self, rows: Array) -> None:
         """Hand over samples: t, q, v, a, λ, W by row."""
-        self.sink(Block.of_rows(rows, self.nq))
+        self.sink(Block.of_rows(rows, self.system.sample_layout))

@@ -316,7 +316,7 @@ class _Integration:
         """Hand over the samples that wait."""
         rows, self.rows = self.rows, []
         if rows:
-            self.sink(Block.of_rows(np.array(rows), len(self.system.coordinates)))
+            self.sink(Block.of_rows(np.array(rows), self.system.sample_layout))
 
     def pass_singular(self, ahead: Ahead) -> tuple[float, Array]:
         """Go through a singular configuration, sampling on the way."""

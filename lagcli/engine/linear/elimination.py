@@ -30,6 +30,7 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.engine.layout import DynamicsLayout
 from lagcli.engine.system import Pattern, System
 
 Array = NDArray[np.float64]
@@ -145,11 +146,11 @@ def order_at(system: System, states: Sequence[Sequence[float]]) -> Elimination:
     if not finite:
         raise NoElimination
     values = np.array(finite).T
-    nq, nm, nb = len(system.coordinates), len(system.mass_pattern), len(system.jacobian_pattern)
-    mass, jacobian = values[:nm], values[nm + nq : nm + nq + nb]
+    layout = DynamicsLayout(system.counts)
+    mass, jacobian = values[layout.mass_matrix], values[layout.jacobian]
     beside_mass, beside_jacobian = _beside(system, mass[:, 0], jacobian[:, 0])
     return find_order(
-        nq,
+        len(system.coordinates),
         len(system.constraints),
         system.mass_pattern,
         system.jacobian_pattern,

@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import zip_longest
 
+from lagcli.engine.layout import DynamicsLayout
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.system import System
 from lagcli.engine.tape.arithmetic import Arithmetic
-from lagcli.engine.tape.tape import Op, Tape
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Tape
 
 
 def unroll(system: System, elimination: Elimination) -> Tape:
@@ -26,13 +28,10 @@ def unroll(system: System, elimination: Elimination) -> Tape:
     Returns
     -------
     Tape
-        Outputs are those of ``system.dynamics``, then a, λ. It has nq + 2 nc more inputs
-        at the end: another right side, in the order of the unknowns, and one for the constraints
-        alone. Its outputs go on with the power of all forces, those of the constraints too. Apart
-        from these, the parts that pivots keep of the terms that they are the sum of, scaled so that
-        1 stands for no cancellation, and the squares of the lengths of B's rows; apart again a, λ
-        for the other right side; and a where that is zero but for the constraints. These solutions
-        are asked for alone, too.
+        Outputs lie as in `UnrolledLayout`. There are nq + 2 nc more inputs at the end: another
+        right side, in the order of the unknowns, and one for the constraints alone. The parts that
+        pivots keep of the terms that they are the sum of are scaled so that 1 stands for no
+        cancellation; they and the two further solutions are asked for apart, the latter alone, too.
     """
     return _Unrolling(system, elimination).tape()
 
@@ -49,19 +48,20 @@ class _Unrolling(Arithmetic):
         self.nq, self.plan = nq, elimination
         place = {unknown: k for k, unknown in enumerate(elimination.order)}
         self.place = place
-        nm, nb, nc = len(mass), len(jacobian), len(system.constraints)
+        layout, nc = DynamicsLayout(system.counts), len(system.constraints)
+        v = system.sample_layout.v.start
         self.entries: dict[tuple[int, int], int] = {}
-        for (i, j), x in zip(mass, outputs, strict=False):
+        for (i, j), x in zip(mass, outputs[layout.mass_matrix], strict=True):
             if place[i] >= place[j]:
                 self.entries[place[i], place[j]] = x
         self.rows: list[list[int]] = [[] for _ in system.constraints]
         self.speeds: list[int] = [self.zero for _ in system.constraints]  # B v
-        for (i, j), x in zip(jacobian, outputs[nm + nq :], strict=False):
+        for (i, j), x in zip(jacobian, outputs[layout.jacobian], strict=True):
             p, q = place[nq + i], place[j]
             self.entries[max(p, q), min(p, q)] = x
             self.rows[i].append(x)
-            self.speeds[i] = self.plus(self.speeds[i], self.times(x, 1 + nq + j))
-        right = [*outputs[nm : nm + nq], *outputs[nm + nq + nb : nm + nb + size]]
+            self.speeds[i] = self.plus(self.speeds[i], self.times(x, v + j))
+        right = [*outputs[layout.forcing], *outputs[layout.rhs]]
         self.right = [right[unknown] for unknown in elimination.order]
         self.other_right = [given.inputs + unknown for unknown in elimination.order]
         # where the right side is zero but for the constraints

@@ -14,10 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.program.nodes import END, MULADD, MULSUB, SINCOS, SUBMUL, Node
+from lagcli.engine.program.nodes import Node
 from lagcli.engine.program.subprograms import excerpt
 from lagcli.engine.program.vectorize import LONG, WORTH, Packing
-from lagcli.engine.tape.tape import ARITY, Op, Tape
+from lagcli.engine.tape.operations import ARITY, Op
+from lagcli.engine.tape.tape import Tape
 
 #: Operations that are put in order at a time: the values that live at once stay near each other.
 _WINDOW = 4096
@@ -27,10 +28,9 @@ class Program(NamedTuple):
     """A tape in the order and with the registers in which it is run.
 
     A stream is, for each run of operations: the operation, their number, and for each of them its
-    destinations and operands; it ends with END. MULADD is a b + c, MULSUB a b − c, SUBMUL c − a b
-    for operands a, b, c; SINCOS has two destinations. An operation on vectors has VECTOR added; it
-    is followed by the number of elements, the first destination, and the first place and the step
-    of each operand.
+    destinations and operands; it ends with END. An operation on vectors has VECTOR added; it is
+    followed by the number of elements, the first destination, and the first place and the step of
+    each operand.
 
     Parameters
     ----------
@@ -186,11 +186,11 @@ def _products_with_sums(nodes: list[Node], outputs: Collection[int]) -> list[Nod
             a, b = operands
             if b in products and b != a:
                 merged.add(b)
-                found.append((MULADD if op == Op.ADD else SUBMUL, to, (*products[b], a)))
+                found.append((Op.MULADD if op == Op.ADD else Op.SUBMUL, to, (*products[b], a)))
                 continue
             if a in products and b != a:
                 merged.add(a)
-                found.append((MULADD if op == Op.ADD else MULSUB, to, (*products[a], b)))
+                found.append((Op.MULADD if op == Op.ADD else Op.MULSUB, to, (*products[a], b)))
                 continue
         found.append((op, to, operands))
     return [node for node in found if node[1][0] not in merged]
@@ -207,7 +207,7 @@ def _sines_with_cosines(nodes: list[Node]) -> list[Node]:
         if op in (Op.SIN, Op.COS) and operands[0] in both:
             if operands[0] not in done:
                 done.add(operands[0])
-                found.append((SINCOS, both[operands[0]], operands))
+                found.append((Op.SINCOS, both[operands[0]], operands))
         else:
             found.append(node)
     return found
@@ -303,7 +303,7 @@ def _placed(node: Node, place: dict[int, int]) -> Node:
     return op, tuple(place[x] for x in destinations), tuple(place[x] for x in operands)
 
 
-def stream(nodes: list[Node], end: int = END) -> NDArray[np.int32]:
+def stream(nodes: list[Node], end: int = Op.END) -> NDArray[np.int32]:
     """Return the stream of operations whose operands have places."""
     numbers: list[int] = []
     at, kind = 0, -1

@@ -8,11 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lagcli.engine.program.nodes import INDEXED
+from lagcli.engine.program.nodes import INDEXED, LONGEST
 
-#: Operations that a vector is worth: a shorter one takes as long as its parts; and the most, as in
-#: core/tape.h.
-SHORTEST, LONGEST = 8, 256
+#: Operations that a vector is worth: a shorter one takes as long as its parts.
+SHORTEST = 8
 #: What an element of a vector saves, with all operands in progression or one indexed; vectors.
 _SAVED, _SAVED_INDEXED = 0.1, 0.06
 #: How far apart, in order of operands, the first two of a progression are looked for.

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.program.nodes import END, INDEXED, PLACES, SINCOS, VECTOR
+from lagcli.engine.program.nodes import INDEXED, VECTOR
+from lagcli.engine.tape.operations import PLACES, Op
 
 Registers = slice | list[int]
 
@@ -70,17 +71,17 @@ def _joined(parts: Iterable[tuple[int, int, list[int]]]) -> NDArray[np.int32]:
             numbers += (op, 0)
         numbers[at] += size
         numbers += own
-    return np.array([*numbers, END, 0], dtype=np.int32)
+    return np.array([*numbers, Op.END, 0], dtype=np.int32)
 
 
 def _steps(numbers: list[int]) -> Iterator[_Step]:
     """Yield the operations of a stream one by one, those on vectors as they are."""
     at = 0
-    while numbers[at] != END:
+    while numbers[at] != Op.END:
         op, n = numbers[at : at + 2]
         at += 2
         if op < VECTOR:
-            width, first = PLACES[op], 2 if op == SINCOS else 1
+            width, first = PLACES[op], 2 if op == Op.SINCOS else 1
             for _ in range(n):
                 own = numbers[at : at + width]
                 at += width

@@ -20,13 +20,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.program.nodes import END, MOVE, MULADD, MULSUB, SUBMUL, VECTOR, Node
+from lagcli.engine.program.nodes import VECTOR, Node
 from lagcli.engine.program.progressions import SHORTEST, pieces, progressions, steps
 from lagcli.engine.program.slots import LINE, Memory
-from lagcli.engine.tape.tape import Op
+from lagcli.engine.tape.operations import Kind, Op
 
 #: What the core does on vectors.
-_ON_VECTORS = {Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.NEG, Op.SQRT, Op.ABS, MULADD, MULSUB, SUBMUL}
+_ON_VECTORS = {op for op in Op if op.kind is Kind.VECTOR}
 #: Operations from which vectors are looked for, and the part of them that is to be in vectors.
 LONG, WORTH = 1500, 0.5
 
@@ -128,7 +128,7 @@ class Packing:
             numbers += self._emitted(unit)
             for x in ends:
                 self.memory.give_back(self.place[x])
-        return np.array([*numbers, END, 0], dtype=np.int32)
+        return np.array([*numbers, Op.END, 0], dtype=np.int32)
 
     def _units(self, nodes: Sequence[Node]) -> list[Unit]:
         """Return operations in vectors and runs, in an order in which every operand is ready."""
@@ -168,7 +168,7 @@ class Packing:
             steps([self.place[x] for x in operands])
             for operands in zip(*[operands for _, _, operands in nodes], strict=True)
         ]
-        before = [self.place[x] for x in unit.results] if op == MOVE else []
+        before = [self.place[x] for x in unit.results] if op == Op.MOVE else []
         first = self._side_by_side(unit.results)
         for place in before:
             if place in self.memory.vector:  # else it is an input's own
@@ -222,7 +222,7 @@ def _vectors(
 def _moves(values: Sequence[int]) -> Iterator[Unit]:
     """Yield the operations that bring values side by side."""
     for piece in pieces(values):
-        yield Unit(MOVE, True, [(MOVE, (x,), (x,)) for x in piece])
+        yield Unit(Op.MOVE, True, [(Op.MOVE, (x,), (x,)) for x in piece])
 
 
 def depth_first(units: Sequence[Unit]) -> list[Unit]:

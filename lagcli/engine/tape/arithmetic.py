@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from lagcli.engine.tape.tape import Builder, Op
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Builder
 
 
 class Arithmetic(Builder):

@@ -9,34 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import partial, reduce
 
 import symengine as se
 from symengine import Basic
 
-from lagcli.engine.tape.tape import Builder, Op, Tape
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Builder, Tape
 
 MAX_PRODUCT_POWER = 64  # x^n by repeated squaring up to here, by pow beyond
 
-_UNARY = {
-    se.sin: Op.SIN,
-    se.cos: Op.COS,
-    se.tan: Op.TAN,
-    se.asin: Op.ASIN,
-    se.acos: Op.ACOS,
-    se.atan: Op.ATAN,
-    se.sinh: Op.SINH,
-    se.cosh: Op.COSH,
-    se.tanh: Op.TANH,
-    se.asinh: Op.ASINH,
-    se.acosh: Op.ACOSH,
-    se.atanh: Op.ATANH,
-    se.log: Op.LOG,
-    se.erf: Op.ERF,
-    se.erfc: Op.ERFC,
-    se.floor: Op.FLOOR,
-    se.ceiling: Op.CEIL,
-    se.Abs: Op.ABS,
-}
+_OPERATIONS = {getattr(se, op.symbol): op for op in Op if op.symbol}
 #: SymEngine writes tan(x + pi/2) as −cot(x), and atan2(x, x) by sign(x).
 _RECIPROCAL = {
     se.cot: Op.TAN,
@@ -45,12 +28,6 @@ _RECIPROCAL = {
     se.coth: Op.TANH,
     se.sech: Op.COSH,
     se.csch: Op.SINH,
-}
-_RELATION = {
-    se.StrictLessThan: Op.LT,
-    se.LessThan: Op.LE,
-    se.Equality: Op.EQ,
-    se.Unequality: Op.NE,
 }
 _NOT_FINITE = (type(se.oo), type(-se.oo), type(se.zoo), type(se.nan))
 _TRUTH = (bool, type(se.true), type(se.false))
@@ -135,24 +112,15 @@ class _Compiler(Builder):
             return self._cases(e)
         operands = [self.known[_key(a)] for a in e.args]
         kind = type(e)
-        if kind in _UNARY:
-            return self.emit(_UNARY[kind], operands[0])
-        if kind in _RELATION:
-            return self.emit(_RELATION[kind], *operands)
+        if kind in _OPERATIONS:
+            op = _OPERATIONS[kind]
+            if op.arity == 1:
+                return self.emit(op, *operands)
+            return reduce(partial(self.emit, op), operands)  # And and Or may have many
         if kind in _RECIPROCAL:
             return self.emit(Op.DIV, self.constant(1.0), self.emit(_RECIPROCAL[kind], operands[0]))
         if kind is se.sign:
             return self._sign(operands[0])
-        if kind is se.atan2:
-            return self.emit(Op.ATAN2, *operands)
-        if kind in (se.And, se.Or):
-            op = Op.AND if kind is se.And else Op.OR
-            total = operands[0]
-            for x in operands[1:]:
-                total = self.emit(op, total, x)
-            return total
-        if kind is se.Not:
-            return self.emit(Op.NOT, operands[0])
         raise TypeError(f"no operation for {kind.__name__}: {e}")
 
     def _sign(self, x: int) -> int:

@@ -6,133 +6,52 @@ that is undefined matters only where it reaches an output.
 
 from __future__ import annotations
 
-import math
 import operator
 from collections.abc import Callable, Iterable
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.tape.tape import ARITY, Op, Tape
+from lagcli.engine.tape.operations import ARITY, OPERATIONS, Kind, Op
+from lagcli.engine.tape.tape import Tape
 
 Array = NDArray[np.float64]
 
-
-def _special() -> Any:
-    # imported when used: a run without error functions must not pay for it
-    from scipy import special
-
-    return special
+#: Functions on floats that never raise.
+_TOTAL = (operator.add, operator.sub, operator.mul, operator.neg, abs, max)
 
 
 @cache
-def _arrays() -> dict[int, Callable[..., Any]]:
-    """Return the operations on arrays."""
-
-    def as_number(relation: Callable[..., Any]) -> Callable[..., Any]:
-        return lambda a, b: np.where(relation(a, b), 1.0, 0.0)
-
-    return {
-        Op.ADD: np.add,
-        Op.SUB: np.subtract,
-        Op.MUL: np.multiply,
-        Op.DIV: np.divide,
-        Op.NEG: np.negative,
-        Op.POW: np.power,
-        Op.SQRT: np.sqrt,
-        Op.SIN: np.sin,
-        Op.COS: np.cos,
-        Op.TAN: np.tan,
-        Op.ASIN: np.arcsin,
-        Op.ACOS: np.arccos,
-        Op.ATAN: np.arctan,
-        Op.ATAN2: np.arctan2,
-        Op.SINH: np.sinh,
-        Op.COSH: np.cosh,
-        Op.TANH: np.tanh,
-        Op.ASINH: np.arcsinh,
-        Op.ACOSH: np.arccosh,
-        Op.ATANH: np.arctanh,
-        Op.EXP: np.exp,
-        Op.LOG: np.log,
-        Op.ERF: lambda x: _special().erf(x),
-        Op.ERFC: lambda x: _special().erfc(x),
-        Op.FLOOR: np.floor,
-        Op.CEIL: np.ceil,
-        Op.ABS: np.abs,
-        Op.LT: as_number(np.less),
-        Op.LE: as_number(np.less_equal),
-        Op.EQ: as_number(np.equal),
-        Op.NE: as_number(np.not_equal),
-        Op.AND: np.multiply,
-        Op.OR: np.maximum,
-        Op.NOT: lambda a: 1.0 - a,
-        Op.SELECT: lambda condition, a, b: np.where(condition != 0.0, a, b),
-    }
+def _on_arrays(op: Op) -> Callable[..., Any]:
+    """Return an operation on arrays; what it needs is imported when a tape has it."""
+    module, _, name = op.array.rpartition(".")
+    function: Any = getattr(import_module(module), name) if op.array else op.scalar
+    if op.kind is Kind.RELATION:
+        return lambda a, b: np.where(function(a, b), 1.0, 0.0)
+    return function
 
 
-def _guarded(op: Op, function: Callable[..., float]) -> Callable[..., float]:
-    """Return a function that gives what IEEE 754 says (±∞ or NaN) where `math` raises."""
+@cache
+def _on_floats(op: Op) -> Callable[..., float]:
+    """Return an operation on floats that gives ±∞ or NaN, as IEEE 754 has it, and never raises."""
+    function = op.scalar
+    assert function is not None, f"{op.name} is no operation of tapes"
+    if function in _TOTAL:
+        return function
+    if op.kind is Kind.RELATION:
+        return lambda a, b: 1.0 if function(a, b) else 0.0
 
     def guarded(*arguments: float) -> float:
         try:
             return function(*arguments)
         except (ValueError, ZeroDivisionError, OverflowError):
             with np.errstate(all="ignore"):
-                return float(_arrays()[op](*map(np.float64, arguments)))
+                return float(_on_arrays(op)(*map(np.float64, arguments)))
 
     return guarded
-
-
-def _truth(relation: Callable[[float, float], bool]) -> Callable[[float, float], float]:
-    return lambda a, b: 1.0 if relation(a, b) else 0.0
-
-
-#: Operations on floats that never raise.
-_TOTAL: dict[Op, Callable[..., float]] = {
-    Op.ADD: operator.add,
-    Op.SUB: operator.sub,
-    Op.MUL: operator.mul,
-    Op.NEG: operator.neg,
-    Op.ATAN: math.atan,
-    Op.ATAN2: math.atan2,
-    Op.TANH: math.tanh,
-    Op.ASINH: math.asinh,
-    Op.ERF: math.erf,
-    Op.ERFC: math.erfc,
-    Op.ABS: abs,
-    Op.LT: _truth(operator.lt),
-    Op.LE: _truth(operator.le),
-    Op.EQ: _truth(operator.eq),
-    Op.NE: _truth(operator.ne),
-    Op.AND: operator.mul,
-    Op.OR: max,
-    Op.NOT: lambda a: 1.0 - a,
-    Op.SELECT: lambda condition, a, b: a if condition else b,
-}
-_PARTIAL: dict[Op, Callable[..., float]] = {
-    Op.DIV: operator.truediv,
-    Op.POW: math.pow,
-    Op.SQRT: math.sqrt,
-    Op.SIN: math.sin,
-    Op.COS: math.cos,
-    Op.TAN: math.tan,
-    Op.ASIN: math.asin,
-    Op.ACOS: math.acos,
-    Op.SINH: math.sinh,
-    Op.COSH: math.cosh,
-    Op.ACOSH: math.acosh,
-    Op.ATANH: math.atanh,
-    Op.EXP: math.exp,
-    Op.LOG: math.log,
-    Op.FLOOR: lambda x: float(math.floor(x)),
-    Op.CEIL: lambda x: float(math.ceil(x)),
-}
-_SCALAR: dict[int, Callable[..., float]] = _TOTAL | {
-    op: _guarded(op, function) for op, function in _PARTIAL.items()
-}
 
 
 class ScalarTape:
@@ -142,7 +61,9 @@ class ScalarTape:
         self._inputs = tape.inputs
         self._rest = list(tape.constants) + [0.0] * len(tape.code)
         self._outputs = tape.outputs
-        self._steps = [(_SCALAR[op], ARITY[op], to, a, b, c) for op, to, a, b, c in tape.code]
+        self._steps = [
+            (_on_floats(OPERATIONS[op]), ARITY[op], to, a, b, c) for op, to, a, b, c in tape.code
+        ]
 
     def __call__(self, inputs: Iterable[float]) -> list[float]:
         """Return the outputs for one set of inputs; undefined values are NaN or ±∞."""
@@ -171,12 +92,11 @@ def run_arrays(tape: Tape, inputs: Iterable[Array | float], count: int) -> Array
     -------
     (outputs, count) array
     """
-    functions = _arrays()
     r: list[Any] = [*inputs, *tape.constants, *([None] * len(tape.code))]
     with np.errstate(all="ignore"):
         for op, to, a, b, c in tape.code:
             operands = (r[a], r[b], r[c])[: ARITY[op]]
-            r[to] = functions[op](*operands)
+            r[to] = _on_arrays(OPERATIONS[op])(*operands)
     out = np.empty((len(tape.outputs), count))
     for i, register in enumerate(tape.outputs):
         out[i] = r[register]

@@ -7,55 +7,9 @@ ready. Equal operations are one (hash-consing). Nothing in a tape is code.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from enum import IntEnum
 from typing import NamedTuple
 
-
-class Op(IntEnum):
-    """Operations; operands are registers, truth is 1 and falsehood 0."""
-
-    ADD = 0
-    SUB = 1
-    MUL = 2
-    DIV = 3
-    NEG = 4
-    POW = 5
-    SQRT = 6
-    SIN = 7
-    COS = 8
-    TAN = 9
-    ASIN = 10
-    ACOS = 11
-    ATAN = 12
-    ATAN2 = 13
-    SINH = 14
-    COSH = 15
-    TANH = 16
-    ASINH = 17
-    ACOSH = 18
-    ATANH = 19
-    EXP = 20
-    LOG = 21
-    ERF = 22
-    ERFC = 23
-    FLOOR = 24
-    CEIL = 25
-    ABS = 26
-    LT = 27
-    LE = 28
-    EQ = 29
-    NE = 30
-    AND = 31
-    OR = 32
-    NOT = 33
-    SELECT = 34  # operands (condition, a, b): a where the condition holds, else b
-
-
-_TWO = {Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.POW, Op.ATAN2, Op.LT, Op.LE, Op.EQ, Op.NE, Op.AND, Op.OR}
-
-
-#: Numbers of operands, by operation.
-ARITY = tuple(3 if op is Op.SELECT else 2 if op in _TWO else 1 for op in Op)
+from lagcli.engine.tape.operations import ARITY, Op
 
 
 class Tape(NamedTuple):
@@ -68,7 +22,7 @@ class Tape(NamedTuple):
     constants : tuple of float
         Values of the registers after the inputs.
     code : tuple of (op, destination, a, b, c)
-        Unused operands are 0.
+        `op` is the number of an `Op`; unused operands are 0.
     outputs : tuple of int
         The registers to read at the end.
     parameters : int

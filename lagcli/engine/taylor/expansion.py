@@ -16,9 +16,9 @@ from functools import partial
 
 from lagcli.engine.program.nodes import Node
 from lagcli.engine.tape.arithmetic import Arithmetic
-from lagcli.engine.tape.tape import Op
+from lagcli.engine.tape.operations import OPERATIONS, Op
 from lagcli.engine.taylor.forms import SeriesForms
-from lagcli.engine.taylor.series_nodes import BEFORE, NOUGHT, NUMBER, NUMBERS, SeriesOp
+from lagcli.engine.taylor.series_nodes import BEFORE, NUMBER, NUMBERS, ZERO, SeriesOp
 
 
 class NotAnalytic(ArithmeticError):
@@ -77,14 +77,14 @@ class SeriesExpansion(SeriesForms):
         t, y = self.tail(b)
         t = negative(t) if op == Op.SUB else t
         if self.steady(a):
-            self.beyond[to] = t, y
+            self.tails[to] = t, y
         elif self.steady(b):
-            self.beyond[to] = self.tail(a)
+            self.tails[to] = self.tail(a)
         else:
             s, x = self.tail(a)
             opposite = self.sums.get((negative(s), x, negative(t), y))
             if opposite is not None:
-                self.beyond[to] = self.minus_one, opposite
+                self.tails[to] = self.minus_one, opposite
                 return
             self.sums[s, x, t, y] = to
             self.nodes[to] = SeriesOp.SUM, (to,), (s, x, t, y)
@@ -149,7 +149,7 @@ class SeriesExpansion(SeriesForms):
                 names.append(self.new(self.zero))
                 self.chain(names[-1], self.one, x, slope)
         if len(names) == 1:
-            self.beyond[to] = self.one, names[0]
+            self.tails[to] = self.one, names[0]
         else:
             self.nodes[to] = SeriesOp.SUM, (to,), (self.one, names[0], self.one, names[1])
 
@@ -181,7 +181,7 @@ class SeriesExpansion(SeriesForms):
                 self.taken.add(x)
                 if not all(map(self.steady, operands)):
                     self.moving.add(x)
-                    self.operation(Op(op), x, *operands)
+                    self.operation(OPERATIONS[op], x, *operands)
                 if names and x in names:
                     self.rename(x, names[x])
 
@@ -199,8 +199,8 @@ class SeriesExpansion(SeriesForms):
 
     def rename(self, x: int, name: int) -> None:
         """Give a series another name, that of a register with its first coefficient."""
-        form = (self.one, NOUGHT) if self.steady(x) else self.tail(x)
-        self.beyond.pop(x, None)
+        form = (self.one, ZERO) if self.steady(x) else self.tail(x)
+        self.tails.pop(x, None)
         self.whole[x] = self.one, name
         if form == (self.one, x) and x in self.nodes:
             op, _, operands = self.nodes.pop(x)
@@ -211,7 +211,7 @@ class SeriesExpansion(SeriesForms):
     def result(self, x: int) -> int:
         """Return the series that is an output, made from its base where it must be."""
         if self.steady(x):
-            return NOUGHT
+            return ZERO
         number, base = self.tail(x)
         if number == self.one:
             return base
@@ -220,8 +220,8 @@ class SeriesExpansion(SeriesForms):
 
     def node(self, x: int) -> Node | None:
         """Return the operation that makes a series; None for those of the state."""
-        if x not in self.nodes and x in self.beyond:  # convolved: its first coefficient counts
-            return SeriesOp.SCALE, (x,), self.beyond[x]
+        if x not in self.nodes and x in self.tails:  # convolved: its first coefficient counts
+            return SeriesOp.SCALE, (x,), self.tails[x]
         node = self.nodes.get(x)
         if node and node[0] == SeriesOp.CHAIN and len(node[2]) == 2:
             number, slope = self.form(self.slopes[x])

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from lagcli.engine.program.nodes import Node
 from lagcli.engine.tape.arithmetic import Arithmetic
-from lagcli.engine.taylor.series_nodes import BEFORE, NAMELESS, NOUGHT, SeriesOp
+from lagcli.engine.taylor.series_nodes import BEFORE, NAMELESS, ZERO, SeriesOp
 
 Form = tuple[int, int]  # the registers of a number and of a series' first coefficient
 
@@ -33,7 +33,7 @@ class SeriesForms:
         self.minus_one = builder.negative(builder.one)
         self.nodes: dict[int, Node] = {}
         self.whole: dict[int, Form] = {}
-        self.beyond: dict[int, Form] = {}  # what counts beyond the first coefficient
+        self.tails: dict[int, Form] = {}  # what counts beyond the first coefficient
         self.begins: dict[int, int] = {}  # what a nameless series begins with
         self.brackets: dict[tuple[Form, ...], int] = {}
         self.products: dict[tuple[int, int], int] = {}  # that no register has
@@ -54,23 +54,23 @@ class SeriesForms:
 
     def tail(self, x: int) -> Form:
         """Return a series as a number times another, their first coefficients apart."""
-        return self.beyond.get(x) or self.form(x)
+        return self.tails.get(x) or self.form(x)
 
     def scaled(self, to: int, scale: Callable[[int], int], x: int) -> None:
         """Make a series another's multiple, by what ``scale`` makes of its number."""
         number, base = self.form(x)
         self.whole[to] = scale(number), base
-        if x in self.beyond:
-            number, base = self.beyond[x]
-            self.beyond[to] = scale(number), base
+        if x in self.tails:
+            number, base = self.tails[x]
+            self.tails[to] = scale(number), base
 
     def add(self, terms: Iterable[Form], to: int | None = None) -> Form:
         """Make the sum of multiples of series, their first coefficients apart; ``to``: its name."""
         numbers: dict[int, int] = {}
         for s, x in terms:
-            if x != NOUGHT and s != self.zero:
+            if x != ZERO and s != self.zero:
                 numbers[x] = self.builder.plus(numbers[x], s) if x in numbers else s
-        left = [(s, x) for x, s in numbers.items()] or [(self.one, NOUGHT)]
+        left = [(s, x) for x, s in numbers.items()] or [(self.one, ZERO)]
         total, *others = left
         for n, (s, x) in enumerate(others, 1):
             name = to if to is not None and n == len(others) else self.new(self.zero)
@@ -104,11 +104,11 @@ class SeriesForms:
             self.add(rewrite(left), name)
         return number, self.brackets[key]
 
-    def multiply(self, x: int, y: int, past: bool = False) -> int:
-        """Return the name of a product; ``past``: less x's first coefficient times y."""
-        op, y = (SeriesOp.PAST, y + BEFORE) if past else (SeriesOp.MUL, y)
+    def multiply(self, x: int, y: int, tail: bool = False) -> int:
+        """Return the name of a product; ``tail``: less x's first coefficient times y."""
+        op, y = (SeriesOp.MUL_TAIL, y + BEFORE) if tail else (SeriesOp.MUL, y)
         if (x, y) not in self.products:
-            begin = self.zero if past else self.builder.times(self.begin(x), self.begin(y))
+            begin = self.zero if tail else self.builder.times(self.begin(x), self.begin(y))
             self.products[x, y] = name = self.new(begin)
             self.nodes[name] = op, (name,), (x, y)
         return self.products[x, y]

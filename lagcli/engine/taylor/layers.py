@@ -16,12 +16,10 @@ from lagcli.engine.program.nodes import VECTOR, Node
 from lagcli.engine.program.progressions import SHORTEST, pieces, progressions, steps
 from lagcli.engine.program.slots import LINE, Memory
 from lagcli.engine.program.vectorize import WORTH, last_uses, together
-from lagcli.engine.taylor.series_nodes import AHEAD, BEFORE, CONVOLVED, NUMBERS, SeriesOp
+from lagcli.engine.taylor.series_nodes import AHEAD, BEFORE, CONVOLVED, LONGEST, NUMBERS, SeriesOp
 
 #: Operations from which on vectors are looked for: those of a chain of 20 bodies.
 LONG = 500
-#: Elements that a vector has at most, as in core/series.c.
-LONGEST = 1024
 #: Where temporary places begin until it is known how many others there are.
 _TEMPORARY = 1 << 24
 
@@ -264,4 +262,4 @@ def vector_stream(vector: SeriesVector, place: Mapping[Any, int]) -> list[int]:
 
 def _enters(x: int) -> Node:
     """Return the operation that copies a series' coefficient to its row."""
-    return SeriesOp.ENTER, (x,), (x,)
+    return SeriesOp.TO_ROW, (x,), (x,)

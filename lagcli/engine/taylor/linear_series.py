@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from lagcli.engine.layout import UnrolledLayout
 from lagcli.engine.system import System
 from lagcli.engine.taylor.expansion import SeriesExpansion
 from lagcli.engine.taylor.forms import Form
@@ -32,18 +33,17 @@ class LinearSystem:
 
     def __init__(self, expansion: SeriesExpansion, system: System, outputs: Sequence[int]):
         mass, jacobian = system.mass_pattern, system.jacobian_pattern
-        nm, nq, nb, nc = len(mass), len(system.coordinates), len(jacobian), len(system.constraints)
-        first, size = len(system.dynamics.outputs), nq + nc
-        rows = outputs[nm + nq : nm + nq + nb]
+        layout, nq, size = UnrolledLayout(system.counts), system.counts.nq, system.counts.unknowns
+        rows = outputs[layout.jacobian]
         self.expansion = expansion
         # rows, columns and registers of the matrix, and the signs that they have in r − K x
         self.entries = [
-            *((i, j, x, -1) for (i, j), x in zip(mass, outputs, strict=False)),
+            *((i, j, x, -1) for (i, j), x in zip(mass, outputs[layout.mass_matrix], strict=True)),
             *((nq + i, j, x, -1) for (i, j), x in zip(jacobian, rows, strict=True)),
             *((j, nq + i, x, 1) for (i, j), x in zip(jacobian, rows, strict=True)),
         ]
-        self.right = [*outputs[nm : nm + nq], *outputs[nm + nq + nb : nm + nb + size]]
-        self.values = outputs[first : first + size]
+        self.right = [*outputs[layout.forcing], *outputs[layout.rhs]]
+        self.values = outputs[layout.solution]
         self.solution = outputs[len(outputs) - nq - size : len(outputs) - nq]
         self.other_right = range(system.dynamics.inputs, system.dynamics.inputs + size)
 
@@ -90,4 +90,4 @@ class LinearSystem:
         """Return a series, but its first coefficient, times a sum."""
         expansion = self.expansion
         number, x = factors[0] if len(factors) == 1 else expansion.bracket(factors, list)
-        return number, expansion.multiply(base, x, past=True)
+        return number, expansion.multiply(base, x, tail=True)

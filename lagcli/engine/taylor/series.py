@@ -19,11 +19,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.engine.layout import ConstraintLayout, UnrolledLayout
 from lagcli.engine.program.program import Node, allocate, in_order, stream
 from lagcli.engine.program.slots import LINE
 from lagcli.engine.system import System, without_numbers
 from lagcli.engine.tape.arithmetic import Arithmetic
-from lagcli.engine.tape.tape import Builder, Op, Tape
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Builder, Tape
 from lagcli.engine.taylor.expansion import SeriesExpansion
 from lagcli.engine.taylor.factoring import factored
 from lagcli.engine.taylor.layers import LONG, Layers, SeriesVector, layered, vector_stream
@@ -32,19 +34,16 @@ from lagcli.engine.taylor.series_nodes import (
     AHEAD,
     BEFORE,
     CONVOLVED,
-    NOUGHT,
+    MAX_ORDER,
     NUMBER,
     NUMBERS,
     WORK,
+    ZERO,
     SeriesOp,
 )
 
 #: Places between rows: where four coefficients are read at a time, some beside a row are.
 PADDING = 4
-#: The largest order; the core's loops know their lengths up to here.
-MOST = 31
-#: A sum with one more term.
-_WIDER: dict[int, int] = {SeriesOp.SUM: SeriesOp.SUM3, SeriesOp.SUM3: SeriesOp.SUM4}
 
 
 class SeriesProgram(NamedTuple):
@@ -101,7 +100,7 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     tape : Tape
         Its dynamics with the elimination unrolled, and the solution for another right side.
     order : int
-        At most ``MOST``.
+        At most ``MAX_ORDER``.
     working : iterable of int
         The constraints whose forces' work is counted: all, or where the motion stays on them those
         that depend on time.
@@ -112,21 +111,23 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     """
     builder = Arithmetic(tape.inputs, tape.parameters, tape.other)
     outputs = builder.extend(tape)
-    nq, first = len(system.coordinates), len(system.dynamics.outputs)
-    expansion = SeriesExpansion(builder, range(1 + 2 * nq))
+    nq, layout = system.counts.nq, UnrolledLayout(system.counts)
+    inputs = range(tape.inputs)
+    state, v = inputs[: 1 + 2 * nq], inputs[system.sample_layout.v]
+    expansion = SeriesExpansion(builder, state)
     unknowns = LinearSystem(expansion, system, outputs).solve()
-    power = _power(system, builder, outputs, first, working)
+    power = _power(system, builder, outputs, working)
     expansion.expand([power])
-    rates = [*range(1 + nq, 1 + 2 * nq), *unknowns[:nq], expansion.result(power)]
+    rates = [*v, *unknowns[:nq], expansion.result(power)]
     kinds = system.families[1 : 1 + 2 * nq]
     families = (
-        [[0], [NOUGHT], *_alike(range(1, 1 + 2 * nq), kinds), [WORK]],
+        [[0], [ZERO], *_alike(state[1:], kinds), [WORK]],
         [
             *_alike(unknowns[:nq], kinds[:nq]),
             *_alike(unknowns[nq:], map(without_numbers, system.constraints)),
         ],
     )
-    return _program(expansion, families, rates, [*outputs[first : first + nq], power], order)
+    return _program(expansion, families, rates, [*outputs[layout.solution][:nq], power], order)
 
 
 def _alike(values: Iterable[int], kinds: Iterable[str | None]) -> list[list[int]]:
@@ -143,28 +144,27 @@ def order_for(rtol: float) -> int:
     Jorba and Zou's would be −ln(rtol)/2 + 1. Here a step costs more beside its series: it is
     projected and watched, so longer ones pay; measured, six more are best within a few orders.
     """
-    return min(math.ceil(-math.log(rtol) / 2) + 6, MOST)
+    return min(math.ceil(-math.log(rtol) / 2) + 6, MAX_ORDER)
 
 
 def depending_on_time(system: System) -> list[int]:
     """Return the constraints ψ = B v + b_0 with b_0 that is not zero everywhere."""
-    tape, first = system.constraint, len(system.holonomic) + len(system.jacobian_pattern)
-    drift = tape.outputs[first : first + len(system.constraints)]
+    tape = system.constraint
+    drift = tape.outputs[ConstraintLayout(system.counts).drift]
     values = dict(enumerate(tape.constants, tape.inputs))
     return [i for i, x in enumerate(drift) if values.get(x) != 0.0]
 
 
-def _power(
-    system: System, builder: Builder, outputs: Sequence[int], first: int, working: Iterable[int]
-) -> int:
+def _power(system: System, builder: Builder, outputs: Sequence[int], working: Iterable[int]) -> int:
     """Emit the power of the applied forces, of time, and of the constraints that work."""
-    nq, entries = len(system.coordinates), len(system.mass_pattern) + len(system.coordinates)
-    total = outputs[first - 1]
+    layout, v = UnrolledLayout(system.counts), system.sample_layout.v.start
+    multipliers = outputs[layout.solution][system.counts.nq :]
+    (total,) = outputs[layout.power]
     for i in working:
-        for n, (row, column) in enumerate(system.jacobian_pattern):
+        for (row, column), x in zip(system.jacobian_pattern, outputs[layout.jacobian], strict=True):
             if row == i:
-                force = builder.emit(Op.MUL, outputs[first + nq + i], outputs[entries + n])
-                part = builder.emit(Op.MUL, force, 1 + nq + column)
+                force = builder.emit(Op.MUL, multipliers[i], x)
+                part = builder.emit(Op.MUL, force, v + column)
                 total = builder.emit(Op.ADD, total, part)
     return total
 
@@ -179,14 +179,13 @@ def _program(
     """Return the program; rates are the series v, a, power, and outputs the values of a, power."""
     nodes = _merged(factored(expansion, rates), rates, SeriesOp.MUL, SeriesOp.MULSUM)
     state = [*range(len(rates)), WORK]
-    kept = _kept(nodes, {*state, NOUGHT})
+    kept = _kept(nodes, {*state, ZERO})
     ends: list[Node] = [
-        (SeriesOp.NEXT, (x + AHEAD,), (y,)) for x, y in zip(state[1:], rates, strict=True)
+        (SeriesOp.INTEGRATE, (x + AHEAD,), (y,)) for x, y in zip(state[1:], rates, strict=True)
     ]
     found = layered([*nodes, *ends], kept, *families) if len(nodes) >= LONG else None
     if found is None:
-        nodes = _merged(nodes, rates, SeriesOp.PAST, SeriesOp.PASTSUM)
-        nodes = _widened(nodes, {*kept, *rates}, expansion.one + NUMBER)
+        nodes = _merged(nodes, rates, SeriesOp.MUL_TAIL, SeriesOp.MUL_TAIL_SUM)
         return _in_rows(expansion, [*in_order(nodes), *ends], state, kept, outputs, order)
     return _in_layers(expansion, found, state, outputs, order)
 
@@ -202,7 +201,7 @@ def _in_rows(
     """Return a program with rows for what is convolved; those of the state are the first."""
     place, numbers, steady = _place_numbers(expansion, _numbers(nodes), [])
     row, first = _row(order), _first(numbers)
-    rows = [*state, NOUGHT, *kept]
+    rows = [*state, ZERO, *kept]
     end = _place_rows(place, rows, first, row)
     place.update((x + AHEAD, place[x]) for x in state)
     ordered, count = allocate(nodes, place, end, {*rows, *(x + AHEAD for x in state)})
@@ -270,7 +269,7 @@ def _placed(
 ) -> Node:
     """Return an operation with the places of numbers, of rows, and in the layer."""
     op, (to,), operands = node
-    if op == SeriesOp.ENTER:
+    if op == SeriesOp.TO_ROW:
         return op, (rows[to],), (layer[to],)
     places = []
     for i, x in enumerate(operands):
@@ -364,26 +363,6 @@ def _merged(
             if a in products:
                 del found[a]
                 found[to[0]] = merged, to, (s, *products[a], t, b)
-    return list(found.values())
-
-
-def _widened(nodes: Iterable[Node], kept: set[int], one: int) -> list[Node]:
-    """Merge sums that are used once, by a sum, into sums of up to four terms."""
-    uses: dict[int, int] = dict.fromkeys(kept, 2)
-    for op, _, operands in nodes:
-        for i, x in enumerate(operands):
-            if i not in NUMBERS.get(op, ()):
-                uses[x] = uses.get(x, 0) + 1
-    found: dict[int, Node] = {}
-    for op, to, operands in nodes:
-        found[to[0]] = op, to, operands
-        if op == SeriesOp.SUM:
-            s, a, t, b = operands
-            if t == one and b in found and found[b][0] in _WIDER and uses[b] == 1:
-                s, a, t, b = t, b, s, a
-            if s == one and a in found and found[a][0] in _WIDER and uses[a] == 1:
-                kind, _, terms = found.pop(a)
-                found[to[0]] = _WIDER[kind], to, (*terms, t, b)
     return list(found.values())
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.integrate.engines import engine_named
+from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.model import InitialValue, Model
 from lagcli.model.sections.measures import read_measures
@@ -35,9 +36,9 @@ class Ended(NamedTuple):
     ----------
     places : (k,) array of int
         Which of the rows that were asked for.
-    samples : (k, nt, 2 + 3 nq + nc) array
-        t, q, v, a, λ, W at all times of the grid; where k is 1 and the run failed, at those
-        that were reached.
+    samples : (k, nt, width) array
+        Sample rows, as in `SampleLayout`, at all times of the grid; where k is 1 and the run
+        failed, at those that were reached.
     runs : list of k Run or LagcliError
         How each ended, or why it did not begin.
     parameters : (k, np) array
@@ -85,7 +86,7 @@ class RowGroup:
         self._check_times()
         self._request: IntegrationRequest | Literal[False] | None = None  # not made ready yet
         self._extra = kept_signals(variants.equations) if kept else {}
-        self._state = 1 + 3 * len(model.coordinates) + len(model.constraints)  # t, q, v, a, λ
+        self._layout = SampleLayout(Counts(len(model.coordinates), len(model.constraints)))
         self.kept_names = _state_names(model) + list(self._extra) if kept else []
         wanted = [r.signal for r in self.measuring.reductions]
         compiled = variants.settings.engine == "compiled"
@@ -134,7 +135,11 @@ class RowGroup:
         if not self.kept_names:
             return measures, np.empty((runs, 0, 0))
         rows = np.concatenate(
-            [ended.samples[:, :, 1 : self._state], signals[:, split:].swapaxes(1, 2)], axis=2
+            [
+                ended.samples[:, :, self._layout.q.start : self._layout.work.start],
+                signals[:, split:].swapaxes(1, 2),
+            ],
+            axis=2,
         )
         return measures, rows[:, self.grid.samples[self.grid.samples < reached]]
 
@@ -232,7 +237,7 @@ class RowGroup:
             As for `run`.
         """
         places = np.array([place])
-        width = self._state + 1
+        width = self._layout.size
         try:
             simulation = self._simulation(place, given, values)
         except LagcliError as error:

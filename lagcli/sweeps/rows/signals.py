@@ -69,7 +69,7 @@ class Signals:
 
         Parameters
         ----------
-        samples : (runs, nt, 2 + 3 nq + nc) array
+        samples : (runs, nt, width) array
             By sample t, q, v, a, λ, W.
         parameters : (runs, np) array
         """

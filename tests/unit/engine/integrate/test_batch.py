@@ -14,11 +14,13 @@ from integration_requests import changed
 import lagcli
 from lagcli.engine.contract import Block, Interrupted
 from lagcli.engine.core import binding
+from lagcli.engine.core.status import LaneStatus
 from lagcli.engine.integrate import compiled_engine
 from lagcli.engine.integrate.batch import SampleTape, prepare_lanes, run_lanes, suits_lanes
 from lagcli.engine.program.program import assemble
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
-from lagcli.engine.tape.tape import ARITY, Op, Tape
+from lagcli.engine.tape.operations import ARITY, Op
+from lagcli.engine.tape.tape import Tape
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
 from lagcli.simulations.variants import Variants
@@ -91,14 +93,14 @@ class Runs:
 def core_statuses(monkeypatch):
     """The statuses of the runs in each use of the lanes."""
     found = []
-    original = binding.Lanes
+    original = binding.Batch
 
     def kept(*arguments):
         lanes = original(*arguments)
         found.append(lanes)
         return lanes
 
-    monkeypatch.setattr(binding, "Lanes", kept)
+    monkeypatch.setattr(binding, "Batch", kept)
     return lambda: [int(x) for lanes in found for x in lanes.status[:-1]]
 
 
@@ -113,7 +115,7 @@ def test_sine_and_cosine_are_good_to_one_unit_in_the_last_place(portable):
     near = np.arange(-63_000, 63_000, 7) * (np.pi / 2)
     x = np.concatenate([*spread, near, np.nextafter(near, np.inf), np.nextafter(near, -np.inf)])
     with np.errstate(invalid="ignore"):
-        for found, exact in zip(binding.lanes_sincos(x, portable), (np.sin, np.cos), strict=True):
+        for found, exact in zip(binding.batch_sincos(x, portable), (np.sin, np.cos), strict=True):
             expected = exact(x.astype(np.longdouble))
             unit = np.spacing(np.abs(expected.astype(float)))
             assert np.abs((found - expected) / unit).max() < 1.0
@@ -122,7 +124,7 @@ def test_sine_and_cosine_are_good_to_one_unit_in_the_last_place(portable):
 @pytest.mark.parametrize("portable", [False, True])
 def test_sine_and_cosine_beyond_the_reduction_are_the_librarys(portable):
     x = np.array([1e5 + 1, -3e7, 1e22, 1e300, np.inf, -np.inf, np.nan, 0.5])
-    sine, cosine = binding.lanes_sincos(x, portable)
+    sine, cosine = binding.batch_sincos(x, portable)
     assert list(sine[:4]) == [math.sin(a) for a in x[:4]]
     assert list(cosine[:4]) == [math.cos(a) for a in x[:4]]
     assert np.isnan([sine[4:7], cosine[4:7]]).all()
@@ -130,7 +132,7 @@ def test_sine_and_cosine_beyond_the_reduction_are_the_librarys(portable):
 
 
 @pytest.mark.parametrize("portable", [False, True])
-@pytest.mark.parametrize("op", list(Op), ids=lambda op: op.name)
+@pytest.mark.parametrize("op", [op for op in Op if op.scalar], ids=lambda op: op.name)
 def test_every_operation_is_pythons(op, portable):
     """Twenty rows of three inputs: neither a multiple of eight nor all in the same half."""
     special = [0.0, 1.0, -1.0, 0.5, 2.5, np.inf, -np.inf, np.nan]
@@ -141,7 +143,7 @@ def test_every_operation_is_pythons(op, portable):
     tape = Tape(
         3, (), ((int(op), 3, 0, 1 if ARITY[op] > 1 else 0, 2 if ARITY[op] > 2 else 0),), (3,)
     )
-    table = binding.LaneTable(assemble(tape), 3, 0, portable)
+    table = binding.BatchTable(assemble(tape), 3, 0, portable)
     found = table(rows[None], np.empty((1, 0)))[0, 0]
     expected = np.array([ScalarTape(tape)(row.tolist())[0] for row in rows])
     if op in (Op.SIN, Op.COS):
@@ -191,7 +193,7 @@ def _residuals(runs, rows):
     from lagcli.simulations.derived import DerivedColumns
 
     columns = DerivedColumns(runs.system)
-    samples = columns(Block.of_rows(rows, len(runs.system.coordinates)))
+    samples = columns(Block.of_rows(rows, runs.system.sample_layout))
     return (
         np.nan_to_num(np.abs(samples.residual_position) / columns.scale_position),
         np.abs(samples.residual_velocity) / columns.scale_velocity,
@@ -265,8 +267,8 @@ def test_what_a_run_gives_does_not_depend_on_its_company(samples):
 def test_every_instruction_set_gives_the_same(monkeypatch):
     runs = slider_cranks(10)
     found = runs()
-    original = binding.Lanes
-    monkeypatch.setattr(binding, "Lanes", lambda *arguments: original(*arguments, True))
+    original = binding.Batch
+    monkeypatch.setattr(binding, "Batch", lambda *arguments: original(*arguments, True))
     for (one, _), (other, _) in zip(found, runs(), strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -321,7 +323,9 @@ def test_programs_of_another_run_change_nothing():
 def left_alone(runs, leaving, core_statuses, **changes):
     """Check that these runs, and no others, leave, and end as single ones; return the records."""
     found = runs(**changes)
-    assert [row for row, status in enumerate(core_statuses()) if status == binding.LEFT] == leaving
+    assert [
+        row for row, status in enumerate(core_statuses()) if status == LaneStatus.LEFT
+    ] == leaving
     for row in leaving:
         expected, single = runs.single(row, **changes)
         samples, run = found[row]
@@ -387,7 +391,7 @@ def test_runs_of_too_much_time_leave(core_statuses):
     assert run.status == "failed"
     assert "--timeout" in run.message
     assert time.monotonic() - began < 5
-    assert core_statuses() == [binding.LEFT]
+    assert core_statuses() == [LaneStatus.LEFT]
 
 
 def test_an_elimination_that_does_not_suit_leaves(core_statuses):

@@ -19,7 +19,8 @@ import lagcli
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.integrate import scipy_engine
 from lagcli.engine.system import System
-from lagcli.engine.tape.tape import Op, Tape
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Tape
 from lagcli.model.model import Model
 from lagcli.settings import resolve as resolving
 from lagcli.settings.methods import METHOD_NAMES, methods_of

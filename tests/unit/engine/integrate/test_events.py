@@ -20,7 +20,8 @@ from lagcli.engine.contract import Block, Event, IntegrationRequest, Outcome, Re
 from lagcli.engine.integrate import compiled_engine, scipy_engine
 from lagcli.engine.lowering import lower
 from lagcli.engine.system import System
-from lagcli.engine.tape.tape import Op, Tape
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides

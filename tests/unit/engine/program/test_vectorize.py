@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 import symengine as se
 
-from lagcli.engine.program.nodes import END, PLACES, VECTOR
+from lagcli.engine.program.nodes import VECTOR
 from lagcli.engine.program.program import assemble
 from lagcli.engine.program.progressions import LONGEST, pieces, progressions
 from lagcli.engine.program.subprograms import unpacked
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.engine.tape.tape import Builder, Op, Tape
+from lagcli.engine.tape.operations import PLACES, Op
+from lagcli.engine.tape.tape import Builder, Tape
 
 binding = pytest.importorskip("lagcli.engine.core.binding")
 
@@ -45,7 +46,7 @@ def chain(bodies: int) -> tuple[Tape, list[str]]:
 def operations(stream: np.ndarray) -> tuple[int, int]:
     """Return how many operations of a stream are in vectors, and how many are not."""
     numbers, at, vectors, singles = stream.tolist(), 0, 0, 0
-    while numbers[at] != END:
+    while numbers[at] != Op.END:
         op, n = numbers[at : at + 2]
         at += 2
         if op < VECTOR:
@@ -76,7 +77,7 @@ def test_vectors_unpacked_are_the_same_operations() -> None:
     vectors, singles = operations(stream)
     assert (vectors, singles) == (0, sum(operations(program.main)))
     inputs = np.random.default_rng(2).uniform(0.5, 2.0, tape.inputs)
-    table = binding.LaneTable(assemble(tape._replace(parameters=0), families), tape.inputs, 0)
+    table = binding.BatchTable(assemble(tape._replace(parameters=0), families), tape.inputs, 0)
     found = table(inputs[None, None], np.empty((1, 0)))[0, :, 0]
     np.testing.assert_allclose(found, ScalarTape(tape)(inputs), rtol=1e-13)
 

@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
-from lagcli.engine.tape.tape import ARITY, Op, Tape
+from lagcli.engine.tape.operations import ARITY, Op
+from lagcli.engine.tape.tape import Tape
 from lagcli.model.expression.constants import cases, relation
 from lagcli.model.expression.functions import FUNCTIONS
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 from lagcli.engine.tape.arithmetic import Arithmetic
-from lagcli.engine.tape.tape import Op
+from lagcli.engine.tape.operations import Op
 from lagcli.engine.taylor.expansion import SeriesExpansion
 from lagcli.engine.taylor.factoring import factored
 from lagcli.engine.taylor.series_nodes import SeriesOp

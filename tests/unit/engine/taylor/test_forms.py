@@ -5,7 +5,7 @@ from __future__ import annotations
 from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.taylor.forms import Form, SeriesForms
-from lagcli.engine.taylor.series_nodes import BEFORE, NOUGHT, SeriesOp
+from lagcli.engine.taylor.series_nodes import BEFORE, ZERO, SeriesOp
 
 #: Registers: series that begin with 2, 3, 5, and the numbers 7, 11, 13.
 X, Y, Z, S, T, U = range(6)
@@ -23,7 +23,7 @@ def value(forms: SeriesForms, x: int) -> float:
 
 def test_sums_take_each_series_once() -> None:
     forms = new()
-    number, name = forms.add([(S, X), (T, Y), (U, X), (forms.zero, Z), (S, NOUGHT)])
+    number, name = forms.add([(S, X), (T, Y), (U, X), (forms.zero, Z), (S, ZERO)])
     assert number == forms.one
     op, _, (s, x, t, y) = forms.nodes[name]
     assert (op, x, t, y) == (SeriesOp.SUM, X, T, Y)
@@ -31,7 +31,7 @@ def test_sums_take_each_series_once() -> None:
     assert forms.add([(S, X)]) == (S, X)
     assert forms.add([(S, X)], name) == (forms.one, name)
     assert forms.nodes[name] == (SeriesOp.SCALE, (name,), (S, X))
-    assert forms.add([]) == (forms.one, NOUGHT)
+    assert forms.add([]) == (forms.one, ZERO)
 
 
 def test_brackets_are_the_same_but_for_numbers_and_signs() -> None:
@@ -56,14 +56,14 @@ def test_products_are_made_once() -> None:
     assert forms.multiply(X, Y) == name
     assert value(forms, name) == 6.0
     assert value(forms, forms.multiply(name, Z)) == 30.0
-    past = forms.multiply(X, Y, past=True)
-    assert forms.nodes[past] == (SeriesOp.PAST, (past,), (X, Y + BEFORE))
-    assert value(forms, past) == 0.0
+    tail = forms.multiply(X, Y, tail=True)
+    assert forms.nodes[tail] == (SeriesOp.MUL_TAIL, (tail,), (X, Y + BEFORE))
+    assert value(forms, tail) == 0.0
 
 
 def test_multiples_keep_what_counts_beyond_the_first_coefficient() -> None:
     forms = new()
-    forms.beyond[Y] = S, X  # y = s x + a number
+    forms.tails[Y] = S, X  # y = s x + a number
     forms.scaled(Z, lambda s: forms.builder.times(T, s), Y)
     assert forms.form(Z) == (T, Y)
     number, base = forms.tail(Z)

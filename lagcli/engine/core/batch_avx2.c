@@ -7,11 +7,11 @@
 #pragma GCC target("avx2")
 #endif
 #define VEC_BYTES 32
-#define NAME lag_lanes_avx2
-#include "lanes_kernel.h"
+#define NAME lag_batch_avx2
+#include "batch_kernel.h"
 #if defined(__clang__)
 #pragma clang attribute pop
 #endif
 #else
-typedef int lag_lanes_no_avx2; /* C forbids files of nothing */
+typedef int lag_batch_no_avx2; /* C forbids files of nothing */
 #endif

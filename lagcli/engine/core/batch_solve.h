@@ -4,63 +4,63 @@
 #define OUTPUT(tape, i) ((tape)->registers + (tape)->outputs[i])
 
 /* Put t (of lanes) and q, v (of lanes) in a tape's inputs and run it, or a part (lag_part). */
-static void lanes_evaluate(const lag_lane_tape *tape, const lag_system *s, const double *t,
+static void batch_evaluate(const lag_batch_tape *tape, const lag_system *s, const double *t,
                            const double *y, int part)
 {
     memcpy(tape->registers, t, LAG_LANES * sizeof(double));
     memcpy(tape->registers + LAG_LANES, y, 2 * (size_t)s->nq * LAG_LANES * sizeof(double));
-    lanes_run(part ? tape->alone[part - 1] : tape->stream, tape->registers);
+    batch_run(part ? tape->alone[part - 1] : tape->stream, tape->registers);
 }
 
 /* y' (of lanes) at the state that the dynamics tape holds. */
-static void lanes_derivative(const lag_octet *o, double *f)
+static void batch_derivative(const lag_octet *o, double *f)
 {
     const lag_system *s = o->system;
-    const lag_lane_tape *d = &o->dynamics;
+    const lag_batch_tape *d = &o->dynamics;
     const int nq = s->nq;
     memcpy(f, d->registers + (1 + nq) * LAG_LANES, (size_t)nq * LAG_LANES * sizeof(double));
     for (int i = 0; i < nq; ++i)
         memcpy(f + (nq + i) * LAG_LANES, OUTPUT(d, lag_first_solution(s) + i),
                LAG_LANES * sizeof(double));
-    memcpy(f + 2 * nq * LAG_LANES, OUTPUT(d, lag_first_kept(s) - 1), LAG_LANES * sizeof(double));
+    memcpy(f + 2 * nq * LAG_LANES, OUTPUT(d, lag_first_total_power(s)), LAG_LANES * sizeof(double));
 }
 
 /* Put `count` outputs of a tape's later stream for other right sides, given from register `input` on,
  * in x. */
-static void lanes_other(const lag_octet *o, int later, int input, int inputs, int output, int count,
+static void batch_other(const lag_octet *o, int later, int input, int inputs, int output, int count,
                         double *x)
 {
-    const lag_lane_tape *d = &o->dynamics;
+    const lag_batch_tape *d = &o->dynamics;
     memcpy(d->registers + input * LAG_LANES, x, (size_t)inputs * LAG_LANES * sizeof(double));
-    lanes_run(d->later[later], d->registers);
+    batch_run(d->later[later], d->registers);
     for (int i = 0; i < count; ++i)
         memcpy(x + i * LAG_LANES, OUTPUT(d, output + i), LAG_LANES * sizeof(double));
 }
 
 /* Solve [[M, B'], [B, 0]] x = x as the dynamics tape holds it. */
-static void lanes_solve(const lag_octet *o, double *x)
+static void batch_solve(const lag_octet *o, double *x)
 {
     const int n = o->system->nq + o->system->nc;
-    const int output = lag_first_kept(o->system) + o->single->kept_count;
-    lanes_other(o, 1, o->single->other_right, n, output, n, x);
+    const int output = lag_first_kept(o->system) + o->single->solver.cancellation_count;
+    batch_other(o, 1, o->single->solver.other_right, n, output, n, x);
     for (int i = o->system->nq * LAG_LANES; i < n * LAG_LANES; ++i)
         x[i] = -x[i];
 }
 
 /* The least change x (nq), in terms of M, with B x = rhs (nc), in place of rhs: lag_correction. */
-static void lanes_correct(const lag_octet *o, double *x)
+static void batch_correct(const lag_octet *o, double *x)
 {
     const int nq = o->system->nq, nc = o->system->nc, n = nq + nc;
-    const int output = lag_first_kept(o->system) + o->single->kept_count + n;
-    lanes_other(o, 2, o->single->other_right + n, nc, output, nq, x);
+    const int output = lag_first_kept(o->system) + o->single->solver.cancellation_count + n;
+    batch_other(o, 2, o->single->solver.other_right + n, nc, output, nq, x);
 }
 
 /* (f, gamma) less the matrix times x = (a, -lambda), to r; the sums of the magnitudes to size, where
  * it is given. */
-static void lanes_residual(const lag_octet *o, const double *x, double *r, double *size)
+static void batch_residual(const lag_octet *o, const double *x, double *r, double *size)
 {
     const lag_system *s = o->system;
-    const lag_lane_tape *d = &o->dynamics;
+    const lag_batch_tape *d = &o->dynamics;
     const int nq = s->nq, n = nq + s->nc;
     EACH_PART (k) {
         for (int i = 0; i < n; ++i) {
@@ -94,7 +94,7 @@ static void lanes_residual(const lag_octet *o, const double *x, double *r, doubl
 }
 
 /* x = (a, -lambda) as the dynamics tape gives it. */
-static void lanes_solution(const lag_octet *o, double *x)
+static void batch_solution(const lag_octet *o, double *x)
 {
     const lag_system *s = o->system;
     const int nq = s->nq, n = nq + s->nc;
@@ -106,26 +106,26 @@ static void lanes_solution(const lag_octet *o, double *x)
 }
 
 /* x = (a, -lambda), with one step of iterative refinement. */
-static void lanes_refined(const lag_octet *o, double *x)
+static void batch_refined(const lag_octet *o, double *x)
 {
     const int n = (o->system->nq + o->system->nc) * LAG_LANES;
-    lanes_solution(o, x);
-    lanes_residual(o, x, o->right, 0);
-    lanes_solve(o, o->right);
+    batch_solution(o, x);
+    batch_residual(o, x, o->right, 0);
+    batch_solve(o, o->right);
     EACH_PART (k)
         for (int i = k; i < n; i += LAG_LANES)
             AT(x + i) += READ(o->right + i);
 }
 
 /* The lanes in which the elimination is less accurate than it need be: lag_inaccuracy of motion.c. */
-static int lanes_inaccurate(const lag_octet *o, double rtol)
+static int batch_inaccurate(const lag_octet *o, double rtol)
 {
     const int n = o->system->nq + o->system->nc;
     double *r = o->work, *size = o->work + n * LAG_LANES;
     const double allowed = fmin(fmax(ACCURATE * rtol, MOST_ACCURATE), LEAST_ACCURATE);
     int found = 0;
-    lanes_solution(o, o->x);
-    lanes_residual(o, o->x, r, size);
+    batch_solution(o, o->x);
+    batch_residual(o, o->x, r, size);
     EACH_PART (k) {
         vec largest = all(0.0);
         mask bad = {0};

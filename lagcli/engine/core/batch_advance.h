@@ -3,18 +3,18 @@
 #define WORTH 300           /* steps that must be left for another method, as in engine/integrate/methods.py */
 
 /* Let the runs in some lanes leave; return the other ones. */
-static int lanes_leave_all(lag_lanes *s, int lanes, int leaving)
+static int batch_leave_all(lag_batch *s, int lanes, int leaving)
 {
     EACH_LANE (l)
         if (HAS(leaving & lanes, l))
-            lag_lanes_leave(s, l);
+            lag_batch_leave(s, l);
     return lanes & ~leaving;
 }
 
-static void lanes_finish(lag_lanes *s, int l)
+static void batch_finish(lag_batch *s, int l)
 {
-    if (lanes_complete_samples(s, l, 1)) {
-        lag_lanes_leave(s, l);
+    if (batch_complete_samples(s, l, 1)) {
+        lag_batch_leave(s, l);
         return;
     }
     s->status[s->run[l]] = LAG_LANE_DONE;
@@ -23,7 +23,7 @@ static void lanes_finish(lag_lanes *s, int l)
     s->run[l] = -1;
 }
 
-static int lanes_occupied(const lag_lanes *s)
+static int batch_occupied(const lag_batch *s)
 {
     int lanes = 0;
     EACH_LANE (l)
@@ -32,7 +32,7 @@ static int lanes_occupied(const lag_lanes *s)
 }
 
 /* The lanes in which n numbers are not all finite. */
-static int lanes_undefined(const double *x, int n)
+static int batch_undefined(const double *x, int n)
 {
     int found = 0;
     EACH_PART (k) {
@@ -45,7 +45,7 @@ static int lanes_undefined(const double *x, int n)
 }
 
 /* Copy some lanes of n rows. */
-static void lanes_copy(double *to, const double *from, int n, int lanes)
+static void batch_copy(double *to, const double *from, int n, int lanes)
 {
     EACH_PART (k) {
         const mask chosen = lanes_of(lanes, k);
@@ -56,10 +56,10 @@ static void lanes_copy(double *to, const double *from, int n, int lanes)
 
 /* Keep the largest length that each row of B has had in some lanes; the constraint tape holds the
  * state. Returns the lanes in which a row has none. */
-static int lanes_measure(lag_lanes *s, int lanes)
+static int batch_measure(lag_batch *s, int lanes)
 {
     const lag_system *system = s->system;
-    const lag_lane_tape *c = &s->moving.constraint;
+    const lag_batch_tape *c = &s->moving.constraint;
     double *sum = s->moving.work;
     int none = 0;
     EACH_PART (k) {
@@ -67,7 +67,7 @@ static int lanes_measure(lag_lanes *s, int lanes)
         for (int i = 0; i < system->nc; ++i)
             AT(sum + i * LAG_LANES + k) = all(0.0);
         for (int i = 0; i < system->nb; ++i) {
-            const vec x = READ(OUTPUT(c, system->nh + i) + k);
+            const vec x = READ(OUTPUT(c, lag_constraint_jacobian(system) + i) + k);
             AT(sum + system->jacobian_row[i] * LAG_LANES + k) += x * x;
         }
         for (int i = 0; i < system->nc; ++i) {
@@ -82,7 +82,7 @@ static int lanes_measure(lag_lanes *s, int lanes)
 
 /* Put waiting runs into empty lanes, as long as there are slots for their samples; return those
  * lanes. */
-static int lanes_fill(lag_lanes *s)
+static int batch_fill(lag_batch *s)
 {
     const lag_system *system = s->system;
     const int moving = 2 * system->nq, n = moving + 1, count = s->parameters_count;
@@ -96,7 +96,7 @@ static int lanes_fill(lag_lanes *s)
         s->status[run] = LAG_LANE_UNDER_WAY;
         s->times_next[l] = s->samples_done[l] = 0;
         s->t[l] = s->t_start;
-        s->error_old[l] = 1e-4;
+        s->error_old[l] = LEAST_ERROR;
         s->after_rejection[l] = s->stiff[l] = s->not_stiff[l] = 0;
         for (int i = 0; i < count; ++i) {
             const double x = s->parameters[run * count + i];
@@ -115,41 +115,41 @@ static int lanes_fill(lag_lanes *s)
         filled |= 1 << l;
     }
     if (filled) {
-        lanes_run(s->moving.dynamics.prelude, s->moving.dynamics.registers);
-        lanes_run(s->moving.constraint.prelude, s->moving.constraint.registers);
+        batch_run(s->moving.dynamics.prelude, s->moving.dynamics.registers);
+        batch_run(s->moving.constraint.prelude, s->moving.constraint.registers);
     }
     return filled;
 }
 
 /* Begin the runs in some lanes. */
-static void lanes_begin(lag_lanes *s, int lanes)
+static void batch_begin(lag_batch *s, int lanes)
 {
     const lag_system *system = s->system;
     const int n = lag_size(system);
     double *f = s->stages + DOP_STAGES * n * LAG_LANES;
     if (system->nc) {
-        lanes_evaluate(&s->moving.dynamics, system, s->t, s->y, LAG_FACTORS);
-        lanes = lanes_leave_all(s, lanes, lanes_project(&s->moving, s->t, s->y, lanes));
-        lanes = lanes_leave_all(s, lanes, lanes_measure(s, lanes));
+        batch_evaluate(&s->moving.dynamics, system, s->t, s->y, LAG_FACTORS);
+        lanes = batch_leave_all(s, lanes, batch_project(&s->moving, s->t, s->y, lanes));
+        lanes = batch_leave_all(s, lanes, batch_measure(s, lanes));
     }
-    lanes_evaluate(&s->moving.dynamics, system, s->t, s->y, LAG_ALL);
-    lanes_derivative(&s->moving, f);
-    lanes = lanes_leave_all(s, lanes, lanes_undefined(f, n));
-    lanes_copy(s->stages, f, n, lanes);
+    batch_evaluate(&s->moving.dynamics, system, s->t, s->y, LAG_ALL);
+    batch_derivative(&s->moving, f);
+    lanes = batch_leave_all(s, lanes, batch_undefined(f, n));
+    batch_copy(s->stages, f, n, lanes);
     EACH_LANE (l)
         if (HAS(lanes, l)) {
             s->counts[3 * s->run[l] + 2] += 3;
             if (s->watching)
-                lanes_watch_start(s, l);
-            while (lanes_due(s, l, s->t[l]))
-                lanes_take(s, l, s->y);
+                batch_watch_start(s, l);
+            while (batch_due(s, l, s->t[l]))
+                batch_take(s, l, s->y);
         }
-    lanes_sizes_start(s, lanes);
-    lanes_first_steps(s, lanes);
+    batch_sizes_start(s, lanes);
+    batch_first_steps(s, lanes);
 }
 
 /* The size of a lane's next step, cut at t_end; 0 where it is below the floor. */
-static double lanes_step_size(const lag_lanes *s, int l)
+static double batch_step_size(const lag_batch *s, int l)
 {
     const double t = s->t[l], h = s->h[l];
     if (!(h > 10.0 * DBL_EPSILON * fabs(t)) || !(h > DBL_MIN * 1e10))
@@ -158,26 +158,24 @@ static double lanes_step_size(const lag_lanes *s, int l)
 }
 
 /* Settle which steps are accepted, and the sizes of the next ones; return the lanes that go on. */
-static int lanes_judge(lag_lanes *s, int lanes, const double *h, const double *error)
+static int batch_judge(lag_batch *s, int lanes, const double *h, const double *error)
 {
+    const double order = lag_dop853.order;
     int accepted = 0;
     EACH_LANE (l) {
         if (!HAS(lanes, l))
             continue;
         s->counts[3 * s->run[l] + 2] += DOP_STAGES;
         if (error[l] <= 1.0) {
-            /* PI control, Hairer & Wanner IV.2, with beta = 0.04 */
-            double factor = 10.0;
-            if (error[l] > 0.0)
-                factor = 0.9 * pow(error[l], -1.0 / ORDER + 0.03) * pow(s->error_old[l], 0.04);
-            factor = fmin(fmax(factor, 0.2), s->after_rejection[l] ? 1.0 : 10.0);
-            s->error_old[l] = fmax(error[l], 1e-4);
+            const double factor =
+                lag_pi_factor(error[l], s->error_old[l], order, s->after_rejection[l]);
+            s->error_old[l] = fmax(error[l], LEAST_ERROR);
             s->after_rejection[l] = 0;
             s->h[l] = fmin(h[l] * factor, s->h_max);
             ++s->counts[3 * s->run[l]];
             accepted |= 1 << l;
         } else {
-            s->h[l] = h[l] * fmax(0.9 * pow(error[l], -1.0 / ORDER), 0.2);
+            s->h[l] = h[l] * lag_rejected_factor(error[l], order);
             s->after_rejection[l] = 1;
             ++s->counts[3 * s->run[l] + 1];
         }
@@ -187,11 +185,11 @@ static int lanes_judge(lag_lanes *s, int lanes, const double *h, const double *e
 
 /* The lanes of accepted steps in which stability, not the error, has limited the steps for a while,
  * and with many to come. */
-static int lanes_stiff(lag_lanes *s, int lanes, const double *h)
+static int batch_stiff(lag_batch *s, int lanes, const double *h)
 {
     double product[LAG_LANES];
     int found = 0;
-    lanes_stiffness(s, h, product);
+    batch_stiffness(s, h, product);
     EACH_LANE (l) {
         if (!HAS(lanes, l))
             continue;
@@ -211,7 +209,7 @@ static int lanes_stiff(lag_lanes *s, int lanes, const double *h)
 }
 
 /* The lanes in which the projection moved the state enough for another y'. */
-static int lanes_moved(const lag_lanes *s)
+static int batch_moved(const lag_batch *s)
 {
     const int n8 = lag_size(s->system) * LAG_LANES;
     int found = 0;
@@ -228,14 +226,14 @@ static int lanes_moved(const lag_lanes *s)
 }
 
 /* The lanes in which the projection moved a coordinate too far: lag_return of project.c. */
-static int lanes_jumped(const lag_lanes *s)
+static int batch_jumped(const lag_batch *s)
 {
     int found = 0;
     EACH_PART (k)
         for (int i = 0; i < s->system->nq; ++i) {
             const int m = i * LAG_LANES + k;
             const vec y = READ(s->projected + m), moved = magnitude(y - READ(s->y_new + m));
-            const vec largest = READ(s->largest + s->single->kind[i] * LAG_LANES + k);
+            const vec largest = READ(s->largest + s->single->tolerances.kind[i] * LAG_LANES + k);
             found |= set_of((moved > FAR * (READ(s->atol + m) + s->rtol * magnitude(y)))
                                 & (moved > FAR_PART * largest), k);
         }
@@ -243,47 +241,47 @@ static int lanes_jumped(const lag_lanes *s)
 }
 
 /* Go to the ends of accepted steps; return the lanes that arrive. */
-static int lanes_arrive(lag_lanes *s, int lanes, const double *h, double *end)
+static int batch_arrive(lag_batch *s, int lanes, const double *h, double *end)
 {
     const lag_system *system = s->system;
     const int n8 = lag_size(system) * LAG_LANES;
     EACH_LANE (l)
         end[l] = h[l] == s->t_end - s->t[l] ? s->t_end : s->t[l] + h[l];
-    lanes = lanes_leave_all(s, lanes, lanes_inaccurate(&s->moving, s->rtol));
-    lanes_sizes_energy(s, lanes, s->y_new, NULL);
+    lanes = batch_leave_all(s, lanes, batch_inaccurate(&s->moving, s->rtol));
+    batch_sizes_energy(s, lanes, s->y_new, NULL);
     if (s->detecting)
-        lanes = lanes_leave_all(s, lanes, lanes_stiff(s, lanes, h));
+        lanes = batch_leave_all(s, lanes, batch_stiff(s, lanes, h));
     memcpy(s->projected, s->y_new, (size_t)n8 * sizeof(double));
     if (system->nc) {
-        lanes = lanes_leave_all(s, lanes, lanes_project(&s->moving, end, s->projected, lanes));
-        lanes_measure(s, lanes);
+        lanes = batch_leave_all(s, lanes, batch_project(&s->moving, end, s->projected, lanes));
+        batch_measure(s, lanes);
         if (system->nh)
-            lanes = lanes_leave_all(s, lanes, lanes_jumped(s));
+            lanes = batch_leave_all(s, lanes, batch_jumped(s));
     }
     if (s->watching)
         EACH_LANE (l)
-            if (HAS(lanes, l) && lanes_singular(s, l, h[l], lanes_alarmed(s, l)))
-                lanes = lanes_leave_all(s, lanes, 1 << l);
+            if (HAS(lanes, l) && batch_singular(s, l, h[l], batch_alarmed(s, l)))
+                lanes = batch_leave_all(s, lanes, 1 << l);
     return lanes;
 }
 
 /* Begin the next steps at the ends of the last. */
-static void lanes_go_on(lag_lanes *s, int lanes, const double *end)
+static void batch_go_on(lag_batch *s, int lanes, const double *end)
 {
     const lag_system *system = s->system;
     const int n = lag_size(system), nq8 = system->nq * LAG_LANES;
     double *f = s->stages + DOP_STAGES * n * LAG_LANES;
-    const int moved = system->nc ? lanes & lanes_moved(s) : 0;
+    const int moved = system->nc ? lanes & batch_moved(s) : 0;
     if (moved) {
-        lanes_evaluate(&s->moving.dynamics, system, end, s->projected, LAG_ALL);
-        lanes_derivative(&s->moving, s->before);
-        lanes_copy(f, s->before, n, moved);
+        batch_evaluate(&s->moving.dynamics, system, end, s->projected, LAG_ALL);
+        batch_derivative(&s->moving, s->before);
+        batch_copy(f, s->before, n, moved);
     }
     /* f holds q' = v exactly in any case */
     memcpy(f, s->projected + nq8, (size_t)nq8 * sizeof(double));
-    lanes_copy(s->stages, f, n, lanes);
-    lanes_copy(s->y, s->projected, n, lanes);
-    lanes_sizes_update(s, lanes);
+    batch_copy(s->stages, f, n, lanes);
+    batch_copy(s->y, s->projected, n, lanes);
+    batch_sizes_update(s, lanes);
     EACH_LANE (l)
         if (HAS(lanes, l)) {
             s->counts[3 * s->run[l] + 2] += HAS(moved, l);
@@ -292,52 +290,52 @@ static void lanes_go_on(lag_lanes *s, int lanes, const double *end)
 }
 
 /* Try one step in each lane. */
-static void lanes_attempt(lag_lanes *s, int lanes)
+static void batch_attempt(lag_batch *s, int lanes)
 {
     double h[LAG_LANES] = {0.0}, error[LAG_LANES], end[LAG_LANES];
     EACH_LANE (l)
-        if (HAS(lanes, l) && (h[l] = lanes_step_size(s, l)) == 0.0)
-            lanes = lanes_leave_all(s, lanes, 1 << l);
+        if (HAS(lanes, l) && (h[l] = batch_step_size(s, l)) == 0.0)
+            lanes = batch_leave_all(s, lanes, 1 << l);
     if (!lanes)
         return;
-    lanes_stages(s, h);
-    lanes_errors(s, h, error);
-    lanes = lanes_judge(s, lanes, h, error);
+    batch_stages(s, h);
+    batch_errors(s, h, error);
+    lanes = batch_judge(s, lanes, h, error);
     if (!lanes)
         return;
-    lanes = lanes_arrive(s, lanes, h, end);
-    lanes_sample_steps(s, lanes, h, end);
-    lanes_go_on(s, lanes, end);
+    lanes = batch_arrive(s, lanes, h, end);
+    batch_sample_steps(s, lanes, h, end);
+    batch_go_on(s, lanes, end);
     EACH_LANE (l) {
         if (!HAS(lanes, l))
             continue;
         if (s->t[l] >= s->t_end)
-            lanes_finish(s, l);
-        else if (s->counts[3 * s->run[l]] >= s->max_steps || lanes_complete_samples(s, l, 0))
-            lag_lanes_leave(s, l);
+            batch_finish(s, l);
+        else if (s->counts[3 * s->run[l]] >= s->max_steps || batch_complete_samples(s, l, 0))
+            lag_batch_leave(s, l);
     }
 }
 
-static int lanes_advance(lag_lanes *s, long attempts)
+static int batch_advance(lag_batch *s, long attempts)
 {
     for (;;) {
-        const int filled = lanes_fill(s);
+        const int filled = batch_fill(s);
         if (filled) {
-            lanes_begin(s, filled);
+            batch_begin(s, filled);
             continue; /* a run may have left at once */
         }
-        const int lanes = lanes_occupied(s);
+        const int lanes = batch_occupied(s);
         if (lanes != ALL_LANES && s->next < s->runs)
             return LAG_BLOCK_FULL;
         if (!lanes)
             return LAG_DONE;
         if (attempts-- <= 0)
             return LAG_RUNNING;
-        lanes_attempt(s, lanes);
+        batch_attempt(s, lanes);
     }
 }
 
-static void lanes_table(const lag_lane_tape *tape, const double *parameters, int parameters_count,
+static void batch_table(const lag_batch_tape *tape, const double *parameters, int parameters_count,
                         const double *table, long rows, int columns, long width, int outputs,
                         double *out)
 {
@@ -345,7 +343,7 @@ static void lanes_table(const lag_lane_tape *tape, const double *parameters, int
     for (int i = 0; i < parameters_count; ++i)
         EACH_PART (k)
             AT(r + (columns + i) * LAG_LANES + k) = all(parameters[i]);
-    lanes_run(tape->prelude, r);
+    batch_run(tape->prelude, r);
     for (long first = 0; first < rows; first += LAG_LANES) {
         const int count = rows - first < LAG_LANES ? (int)(rows - first) : LAG_LANES;
         EACH_LANE (l) {
@@ -353,14 +351,14 @@ static void lanes_table(const lag_lane_tape *tape, const double *parameters, int
             for (int i = 0; i < columns; ++i)
                 r[i * LAG_LANES + l] = row[i];
         }
-        lanes_run(tape->stream, r);
+        batch_run(tape->stream, r);
         for (int i = 0; i < outputs; ++i)
             for (int l = 0; l < count; ++l)
                 out[i * rows + first + l] = OUTPUT(tape, i)[l];
     }
 }
 
-static void lanes_sincos(const double *x, double *sine, double *cosine)
+static void batch_sincos(const double *x, double *sine, double *cosine)
 {
     EACH_PART (k) {
         vec a, b;

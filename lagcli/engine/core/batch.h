@@ -1,40 +1,34 @@
 /*
  * Eight runs of one System at once, each in a lane of its own: with its own parameters, state, time
- * and step size. engine/integrate/batch.py says what leaves the lanes. All memory belongs to the caller.
+ * and step size. engine/integrate/batch.py says what leaves the lanes.
  *
  * Where an array is said to be "of lanes", LAG_LANES numbers stand for each of its entries.
  */
-#ifndef LAGCLI_LANES_H
-#define LAGCLI_LANES_H
+#ifndef LAGCLI_BATCH_H
+#define LAGCLI_BATCH_H
 
+#include "lagbatch.h"
 #include "run.h"
-
-#define LAG_LANES 8
-
-enum lag_lane_status {
-    LAG_LANE_WAITING,
-    LAG_LANE_UNDER_WAY,
-    LAG_LANE_DONE,
-    LAG_LANE_LEFT     /* to be done again by itself, from its start */
-};
 
 /* A program of engine/program/program.py on eight register files. Places count LAG_LANES for a register. */
 typedef struct {
     const int32_t *prelude, *stream, *later[3], *alone[2], *outputs; /* as in tape.h */
     double *registers;                 /* of lanes */
-} lag_lane_tape;
+} lag_batch_tape;
 
 /* Eight states at once. The dynamics tape holds the elimination, unrolled. */
 typedef struct {
     const lag_system *system;          /* its tapes are not used */
     const lag_run *single;             /* has where outputs and inputs of the elimination are */
-    lag_lane_tape dynamics, constraint;
+    lag_batch_tape dynamics, constraint;
     double *scale_position, *scale_velocity; /* of lanes: nh, nc; the largest so far */
     double *right, *x, *work;          /* of lanes: nq + nc; the same; 2 (nq + nc) */
     double *trial;                     /* of lanes: nq */
 } lag_octet;
 
-typedef struct {
+struct lag_batch {
+    lag_pool pool;
+    const struct lag_batch_kernel *kernel;
     const lag_system *system;
     double t_start, t_end, h_max, rtol;
     int watching, detecting;
@@ -48,10 +42,10 @@ typedef struct {
     int32_t *status;                   /* by run: a lag_lane_status */
     int64_t *counts;                   /* by run: steps, rejected, evaluations */
 
-    double *samples;                   /* by slot: times_count rows of t, q, v, a, lambda, W */
+    double *samples;                   /* by slot: times_count rows as in run.h */
     int64_t *free_slots;               /* those that no run has */
     int64_t free_count;
-    int64_t *finished, *finished_slots; /* the runs done since they were last collected */
+    int64_t *finished, *finished_slots; /* the runs done since they were last taken */
     int64_t finished_count;
 
     lag_octet moving;                  /* a run in each lane */
@@ -63,9 +57,10 @@ typedef struct {
     int64_t samples_done[LAG_LANES];   /* samples brought onto the constraints, with a and lambda */
     double t[LAG_LANES], h[LAG_LANES], error_old[LAG_LANES];
     int after_rejection[LAG_LANES], stiff[LAG_LANES], not_stiff[LAG_LANES];
-    /* as in run.h, squared: pivots are quadratic in B */
-    double kept[LAG_LANES], most_kept[LAG_LANES], usually_kept[LAG_LANES];
-    double weakest[LAG_LANES], usual[LAG_LANES];
+    double pivot[LAG_LANES], largest_pivot[LAG_LANES]; /* as in run.h ... */
+    /* ... and lag_cancellation, squared: pivots are quadratic in B */
+    double cancellation_least[LAG_LANES], cancellation_most[LAG_LANES];
+    double cancellation_largest[LAG_LANES];
 
     /* of lanes, n each: as in run.h */
     double *y, *y_new, *before, *projected, *dense_y;
@@ -77,37 +72,25 @@ typedef struct {
 
     /* what looks closer at one lane, by the functions of a single run */
     lag_run *single;
-    const int32_t *single_dynamics_prelude, *single_constraint_prelude;
-} lag_lanes;
+};
 
 /* The functions for one instruction set. */
-typedef struct {
-    /* Try at most so many steps in each lane. Returns LAG_RUNNING; LAG_BLOCK_FULL where finished runs
-     * must be collected first; LAG_DONE where no run is waiting or under way. */
-    int (*advance)(lag_lanes *lanes, long attempts);
+typedef struct lag_batch_kernel {
+    int (*advance)(lag_batch *lanes, long attempts);
 
     /* Evaluate a tape over the rows of a table: its inputs are the first `columns` numbers of a row,
      * then the parameters. out: by output, `rows` numbers. */
-    void (*table)(const lag_lane_tape *tape, const double *parameters, int parameters_count,
+    void (*table)(const lag_batch_tape *tape, const double *parameters, int parameters_count,
                   const double *table, long rows, int columns, long width, int outputs,
                   double *out);
 
     /* sin and cos of eight numbers. */
     void (*sincos)(const double *x, double *sine, double *cosine);
-} lag_lane_kernel;
+} lag_batch_kernel;
 
-extern const lag_lane_kernel lag_lanes_default;
+extern const lag_batch_kernel lag_batch_default;
 #if defined(__x86_64__)
-extern const lag_lane_kernel lag_lanes_avx2;
+extern const lag_batch_kernel lag_batch_avx2;
 #endif
-
-/* The functions for this processor, or, `portable`, those for any. */
-const lag_lane_kernel *lag_lanes_kernel(int portable);
-
-/* Make a program's stream ready for lanes: its places times LAG_LANES. */
-void lag_lanes_stream(const int32_t *stream, int32_t *out);
-
-/* Let the run in a lane leave it. */
-void lag_lanes_leave(lag_lanes *lanes, int lane);
 
 #endif

@@ -2,17 +2,17 @@
 
 /* Put the largest residual over its scale to worst and the residuals' sum to sum (of lanes); measure
  * the scales of some lanes. */
-static void lanes_positions(const lag_octet *o, int lanes, double *worst, double *sum)
+static void batch_positions(const lag_octet *o, int lanes, double *worst, double *sum)
 {
     const lag_system *s = o->system;
-    const lag_lane_tape *c = &o->constraint;
+    const lag_batch_tape *c = &o->constraint;
     EACH_PART (k) {
         const mask measured = lanes_of(lanes, k);
         vec largest = all(0.0), total = all(0.0);
         for (int i = 0; i < s->nh; ++i) {
             double *kept = o->scale_position + i * LAG_LANES + k;
             const vec phi = READ(OUTPUT(c, i) + k);
-            const vec scale = larger(READ(OUTPUT(c, s->nh + s->nb + s->nc + i) + k), READ(kept));
+            const vec scale = larger(READ(OUTPUT(c, lag_constraint_position_scale(s) + i) + k), READ(kept));
             AT(kept) = choose(measured, scale, READ(kept));
             largest = larger(magnitude(phi) / larger(scale, all(1e-300)), largest);
             total += phi;
@@ -24,15 +24,15 @@ static void lanes_positions(const lag_octet *o, int lanes, double *worst, double
 
 /* Raise the scales of phi in some lanes to the least ones at y (of lanes): see project.c. The dynamics
  * tape holds the same factors afterwards: what other lanes do with them does not depend on it. */
-static void lanes_raise_scales(const lag_octet *o, const double *t, const double *y, int lanes)
+static void batch_raise_scales(const lag_octet *o, const double *t, const double *y, int lanes)
 {
     const lag_system *s = o->system;
-    const lag_lane_tape *d = &o->dynamics;
+    const lag_batch_tape *d = &o->dynamics;
     double *own = o->work, *square = own + s->nc * LAG_LANES, *compliance = o->x;
     double *factored = square + s->nc * LAG_LANES, factored_at[LAG_LANES];
     memcpy(factored_at, d->registers, sizeof factored_at);
     memcpy(factored, d->registers + LAG_LANES, 2 * (size_t)s->nq * sizeof factored_at);
-    lanes_evaluate(d, s, t, y, LAG_ALL);
+    batch_evaluate(d, s, t, y, LAG_ALL);
     EACH_PART (k) {
         vec size = all(0.0);
         for (int i = k; i < 2 * s->nc * LAG_LANES; i += LAG_LANES)
@@ -68,16 +68,17 @@ static void lanes_raise_scales(const lag_octet *o, const double *t, const double
             AT(kept) = choose(raised, least, READ(kept));
         }
     }
-    lanes_evaluate(d, s, factored_at, factored, LAG_FACTORS);
+    batch_evaluate(d, s, factored_at, factored, LAG_FACTORS);
 }
 
 /* Put -psi in the right side; measure the scales of some lanes, and return those of them in which psi
  * is not yet met. */
-static int lanes_velocities(const lag_octet *o, int lanes)
+static int batch_velocities(const lag_octet *o, int lanes)
 {
     const lag_system *s = o->system;
-    const lag_lane_tape *c = &o->constraint;
-    const int nc = s->nc, first = lag_first_velocity(s);
+    const lag_batch_tape *c = &o->constraint;
+    const int nc = s->nc, first = lag_constraint_velocity(s);
+    const int scales = lag_constraint_velocity_scale(s);
     int open = 0;
     EACH_PART (k) {
         const mask measured = lanes_of(lanes, k);
@@ -85,7 +86,7 @@ static int lanes_velocities(const lag_octet *o, int lanes)
         for (int i = 0; i < nc; ++i) {
             double *kept = o->scale_velocity + i * LAG_LANES + k;
             const vec psi = READ(OUTPUT(c, first + i) + k);
-            const vec given = READ(OUTPUT(c, s->nh + s->nb + nc + s->nh + i) + k);
+            const vec given = READ(OUTPUT(c, scales + i) + k);
             const vec scale = larger(given, READ(kept));
             AT(kept) = choose(measured, scale, READ(kept));
             unmet |= ~(magnitude(psi) <= RESIDUAL * scale);
@@ -97,7 +98,7 @@ static int lanes_velocities(const lag_octet *o, int lanes)
 }
 
 /* Add a change to `count` rows in some lanes. */
-static void lanes_move(double *y, const double *change, int count, int lanes)
+static void batch_move(double *y, const double *change, int count, int lanes)
 {
     EACH_PART (k) {
         const mask moving = lanes_of(lanes, k);
@@ -111,21 +112,21 @@ static void lanes_move(double *y, const double *change, int count, int lanes)
  * y or nearby. The constraint tape then holds the state reached. Returns the lanes in which that
  * failed.
  */
-static int lanes_project(const lag_octet *o, const double *t, double *y, int lanes)
+static int batch_project(const lag_octet *o, const double *t, double *y, int lanes)
 {
     const lag_system *s = o->system;
-    const lag_lane_tape *c = &o->constraint;
+    const lag_batch_tape *c = &o->constraint;
     const int nq = s->nq, nh = s->nh;
     int open = lanes, failed = 0;
     double best[LAG_LANES], worst[LAG_LANES], sum[LAG_LANES];
     EACH_LANE (l)
         best[l] = INFINITY;
     for (int iteration = 0; iteration < PROJECTIONS && open; ++iteration) {
-        lanes_evaluate(c, s, t, y, LAG_POSITIONS);
-        lanes_positions(o, lanes, worst, sum);
+        batch_evaluate(c, s, t, y, LAG_POSITIONS);
+        batch_positions(o, lanes, worst, sum);
         if (iteration == RAISE) {
-            lanes_raise_scales(o, t, y, open);
-            lanes_positions(o, lanes, worst, sum);
+            batch_raise_scales(o, t, y, open);
+            batch_positions(o, lanes, worst, sum);
         }
         EACH_LANE (l) {
             if (!HAS(open, l))
@@ -151,18 +152,18 @@ static int lanes_project(const lag_octet *o, const double *t, double *y, int lan
         EACH_PART (k)
             for (int i = 0; i < nh; ++i)
                 AT(o->right + s->holonomic[i] * LAG_LANES + k) = -READ(OUTPUT(c, i) + k);
-        lanes_correct(o, o->right);
-        lanes_move(y, o->right, nq, open);
+        batch_correct(o, o->right);
+        batch_move(y, o->right, nq, open);
     }
     failed |= open;
     /* linear in the velocities: see project.c */
     for (int iteration = 0; iteration < 2; ++iteration) {
-        lanes_evaluate(c, s, t, y, LAG_VELOCITIES);
-        open = lanes_velocities(o, lanes & ~failed);
+        batch_evaluate(c, s, t, y, LAG_VELOCITIES);
+        open = batch_velocities(o, lanes & ~failed);
         if (!open)
             break;
-        lanes_correct(o, o->right);
-        lanes_move(y + nq * LAG_LANES, o->right, nq, open);
+        batch_correct(o, o->right);
+        batch_move(y + nq * LAG_LANES, o->right, nq, open);
     }
     return failed;
 }

@@ -1,9 +1,7 @@
 /* A step of DOP853 in eight lanes, each of its own size; see dop853.c for one. */
 
-#define ORDER 8.0
-
 /* y = base + h times the sum of `count` stages with weights, of which many are zero; `rows` of n. */
-static void lanes_add_stages(const double *base, const double *stages, const double *weight,
+static void batch_add_stages(const double *base, const double *stages, const double *weight,
                              int count, const double *h, int n, int rows, double *y)
 {
     int used[DOP_ALL_STAGES];
@@ -24,44 +22,44 @@ static void lanes_add_stages(const double *base, const double *stages, const dou
 }
 
 /* y' at a stage: y = base + h times a sum of the stages before it. */
-static void lanes_stage(lag_lanes *s, int stage, int end, const double *h)
+static void batch_stage(lag_batch *s, int stage, int end, const double *h)
 {
     const int n = lag_size(s->system), n8 = n * LAG_LANES;
-    const lag_lane_tape *d = &s->moving.dynamics;
+    const lag_batch_tape *d = &s->moving.dynamics;
     const double c = end ? 1.0 : dop_c[stage];
     /* q and v are sent where the tape reads them */
     EACH_PART (k)
         AT(d->registers + k) = READ(s->t + k) + c * READ(h + k);
-    lanes_add_stages(s->y, s->stages, end ? dop_b : dop_a[stage], stage, h, n, n - 1,
+    batch_add_stages(s->y, s->stages, end ? dop_b : dop_a[stage], stage, h, n, n - 1,
                      d->registers + LAG_LANES);
-    lanes_run(d->stream, d->registers);
-    lanes_derivative(&s->moving, s->stages + stage * n8);
+    batch_run(d->stream, d->registers);
+    batch_derivative(&s->moving, s->stages + stage * n8);
 }
 
 /* All stages of a step; y_new is its end, where the dynamics tape then stands. */
-static void lanes_stages(lag_lanes *s, const double *h)
+static void batch_stages(lag_batch *s, const double *h)
 {
     const int n = lag_size(s->system);
     const size_t moving = 2 * (size_t)s->system->nq * LAG_LANES * sizeof(double);
     const double *y = s->moving.dynamics.registers + LAG_LANES;
     EACH_LANE (l) {
-        s->kept[l] = INFINITY;
-        s->most_kept[l] = 0.0;
+        s->cancellation_least[l] = INFINITY;
+        s->cancellation_most[l] = 0.0;
     }
     for (int i = 1; i <= DOP_STAGES; ++i) {
-        lanes_stage(s, i, i == DOP_STAGES, h);
+        batch_stage(s, i, i == DOP_STAGES, h);
         if (s->detecting && i == DOP_STAGES - 1)
             memcpy(s->before, y, moving);
         if (s->watching && dop_watched[i])
-            lanes_watch_stage(s);
+            batch_watch_stage(s);
     }
     memcpy(s->y_new, y, moving);
     const int work = (n - 1) * LAG_LANES;
-    lanes_add_stages(s->y + work, s->stages + work, dop_b, DOP_STAGES, h, n, 1, s->y_new + work);
+    batch_add_stages(s->y + work, s->stages + work, dop_b, DOP_STAGES, h, n, 1, s->y_new + work);
 }
 
 /* The errors of a step over the tolerances (of lanes). */
-static void lanes_errors(const lag_lanes *s, const double *h, double *error)
+static void batch_errors(const lag_batch *s, const double *h, double *error)
 {
     const int n8 = lag_size(s->system) * LAG_LANES;
     EACH_PART (k) {
@@ -91,7 +89,7 @@ static void lanes_errors(const lag_lanes *s, const double *h, double *error)
 }
 
 /* h times the dominant eigenvalue, about, of the last step (of lanes); see dop853.c. */
-static void lanes_stiffness(const lag_lanes *s, const double *h, double *product)
+static void batch_stiffness(const lag_batch *s, const double *h, double *product)
 {
     const int n8 = lag_size(s->system) * LAG_LANES;
     const double *last = s->stages + DOP_STAGES * n8, *k_before = last - n8;
@@ -111,12 +109,12 @@ static void lanes_stiffness(const lag_lanes *s, const double *h, double *product
 }
 
 /* The coefficients of the dense output of the step from y to y_new. */
-static void lanes_dense(lag_lanes *s, const double *h)
+static void batch_dense(lag_batch *s, const double *h)
 {
     const int n8 = lag_size(s->system) * LAG_LANES;
     double *d = s->dense;
     for (int i = DOP_STAGES + 1; i < DOP_ALL_STAGES; ++i)
-        lanes_stage(s, i, 0, h);
+        batch_stage(s, i, 0, h);
     EACH_PART (k) {
         const vec size = READ(h + k);
         for (int m = k; m < n8; m += LAG_LANES) {
@@ -139,7 +137,7 @@ static void lanes_dense(lag_lanes *s, const double *h)
 }
 
 /* The dense output at the part x (of lanes) of the step. */
-static void lanes_dense_at(const lag_lanes *s, const double *x, double *y)
+static void batch_dense_at(const lag_batch *s, const double *x, double *y)
 {
     const int n8 = lag_size(s->system) * LAG_LANES;
     const double *d = s->dense;

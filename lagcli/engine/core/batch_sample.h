@@ -4,61 +4,61 @@
 #define TOGETHER 64         /* samples of a run that are waited for */
 
 /* Where a sample of a lane's run is written. */
-static double *lanes_row(const lag_lanes *s, int l, int64_t sample)
+static double *batch_row(const lag_batch *s, int l, int64_t sample)
 {
-    const int64_t width = 2 + 3 * s->system->nq + s->system->nc;
+    const int64_t width = lag_sample_size(s->system);
     return s->samples + (s->slot[l] * s->times_count + sample) * width;
 }
 
 /* Write t, q, v and W of a lane's next sample; y is of lanes. */
-static void lanes_take(lag_lanes *s, int l, const double *y)
+static void batch_take(lag_batch *s, int l, const double *y)
 {
-    const int moving = 2 * s->system->nq, width = 2 + 3 * s->system->nq + s->system->nc;
-    double *row = lanes_row(s, l, s->times_next[l]);
+    const int moving = 2 * s->system->nq;
+    double *row = batch_row(s, l, s->times_next[l]);
     row[0] = s->times[s->times_next[l]];
     for (int i = 0; i < moving; ++i)
-        row[1 + i] = y[i * LAG_LANES + l];
-    row[width - 1] = y[moving * LAG_LANES + l];
+        row[lag_sample_q(s->system) + i] = y[i * LAG_LANES + l];
+    row[lag_sample_work(s->system)] = y[moving * LAG_LANES + l];
     ++s->times_next[l];
 }
 
-static int lanes_due(const lag_lanes *s, int l, double end)
+static int batch_due(const lag_batch *s, int l, double end)
 {
     return s->times_next[l] < s->times_count && s->times[s->times_next[l]] <= end;
 }
 
 /* Take the samples that lie in the steps of size h of some lanes. */
-static void lanes_sample_steps(lag_lanes *s, int lanes, const double *h, const double *end)
+static void batch_sample_steps(lag_batch *s, int lanes, const double *h, const double *end)
 {
     double x[LAG_LANES] = {0.0};
     int due = 0;
     EACH_LANE (l)
-        if (HAS(lanes, l) && lanes_due(s, l, end[l])) {
+        if (HAS(lanes, l) && batch_due(s, l, end[l])) {
             due |= 1 << l;
             s->counts[3 * s->run[l] + 2] += DOP_ALL_STAGES - DOP_STAGES - 1;
         }
     if (!due)
         return;
-    lanes_dense(s, h);
+    batch_dense(s, h);
     while (due) {
         EACH_LANE (l)
             if (HAS(due, l))
                 x[l] = (s->times[s->times_next[l]] - s->t[l]) / h[l];
-        lanes_dense_at(s, x, s->dense_y);
+        batch_dense_at(s, x, s->dense_y);
         EACH_LANE (l)
             if (HAS(due, l)) {
-                lanes_take(s, l, s->dense_y);
-                if (!lanes_due(s, l, end[l]))
+                batch_take(s, l, s->dense_y);
+                if (!batch_due(s, l, end[l]))
                     due &= ~(1 << l);
             }
     }
 }
 
 /* Give the parameters and scales of a lane to all lanes of the samples. */
-static void lanes_spread(lag_lanes *s, int l)
+static void batch_spread(lag_batch *s, int l)
 {
     const lag_octet *from = &s->moving, *to = &s->sampled;
-    const int first = 1 + 2 * s->system->nq, last = first + s->parameters_count;
+    const int first = lag_sample_a(s->system), last = first + s->parameters_count;
     EACH_PART (k)
         for (int i = first; i < last; ++i) {
             AT(to->dynamics.registers + i * LAG_LANES + k) =
@@ -66,42 +66,43 @@ static void lanes_spread(lag_lanes *s, int l)
             AT(to->constraint.registers + i * LAG_LANES + k) =
                 all(from->constraint.registers[i * LAG_LANES + l]);
         }
-    lanes_run(to->dynamics.prelude, to->dynamics.registers);
-    lanes_run(to->constraint.prelude, to->constraint.registers);
+    batch_run(to->dynamics.prelude, to->dynamics.registers);
+    batch_run(to->constraint.prelude, to->constraint.registers);
 }
 
 /* Bring `count` samples, at most eight, of a lane's run onto the constraints, and find their a and
  * lambda. Returns 0, or 1 where that fails. */
-static int lanes_complete(lag_lanes *s, int l, int64_t first, int count)
+static int batch_complete(lag_batch *s, int l, int64_t first, int count)
 {
     const lag_system *system = s->system;
     const lag_octet *o = &s->sampled;
     const int nq = system->nq, nc = system->nc, n = nq + nc;
     double t[LAG_LANES], *y = s->dense_y, total = 0.0;
     EACH_LANE (i) {
-        const double *row = lanes_row(s, l, first + (i < count ? i : count - 1));
+        const double *row = batch_row(s, l, first + (i < count ? i : count - 1));
         t[i] = row[0];
         for (int m = 0; m < 2 * nq; ++m)
-            y[m * LAG_LANES + i] = row[1 + m];
+            y[m * LAG_LANES + i] = row[lag_sample_q(system) + m];
     }
     if (nc) {
         for (int i = 0; i < system->nh * LAG_LANES; ++i)
             o->scale_position[i] = s->moving.scale_position[i / LAG_LANES * LAG_LANES + l];
         for (int i = 0; i < nc * LAG_LANES; ++i)
             o->scale_velocity[i] = s->moving.scale_velocity[i / LAG_LANES * LAG_LANES + l];
-        lanes_evaluate(&o->dynamics, system, t, y, LAG_FACTORS);
-        if (lanes_project(o, t, y, ALL_LANES))
+        batch_evaluate(&o->dynamics, system, t, y, LAG_FACTORS);
+        if (batch_project(o, t, y, ALL_LANES))
             return 1;
     }
-    lanes_evaluate(&o->dynamics, system, t, y, LAG_ALL);
-    lanes_refined(o, o->x);
+    batch_evaluate(&o->dynamics, system, t, y, LAG_ALL);
+    batch_refined(o, o->x);
     for (int i = 0; i < count; ++i) {
-        double *row = lanes_row(s, l, first + i) + 1;
+        double *row = batch_row(s, l, first + i);
+        double *state = row + lag_sample_q(system), *unknowns = row + lag_sample_a(system);
         for (int m = 0; m < 2 * nq; ++m)
-            row[m] = y[m * LAG_LANES + i];
+            state[m] = y[m * LAG_LANES + i];
         for (int m = 0; m < n; ++m) {
             const double x = o->x[m * LAG_LANES + i];
-            row[2 * nq + m] = m < nq ? x : -x;
+            unknowns[m] = m < nq ? x : -x;
             total += x;
         }
     }
@@ -110,15 +111,15 @@ static int lanes_complete(lag_lanes *s, int l, int64_t first, int count)
 
 /* Complete the samples of a lane's run that can be done eight at a time, or all that were taken.
  * Returns 0, or 1 where that fails. */
-static int lanes_complete_samples(lag_lanes *s, int l, int all_taken)
+static int batch_complete_samples(lag_batch *s, int l, int all_taken)
 {
     int64_t waiting = s->times_next[l] - s->samples_done[l];
     if (!waiting || (waiting < TOGETHER && !all_taken))
         return 0;
-    lanes_spread(s, l);
+    batch_spread(s, l);
     while (waiting >= LAG_LANES || (all_taken && waiting)) {
         const int count = waiting < LAG_LANES ? (int)waiting : LAG_LANES;
-        if (lanes_complete(s, l, s->samples_done[l], count))
+        if (batch_complete(s, l, s->samples_done[l], count))
             return 1;
         s->samples_done[l] += count;
         s->counts[3 * s->run[l] + 2] += count;

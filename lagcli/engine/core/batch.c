@@ -1,0 +1,217 @@
+#include "batch.h"
+
+#include <string.h>
+
+#include "method.h"
+
+/* The functions for this processor, or, `portable`, those for any. */
+static const lag_batch_kernel *kernel_for(int portable)
+{
+#if defined(__x86_64__)
+    if (!portable && __builtin_cpu_supports("avx2"))
+        return &lag_batch_avx2;
+#endif
+    (void)portable;
+    return &lag_batch_default;
+}
+
+static double *lanes(lag_pool *pool, long count)
+{
+    return lag_doubles(pool, count * LAG_LANES);
+}
+
+/* Copy a stream, its registers times LAG_LANES. */
+static const int32_t *copy_stream(lag_pool *pool, const lag_stream *stream)
+{
+    /* destinations and operands of each operation */
+    static const int places[] = LAG_PLACES;
+    int32_t *code = lag_copy_integers(pool, stream->code, stream->length), *p = code;
+    while (p && *p != OP_END) {
+        const int32_t *end = p + 2 + (long)places[p[0]] * p[1];
+        for (p += 2; p != end; ++p)
+            *p *= LAG_LANES;
+    }
+    return code;
+}
+
+static void bind(lag_pool *pool, lag_batch_tape *tape, const lag_program *program)
+{
+    tape->prelude = copy_stream(pool, &program->prelude);
+    tape->stream = copy_stream(pool, &program->main);
+    for (int i = 0; i < 3; ++i)
+        tape->later[i] = program->later[i].code ? copy_stream(pool, &program->later[i]) : NULL;
+    for (int i = 0; i < 2; ++i)
+        tape->alone[i] = program->alone[i].code ? copy_stream(pool, &program->alone[i]) : NULL;
+    int32_t *outputs = lag_copy_integers(pool, program->outputs, program->output_count);
+    tape->registers = lanes(pool, program->register_count);
+    if (pool->failed)
+        return;
+    for (long i = 0; i < program->output_count; ++i)
+        outputs[i] *= LAG_LANES;
+    tape->outputs = outputs;
+    for (long i = 0; i < program->register_count; ++i)
+        for (int l = 0; l < LAG_LANES; ++l)
+            tape->registers[i * LAG_LANES + l] = program->registers[i];
+}
+
+static void bind_octet(lag_batch *s, lag_octet *o, const lag_program *dynamics,
+                       const lag_program *constraint)
+{
+    lag_pool *pool = &s->pool;
+    const int nq = s->system->nq, nc = s->system->nc;
+    o->system = s->system;
+    o->single = s->single;
+    bind(pool, &o->dynamics, dynamics);
+    bind(pool, &o->constraint, constraint);
+    o->scale_position = lanes(pool, s->system->nh);
+    o->scale_velocity = lanes(pool, nc);
+    o->right = lanes(pool, nq + nc);
+    o->x = lanes(pool, nq + nc);
+    o->work = lanes(pool, 2 * (nq + nc));
+    o->trial = lanes(pool, nq);
+}
+
+static void allocate(lag_batch *s, long slots)
+{
+    lag_pool *pool = &s->pool;
+    const int nq = s->system->nq, n = 2 * nq + 1;
+    s->free_slots = lag_get(pool, (size_t)slots, sizeof(int64_t));
+    s->finished = lag_get(pool, (size_t)slots, sizeof(int64_t));
+    s->finished_slots = lag_get(pool, (size_t)slots, sizeof(int64_t));
+    s->y = lanes(pool, n);
+    s->y_new = lanes(pool, n);
+    s->before = lanes(pool, n);
+    s->projected = lanes(pool, n);
+    s->dense_y = lanes(pool, n);
+    s->stages = lanes(pool, 16 * n);
+    s->dense = lanes(pool, 7 * n);
+    s->lengths = lanes(pool, s->system->nc);
+    s->atol = lanes(pool, n);
+    s->size = lanes(pool, n);
+    s->gross = lanes(pool, nq);
+    s->later = lanes(pool, nq);
+    s->largest = lanes(pool, 2 * s->single->tolerances.kinds);
+}
+
+lag_batch *lag_batch_create(const lag_memory *memory, lag_run *single, const lag_program *dynamics,
+                            const lag_program *constraint, const lag_batch_settings *given)
+{
+    lag_pool pool = {.from = *memory};
+    lag_batch *s = lag_get(&pool, 1, sizeof *s);
+    if (!s)
+        return NULL;
+    s->pool = pool;
+    s->kernel = kernel_for(given->portable);
+    s->single = single;
+    s->system = &single->system;
+    for (int i = 0; i < s->system->nq; ++i)
+        single->rows.sizes[i] = 1.0; /* each lane has parameters, and so inertia, of its own */
+    s->t_start = single->step.t;
+    s->t_end = single->step.t_end;
+    s->h_max = single->step.h_max;
+    s->rtol = single->tolerances.rtol;
+    s->watching = single->watch.mode;
+    s->detecting = single->stiffness.detecting;
+    s->max_steps = given->max_steps;
+    s->times = lag_copy_doubles(&s->pool, given->times, given->times_count);
+    s->times_count = given->times_count;
+    s->runs = given->runs;
+    s->parameters_count = single->np;
+    s->parameters = lag_copy_doubles(&s->pool, given->parameters, given->runs * single->np);
+    s->states = lag_copy_doubles(&s->pool, given->states, given->runs * 2 * s->system->nq);
+    s->status = given->status;
+    s->counts = given->counts;
+    s->samples = given->samples;
+    bind_octet(s, &s->moving, dynamics, constraint);
+    bind_octet(s, &s->sampled, dynamics, constraint);
+    allocate(s, given->slots);
+    if (s->pool.failed) {
+        lag_batch_destroy(s);
+        return NULL;
+    }
+    for (long i = 0; i < given->slots; ++i)
+        s->free_slots[s->free_count++] = given->slots - 1 - i;
+    for (int l = 0; l < LAG_LANES; ++l)
+        s->run[l] = -1;
+    return s;
+}
+
+void lag_batch_destroy(lag_batch *s)
+{
+    lag_pool pool = s->pool; /* the batch lies in it */
+    lag_release(&pool);
+}
+
+int lag_batch_advance(lag_batch *s, long attempts)
+{
+    return s->kernel->advance(s, attempts);
+}
+
+long lag_batch_take(lag_batch *s, int64_t *runs, int64_t *slots)
+{
+    const long count = (long)s->finished_count;
+    for (long i = 0; i < count; ++i) {
+        runs[i] = s->finished[i];
+        slots[i] = s->finished_slots[i];
+        s->free_slots[s->free_count++] = slots[i];
+    }
+    s->finished_count = 0;
+    return count;
+}
+
+const int64_t *lag_batch_runs(const lag_batch *s)
+{
+    return s->run;
+}
+
+void lag_batch_leave(lag_batch *s, int l)
+{
+    s->status[s->run[l]] = LAG_LANE_LEFT;
+    s->free_slots[s->free_count++] = s->slot[l];
+    s->run[l] = -1;
+}
+
+struct lag_table {
+    lag_pool pool;
+    const lag_batch_kernel *kernel;
+    lag_batch_tape tape;
+    int columns, np, outputs;
+};
+
+lag_table *lag_table_create(const lag_memory *memory, const lag_program *program, int columns, int np,
+                            int portable)
+{
+    lag_pool pool = {.from = *memory};
+    lag_table *table = lag_get(&pool, 1, sizeof *table);
+    if (!table)
+        return NULL;
+    table->pool = pool;
+    table->kernel = kernel_for(portable);
+    table->columns = columns;
+    table->np = np;
+    table->outputs = (int)program->output_count;
+    bind(&table->pool, &table->tape, program);
+    if (table->pool.failed) {
+        lag_table_destroy(table);
+        return NULL;
+    }
+    return table;
+}
+
+void lag_table_destroy(lag_table *table)
+{
+    lag_pool pool = table->pool; /* the table lies in it */
+    lag_release(&pool);
+}
+
+void lag_table_evaluate(const lag_table *table, const double *parameters, const double *values,
+                        long rows, long width, double *out)
+{
+    table->kernel->table(&table->tape, parameters, table->np, values, rows, table->columns, width,
+                         table->outputs, out);
+}
+
+void lag_batch_sincos(const double *x, double *sine, double *cosine, int portable)
+{
+    kernel_for(portable)->sincos(x, sine, cosine);
+}

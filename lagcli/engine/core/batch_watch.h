@@ -1,0 +1,97 @@
+/* The watch for singular configurations in eight lanes: what shows at the stages of a step is kept
+ * lane by lane; what raises an alarm is looked at by the functions of watch.c, one lane at a time. */
+
+/* The square of what the pivots keep, and the rows of B of their lengths: watch.c has it for one. */
+static void batch_watch_stage(lag_batch *s)
+{
+    const lag_system *system = s->system;
+    const lag_batch_tape *d = &s->moving.dynamics;
+    const int first = lag_first_kept(system), rows = first + s->single->solver.cancellation_count - system->nc;
+    batch_run(d->later[0], d->registers);
+    EACH_PART (k) {
+        vec least = all(1.0);
+        for (int i = first; i < rows + system->nc; ++i) {
+            vec part = READ(OUTPUT(d, i) + k);
+            if (i >= rows) {
+                const vec length = READ(s->lengths + (i - rows) * LAG_LANES + k);
+                part /= length * length;
+            }
+            least = choose(part >= least, least, part); /* also where it is undefined */
+        }
+        AT(s->cancellation_least + k) = smaller(least, READ(s->cancellation_least + k));
+        AT(s->cancellation_most + k) = larger(least, READ(s->cancellation_most + k));
+        AT(s->cancellation_largest + k) = larger(least, READ(s->cancellation_largest + k));
+    }
+}
+
+/* Whether the stages of a lane's last step may have come near to a singular configuration. */
+static int batch_alarmed(const lag_batch *s, int l)
+{
+    return !(s->cancellation_least[l] > NEAR * NEAR * s->cancellation_largest[l]
+             && s->cancellation_least[l] >= STEADY * STEADY * s->cancellation_most[l]);
+}
+
+/* Give the parameters of a lane to the tapes of a single run. */
+static void single_parameters(const lag_batch_tape *from, const lag_tape *to, int first, int count,
+                              int l)
+{
+    for (int i = first; i < first + count; ++i)
+        to->registers[i] = from->registers[i * LAG_LANES + l];
+    to->registers[0] = NAN; /* no state yet */
+    lag_stream_run(to->prelude, to->registers);
+}
+
+/* A single run with the parameters and the watch of a lane; y is its state. */
+static lag_run *batch_single(const lag_batch *s, int l, const double *y)
+{
+    const lag_system *system = s->system;
+    lag_run *run = s->single;
+    const int n = lag_size(system), inputs = lag_sample_a(system);
+    single_parameters(&s->moving.dynamics, &run->system.dynamics,
+                      inputs, s->parameters_count, l);
+    single_parameters(&s->moving.constraint, &run->system.constraint,
+                      inputs, s->parameters_count, l);
+    run->step.t = s->t[l];
+    for (int i = 0; i < n; ++i)
+        run->step.y[i] = y[i * LAG_LANES + l];
+    for (int i = 0; i < system->nc; ++i)
+        run->rows.lengths[i] = run->rows.plain_lengths[i] = s->lengths[i * LAG_LANES + l];
+    run->watch.pivot = s->pivot[l];
+    run->watch.largest_pivot = s->largest_pivot[l];
+    run->watch.cancellation.least = sqrt(s->cancellation_least[l]);
+    run->watch.cancellation.most = sqrt(s->cancellation_most[l]);
+    run->watch.cancellation.largest = sqrt(s->cancellation_largest[l]);
+    return run;
+}
+
+/* Measure the weakest pivot at the state of a lane from which its run begins. */
+static void batch_watch_start(lag_batch *s, int l)
+{
+    s->pivot[l] = s->largest_pivot[l] = s->cancellation_largest[l] = 0.0;
+    lag_run *run = batch_single(s, l, s->y);
+    s->pivot[l] = s->largest_pivot[l] = lag_weakest(run, run->step.t, run->step.y);
+}
+
+/* Whether the step of size h that a lane takes, to y_new and projected, goes over or towards a
+ * singular configuration; `alarmed`, or not. */
+static int batch_singular(lag_batch *s, int l, double h, int alarmed)
+{
+    const int n = lag_size(s->system);
+    if (!alarmed) {
+        s->pivot[l] = s->largest_pivot[l];
+        return 0;
+    }
+    lag_run *run = batch_single(s, l, s->projected);
+    run->step.t_old = run->step.t;
+    run->step.h_old = h;
+    run->step.t += h;
+    for (int i = 0; i < n; ++i) {
+        run->step.y_old[i] = s->y[i * LAG_LANES + l];
+        run->step.y_new[i] = s->y_new[i * LAG_LANES + l];
+    }
+    if (lag_goes_over(run) || lag_approaches(run))
+        return 1;
+    s->pivot[l] = run->watch.pivot;
+    s->largest_pivot[l] = run->watch.largest_pivot;
+    return 0;
+}

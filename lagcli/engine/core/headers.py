@@ -1,0 +1,111 @@
+"""The headers ``tables.h`` and ``layout.h`` of the core, from what Python and C share.
+
+``setup.py`` writes them before it compiles the core, so this module imports the standard library
+alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import IntEnum
+
+from lagcli.engine.core.status import LaneStatus, Status
+from lagcli.engine.layout import Layout, RatesLayout, SampleLayout, UnrolledLayout
+from lagcli.engine.program.nodes import INDEXED, LONGEST, VECTOR
+from lagcli.engine.tape.operations import PLACES, Kind, Op
+from lagcli.engine.taylor.series_nodes import LONGEST as MAX_LENGTH
+from lagcli.engine.taylor.series_nodes import MAX_ORDER, SeriesOp
+
+_WRITTEN = "/* Written by setup.py from {}: change that instead.\n *\n"
+_TABLES = """\
+ * The lists of operations are macros of a macro X(operation, places, value): the numbers that an
+ * operation has in a stream, and its value in C of operands A, B and C. */
+#ifndef LAGCLI_TABLES_H
+#define LAGCLI_TABLES_H
+
+{parts}
+#endif
+"""
+_LAYOUT = """\
+ * The first place of each part. */
+#ifndef LAGCLI_LAYOUT_H
+#define LAGCLI_LAYOUT_H
+
+{parts}
+#endif
+"""
+#: What the functions of a layout begin with.
+_PREFIXES: dict[str, type[Layout]] = {
+    "lag_sample_": SampleLayout,
+    "lag_first_": UnrolledLayout,
+    "lag_constraint_": RatesLayout,
+}
+
+
+def headers() -> dict[str, str]:
+    """Return the texts of the headers by the names of their files."""
+    return {
+        "tables.h": _WRITTEN.format("the tables that lagcli/engine/core/headers.py reads")
+        + _tables(),
+        "layout.h": _WRITTEN.format("lagcli/engine/layout.py") + _layouts(),
+    }
+
+
+def _layouts() -> str:
+    parts = []
+    for prefix, layout in _PREFIXES.items():
+        terms: list[str] = []
+        for name, counts in layout.parts().items():
+            parts.append(_offset(prefix + name, terms))
+            terms += (count if count == "1" else f"s->{count}" for count in counts)
+        if all(layout.parts().values()):
+            parts.append(_offset(prefix + "size", terms))
+    return _LAYOUT.format(parts="\n".join(parts))
+
+
+def _offset(name: str, terms: Iterable[str]) -> str:
+    total = " + ".join(terms) or "0"
+    return f"static inline int {name}(const lag_system *s)\n{{\n    return {total};\n}}\n"
+
+
+def _tables() -> str:
+    parts = [
+        _enum("lag_op", "OP_", Op),
+        _define("LAG_PLACES", _list(PLACES)),
+        _define("LAG_VECTOR", f"{VECTOR} /* added to an operation: on vectors */"),
+        _define("LAG_LONGEST", f"{LONGEST} /* elements that a vector has at most */"),
+        _define("LAG_INDEXED", f"({1 + INDEXED} - 1) /* the step of operands that are listed */"),
+        *(_operations(kind) for kind in (Kind.LIBRARY, Kind.RELATION, Kind.BATCH, Kind.VECTOR)),
+        _enum("lag_series_op", "SERIES_", SeriesOp),
+        *(_define(f"SERIES_{op.name}_PLACES", str(1 + len(op.operands))) for op in SeriesOp),
+        _define("LAG_SERIES_ORDER", f"{MAX_ORDER} /* the largest */"),
+        _define("LAG_SERIES_LONGEST", f"{MAX_LENGTH} /* elements that a vector has at most */"),
+        _define("LAG_SERIES_OPERANDS", _list(len(op.operands) for op in SeriesOp)),
+        _enum("lag_status", "LAG_", Status, (s.sentence for s in Status)),
+        _enum("lag_lane_status", "LAG_LANE_", LaneStatus, (s.sentence for s in LaneStatus)),
+    ]
+    return _TABLES.format(parts="\n".join(parts))
+
+
+def _enum(
+    name: str, prefix: str, members: type[IntEnum], comments: Iterable[str] | None = None
+) -> str:
+    """Return an enumeration; the comments are those of its members."""
+    names = [f"    {prefix}{member.name}," for member in members]
+    if comments is not None:
+        names = [f"{line} /* {comment} */" for line, comment in zip(names, comments, strict=True)]
+    return "\n".join([f"enum {name} {{", *names, "};\n"])
+
+
+def _define(name: str, text: str) -> str:
+    return f"#define {name} {text}\n"
+
+
+def _list(numbers: Iterable[int]) -> str:
+    return f"{{{', '.join(map(str, numbers))}}}"
+
+
+def _operations(kind: Kind) -> str:
+    """Return the list of the operations of a kind."""
+    rows = [f"    X(OP_{op.name}, {PLACES[op]}, {op.c})" for op in Op if op.kind is kind]
+    return " \\\n".join([f"#define LAG_{kind.name}_OPERATIONS(X)", *rows]) + "\n"

@@ -1,0 +1,67 @@
+/*
+ * The public interface to batches: many runs of the same equations, eight at a time, and functions of
+ * tables of numbers. Streams of their programs hold operations on single registers alone.
+ */
+#ifndef LAGBATCH_H
+#define LAGBATCH_H
+
+#include "lagcore.h"
+
+#define LAG_LANES 8 /* runs that are integrated at once */
+
+typedef struct {
+    const double *times;               /* sample times, increasing, s */
+    long times_count;
+    long max_steps;                    /* of each run */
+    long runs;
+    const double *parameters;          /* by run, np */
+    const double *states;              /* by run, q and v at the start, consistent */
+    long slots;                        /* runs whose samples are held at once, more than LAG_LANES */
+    int portable;                      /* do without the processor's own instructions */
+    /* the caller's, which the core writes to */
+    int32_t *status;                   /* by run: a lag_lane_status */
+    int64_t *counts;                   /* by run: steps, rejected, evaluations */
+    double *samples;                   /* by slot: rows of t, q, v, a, lambda, W */
+} lag_batch_settings;
+
+typedef struct lag_batch lag_batch;
+
+/*
+ * Make runs ready. `single` has the settings of all, and an unrolled elimination; the batch uses it, so it
+ * must live as long. The programs are those of its dynamics and of its constraints. NULL where there is
+ * no memory.
+ */
+lag_batch *lag_batch_create(const lag_memory *memory, lag_run *single, const lag_program *dynamics,
+                            const lag_program *constraint, const lag_batch_settings *settings);
+void lag_batch_destroy(lag_batch *batch);
+
+/* Try at most so many steps in each lane. Returns LAG_RUNNING; LAG_BLOCK_FULL where finished runs must
+ * be taken first; LAG_DONE where no run is waiting or under way. */
+int lag_batch_advance(lag_batch *batch, long attempts);
+
+/* The number of runs that were completed since the last call; which they are, and the slots of their
+ * samples, which are free from now on. Both arrays have room for all slots. */
+long lag_batch_take(lag_batch *batch, int64_t *runs, int64_t *slots);
+
+/* The run in each lane; -1 where there is none. */
+const int64_t *lag_batch_runs(const lag_batch *batch);
+
+/* Let the run in a lane leave it; its status is then LAG_LANE_LEFT. */
+void lag_batch_leave(lag_batch *batch, int lane);
+
+typedef struct lag_table lag_table;
+
+/* A program that is evaluated over the rows of tables: its inputs are the first numbers of a row, then
+ * `np` parameters. NULL where there is no memory. */
+lag_table *lag_table_create(const lag_memory *memory, const lag_program *program, int columns, int np,
+                            int portable);
+void lag_table_destroy(lag_table *table);
+
+/* Evaluate it. values: `rows` rows of `width` numbers. out: by output, `rows` numbers. */
+void lag_table_evaluate(const lag_table *table, const double *parameters, const double *values,
+                        long rows, long width, double *out);
+
+/* sin and cos of LAG_LANES numbers. */
+void lag_batch_sincos(const double *x, double *sine, double *cosine, int portable);
+
+#endif

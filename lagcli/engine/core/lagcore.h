@@ -1,0 +1,229 @@
+/*
+ * The integrator's public interface: plain C11 that needs nothing but libm, memcpy and memset.
+ *
+ * It integrates M a = f + B' lambda, B a = gamma, phi = 0, psi = 0 from a consistent state. A program
+ * calls lag_create, one of the lag_use_... functions for the linear system, then lag_start and
+ * lag_advance until that returns LAG_DONE. The arrays of the structures below are copied; those that
+ * the core writes to, lag_settings.block, stay the caller's. nq is the number of coordinates, nc of
+ * constraints, nh of holonomic ones; n = 2 nq + 1 that of the state y = (q, v, W), W the work done on
+ * the system. SI units throughout. docs/developer/core.md has an example.
+ */
+#ifndef LAGCORE_H
+#define LAGCORE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "tables.h" /* lag_status */
+
+/* Where memory comes from. `release` is given what `allocate` returned. */
+typedef struct {
+    void *(*allocate)(void *context, size_t bytes); /* NULL where there is none */
+    void (*release)(void *context, void *memory);
+    void *context;
+} lag_memory;
+
+/* A sequence of operations; engine/program/program.py has the format. */
+typedef struct {
+    const int32_t *code;
+    long length;
+} lag_stream;
+
+/* A function in operations on a file of registers: engine/program/program.py. */
+typedef struct {
+    lag_stream prelude, main;
+    lag_stream later[3];               /* for outputs that are evaluated on request */
+    lag_stream alone[2];               /* for subsets of the outputs; empty where there are none */
+    int inputs;                        /* the first registers; the last of them hold the parameters */
+    const double *registers;           /* their values before the prelude */
+    long register_count;
+    const int32_t *outputs;            /* registers */
+    long output_count;
+} lag_program;
+
+/* The sizes and the sparsity of the equations. */
+typedef struct {
+    int nq, nc, nh;
+    int np;                            /* parameters */
+    const int32_t *holonomic;          /* nh: which constraints */
+    int nm, nb;                        /* entries of M and of B */
+    const int32_t *mass_row, *mass_column;         /* nm */
+    const int32_t *jacobian_row, *jacobian_column; /* nb */
+    const int32_t *unit;               /* nq: the first coordinate that has the same unit for certain */
+    lag_program constraint;            /* of (t, q, v, p): phi, entries of B, b_0, scales of phi and psi, psi */
+} lag_equations;
+
+/* What to do about singular configurations. */
+enum lag_watching { LAG_IGNORE, LAG_PASS, LAG_STOP };
+
+typedef struct {
+    double t_start, t_end, h_max;      /* s */
+    const double *y;                   /* n: at t_start, consistent */
+    const double *parameters;          /* np */
+    double rtol;
+    const double *atol;                /* n: absolute tolerances; 0 where they follow the entry's size */
+    const int32_t *kind;               /* nq: coordinates of one kind have the same number, from 0 */
+    int rank;                          /* of B at the start */
+    const double *sizes;               /* nq: changes of the coordinates that count as equal */
+    const double *lengths;             /* nc: of the rows of B times sizes, at the start */
+    const double *plain_lengths;       /* nc: of the rows of B */
+    int projecting;                    /* project each state onto the constraints */
+    int baumgarte;                     /* stabilize by alpha and beta; negative: by the step, as alpha */
+    double alpha, beta;                /* 1/s */
+    int watching;                      /* a lag_watching */
+    int detecting;                     /* look for stiffness */
+    int refinable;                     /* solutions may be refined before an elimination is given up */
+    const double *times;               /* sample times, increasing, s */
+    long times_count;
+    double *block;                     /* block_rows rows of t, q, v, a, lambda, W */
+    long block_rows;
+} lag_settings;
+
+/* An order of elimination of [[M, B'], [B, 0]] = L D L' (engine/linear/elimination.py). Places are
+ * numbers in that order. */
+typedef struct {
+    int n;                  /* nq + nc */
+    const int32_t *order;   /* n: the unknown at each place */
+    const int32_t *paired;  /* n: whether the place begins a pivot of order two */
+    const int32_t *start;   /* n + 1: where each column of L begins */
+    const int32_t *row;     /* the places of L's entries, by column, ascending */
+    /* what stands to the left of each place in L, by rows */
+    const int32_t *left_start; /* n + 1 */
+    const int32_t *left_column, *left_entry;
+    /* where the entries of M and B go: the diagonal (n), the pairs (n), L; -1: nowhere */
+    const int32_t *mass_targets, *jacobian_targets;
+} lag_elimination;
+
+/* A program for the motion's Taylor coefficients: engine/taylor/series.py. */
+typedef struct {
+    lag_program values;
+    lag_stream stream;
+    int convolutions, order;
+    int steady, numbers;
+    const int32_t *begins;             /* begun */
+    int begun;
+    int origin, layer;
+    const int32_t *state;              /* n + 1: t, q, v, W */
+    long size;
+} lag_series_program;
+
+/* A sparse block of derivatives: places are row * nq + column. */
+typedef struct {
+    int count;
+    const int32_t *places;
+} lag_block;
+
+/* The derivatives that implicit methods need, one block after the other, then those with respect to t
+ * (engine/system.py); and the pattern of their matrix (engine/linear/sparse.py). */
+typedef struct {
+    lag_program program;               /* of (t, q, v, a, lambda, p) */
+    lag_block force_position, force_velocity, rhs_position, rhs_velocity;
+    lag_block power_position, power_velocity;
+    int n;                             /* order of the matrix */
+    const int32_t *start, *columns;    /* its entries row by row */
+    const int32_t *parts;              /* where the parts' entries go */
+    long parts_count;
+} lag_jacobians;
+
+/* Sparse LU with a known order of pivots and pattern. The factors' entries are row by row in the order
+ * of the pivots, columns too, with the fill. */
+typedef struct {
+    int n;
+    const int32_t *row, *column;       /* n: the pivots' places in the matrix */
+    const int32_t *start;              /* n + 1: the factors' rows */
+    const int32_t *columns;            /* of the factors' entries, increasing in each row */
+    const int32_t *diagonal;           /* n: each row's diagonal entry */
+    const int32_t *places;             /* where each entry of the matrix goes in the factors */
+} lag_pivots;
+
+typedef struct {
+    int which, direction;              /* which function; 1 where it rises, -1 where it falls */
+    double time;
+    const double *y;                   /* n */
+} lag_event;
+
+/* Where a run is. Its arrays are valid until it goes on. */
+typedef struct {
+    double t_old, t;                   /* start and end of the last step */
+    const double *y;                   /* n: at t */
+    const double *atol;                /* n: absolute tolerances in use */
+    const double *lengths;             /* nc: the largest so far of the rows of B times sizes */
+    long steps, rejected, evaluations;
+    long times_next;                   /* the next sample time */
+    double t_bad;                      /* where a status refers to another state ... */
+    const double *y_bad;               /* ... and this one */
+} lag_report;
+
+typedef struct lag_run lag_run;
+typedef struct lag_method lag_method;
+
+/* Method i of those there are, DOP853 first, or NULL; and its name. */
+const lag_method *lag_method_at(int i);
+const char *lag_method_name(const lag_method *method);
+
+/* Make a run ready, with DOP853. NULL where there is no memory. */
+lag_run *lag_create(const lag_memory *memory, const lag_equations *equations,
+                    const lag_settings *settings);
+void lag_destroy(lag_run *run);
+
+/*
+ * How a and lambda are found: densely; by an elimination in a loop; or by one that is unrolled in the
+ * program. These functions and those below return 0, or 1 where there is no memory: then the run can
+ * only be destroyed. Programs of the dynamics are functions of (t, q, v, p): the entries of M, f, the
+ * entries of B, gamma, the power (engine/system.py).
+ */
+int lag_use_dense(lag_run *run, const lag_program *dynamics);
+int lag_use_elimination(lag_run *run, const lag_program *dynamics, const lag_elimination *plan);
+int lag_use_unrolled(lag_run *run, const lag_program *dynamics);
+
+/* Take the next steps by the dense solution, whatever is used otherwise. */
+int lag_allow_dense(lag_run *run, long steps);
+
+/* Allow Taylor's method, with an unrolled elimination; repeat it after lag_use_unrolled. */
+int lag_use_series(lag_run *run, const lag_series_program *program);
+
+/* Allow implicit methods. */
+int lag_use_jacobians(lag_run *run, const lag_jacobians *jacobians);
+
+/* The entries of the implicit method's matrix, where a step returned LAG_ORDER; and their pivots. */
+const double *lag_matrix(const lag_run *run);
+int lag_use_pivots(lag_run *run, const lag_pivots *pivots);
+
+/* Look for sign changes of functions of (t, q, v, p) along the motion, from lag_start on. */
+int lag_use_events(lag_run *run, const lag_program *functions);
+
+/* Continue with another method from here. Returns LAG_RUNNING or LAG_UNDEFINED. */
+int lag_switch(lag_run *run, const lag_method *method);
+
+/* Prepare the first step; sample what lies at the start. Returns a lag_status. */
+int lag_start(lag_run *run);
+
+/* Take at most `slice` steps. Returns a lag_status. */
+int lag_advance(lag_run *run, long slice);
+
+/* Sample the last accepted step, or the start, up to a time. Returns a lag_status. */
+int lag_sample_until(lag_run *run, double end);
+
+/* The rows of the block that are filled, which is empty from now on. */
+long lag_take(lag_run *run);
+
+/* The last step's dense output, n values. */
+void lag_dense(lag_run *run, double t, double *y);
+
+/* Set the largest step. */
+void lag_limit(lag_run *run, double h_max);
+
+/* Continue from another state; lag_start must follow. */
+void lag_move(lag_run *run, double t, const double *y, long times_next);
+
+/* Find anew what accelerations are made of, after a change of how they are found: sizes.h. Returns
+ * LAG_RUNNING or LAG_UNDEFINED. */
+int lag_sizes_again(lag_run *run);
+
+lag_report lag_report_of(const lag_run *run);
+lag_event lag_last_event(const lag_run *run);
+
+/* Taylor coefficients of y here, n rows of order + 1. Returns 0, or 1 where there are none. */
+int lag_coefficients(lag_run *run, double *out);
+
+#endif

@@ -1,0 +1,177 @@
+# The public interface of the core, core/lagcore.h and core/lagbatch.h, for the binding.
+
+from libc.stdint cimport int32_t, int64_t
+
+
+cdef extern from "lagcore.h" nogil:
+    ctypedef struct lag_memory:
+        void *(*allocate)(void *context, size_t size) noexcept nogil
+        void (*release)(void *context, void *memory) noexcept nogil
+        void *context
+
+    ctypedef struct lag_stream:
+        const int32_t *code
+        long length
+
+    ctypedef struct lag_program:
+        lag_stream prelude, main
+        lag_stream later[3]
+        lag_stream alone[2]
+        int inputs
+        const double *registers
+        long register_count
+        const int32_t *outputs
+        long output_count
+
+    ctypedef struct lag_equations:
+        int nq, nc, nh, np
+        const int32_t *holonomic
+        int nm, nb
+        const int32_t *mass_row
+        const int32_t *mass_column
+        const int32_t *jacobian_row
+        const int32_t *jacobian_column
+        const int32_t *unit
+        lag_program constraint
+
+    ctypedef struct lag_settings:
+        double t_start, t_end, h_max
+        const double *y
+        const double *parameters
+        double rtol
+        const double *atol
+        const int32_t *kind
+        int rank
+        const double *sizes
+        const double *lengths
+        const double *plain_lengths
+        int projecting, baumgarte
+        double alpha, beta
+        int watching, detecting, refinable
+        const double *times
+        long times_count
+        double *block
+        long block_rows
+
+    ctypedef struct lag_elimination:
+        int n
+        const int32_t *order
+        const int32_t *paired
+        const int32_t *start
+        const int32_t *row
+        const int32_t *left_start
+        const int32_t *left_column
+        const int32_t *left_entry
+        const int32_t *mass_targets
+        const int32_t *jacobian_targets
+
+    ctypedef struct lag_series_program:
+        lag_program values
+        lag_stream stream
+        int convolutions, order, steady, numbers
+        const int32_t *begins
+        int begun, origin, layer
+        const int32_t *state
+        long size
+
+    ctypedef struct lag_block:
+        int count
+        const int32_t *places
+
+    ctypedef struct lag_jacobians:
+        lag_program program
+        lag_block force_position, force_velocity, rhs_position, rhs_velocity
+        lag_block power_position, power_velocity
+        int n
+        const int32_t *start
+        const int32_t *columns
+        const int32_t *parts
+        long parts_count
+
+    ctypedef struct lag_pivots:
+        int n
+        const int32_t *row
+        const int32_t *column
+        const int32_t *start
+        const int32_t *columns
+        const int32_t *diagonal
+        const int32_t *places
+
+    ctypedef struct lag_event:
+        int which, direction
+        double time
+        const double *y
+
+    ctypedef struct lag_report:
+        double t_old, t
+        const double *y
+        const double *atol
+        const double *lengths
+        long steps, rejected, evaluations, times_next
+        double t_bad
+        const double *y_bad
+
+    ctypedef struct lag_run
+    ctypedef struct lag_method
+
+    const lag_method *lag_method_at(int i)
+    const char *lag_method_name(const lag_method *method)
+    lag_run *lag_create(
+        const lag_memory *memory, const lag_equations *equations, const lag_settings *settings)
+    void lag_destroy(lag_run *run)
+    int lag_use_dense(lag_run *run, const lag_program *dynamics)
+    int lag_use_elimination(
+        lag_run *run, const lag_program *dynamics, const lag_elimination *plan)
+    int lag_use_unrolled(lag_run *run, const lag_program *dynamics)
+    int lag_allow_dense(lag_run *run, long steps)
+    int lag_use_series(lag_run *run, const lag_series_program *program)
+    int lag_use_jacobians(lag_run *run, const lag_jacobians *jacobians)
+    const double *lag_matrix(const lag_run *run)
+    int lag_use_pivots(lag_run *run, const lag_pivots *pivots)
+    int lag_use_events(lag_run *run, const lag_program *functions)
+    int lag_switch(lag_run *run, const lag_method *method)
+    int lag_start(lag_run *run)
+    int lag_advance(lag_run *run, long slice)
+    int lag_sample_until(lag_run *run, double end)
+    long lag_take(lag_run *run)
+    void lag_dense(lag_run *run, double t, double *y)
+    void lag_limit(lag_run *run, double h_max)
+    void lag_move(lag_run *run, double t, const double *y, long times_next)
+    int lag_sizes_again(lag_run *run)
+    lag_report lag_report_of(const lag_run *run)
+    lag_event lag_last_event(const lag_run *run)
+    int lag_coefficients(lag_run *run, double *out)
+
+
+cdef extern from "lagbatch.h" nogil:
+    enum: LAG_LANES
+
+    ctypedef struct lag_batch_settings:
+        const double *times
+        long times_count, max_steps, runs
+        const double *parameters
+        const double *states
+        long slots
+        int portable
+        int32_t *status
+        int64_t *counts
+        double *samples
+
+    ctypedef struct lag_batch
+    ctypedef struct lag_table
+
+    lag_batch *lag_batch_create(
+        const lag_memory *memory, lag_run *single, const lag_program *dynamics,
+        const lag_program *constraint, const lag_batch_settings *settings)
+    void lag_batch_destroy(lag_batch *batch)
+    int lag_batch_advance(lag_batch *batch, long attempts)
+    long lag_batch_take(lag_batch *batch, int64_t *runs, int64_t *slots)
+    const int64_t *lag_batch_runs(const lag_batch *batch)
+    void lag_batch_leave(lag_batch *batch, int lane)
+    lag_table *lag_table_create(
+        const lag_memory *memory, const lag_program *program, int columns, int np, int portable)
+    void lag_table_destroy(lag_table *table)
+    void lag_table_evaluate(
+        const lag_table *table, const double *parameters, const double *values, long rows,
+        long width, double *out)
+    void lag_batch_sincos(const double *x, double *sine, double *cosine, int portable)

@@ -1,0 +1,27 @@
+/* Memory in pools: all of a pool is released at once. */
+#ifndef LAGCLI_MEMORY_H
+#define LAGCLI_MEMORY_H
+
+#include "lagcore.h"
+
+typedef struct {
+    lag_memory from;
+    void *last;                        /* the newest allocation, which leads to the others */
+    int failed;                        /* whether there was none left at some time */
+} lag_pool;
+
+/* Zeros from the beginning of a cache line on, also for no bytes: C forbids NULL even for copies of
+ * nothing. NULL where there is no memory. */
+void *lag_get(lag_pool *pool, size_t count, size_t size);
+
+/* A copy; zeros where `from` is NULL. */
+void *lag_copy(lag_pool *pool, const void *from, size_t count, size_t size);
+
+double *lag_doubles(lag_pool *pool, long count);
+double *lag_copy_doubles(lag_pool *pool, const double *from, long count);
+int32_t *lag_copy_integers(lag_pool *pool, const int32_t *from, long count);
+
+/* Release all; the pool can be used again. */
+void lag_release(lag_pool *pool);
+
+#endif

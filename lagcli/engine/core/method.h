@@ -1,0 +1,26 @@
+/* What an integration method is. Each has one constant table, in a file of its own. */
+#ifndef LAGCLI_METHOD_H
+#define LAGCLI_METHOD_H
+
+#include "run.h"
+
+struct lag_method {
+    const char *name;
+    double order;          /* of its error control, by which a first step is chosen */
+    int uses_slope;        /* steps begin with run->step.f, the slope at y, and leave that of their end in f_new */
+    int uses_series;       /* steps are power series: too long for a cubic, and without refined solutions */
+
+    /* Take one accepted step from (t, y) to (t + h, y_new). Returns LAG_RUNNING, LAG_UNDEFINED,
+     * LAG_FLOOR or, of implicit methods, LAG_ORDER. */
+    int (*step)(lag_run *run);
+
+    /* The last step's dense output, n values. */
+    void (*dense)(lag_run *run, double t, double *y);
+
+    /* Forget the last step: the next one does not continue it. NULL where nothing is kept. */
+    void (*restart)(lag_run *run);
+};
+
+extern const lag_method lag_dop853, lag_rodas5p, lag_radau5, lag_taylor;
+
+#endif

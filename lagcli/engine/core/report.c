@@ -1,0 +1,60 @@
+/* What a program that drives a run asks of it, and sets, between its steps. */
+#include <string.h>
+
+#include "implicit.h"
+#include "run.h"
+
+const double *lag_matrix(const lag_run *run)
+{
+    return run->implicit->matrix;
+}
+
+long lag_take(lag_run *run)
+{
+    const long used = run->samples.used;
+    run->samples.used = 0;
+    return used;
+}
+
+void lag_limit(lag_run *run, double h_max)
+{
+    run->step.h_max = h_max;
+    if (run->step.h > h_max)
+        run->step.h = h_max;
+}
+
+void lag_move(lag_run *run, double t, const double *y, long times_next)
+{
+    run->step.t = t;
+    memcpy(run->step.y, y, (2 * (size_t)run->system.nq + 1) * sizeof(double));
+    run->samples.next = times_next;
+}
+
+lag_report lag_report_of(const lag_run *run)
+{
+    return (lag_report){
+        .t_old = run->step.t_old, .t = run->step.t, .y = run->step.y,
+        .atol = run->tolerances.atol, .lengths = run->rows.lengths,
+        .steps = run->step.steps, .rejected = run->step.rejected,
+        .evaluations = run->step.evaluations, .times_next = run->samples.next,
+        .t_bad = run->failure.t, .y_bad = run->failure.y,
+    };
+}
+
+lag_event lag_last_event(const lag_run *run)
+{
+    const lag_events *e = &run->events;
+    return (lag_event){e->which, e->direction, e->time, e->y};
+}
+
+int lag_coefficients(lag_run *run, double *out)
+{
+    const lag_series *series = &run->series;
+    const int n = 2 * run->system.nq + 1, order = series->order;
+    if (order == 0 || lag_series_expand(series, run->system.nq, run->step.t, run->step.y))
+        return 1;
+    for (int m = 0; m < n; ++m)
+        for (int k = 0; k <= order; ++k)
+            out[m * (order + 1) + k] = COEFFICIENT(series, m, k);
+    return 0;
+}

@@ -1,0 +1,53 @@
+#include "sample.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "motion.h"
+#include "project.h"
+#include "step.h"
+
+#define FINE 1e-5           /* of rtol: a residual of the equations that samples may have */
+
+/* Write the consistent state at a sample time, with its a and lambda. */
+static int sample(lag_run *run, double t, double *y)
+{
+    const lag_system *s = &run->system;
+    const int nq = s->nq, nc = s->nc;
+    double power, *row = run->samples.block + run->samples.used * lag_sample_size(s);
+    if (run->projection.active) {
+        const int status = lag_return(run, t, y);
+        if (status != LAG_RUNNING)
+            return status;
+    }
+    const int refined = run->solver.refining || lag_solving_by(run) == LAG_BY_LU || run->solver.inaccuracy > FINE * run->tolerances.rtol;
+    if (lag_accelerate(run, t, y, refined, &power))
+        return LAG_UNDEFINED;
+    row[0] = t;
+    memcpy(row + lag_sample_q(s), y, 2 * (size_t)nq * sizeof(double));
+    memcpy(row + lag_sample_a(s), run->solver.a, (size_t)nq * sizeof(double));
+    memcpy(row + lag_sample_multipliers(s), run->solver.multipliers, (size_t)nc * sizeof(double));
+    row[lag_sample_work(s)] = y[2 * nq];
+    ++run->samples.used;
+    ++run->samples.next;
+    return LAG_RUNNING;
+}
+
+int lag_sample_until(lag_run *run, double end)
+{
+    const int n = lag_size(&run->system);
+    double *y = run->samples.y;
+    while (run->samples.next < run->samples.count && run->samples.times[run->samples.next] <= end) {
+        const double t = run->samples.times[run->samples.next];
+        if (run->samples.used == run->samples.rows)
+            return LAG_BLOCK_FULL;
+        if (run->step.finishing && t < run->step.t)
+            lag_dense(run, t, y);
+        else
+            memcpy(y, run->step.finishing ? run->step.y_new : run->step.y, (size_t)n * sizeof(double));
+        const int status = sample(run, t, y);
+        if (status != LAG_RUNNING)
+            return status;
+    }
+    return LAG_RUNNING;
+}

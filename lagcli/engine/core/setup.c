@@ -1,0 +1,335 @@
+/* A run is made ready: its arrays are copied and its memory is allocated, here alone. */
+#include <math.h>
+#include <string.h>
+
+#include "implicit.h"
+#include "memory.h"
+#include "method.h"
+#include "run.h"
+#include "tape.h"
+
+static const int32_t *copy_stream(lag_pool *pool, const lag_stream *stream)
+{
+    return lag_copy_integers(pool, stream->code, stream->length);
+}
+
+/* Bind a program to a register file of its own, with the run's parameters. Returns 0, or 1 where there
+ * is no memory. */
+static int bind(lag_run *run, lag_pool *pool, lag_tape *tape, const lag_program *program)
+{
+    tape->registers = lag_copy_doubles(pool, program->registers, program->register_count);
+    tape->prelude = copy_stream(pool, &program->prelude);
+    tape->stream = copy_stream(pool, &program->main);
+    for (int i = 0; i < 3; ++i)
+        tape->later[i] = copy_stream(pool, &program->later[i]);
+    for (int i = 0; i < 2; ++i)
+        tape->alone[i] = program->alone[i].code ? copy_stream(pool, &program->alone[i]) : NULL;
+    tape->held = lag_copy_integers(pool, NULL, 2);
+    tape->outputs = lag_copy_integers(pool, program->outputs, program->output_count);
+    if (pool->failed)
+        return 1;
+    double *parameters = tape->registers + program->inputs - run->np;
+    memcpy(parameters, run->parameters, (size_t)run->np * sizeof(double));
+    tape->registers[0] = NAN; /* no state yet */
+    lag_stream_run(tape->prelude, tape->registers);
+    return 0;
+}
+
+static void copy_equations(lag_run *run, const lag_equations *given)
+{
+    lag_pool *pool = &run->pool;
+    lag_system *s = &run->system;
+    const int nq = given->nq, nm = given->nm, nb = given->nb;
+    s->nq = nq;
+    s->nc = given->nc;
+    s->nh = given->nh;
+    s->nm = nm;
+    s->nb = nb;
+    s->holonomic = lag_copy_integers(pool, given->holonomic, given->nh);
+    s->mass_row = lag_copy_integers(pool, given->mass_row, nm);
+    s->mass_column = lag_copy_integers(pool, given->mass_column, nm);
+    s->jacobian_row = lag_copy_integers(pool, given->jacobian_row, nb);
+    s->jacobian_column = lag_copy_integers(pool, given->jacobian_column, nb);
+    s->unit = lag_copy_integers(pool, given->unit, nq);
+    int32_t *diagonal = lag_copy_integers(pool, NULL, nq);
+    if (pool->failed)
+        return;
+    for (int i = 0; i < nq; ++i)
+        diagonal[i] = -1;
+    for (int i = 0; i < nm; ++i)
+        if (given->mass_row[i] == given->mass_column[i])
+            diagonal[given->mass_row[i]] = i;
+    s->mass_diagonal = diagonal;
+}
+
+static void copy_settings(lag_run *run, const lag_settings *given)
+{
+    lag_pool *pool = &run->pool;
+    const int nq = run->system.nq, nc = run->system.nc, n = 2 * nq + 1;
+    run->parameters = lag_copy_doubles(pool, given->parameters, run->np);
+    run->step.t = run->step.t_start = given->t_start;
+    run->step.t_end = given->t_end;
+    run->step.h_max = given->h_max;
+    run->step.y = lag_copy_doubles(pool, given->y, n);
+    run->tolerances.rtol = given->rtol;
+    run->tolerances.given = lag_copy_doubles(pool, given->atol, n);
+    run->tolerances.atol = lag_copy_doubles(pool, given->atol, n);
+    run->tolerances.kind = lag_copy_integers(pool, given->kind, nq);
+    for (int i = 0; i < nq; ++i)
+        if (run->tolerances.kinds <= given->kind[i])
+            run->tolerances.kinds = given->kind[i] + 1;
+    run->rows.rank = given->rank;
+    run->rows.sizes = lag_copy_doubles(pool, given->sizes, nq);
+    run->rows.lengths = lag_copy_doubles(pool, given->lengths, nc);
+    run->rows.plain_lengths = lag_copy_doubles(pool, given->plain_lengths, nc);
+    run->projection.active = given->projecting;
+    run->baumgarte.active = given->baumgarte;
+    run->baumgarte.alpha = fmax(given->alpha, 0.0);
+    run->baumgarte.beta = fmax(given->beta, 0.0);
+    run->baumgarte.alpha_from_step = given->baumgarte && given->alpha < 0.0;
+    run->baumgarte.beta_from_alpha = given->beta < 0.0;
+    run->watch.mode = given->watching;
+    run->stiffness.detecting = given->detecting;
+    run->solver.refinable = given->refinable;
+    run->samples.times = lag_copy_doubles(pool, given->times, given->times_count);
+    run->samples.count = given->times_count;
+    run->samples.block = given->block;
+    run->samples.rows = given->block_rows;
+}
+
+static void allocate(lag_run *run)
+{
+    lag_pool *pool = &run->pool;
+    const int nq = run->system.nq, nc = run->system.nc, n = 2 * nq + 1, rank = run->rows.rank;
+    const int size = nq + 2 * nc - rank, kinds = run->tolerances.kinds;
+    lag_step *step = &run->step;
+    step->f = lag_doubles(pool, n);
+    step->y_old = lag_doubles(pool, n);
+    step->y_new = lag_doubles(pool, n);
+    step->f_new = lag_doubles(pool, n);
+    step->trial = lag_doubles(pool, n);
+    step->stages = lag_doubles(pool, 16 * (n + 7));
+    step->dense = lag_doubles(pool, 7 * (n + 7));
+    step->work = lag_doubles(pool, 2 * (n + size) + 3 * nc);
+    run->tolerances.size = lag_doubles(pool, n);
+    run->tolerances.gross = lag_doubles(pool, nq);
+    run->tolerances.later = lag_doubles(pool, nq);
+    run->tolerances.largest = lag_doubles(pool, 2 * kinds);
+    run->projection.scale_position = lag_doubles(pool, run->system.nh);
+    run->projection.scale_velocity = lag_doubles(pool, nc);
+    run->solver.a = lag_doubles(pool, nq + nc);
+    run->solver.right = lag_doubles(pool, size);
+    run->solver.solution = lag_doubles(pool, size);
+    run->dense.weight = lag_doubles(pool, nc);
+    run->dense.pivots = lag_get(pool, (size_t)size, sizeof(int));
+    run->rows.scaled = lag_doubles(pool, (long)nq * nc);
+    run->rows.order = lag_get(pool, (size_t)nc, sizeof(int));
+    run->rows.components = lag_doubles(pool, (long)nc * nc);
+    run->rows.dependencies = lag_doubles(pool, (long)(nc - rank) * nc);
+    run->watch.combination = lag_doubles(pool, nc);
+    run->watch.jacobian = lag_doubles(pool, 2 * run->system.nb);
+    run->samples.y = lag_doubles(pool, n);
+    run->failure.y = lag_doubles(pool, n);
+    if (!pool->failed)
+        run->solver.multipliers = run->solver.a + nq;
+}
+
+lag_run *lag_create(const lag_memory *memory, const lag_equations *equations,
+                    const lag_settings *settings)
+{
+    lag_pool pool = {.from = *memory};
+    lag_run *run = lag_get(&pool, 1, sizeof *run);
+    if (!run)
+        return NULL;
+    run->pool = pool;
+    run->dynamics_pool.from = *memory;
+    run->np = equations->np;
+    run->method = run->stepped = lag_method_at(0);
+    copy_equations(run, equations);
+    copy_settings(run, settings);
+    allocate(run);
+    if (run->pool.failed
+        || bind(run, &run->pool, &run->system.constraint, &equations->constraint)) {
+        lag_destroy(run);
+        return NULL;
+    }
+    return run;
+}
+
+void lag_destroy(lag_run *run)
+{
+    if (run->implicit)
+        lag_release(&run->implicit->pivots_pool);
+    lag_release(&run->dynamics_pool);
+    lag_pool pool = run->pool; /* the run lies in it */
+    lag_release(&pool);
+}
+
+/* Replace the dynamics, and what was made of the former ones. */
+static int replace_dynamics(lag_run *run, const lag_program *dynamics, enum lag_solution by)
+{
+    lag_release(&run->dynamics_pool);
+    run->series = (lag_series){0};
+    run->solver.by = by;
+    run->factors.plan.n = run->system.nq + run->system.nc;
+    return bind(run, &run->dynamics_pool, &run->system.dynamics, dynamics);
+}
+
+int lag_use_dense(lag_run *run, const lag_program *dynamics)
+{
+    return replace_dynamics(run, dynamics, LAG_BY_LU) || lag_allow_dense(run, 0);
+}
+
+int lag_allow_dense(lag_run *run, long steps)
+{
+    const long size = run->system.nq + 2 * run->system.nc - run->rows.rank;
+    run->solver.dense_steps = steps;
+    if (!run->dense.matrix) {
+        run->dense.matrix = lag_doubles(&run->pool, size * size);
+        run->dense.lu = lag_doubles(&run->pool, size * size);
+    }
+    return run->pool.failed;
+}
+
+int lag_use_unrolled(lag_run *run, const lag_program *dynamics)
+{
+    const lag_system *s = &run->system;
+    run->solver.refining = 0;
+    run->solver.other_right = dynamics->inputs;
+    run->solver.cancellation_count =
+        (int)dynamics->output_count - lag_first_kept(s) - 2 * s->nq - s->nc;
+    return replace_dynamics(run, dynamics, LAG_BY_TAPE);
+}
+
+int lag_use_elimination(lag_run *run, const lag_program *dynamics, const lag_elimination *given)
+{
+    lag_pool *pool = &run->dynamics_pool;
+    lag_factors *f = &run->factors;
+    const int n = given->n, entries = given->start[n];
+    run->solver.refining = 0;
+    if (replace_dynamics(run, dynamics, LAG_BY_LDL))
+        return 1;
+    f->plan = (lag_elimination){
+        .n = n,
+        .order = lag_copy_integers(pool, given->order, n),
+        .paired = lag_copy_integers(pool, given->paired, n),
+        .start = lag_copy_integers(pool, given->start, n + 1),
+        .row = lag_copy_integers(pool, given->row, entries),
+        .left_start = lag_copy_integers(pool, given->left_start, n + 1),
+        .left_column = lag_copy_integers(pool, given->left_column, entries),
+        .left_entry = lag_copy_integers(pool, given->left_entry, entries),
+        .mass_targets = lag_copy_integers(pool, given->mass_targets, run->system.nm),
+        .jacobian_targets = lag_copy_integers(pool, given->jacobian_targets, run->system.nb),
+    };
+    f->factors = lag_doubles(pool, 2 * n + entries);
+    f->product = lag_doubles(pool, entries);
+    return pool->failed;
+}
+
+int lag_use_series(lag_run *run, const lag_series_program *given)
+{
+    lag_pool *pool = &run->dynamics_pool;
+    lag_series *series = &run->series;
+    *series = (lag_series){
+        .stream = copy_stream(pool, &given->stream),
+        .known = lag_doubles(pool, given->convolutions),
+        .count = given->convolutions,
+        .file = lag_doubles(pool, given->size),
+        .order = given->order,
+        .steady = given->steady,
+        .numbers = given->numbers,
+        .begun = given->begun,
+        .begins = lag_copy_integers(pool, given->begins, given->begun),
+        .origin = given->origin,
+        .layer = given->layer,
+        .state = lag_copy_integers(pool, given->state, 2 * run->system.nq + 2),
+    };
+    if (bind(run, pool, &series->values, &given->values))
+        return 1;
+    for (int i = 0; i < series->steady; ++i)
+        series->file[i] = OUT(&series->values, i);
+    return 0;
+}
+
+/* Copy a block whose values begin at an output; return where they end. */
+static int copy_block(lag_pool *pool, lag_part_of_jacobian *block, const lag_block *given, int first)
+{
+    block->count = given->count;
+    block->first = first;
+    block->places = lag_copy_integers(pool, given->places, given->count);
+    return first + given->count;
+}
+
+int lag_use_jacobians(lag_run *run, const lag_jacobians *given)
+{
+    lag_pool *pool = &run->pool;
+    lag_implicit *m = lag_get(pool, 1, sizeof *m);
+    const int nq = run->system.nq, nc = run->system.nc, n = given->n, count = given->start[n];
+    if (!m)
+        return 1;
+    int first = 0;
+    first = copy_block(pool, &m->force_position, &given->force_position, first);
+    first = copy_block(pool, &m->force_velocity, &given->force_velocity, first);
+    first = copy_block(pool, &m->rhs_position, &given->rhs_position, first);
+    first = copy_block(pool, &m->rhs_velocity, &given->rhs_velocity, first);
+    first = copy_block(pool, &m->power_position, &given->power_position, first);
+    copy_block(pool, &m->power_velocity, &given->power_velocity, first);
+    m->mass = lag_doubles(pool, run->system.nm);
+    m->jacobian = lag_doubles(pool, run->system.nb);
+    m->border = lag_doubles(pool, (long)(nc - run->rows.rank) * nc);
+    m->derivatives = lag_doubles(pool, given->program.output_count);
+    m->velocity = lag_doubles(pool, nq);
+    m->quotient = lag_doubles(pool, nq);
+    m->zero = lag_doubles(pool, nq);
+    m->n = n;
+    m->count = count;
+    m->start = lag_copy_integers(pool, given->start, n + 1);
+    m->columns = lag_copy_integers(pool, given->columns, count);
+    m->parts = lag_copy_integers(pool, given->parts, given->parts_count);
+    m->matrix = lag_doubles(pool, count);
+    m->matrix_re = lag_doubles(pool, count);
+    m->matrix_im = lag_doubles(pool, count);
+    m->right = lag_doubles(pool, n);
+    m->right_im = lag_doubles(pool, n);
+    m->residual = lag_doubles(pool, n);
+    m->work = lag_doubles(pool, 2 * n);
+    m->ordered = -1;
+    m->pivots_pool.from = pool->from;
+    run->implicit = m;
+    return bind(run, pool, &m->variation, &given->program);
+}
+
+int lag_use_pivots(lag_run *run, const lag_pivots *given)
+{
+    lag_implicit *m = run->implicit;
+    lag_pool *pool = &m->pivots_pool;
+    const int n = given->n, entries = n ? given->start[n] : 0;
+    lag_release(pool);
+    m->order = (lag_pivots){0};
+    if (!n)
+        return 0;
+    m->order = (lag_pivots){
+        .n = n,
+        .row = lag_copy_integers(pool, given->row, n),
+        .column = lag_copy_integers(pool, given->column, n),
+        .start = lag_copy_integers(pool, given->start, n + 1),
+        .columns = lag_copy_integers(pool, given->columns, entries),
+        .diagonal = lag_copy_integers(pool, given->diagonal, n),
+        .places = lag_copy_integers(pool, given->places, m->count),
+    };
+    m->factors = lag_doubles(pool, entries);
+    m->complex_re = lag_doubles(pool, entries);
+    m->complex_im = lag_doubles(pool, entries);
+    return pool->failed;
+}
+
+int lag_use_events(lag_run *run, const lag_program *functions)
+{
+    lag_events *events = &run->events;
+    events->count = (int)functions->output_count;
+    events->time = NAN;
+    events->sign = lag_copy_integers(&run->pool, NULL, events->count);
+    events->after = lag_copy_integers(&run->pool, NULL, events->count);
+    events->y = lag_doubles(&run->pool, 2 * run->system.nq + 1);
+    return bind(run, &run->pool, &events->tape, functions);
+}

@@ -1,0 +1,45 @@
+"""Why the core returns. `lagcli.engine.core.headers` writes the same for C."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class _Described(IntEnum):
+    """Numbered from 0 in the order of their rows; each row is a sentence."""
+
+    sentence: str
+
+    def __new__(cls, sentence: str) -> _Described:
+        status = int.__new__(cls, len(cls.__members__))
+        status._value_ = len(cls.__members__)
+        status.sentence = sentence
+        return status
+
+
+class Status(_Described):
+    """Why a run returns from the core."""
+
+    RUNNING = "the slice of steps is over"
+    DONE = "t_end is reached"
+    BLOCK_FULL = "the sample block is full"
+    UNDEFINED = "the equations have no finite value at (t_bad, y_bad)"
+    FLOOR = "the step size fell to the floor"
+    NEAR = "the last step went towards a singular configuration"
+    OVER = "the last step may have crossed a singular configuration"
+    OFF = "(t_bad, y_bad) cannot be projected onto the constraints"
+    INACCURATE = "the static elimination is inaccurate at the end (t_bad, y_bad) of a rejected step"
+    STIFF = "stability, not accuracy, limits the steps of an explicit method"
+    ORDER = "an implicit method needs an order of pivots for its matrix"
+    EVENT = "an event happened inside the last step"
+    CONTRADICTED = "redundant constraints may contradict each other after the last step"
+    JUMPED = "the constraints at t_bad are met only far from y_bad"
+
+
+class LaneStatus(_Described):
+    """What has become of a run of a batch."""
+
+    WAITING = "the run has not begun"
+    UNDER_WAY = "a lane has the run"
+    DONE = "t_end is reached"
+    LEFT = "the run must be repeated by itself, from its start"

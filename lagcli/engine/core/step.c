@@ -1,0 +1,38 @@
+#include "step.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "method.h"
+#include "motion.h"
+
+double lag_step_size(const lag_run *run)
+{
+    const double h = run->step.h;
+    if (!(h > 10.0 * DBL_EPSILON * fabs(run->step.t)) || !(h > DBL_MIN * 1e10))
+        return 0.0;
+    return run->step.t + 1.01 * h >= run->step.t_end ? run->step.t_end - run->step.t : h;
+}
+
+void lag_accept(lag_run *run, double h, double factor)
+{
+    run->step.t_old = run->step.t;
+    run->step.h_old = h;
+    memcpy(run->step.y_old, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
+    run->step.t = h == run->step.t_end - run->step.t ? run->step.t_end : run->step.t + h;
+    run->step.h = fmin(h * factor, run->step.h_max);
+    run->step.dense_ready = 0;
+    ++run->step.steps;
+}
+
+void lag_restart(lag_run *run)
+{
+    if (run->method->restart)
+        run->method->restart(run);
+}
+
+void lag_dense(lag_run *run, double t, double *y)
+{
+    run->stepped->dense(run, t, y);
+}

@@ -1,0 +1,19 @@
+/* The step of a run: its size, its acceptance, and its dense output. */
+#ifndef LAGCLI_STEP_H
+#define LAGCLI_STEP_H
+
+#include "run.h"
+
+/* The size of the next step, cut at t_end; 0 where it is below the floor. */
+double lag_step_size(const lag_run *run);
+
+/* Accept a step of size h to y_new; the next is larger by a factor. */
+void lag_accept(lag_run *run, double h, double factor);
+
+/* Forget the last step: the next one does not continue it. */
+void lag_restart(lag_run *run);
+
+/* The last step's dense output, n values. */
+void lag_dense(lag_run *run, double t, double *y);
+
+#endif

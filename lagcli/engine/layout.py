@@ -1,0 +1,116 @@
+"""Layouts: which numbers stand where in sample rows and in the outputs of tapes.
+
+`lagcli.engine.core.headers` writes the same for C when the core is built, so this module imports
+the standard library alone.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Annotated, NamedTuple, get_type_hints
+
+
+class Counts(NamedTuple):
+    """Numbers of coordinates, constraints, holonomic ones, and nonzero entries of M and B."""
+
+    nq: int
+    nc: int
+    nh: int = 0
+    nm: int = 0
+    nb: int = 0
+
+    @property
+    def unknowns(self) -> int:
+        """Number of accelerations and multipliers."""
+        return self.nq + self.nc
+
+
+class Layout:
+    """Parts that lie one after the other, each a slice.
+
+    Attributes
+    ----------
+    size : int
+        Numbers in all parts that have counts.
+    """
+
+    size: int
+
+    def __init__(self, counts: Counts):
+        first = 0
+        for name, part in self.parts().items():
+            stop = first + sum(1 if count == "1" else getattr(counts, count) for count in part)
+            setattr(self, name, slice(first, stop if part else None))
+            first = stop
+        self.size = first
+
+    @classmethod
+    @cache
+    def parts(cls) -> dict[str, tuple[str, ...]]:
+        """Return what the size of each part is the sum of; nothing: all that follows."""
+        hints = get_type_hints(cls, include_extras=True)
+        return {
+            name: tuple(filter(None, hint.__metadata__))
+            for name, hint in hints.items()
+            if name != "size"
+        }
+
+
+One = Annotated[slice, "1"]
+Coordinates = Annotated[slice, "nq"]
+Constraints = Annotated[slice, "nc"]
+Holonomic = Annotated[slice, "nh"]
+MassEntries = Annotated[slice, "nm"]
+JacobianEntries = Annotated[slice, "nb"]
+Unknowns = Annotated[slice, "nq", "nc"]
+Rest = Annotated[slice, ""]
+
+
+class SampleLayout(Layout):
+    """A sample; the inputs of a tape lie alike, with parameters after q and v or a and λ."""
+
+    t: One
+    q: Coordinates
+    v: Coordinates
+    a: Coordinates
+    multipliers: Constraints
+    work: One
+
+
+class DynamicsLayout(Layout):
+    """The outputs of the dynamics tape; the power is that of the applied forces and of time."""
+
+    mass_matrix: MassEntries
+    forcing: Coordinates
+    jacobian: JacobianEntries
+    rhs: Constraints
+    power: One
+
+
+class UnrolledLayout(DynamicsLayout):
+    """The outputs of the dynamics tape with the elimination unrolled.
+
+    The solution is a, λ, and the power that of all forces. What the pivots keep of their terms is
+    followed by the squares of the lengths of B's rows, by the solution for another right side
+    (a, λ), and by a for a right side of the constraints alone.
+    """
+
+    solution: Unknowns
+    total_power: One
+    kept: Rest
+
+
+class ConstraintLayout(Layout):
+    """The outputs of the constraint tape."""
+
+    position: Holonomic
+    jacobian: JacobianEntries
+    drift: Constraints
+    position_scale: Holonomic
+    velocity_scale: Constraints
+
+
+class RatesLayout(ConstraintLayout):
+    """The outputs of the constraint tape with ψ."""
+
+    velocity: Constraints
