@@ -193,7 +193,7 @@ class _Sweep:
         with Interruption(*_signals()) as interruption:
 
             def heed() -> None:
-                if interruption.wished():
+                if interruption.requested():
                     raise Interrupted
 
             try:
