@@ -70,12 +70,6 @@ class _Declared:
         "Baumgarte's β, {unit}.", unit="1/s", stated="α", check=not_negative
     )
     engine = Choice[str]("Engine.", stated="compiled, for its methods", choices=ENGINES)
-    first_step = RealNumber[float | None](
-        "First step of the reference engine, {unit}.",
-        unit="s",
-        stated="from the motion",
-        check=positive,
-    )
     max_step = RealNumber[float]("Largest step, {unit}.", math.inf, unit="s", check=positive)
     max_steps = WholeNumber[int]("Give a run up after so many steps.", 10_000_000, check=positive)
     timeout = RealNumber[float](

@@ -168,8 +168,7 @@ class _Integration:
                 rtol=max(strict * self.settings.rtol, _LEAST_RTOL),
                 atol=strict * self.sizes.tolerances,
                 max_step=self.settings.max_step,
-                first_step=self.settings.first_step
-                or self.sizes.first_step(t, y, method.error_order + 1.0),
+                first_step=self.sizes.first_step(t, y, method.error_order + 1.0),
             )
         except ValueError as error:  # SciPy's word for NaN in a Jacobian
             raise Undefined(t, *self.motion.split(y)) from error
