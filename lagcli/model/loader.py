@@ -32,19 +32,7 @@ from lagcli.model.yaml.reading import check_text, read_text
 from lagcli.model.yaml.source import Source
 
 KEYS = (
-    *(
-        "name",
-        "description",
-        "reference",
-        "coordinates",
-        "parameters",
-        "definitions",
-        "T",
-        "V",
-        "L",
-        "Q",
-        "D",
-    ),
+    *("name", "description", "coordinates", "parameters", "definitions", "T", "V", "L", "Q", "D"),
     *("constraints", "initial", "outputs", "simulation", "view"),
 )
 LATER_KEYS = ("inputs", "events")
@@ -137,13 +125,11 @@ def _model(
     view = read_view(draft, constants, definitions, constraints)
     name = draft.text(draft.get("name"), "`name`") or Path(draft.source.path).stem
     description = draft.text(draft.get("description"), "`description`")
-    reference = draft.text(draft.get("reference"), "`reference`")
     draft.report.finish()
     assert potential is not None
     return Model(
         name=name,
         description=description,
-        reference=reference,
         path=draft.source.path,
         text=draft.source.text,
         sha256=hashlib.sha256(draft.source.text.encode()).hexdigest(),

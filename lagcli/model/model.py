@@ -200,7 +200,6 @@ class Model:
 
     name: str
     description: str | None
-    reference: str | None
     path: str
     text: str
     sha256: str
