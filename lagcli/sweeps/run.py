@@ -195,7 +195,7 @@ class _Sweep:
         with Interruption(*_signals()) as interruption:
 
             def check_cancelled() -> None:
-                if interruption.wished():
+                if interruption.requested():
                     raise Interrupted
 
             try:
