@@ -116,8 +116,6 @@ class Columns:
         Σ λ_β b_β·v, W: rheonomic constraints do work.
     power_time : (nt,) array
         −∂L/∂t, W: what enters by the explicit time in T or V.
-    power_total : (nt,) array
-        The sum of the three powers, W.
     energy_balance : (nt,) array
         energy_total minus its first value minus the integral of the three powers; zero for an
         exact run.
@@ -177,7 +175,6 @@ class Columns:
     power_time: Array = _column(
         "power by the explicit time in T or V", "W", "powers", "explicit time"
     )
-    power_total: Array = _column("sum of the powers", "W", "powers", "total")
     energy_balance: Array = _column(
         "total energy minus its first value minus the integral of the powers",
         "J",

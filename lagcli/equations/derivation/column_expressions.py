@@ -78,7 +78,6 @@ _EXPRESSIONS: Mapping[str, Callable[[Equations], Basic]] = {
     "power_applied": power_applied,
     "power_constraint": _power_constraint,
     "power_time": lambda eq: eq.time_power,
-    "power_total": lambda eq: power_applied(eq) + _power_constraint(eq) + eq.time_power,
     "energy_balance": lambda eq: eq.energy - WORK - ENERGY_BEFORE,
     "residual_equation": _residual_equation,
 }
