@@ -108,16 +108,9 @@ def _csv() -> FormatFunctions:
     return FormatFunctions(writer.check_csv_target, writer.CsvWriter, reader.open_csv)
 
 
-def _npz() -> FormatFunctions:
-    from lagcli.results import npz
-
-    return FormatFunctions(npz.check_npz_target, npz.NpzWriter, npz.open_npz)
-
-
 FORMATS = (
     ResultFormat("hdf5", "HDF5", (".h5", ".hdf5"), _hdf5, sweeps="all"),
     ResultFormat("csv", "CSV", (".csv",), _csv, sweeps="table", streams=True),
-    ResultFormat("npz", "NumPy", (".npz",), _npz),
 )
 #: All suffixes, as `str.endswith` takes them.
 SUFFIXES = tuple(suffix for f in FORMATS for suffix in f.suffixes)
