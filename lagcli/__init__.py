@@ -15,7 +15,6 @@ from lagcli.version import __version__
 if TYPE_CHECKING:
     from lagcli.equations.derivation.lagrange import derive
     from lagcli.equations.render import render
-    from lagcli.impulses import impulses
     from lagcli.model.loader import load, load_text
     from lagcli.pictures.animation.animate import animate
     from lagcli.pictures.plots.plot import plot
@@ -30,7 +29,6 @@ __all__ = [
     "animate",
     "degrees_of_freedom",
     "derive",
-    "impulses",
     "load",
     "load_text",
     "plot",
@@ -47,7 +45,6 @@ _PLACES = {
     "animate": "lagcli.pictures.animation.animate",
     "degrees_of_freedom": "lagcli.simulations.start",
     "derive": "lagcli.equations.derivation.lagrange",
-    "impulses": "lagcli.impulses",
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",
     "plot": "lagcli.pictures.plots.plot",

@@ -36,7 +36,6 @@ ROOMS = {
     "simulations": {
         *("version", "errors", "columns", "model", "equations", "engine", "settings", "trajectory"),
     },
-    "impulses": {"trajectory"},
     "results": {"errors", "columns", "trajectory"},
     "sweeps": {
         *("version", "errors", "columns", "model", "equations", "engine", "settings", "trajectory"),
@@ -64,7 +63,6 @@ FOREIGN = {
     "settings": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy", "symengine"},
     "trajectory": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "simulations": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
-    "impulses": {"scipy", "h5py"},
     "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
     "sweeps": {"yaml", "sympy", "typer", "rich", "pint"},
     "pictures": {"yaml", "sympy", "scipy", "h5py", "typer", "rich", "pint"},
@@ -93,7 +91,7 @@ HEAVY = {
     "scipy": {"engine"},
     "numpy": {
         *("engine", "settings", "trajectory", "simulations", "results", "sweeps", "pictures"),
-        *("play", "cli", "impulses"),
+        *("play", "cli"),
     },
     "symengine": {"model", "equations", "engine", "simulations", "pictures", "sweeps"},
 }
