@@ -83,6 +83,16 @@ def test_units_follow_from_those_of_the_coordinates(name: str, units: dict[str, 
     assert BY_NAME[name].unit_at(None) == ("J" if name == "energy_total" else None)
 
 
+def test_files_have_the_columns_that_the_documentation_names() -> None:
+    header = (
+        "t phi phi_dot phi_ddot lambda.guide Qc.phi Qc.guide.phi energy_kinetic energy_potential"
+        " energy_total power_applied power_constraint power_time energy_balance"
+        " residual_position.guide residual_velocity.guide residual_equation"
+    )
+    named = [column_names(q, ["phi"], ["guide"], [("guide", "phi")]) for q in SAMPLED]
+    assert " ".join(str(name) for names in named for name in names) == header
+
+
 def test_declarations_are_complete() -> None:
     stored = [q.name for q in SAMPLED if q.name != "constraint_force"]
     assert stored == [f.name for f in fields(Columns)]

@@ -29,6 +29,13 @@ from lagcli.trajectory.samples import Array, Record, Samples, Terms
 _VERSION = "1"
 #: The mappings that layout 1 has; those that came later are empty in the copy.
 _MAPPINGS = ("units", "parameters", "options", "counts", "seconds", "initial_correction")
+#: The columns that it has; those that came later are NaN in the copy.
+_COLUMNS = {
+    *("time", "q", "v", "a", "multipliers", "constraint_force", "constraint_force_by"),
+    *("energy_kinetic", "energy_potential", "energy_total", "energy_balance"),
+    *("power_applied", "power_constraint", "power_time", "scale_position", "scale_velocity"),
+    *("residual_position", "residual_velocity", "residual_equation"),
+}
 #: How a heap of texts begins.
 _HEAP = b"GCOL\1\0\0\0"
 #: Numbers that are read together.
@@ -153,8 +160,10 @@ def _copy_trajectory(root: h5py.File, target: str) -> None:
     nt, nq, nc = length.values()
 
     def read(name: str, axes: tuple[str, ...], rows: slice = slice(None)) -> Array:
-        dataset = numbers(root, name)
         expected = tuple(length[axis] for axis in axes)
+        if name not in _COLUMNS:
+            return np.full(expected, np.nan)[rows]
+        dataset = numbers(root, name)
         if dataset.shape != expected:
             raise ValueError(f"{name} has shape {dataset.shape}, not {expected}")
         return np.asarray(dataset[rows], dtype=np.float64)

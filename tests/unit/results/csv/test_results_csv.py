@@ -26,17 +26,20 @@ from trajectories import (
     random_trajectories,
 )
 
+from lagcli.columns import RESIDUALS, SAMPLED, SCALARS, column_names
 from lagcli.errors import FileError, UsageError
 from lagcli.results import read, write
 from lagcli.trajectory.trajectory import Trajectory
 
+SCALARS_AND_RESIDUALS = ",".join(
+    str(name)
+    for quantity in SAMPLED
+    if quantity in (*SCALARS, *RESIDUALS)
+    for name in column_names(quantity, (), ("guide", "pin"))
+)
 HEADER = (
     "t,phi,psi,phi_dot,psi_dot,phi_ddot,psi_ddot,lambda.guide,lambda.pin,Qc.phi,Qc.psi,"
-    "Qc.guide.phi,Qc.guide.psi,Qc.pin.phi,Qc.pin.psi,"
-    "energy_kinetic,energy_potential,energy_total,"
-    "power_applied,power_constraint,power_time,energy_balance,"
-    "residual_position.guide,residual_position.pin,"
-    "residual_velocity.guide,residual_velocity.pin,residual_equation,rod_force,a_first"
+    f"Qc.guide.phi,Qc.guide.psi,Qc.pin.phi,Qc.pin.psi,{SCALARS_AND_RESIDUALS},rod_force,a_first"
 )
 
 
@@ -234,12 +237,15 @@ def test_a_missing_file_and_a_folder_are_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (lambda rows: rows[3].pop(), "line 4 has 23 values for 24 columns"),
-        (lambda rows: rows[3].append("1"), "line 4 has 25 values for 24 columns"),
+        (lambda rows: rows[3].pop(), "line 4 has {less} values for {all} columns"),
+        (lambda rows: rows[3].append("1"), "line 4 has {more} values for {all} columns"),
         (lambda rows: rows[2].__setitem__(3, ""), "line 3, column phi_dot: '' is not a number"),
         (lambda rows: rows[2].__setitem__(3, "1,5"), "line 3, column phi_dot: '1,5' is not"),
         (lambda rows: rows[2].__setitem__(3, "one"), "line 3, column phi_dot: 'one' is not"),
-        (lambda rows: [row.pop() for row in rows[1:]], "line 2 has 23 values for 24 columns"),
+        (
+            lambda rows: [row.pop() for row in rows[1:]],
+            "line 2 has {less} values for {all} columns",
+        ),
     ],
 )
 def test_a_line_that_is_no_sample_is_named(tmp_path: Path, change: Any, reason: str) -> None:
@@ -248,7 +254,9 @@ def test_a_line_that_is_no_sample_is_named(tmp_path: Path, change: Any, reason: 
     change(rows)
     with path.open("w", newline="") as file:
         csv.writer(file).writerows(rows)
-    with pytest.raises(FileError, match=reason):
+    width = len(path.read_text().partition("\n")[0].split(","))
+    said = reason.format(less=width - 1, all=width, more=width + 1)
+    with pytest.raises(FileError, match=said):
         read(path)
 
 

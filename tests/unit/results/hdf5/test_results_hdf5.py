@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from trajectories import MODEL, assert_same, make, random_trajectories
 
-from lagcli.columns import QUANTITIES
+from lagcli.columns import QUANTITIES, SCALARS
 from lagcli.errors import FileError, UsageError
 from lagcli.results import read, write
 from lagcli.results.formats import open_reader
@@ -32,10 +32,7 @@ from lagcli.trajectory.trajectory import Trajectory
 
 # What results.md of the design and the docstring of Trajectory promise, by axes.
 LAYOUT = {
-    ("time",): (
-        "time energy_kinetic energy_potential energy_total power_applied power_constraint "
-        "power_time energy_balance residual_equation"
-    ),
+    ("time",): " ".join(["time", *(quantity.name for quantity in SCALARS)]),
     ("coordinate",): "coordinate",
     ("constraint",): "constraint scale_position scale_velocity",
     ("time", "coordinate"): "q v a constraint_force",
