@@ -3,9 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "ldl.h"
-#include "linear.h"
-#include "vectors.h"
+#include "linear/ldl.h"
+#include "linear/dense.h"
+#include "tape/vectors.h"
 
 
 /* Which factors of the matrix are at hand for the state that the dynamics tape holds. */

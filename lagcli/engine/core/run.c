@@ -3,10 +3,10 @@
 #include <math.h>
 #include <string.h>
 
-#include "control.h"
+#include "methods/control.h"
 #include "events.h"
-#include "dop853.h"
-#include "method.h"
+#include "methods/dop853.h"
+#include "methods/method.h"
 #include "motion.h"
 #include "project.h"
 #include "sample.h"

@@ -2,11 +2,11 @@
 #include <math.h>
 #include <string.h>
 
-#include "implicit.h"
+#include "methods/implicit.h"
 #include "memory.h"
-#include "method.h"
+#include "methods/method.h"
 #include "run.h"
-#include "tape.h"
+#include "tape/tape.h"
 
 static const int32_t *copy_stream(lag_pool *pool, const lag_stream *stream)
 {

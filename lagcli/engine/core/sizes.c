@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "control.h"
+#include "methods/control.h"
 #include "motion.h"
 
 /* The kinetic energy of velocities v, or of what they may be h later, with the dynamics tape's M. */
@@ -159,7 +159,7 @@ void lag_first_step(lag_run *run, double order)
     } else {
         for (int i = 0; i < n; ++i)
             change[i] -= f[i];
-        run->step.h = lag_first_size(&rule, change, h, run->tolerances.rtol, order);
+        run->step.h = lag_chosen_step(&rule, change, h, run->tolerances.rtol, order);
     }
     /* M at the start, where velocities may be zero: what they will be after the step counts */
     lag_evaluate(&run->system.dynamics, &run->system, run->step.t, y, LAG_ALL);

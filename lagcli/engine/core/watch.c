@@ -4,11 +4,11 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "linear.h"
-#include "method.h"
+#include "linear/dense.h"
+#include "methods/method.h"
 #include "motion.h"
 #include "step.h"
-#include "vectors.h"
+#include "tape/vectors.h"
 
 #define LARGE 20000.0       /* operations beyond which the rows of B are not orthogonalized */
 #define OVER 0.05           /* of its largest value: the weakest pivot that is looked at again */

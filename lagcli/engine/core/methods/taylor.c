@@ -2,12 +2,12 @@
 #include <math.h>
 #include <string.h>
 
-#include "method.h"
+#include "methods/method.h"
 #include "motion.h"
-#include "series.h"
+#include "methods/series.h"
 #include "sizes.h"
 #include "step.h"
-#include "vectors.h"
+#include "tape/vectors.h"
 #include "watch.h"
 
 #define SAFETY 0.9          /* of the step at which the last terms are at the tolerance */

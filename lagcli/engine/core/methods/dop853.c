@@ -1,14 +1,14 @@
-#include "dop853.h"
+#include "methods/dop853.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "control.h"
-#include "dop853_tableau.h"
-#include "method.h"
+#include "methods/control.h"
+#include "methods/dop853_tableau.h"
+#include "methods/method.h"
 #include "motion.h"
 #include "step.h"
-#include "vectors.h"
+#include "tape/vectors.h"
 #include "watch.h"
 
 
