@@ -1,12 +1,16 @@
-"""Hooks of MkDocs: pages and models outside `docs/` are part of the site as well."""
+"""Hooks of MkDocs: pages and models outside `docs/`, and tables made from declarations."""
 
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File, Files
+
+sys.path.append(str(Path(__file__).parent))
+from tables import with_tables
 
 ROOT = Path(__file__).parents[1]
 #: Pages of the repository's root, and their places in the site, where README means the index.
@@ -24,7 +28,8 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
-    """Turn links between `docs/` and its parent folder into links of the site."""
+    """Add the tables, and turn links between `docs/` and its parent folder into the site's."""
+    markdown = with_tables(markdown)
     place = page.file.src_uri
     if place in PAGES.values():
         return LINK.sub(lambda m: f"]({_of_root(m[1])}", markdown)

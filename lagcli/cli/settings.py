@@ -1,125 +1,94 @@
-"""The options of a run, which several commands share; one for each field of Settings."""
+"""The options that commands have for settings: one for each that is declared."""
 
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
 
 import typer
 
 from lagcli.errors import UsageError
+from lagcli.settings.kinds import Choice, Flag, Setting, Times, WholeNumber
+from lagcli.settings.settings import SettingsOverrides
 
-if TYPE_CHECKING:
-    from lagcli.model.model import Settings
-
-
-class Method(StrEnum):
-    """Integration methods."""
-
-    auto = "auto"
-    DOP853 = "DOP853"
-    Taylor = "Taylor"
-    Rodas5P = "Rodas5P"
-    RK45 = "RK45"
-    RK23 = "RK23"
-    Radau = "Radau"
-    BDF = "BDF"
-    LSODA = "LSODA"
+Command = Callable[..., int]
 
 
-class Formulation(StrEnum):
-    """How the constraints are kept."""
+def with_settings(*names: str) -> Callable[[Command], Command]:
+    """Give a command options in place of its keyword parameter ``settings``.
 
-    projection = "projection"
-    baumgarte = "baumgarte"
-    index1 = "index1"
+    The command is called with the `SettingsOverrides` that they make.
 
+    Parameters
+    ----------
+    *names : str
+        The settings that it takes; all of them without names.
+    """
+    declared = SettingsOverrides.DECLARED
+    options = [_option(declared[name]) for name in names or declared]
 
-class EngineName(StrEnum):
-    """Engines."""
+    def decorate(function: Command) -> Command:
+        @functools.wraps(function)
+        def command(**arguments: Any) -> int:
+            given = {option.name: arguments.pop(option.name) for option in options}
+            return function(settings=_overrides(given), **arguments)
 
-    compiled = "compiled"
-    scipy = "scipy"
+        parameters: list[inspect.Parameter] = []
+        for parameter in inspect.signature(function).parameters.values():
+            own = parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+            parameters.extend(options if parameter.name == "settings" else [own])
+        # what Typer reads: `inspect.signature` and the annotations
+        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        command.__annotations__ = {p.name: p.annotation for p in parameters}
+        return command
 
-
-StartTime = Annotated[float | None, typer.Option(help="Start time, s. [default: 0]")]
-EndTime = Annotated[float | None, typer.Option(help="End time, s. [default: 10]")]
-SampleCount = Annotated[
-    int | None, typer.Option(help="Number of samples, both ends included. [default: 1001]")
-]
-Spacing = Annotated[
-    float | None, typer.Option(help="Spacing of the samples, s, in place of --samples.")
-]
-SampleTimes = Annotated[
-    str | None, typer.Option(metavar="T1,T2,…", help="The sample times themselves, s.")
-]
-RelativeTolerance = Annotated[
-    float | None, typer.Option(help="Relative tolerance. [default: 1e-9]")
-]
-AbsoluteTolerance = Annotated[
-    float | None,
-    typer.Option(
-        help="Absolute tolerance, for all coordinates and velocities. [default: by their size]"
-    ),
-]
-MethodOption = Annotated[
-    Method | None,
-    typer.Option(
-        help="Integration method: auto is DOP853, and Rodas5P or Radau where the motion proves"
-        " stiff; Taylor takes power series; RK45, RK23, BDF, LSODA are SciPy's. [default: auto]"
-    ),
-]
-FormulationOption = Annotated[
-    Formulation | None,
-    typer.Option(
-        help="How the constraints are kept: projected after each step, by Baumgarte's"
-        " stabilization, or not at all, which shows the drift. [default: projection]"
-    ),
-]
-Alpha = Annotated[float | None, typer.Option(help="Baumgarte's α, 1/s. [default: from the step]")]
-Beta = Annotated[float | None, typer.Option(help="Baumgarte's β, 1/s. [default: α]")]
-EngineOption = Annotated[
-    EngineName | None, typer.Option(help="Engine. [default: compiled, for its methods]")
-]
-LargestStep = Annotated[float | None, typer.Option(help="Largest step, s.")]
-MostSteps = Annotated[
-    int | None, typer.Option(help="Give a run up after so many steps. [default: 10000000]")
-]
-Timeout = Annotated[
-    float | None, typer.Option(help="Give a run up after so many seconds of wall time.")
-]
-ThroughSingular = Annotated[
-    bool, typer.Option("--through-singular", help="Pass singular configurations.")
-]
+    return decorate
 
 
-def settings_of(times: str | None, **options: Any) -> "Settings":
-    """Return the Settings that options ask for.
+def _option(setting: Setting[Any]) -> inspect.Parameter:
+    """Return the parameter for which Typer makes the option."""
+    stated = f" [default: {setting.stated}]" if setting.stated else ""
+    flag = "--" + setting.name.replace("_", "-")
+    option = typer.Option(flag, help=setting.help + stated, metavar=setting.metavar)
+    type_: Any = float
+    match setting:
+        case Flag():
+            type_ = bool
+        case WholeNumber():
+            type_ = int
+        case Times():
+            type_ = str
+        case Choice():
+            type_ = Literal[setting.choices]
+    return inspect.Parameter(
+        setting.name,
+        inspect.Parameter.KEYWORD_ONLY,
+        default=False if type_ is bool else None,
+        annotation=Annotated[type_ if type_ is bool else type_ | None, option],
+    )
+
+
+def _overrides(given: dict[str, Any]) -> SettingsOverrides:
+    """Return the settings that options give.
 
     Raises
     ------
     UsageError
-        The times are no list of numbers.
+        Times are no list of numbers.
     """
-    from lagcli.model.model import Settings
+    for name, value in given.items():
+        setting = SettingsOverrides.DECLARED[name]
+        if value is not None and isinstance(setting, Times):
+            given[name] = _numbers(name, value)
+        elif value is False:
+            given[name] = None  # a flag that is not set leaves it to the model file
+    return SettingsOverrides(**given)
 
-    values: dict[str, Any] = {
-        k: x.value if isinstance(x, StrEnum) else x for k, x in options.items()
-    }
-    return Settings(times=_times(times), **values)
 
-
-def _times(text: str | None) -> tuple[float, ...] | None:
-    """Return the numbers of --times.
-
-    Raises
-    ------
-    UsageError
-        They are none.
-    """
-    if text is None:
-        return None
+def _numbers(name: str, text: str) -> list[float]:
     try:
-        return tuple(float(x) for x in text.split(","))
+        return [float(x) for x in text.split(",")]
     except ValueError:
         raise UsageError(
-            f"--times {text!r} is not a list of numbers, as in --times 0.5,1,2"
+            f"--{name} {text!r} is not a list of numbers, as in --{name} 0.5,1,2"
         ) from None

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lagcli.engine.layout import SampleLayout
 from lagcli.engine.system import System
+from lagcli.settings.settings import Settings
 
 if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
@@ -55,18 +56,16 @@ class IntegrationRequest:
     Parameters
     ----------
     q, v : (nq,) arrays
-        A consistent state at ``t_start``.
+        A consistent state at ``settings.t_start``.
     rank : int
         Rank of B there; below nc, the constraints are redundant.
-    t_start, t_end : float
-        s.
+    settings : Settings
+        How to integrate: the interval, the method, its tolerances and limits.
     times : (nt,) array
-        Sample times, increasing, within [t_start, t_end].
+        Sample times, increasing, within the interval.
     atol : float or (2 nq + 1,) array
         Absolute tolerances on q, v and the work; 0 where they follow the size of the entry, as
         core/sizes.h says.
-    rtol, method, formulation, alpha, beta, max_step, max_steps, timeout, through_singular
-        As in Settings; alpha and beta None mean "from the step".
     kinds : tuple of int, optional
         By coordinate, a number that those of the same unit share, from 0 on; all alike without.
     block_rows : int
@@ -83,19 +82,9 @@ class IntegrationRequest:
     q: Array
     v: Array
     rank: int
-    t_start: float
-    t_end: float
+    settings: Settings
     times: Array
-    rtol: float
     atol: float | Array
-    method: str
-    formulation: str
-    alpha: float | None
-    beta: float | None
-    max_step: float
-    max_steps: int
-    timeout: float | None
-    through_singular: bool
     kinds: tuple[int, ...] = ()
     block_rows: int = 4096
     elimination: Elimination | None = None
@@ -209,11 +198,11 @@ class Limits:
 
     Parameters
     ----------
-    request : Request
+    settings : Settings
     """
 
-    def __init__(self, request: IntegrationRequest):
-        self.steps, self.timeout = request.max_steps, request.timeout
+    def __init__(self, settings: Settings):
+        self.steps, self.timeout = settings.max_steps, settings.timeout
         self.began = time.monotonic()
 
     def check(self, t: float, steps: int) -> None:
@@ -224,7 +213,7 @@ class Limits:
 
     def check_time(self, t: float) -> None:
         """Stop a run that takes more time than allowed."""
-        if self.timeout is not None and time.monotonic() - self.began > self.timeout:
+        if time.monotonic() - self.began > self.timeout:
             raise Stop(
                 f"gave up after {self.timeout:g} s of time at t = {t:.9g} s; --timeout allows more"
             )

@@ -8,10 +8,11 @@ from typing import Any, Literal
 
 from lagcli.equations.render.names import Notation
 from lagcli.model.expression.units import to_si
-from lagcli.model.model import Coordinate, InitialValue, Model, Parameter, Settings, Written
+from lagcli.model.model import Coordinate, InitialValue, Model, Parameter, Written
 from lagcli.model.names.members import family_of
 from lagcli.model.sections.parameters import names_used
 from lagcli.pictures.report.writing import unit as printed
+from lagcli.settings.settings import Settings
 
 #: Of a slider; about as many places as it has pixels.
 _PLACES = 400
@@ -169,12 +170,12 @@ class _Maker:
 
 def _end(settings: Settings) -> Control | None:
     """Return the control of the run's end; none where the sample times themselves are given."""
-    if settings.times is not None or settings.t_end is None:
+    if settings.times is not None:
         return None
-    start, end = settings.t_start or 0.0, settings.t_end
+    start, end = settings.t_start, settings.t_end
     low, high, step = _grid(start, start + 2 * (end - start))
-    description = "end of the simulation"
-    return Control("t_end", "end", "t_end", end, "s", "", low + step, high, step, "", description)
+    unit, description = Settings.t_end.unit, "end of the simulation"
+    return Control("t_end", "end", "t_end", end, unit, "", low + step, high, step, "", description)
 
 
 def _family(name: str) -> str:

@@ -12,15 +12,17 @@ import numpy as np
 
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
-from lagcli.model.model import Model, Settings
+from lagcli.model.model import Model
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.rewriting import rewritten
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import Stage
 from lagcli.play.controls import Control, controls
 from lagcli.play.curves import Curves
-from lagcli.settings import resolve, sample_times
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
+from lagcli.simulations.sampling import sample_times
 from lagcli.simulations.simulation import Simulation
 from lagcli.simulations.variants import Variants
 from lagcli.trajectory.samples import Record, Samples
@@ -126,9 +128,9 @@ class Played:
         """
         self._variants.varied()
 
-    def _settings(self, t_end: str) -> Settings:
+    def _settings(self, t_end: str) -> SettingsOverrides:
         end = _number(t_end, "t_end") if t_end else self._t_end
-        return Settings(t_end=end, timeout=self._timeout)
+        return SettingsOverrides(t_end=end, timeout=self._timeout)
 
     def run(self, request: PlayRequest, interruption: Interruption) -> dict[str, Any]:
         """Run a request.
@@ -146,12 +148,10 @@ class Played:
         self._adapt(request.set)
         request = self._fitting(request)
         simulation = self._variants.varied(request.set, request.set_initial)
-        settings = resolve(self._settings(request.t_end), simulation.model)
-        times = sample_times(settings)
-        if len(times) > MOST_SAMPLES:
-            settings = dataclasses.replace(
-                settings, t_end=float(times[-1]), samples=MOST_SAMPLES, dt=None, times=None
-            )
+        settings = resolve(self._settings(request.t_end), simulation.model.settings)
+        if settings.sample_count > MOST_SAMPLES:
+            last = float(sample_times(settings)[-1])
+            settings = settings.replace(t_end=last, samples=MOST_SAMPLES, dt=None, times=None)
         simulation = dataclasses.replace(simulation, settings=settings)
         blocks: list[Samples] = []
         record = simulation.run(blocks.append, None, interruption)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,17 +13,19 @@ from numpy.typing import NDArray
 
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block, Event, IntegrationRequest, Interrupted, Reaction
+from lagcli.engine.integrate.engines import engine_named
 from lagcli.engine.lowering import lower
 from lagcli.engine.system import System
 from lagcli.equations.derivation.freedom import Freedom
 from lagcli.equations.derivation.lagrange import Equations, derive
-from lagcli.errors import UsageError
 from lagcli.model.expression.units import si_notation
-from lagcli.model.model import Model, Settings
-from lagcli.settings import absolute_tolerances, engine_of, resolve, sample_count, sample_times
+from lagcli.model.model import Model
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.simulations.memory import check_fits
+from lagcli.simulations.sampling import absolute_tolerances, sample_times
 from lagcli.simulations.start import find_start, freedom_at, negative_inertia, undefined_at
 from lagcli.simulations.threads import one_thread
 from lagcli.simulations.trust import Trust
@@ -49,7 +50,7 @@ _COPIES = 4
 
 def simulate(
     model: Model,
-    settings: Settings | None = None,
+    settings: SettingsOverrides | None = None,
     progress: Callable[[float], None] | None = None,
     **options: Any,
 ) -> Trajectory:
@@ -58,12 +59,12 @@ def simulate(
     Parameters
     ----------
     model : Model
-    settings : Settings, optional
+    settings : SettingsOverrides, optional
         What it leaves open is taken from the model's ``simulation`` block, then from the defaults.
     progress : callable, optional
         Called with the time reached, s, after each step.
     **options
-        Fields of Settings, in place of ``settings``.
+        Settings by name, in place of ``settings``.
 
     Returns
     -------
@@ -82,11 +83,7 @@ def simulate(
         coordinate without inertia.
     """
     if options:
-        try:
-            given = Settings(**options)
-        except TypeError as error:
-            raise UsageError(f"no such option: {error}") from None
-        settings = given.over(settings or Settings())
+        settings = SettingsOverrides(**options).over(settings or SettingsOverrides())
     from lagcli.trajectory.trajectory import complete, joined
 
     simulation = prepare(model, settings)
@@ -97,7 +94,7 @@ def simulate(
     return complete(joined(blocks), record)
 
 
-def prepare(model: Model, settings: Settings | None = None) -> Simulation:
+def prepare(model: Model, settings: SettingsOverrides | None = None) -> Simulation:
     """Do all that comes before the first step: settings, equations, tapes, a consistent start.
 
     Parameters
@@ -110,7 +107,7 @@ def prepare(model: Model, settings: Settings | None = None) -> Simulation:
     Simulation
         Ready to run.
     """
-    chosen = resolve(settings or Settings(), model)
+    chosen = resolve(settings or SettingsOverrides(), model.settings)
     began = time.perf_counter()
     equations = derive(model)
     derived = time.perf_counter()
@@ -141,7 +138,7 @@ def ready(
     """
     began = time.perf_counter()
     with one_thread():
-        start = find_start(equations, system, settings)
+        start = find_start(equations, system, settings.t_start)
     seconds = {**seconds, "integrate": time.perf_counter() - began}
     return Simulation(equations.model, settings, equations, system, start, seconds, prepared)
 
@@ -178,32 +175,14 @@ class Simulation:
     @property
     def request(self) -> IntegrationRequest:
         """What the engine is asked for."""
-        s = self.settings
-        times = sample_times(s)
-        t_end = times[-1] if s.times is not None else s.t_end
-        assert t_end is not None
-        assert s.rtol
-        assert s.method
-        assert s.formulation
-        assert s.max_steps
         return IntegrationRequest(
             q=self.start.q,
             v=self.start.v,
             rank=self.start.rank,
-            t_start=s.t_start or 0.0,
-            t_end=float(t_end),
-            times=times,
-            rtol=s.rtol,
-            atol=absolute_tolerances(s.atol, self.model.coordinate_names),
+            settings=self.settings,
+            times=sample_times(self.settings),
+            atol=absolute_tolerances(self.settings.atol, self.model.coordinate_names),
             kinds=_kinds(self.model),
-            method=s.method,
-            formulation=s.formulation,
-            alpha=s.alpha,
-            beta=s.beta,
-            max_step=s.max_step or np.inf,
-            max_steps=s.max_steps,
-            timeout=s.timeout,
-            through_singular=bool(s.through_singular),
             block_rows=_block_rows(self.system),
             elimination=self.start.elimination,
             prepared=self.prepared,
@@ -220,7 +199,7 @@ class Simulation:
     @cached_property
     def freedom(self) -> Freedom:
         """The degrees of freedom at the start."""
-        return freedom_at(self.equations, self.system, self.settings.t_start or 0.0, self.start)
+        return freedom_at(self.equations, self.system, self.settings.t_start, self.start)
 
     def check_memory(self, kept: bool = False) -> None:
         """Raise NumericalError if the run would take more memory than there is.
@@ -230,7 +209,7 @@ class Simulation:
         kept : bool
             Whether all samples are to be kept in memory; otherwise they are written as they come.
         """
-        count = sample_count(self.settings)
+        count = self.settings.sample_count
         rows = min(count, _block_rows(self.system))
         numbers = 3 * count + _COPIES * rows * _stored(self.system)
         if kept:
@@ -283,7 +262,9 @@ class Simulation:
             if progress is not None:
                 progress(t)
 
-        engine = engine_of(self.settings)  # loads what it needs before threads are limited
+        engine = engine_named(
+            self.settings.engine
+        )  # loads what it needs before threads are limited
         with one_thread():
             run = engine(self.system, self.request, take, heed)
         integrating = time.perf_counter() - began - elsewhere
@@ -291,9 +272,9 @@ class Simulation:
             take(_no_samples(self.system))
         if run.undefined is not None:
             run.message += "; " + undefined_at(self.equations, *run.undefined).with_line
-        settings = dataclasses.asdict(self.settings)
+        options = self.settings.as_dict()
         if run.methods:
-            settings["method"] = ", ".join(run.methods)  # what `auto` was
+            options["method"] = ", ".join(run.methods)  # what `auto` was
         tolerances: dict[str, float] = {}
         if run.tolerances is not None:
             tolerances = dict(zip(self.initial, run.tolerances[:-1].tolist(), strict=True))
@@ -302,7 +283,7 @@ class Simulation:
             warnings=(
                 *negative_inertia(
                     self.system,
-                    self.settings.t_start or 0.0,
+                    self.settings.t_start,
                     self.start.q,
                     self.start.v,
                     self.start.rank,
@@ -317,7 +298,7 @@ class Simulation:
             model=self.model.text,
             model_sha256=self.model.sha256,
             parameters=self.model.parameter_values,
-            options={k: v for k, v in settings.items() if v is not None},
+            options=options,
             counts={
                 "steps": run.steps,
                 "rejected": run.rejected,
@@ -361,7 +342,6 @@ def warnings_of(
 def _distrust(
     trust: Trust, columns: DerivedColumns, settings: Settings, steps: int
 ) -> tuple[str, ...]:
-    assert settings.rtol
     projected = settings.formulation == "projection"
     scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
     return trust.warnings(settings.rtol, steps, projected, scales)

@@ -20,7 +20,7 @@ from lagcli.engine.system import System
 from lagcli.equations.derivation.freedom import Freedom, Redundant
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError
-from lagcli.model.model import DEFAULTS, InitialValue, Model, Settings, velocity
+from lagcli.model.model import InitialValue, Model, velocity
 
 if TYPE_CHECKING:
     from lagcli.simulations.undefined import UndefinedExpression
@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 
-def find_start(equations: Equations, system: System, settings: Settings) -> ConsistentState:
-    """Find the consistent initial state of a model, or explain why there is none.
+def find_start(equations: Equations, system: System, t: float) -> ConsistentState:
+    """Find the consistent initial state of a model at a time, or explain why there is none.
 
     Raises
     ------
@@ -42,7 +42,6 @@ def find_start(equations: Equations, system: System, settings: Settings) -> Cons
     model = equations.model
     q, fixed_q = _initial(model, model.initial_positions)
     v, fixed_v = _initial(model, model.initial_velocities)
-    t = settings.t_start or 0.0
     try:
         start = consistent_state(system, t, q, v, fixed_q, fixed_v)
     except UndefinedStart as error:
@@ -77,13 +76,13 @@ def degrees_of_freedom(equations: Equations) -> Freedom:
     k, r = len(equations.q), len(equations.constraints)
     if not r:
         return Freedom(k, 0, 0)
-    settings = equations.model.settings.over(DEFAULTS)
+    t = equations.model.settings.t_start or 0.0
     system = lower(equations)
     try:
-        start = find_start(equations, system, settings)
+        start = find_start(equations, system, t)
     except LagcliError:
         return Freedom(k, r)
-    return freedom_at(equations, system, settings.t_start or 0.0, start)
+    return freedom_at(equations, system, t, start)
 
 
 def _initial(model: Model, table: Any) -> tuple[Array, Flags]:
@@ -144,7 +143,7 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
                     f"no initial values satisfy the constraint{plural} {names}{level}: near the"
                     f" guesses they contradict\n{residuals}",
                     first.location,
-                    "mend the constraints, or guess values nearer to a solution",
+                    "fix the constraints, or guess values nearer to a solution",
                 )
             ]
         )

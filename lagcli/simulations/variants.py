@@ -20,10 +20,11 @@ from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.errors import ModelError, NumericalError
 from lagcli.model.loader import load_text
-from lagcli.model.model import Model, Settings
+from lagcli.model.model import Model
 from lagcli.model.names.members import family_of
 from lagcli.model.names.propagation import dependent_values
-from lagcli.settings import resolve
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import Simulation, ready
 from lagcli.simulations.start import find_start
 
@@ -60,7 +61,7 @@ class Variants:
     ----------
     model : Model
         Its values are those that no variant changes.
-    settings : Settings, optional
+    settings : SettingsOverrides, optional
         As for `lagcli.simulations.simulation.prepare`.
 
     Raises
@@ -69,9 +70,9 @@ class Variants:
         A setting is out of its range.
     """
 
-    def __init__(self, model: Model, settings: Settings | None = None):
-        self.model, self._given = model, settings or Settings()
-        self.settings = resolve(self._given, model)
+    def __init__(self, model: Model, settings: SettingsOverrides | None = None):
+        self.model, self._given = model, settings or SettingsOverrides()
+        self.settings = resolve(self._given, model.settings)
         self._followers: dict[tuple[str, ...], _Followers] = {}
 
     @cached_property
@@ -94,9 +95,9 @@ class Variants:
             return None
         from lagcli.engine.integrate.prepared import find_elimination, prepare, unrolled
 
-        t = self.settings.t_start or 0.0
+        t = self.settings.t_start
         try:
-            start = find_start(self.equations, self.system, self.settings)
+            start = find_start(self.equations, self.system, t)
         except (ModelError, NumericalError):
             return None
         states = [(t, start.q, start.v)]
@@ -128,7 +129,7 @@ class Variants:
             {**self.model.set, **(set or {})},
             {**self.model.set_initial, **(set_initial or {})},
         )
-        settings = resolve(self._given, model)
+        settings = resolve(self._given, model.settings)
         values = tuple(model.parameter_values.values())
         prepared = None
         if model.coordinate_names == self.model.coordinate_names and self._same_structure(model):

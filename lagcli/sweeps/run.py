@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from lagcli.engine.contract import Interrupted
-from lagcli.errors import FileError, UsageError
-from lagcli.model.model import Model, Settings
+from lagcli.errors import FileError
+from lagcli.model.model import Model
 from lagcli.model.yaml.reading import read_text
 from lagcli.results.formats import format_of
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
 from lagcli.sweeps.file.layout import named_measure
 from lagcli.sweeps.file.resume import State, opened
@@ -91,7 +92,7 @@ def sweep(
     force: bool = False,
     progress: Callable[[int, int], None] | None = None,
     executor: Executor | None = None,
-    settings: Settings | None = None,
+    settings: SettingsOverrides | None = None,
     **options: Any,
 ) -> Summary:
     """Simulate a model for many values of its parameters and initial values.
@@ -127,9 +128,9 @@ def sweep(
         Called with the numbers of rows that are done and of all.
     executor : callable, optional
         Runs the rows elsewhere than on this machine.
-    settings : Settings, optional
+    settings : SettingsOverrides, optional
     **options
-        Fields of Settings, in place of ``settings``.
+        Settings by name, in place of ``settings``.
 
     Returns
     -------
@@ -146,10 +147,7 @@ def sweep(
     began = time.monotonic()
     path = os.fspath(output)
     if options:
-        try:
-            settings = Settings(**options).over(settings or Settings())
-        except TypeError as error:
-            raise UsageError(f"no such option: {error}") from None
+        settings = SettingsOverrides(**options).over(settings or SettingsOverrides())
     text, name = (model.text, model.path) if isinstance(model, Model) else read_text(model)
     if isinstance(model, Model):
         set = {**model.set, **(set or {})}

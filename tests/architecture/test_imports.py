@@ -25,11 +25,11 @@ MODULES = {".".join(f.relative_to(ROOT).with_suffix("").parts): f for f in FILES
 ROOMS = {
     "version": set(),
     "errors": set(),
-    "model": {"errors"},
+    "settings": {"errors"},
+    "model": {"errors", "settings"},
     "equations": {"errors", "model"},
     # symbols enter an engine where Equations are lowered; beyond that it knows numbers
-    "engine": {"model", "equations"},
-    "settings": {"errors", "model", "engine"},
+    "engine": {"settings", "model", "equations"},
     "trajectory": {"errors"},
     "simulations": {
         *("version", "errors", "model", "equations", "engine", "settings", "trajectory"),
@@ -53,10 +53,10 @@ ROOMS = {
 FOREIGN = {
     "version": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "errors": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "settings": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich", "pint"},
     "model": {"numpy", "scipy", "sympy", "h5py", "typer", "rich"},
     "equations": {"numpy", "scipy", "h5py", "yaml", "typer", "rich"},
     "engine": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "os", "pathlib", "io"},
-    "settings": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy", "symengine"},
     "trajectory": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "simulations": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
     "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
@@ -86,7 +86,7 @@ HEAVY = {
     "h5py": set(),
     "scipy": {"engine"},
     "numpy": {
-        *("engine", "settings", "trajectory", "simulations", "results", "sweeps", "pictures"),
+        *("engine", "trajectory", "simulations", "results", "sweeps", "pictures"),
         *("play", "cli"),
     },
     "symengine": {"model", "equations", "engine", "simulations", "pictures", "sweeps"},
@@ -407,7 +407,7 @@ def test_the_command_that_is_called_is_built_alone() -> None:
 
 def test_simulate_can_be_called_whatever_was_imported_first() -> None:
     code = (
-        "from lagcli.settings import resolve\nimport lagcli\n"
+        "from lagcli.settings.resolve import resolve\nimport lagcli\n"
         f"m = lagcli.load({str(ROOT / 'models' / 'pendulum_cartesian.yaml')!r})\n"
         "assert lagcli.simulate(m, t_end=0.01, samples=2).status == 'completed'"
     )

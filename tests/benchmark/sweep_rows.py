@@ -19,7 +19,7 @@ from comparison.cases import CASES
 from comparison.peers.by_hand import rate
 from scipy.integrate import solve_ivp
 
-from lagcli.model.model import Settings
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.plan.plan import make_plan
 from lagcli.sweeps.plan.spec import Spec
 from lagcli.sweeps.rows.rows import COMPLETED, Runner
@@ -35,7 +35,7 @@ def runner(rows: int) -> Runner:
     model = CASE.load()
     vary = ["m=0.5..2", "l=0.25..0.35", "phi'=11..13"]
     texts = ("max(abs(lambda.guide))", "final(phi)", "rms(phi')")
-    settings = Settings(t_end=T_END, samples=SAMPLES, rtol=RTOL)
+    settings = SettingsOverrides(t_end=T_END, samples=SAMPLES, rtol=RTOL)
     plan = make_plan(model, vary, f"random:{rows}", 1)
     return Runner(
         Spec(model.text, "", {}, {}, settings, plan, tuple((x, x) for x in texts), "measures")

@@ -18,7 +18,7 @@ from scipy.integrate import quad
 
 import lagcli
 from lagcli.model.model import Model
-from lagcli.settings import compiled_available
+from lagcli.settings.resolve import compiled_available
 from lagcli.trajectory.trajectory import Trajectory
 
 ENGINES = ("compiled", "scipy") if compiled_available() else ("scipy",)

@@ -16,7 +16,7 @@ import pytest
 
 from lagcli.results import atomic, read
 from lagcli.results.info import describe
-from lagcli.settings import compiled_available
+from lagcli.settings.resolve import compiled_available
 
 MODELS = Path(__file__).parents[2] / "models"
 CRANK, PENDULUM, SQUEEZER = (

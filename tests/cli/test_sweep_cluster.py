@@ -20,7 +20,7 @@ import pytest
 import lagcli
 from lagcli.cli.app import run as run_here
 from lagcli.errors import FileError
-from lagcli.model.model import Settings
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.file.row_status import Ledger, Missing
 from lagcli.sweeps.plan.plan import make_plan
 from lagcli.sweeps.plan.spec import Spec
@@ -101,7 +101,9 @@ def crank(rows: int, **settings: Any) -> Spec:
     model = lagcli.load(CRANK)
     plan = make_plan(model, [f"m=linspace(1, 2, {rows})"])
     measures = (("peak", "max(abs(lambda.guide))"), ("end", "final(phi)"))
-    return Spec(model.text, CRANK, {}, {}, Settings(**settings), plan, measures, "measures")
+    return Spec(
+        model.text, CRANK, {}, {}, SettingsOverrides(**settings), plan, measures, "measures"
+    )
 
 
 def run(

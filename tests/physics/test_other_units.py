@@ -14,7 +14,8 @@ from scipy.integrate import solve_ivp
 
 import lagcli
 from lagcli.engine.integrate.batch import Finished, prepare_lanes, run_lanes, suits_lanes
-from lagcli.model.model import Model, Settings
+from lagcli.model.model import Model
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -228,7 +229,7 @@ T: x'^2/2
 V: w^2*x^2/2
 initial: {x: 1, x': 0}
 """)
-    simulation = prepare(model, Settings(t_end=5, samples=11))
+    simulation = prepare(model, SettingsOverrides(t_end=5, samples=11))
     request = simulation.request
     request = replace(request, prepared=prepare_lanes(simulation.system, request))
     assert suits_lanes(simulation.system, request)

@@ -8,8 +8,11 @@ from typing import Annotated
 import typer
 
 from lagcli.cli.options import ModelPath, Quiet, SetInitial, SetParameter, assignments
+from lagcli.cli.settings import with_settings
+from lagcli.settings.settings import SettingsOverrides
 
 
+@with_settings("t_end")
 def play(
     model: ModelPath,
     port: Annotated[
@@ -21,7 +24,8 @@ def play(
     ] = False,
     set: SetParameter = None,
     set_initial: SetInitial = None,
-    t_end: Annotated[float | None, typer.Option(help="End time, s. [default: 10]")] = None,
+    *,
+    settings: SettingsOverrides,
     timeout: Annotated[
         float, typer.Option(help="Seconds after which a run on the page is given up.")
     ] = 5.0,
@@ -45,9 +49,9 @@ def play(
     from lagcli.play.runs import Played
 
     loaded = load(model, assignments("--set", set), assignments("--set-initial", set_initial))
-    Played(loaded, t_end, timeout).check()
+    Played(loaded, settings.t_end, timeout).check()
     server = Server(
-        lambda: Played(loaded, t_end, timeout),
+        lambda: Played(loaded, settings.t_end, timeout),
         loaded.name,
         loaded.description or "",
         listen(port or 0),

@@ -4,7 +4,7 @@ import signal
 import sys
 import time
 from contextlib import nullcontext
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -19,31 +19,15 @@ from lagcli.cli.options import (
     assignments,
     refuse_same_file,
 )
-from lagcli.cli.settings import (
-    AbsoluteTolerance,
-    Alpha,
-    Beta,
-    EndTime,
-    EngineOption,
-    FormulationOption,
-    LargestStep,
-    MethodOption,
-    MostSteps,
-    RelativeTolerance,
-    SampleCount,
-    SampleTimes,
-    Spacing,
-    StartTime,
-    ThroughSingular,
-    Timeout,
-    settings_of,
-)
+from lagcli.cli.settings import with_settings
 from lagcli.cli.streams import tell
 from lagcli.errors import LagcliError, UsageError
+from lagcli.settings.settings import SettingsOverrides
 
 FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
 
 
+@with_settings()
 def simulate(
     model: ModelPath,
     output: Annotated[
@@ -58,22 +42,8 @@ def simulate(
     ] = None,
     set: SetParameter = None,
     set_initial: SetInitial = None,
-    t_start: StartTime = None,
-    t_end: EndTime = None,
-    samples: SampleCount = None,
-    dt: Spacing = None,
-    times: SampleTimes = None,
-    rtol: RelativeTolerance = None,
-    atol: AbsoluteTolerance = None,
-    method: MethodOption = None,
-    formulation: FormulationOption = None,
-    alpha: Alpha = None,
-    beta: Beta = None,
-    engine: EngineOption = None,
-    max_step: LargestStep = None,
-    max_steps: MostSteps = None,
-    timeout: Timeout = None,
-    through_singular: ThroughSingular = False,
+    *,
+    settings: SettingsOverrides,
     strict: Annotated[
         bool,
         typer.Option("--strict", help="End with status 3 where the summary warns."),
@@ -91,24 +61,6 @@ def simulate(
     Without -o, only a summary is printed. A run that fails or is interrupted writes the samples
     that it reached, marked so.
     """
-    settings = settings_of(
-        t_start=t_start,
-        t_end=t_end,
-        samples=samples,
-        dt=dt,
-        times=times,
-        rtol=rtol,
-        atol=atol,
-        method=method,
-        formulation=formulation,
-        alpha=alpha,
-        beta=beta,
-        engine=engine,
-        max_step=max_step,
-        max_steps=max_steps,
-        timeout=timeout,
-        through_singular=through_singular or None,
-    )
     try:
         return _run(
             model,
@@ -136,7 +88,7 @@ def _run(
     output: str | None,
     parameters: dict[str, str],
     initial: dict[str, str],
-    settings: Any,
+    settings: SettingsOverrides,
     *,
     strict: bool,
     meta: bool,
@@ -150,7 +102,7 @@ def _run(
     from lagcli.cli.progress import Progress
     from lagcli.model.loader import load
     from lagcli.results import check_target, open_writer
-    from lagcli.settings import compiled_available
+    from lagcli.settings.resolve import compiled_available
     from lagcli.simulations.cancellation import Interruption
     from lagcli.simulations.simulation import prepare
     from lagcli.trajectory.extremes import Extremes
@@ -189,8 +141,9 @@ def _run(
                 writing += time.perf_counter() - entered
 
         chosen = simulation.settings
-        start, end = chosen.t_start or 0.0, chosen.times[-1] if chosen.times else chosen.t_end
-        with Progress(start, end, enabled=not quiet, color=not no_color) as progress:
+        with Progress(
+            chosen.t_start, chosen.t_end, enabled=not quiet, color=not no_color
+        ) as progress:
             record = simulation.run(take, progress, interruption)
         entered = time.perf_counter()
         if writer is not None and extremes.samples:

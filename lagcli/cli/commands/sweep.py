@@ -19,27 +19,10 @@ from lagcli.cli.options import (
     assignments,
     refuse_same_file,
 )
-from lagcli.cli.settings import (
-    AbsoluteTolerance,
-    Alpha,
-    Beta,
-    EndTime,
-    EngineOption,
-    FormulationOption,
-    LargestStep,
-    MethodOption,
-    MostSteps,
-    RelativeTolerance,
-    SampleCount,
-    SampleTimes,
-    Spacing,
-    StartTime,
-    ThroughSingular,
-    Timeout,
-    settings_of,
-)
+from lagcli.cli.settings import with_settings
 from lagcli.cli.streams import tell, visible
 from lagcli.errors import LagcliError, UsageError
+from lagcli.settings.settings import SettingsOverrides
 
 FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
 _CAUSES = 10  # that a person reads
@@ -52,6 +35,7 @@ class Keep(StrEnum):
     trajectories = "trajectories"
 
 
+@with_settings()
 def sweep(
     model: ModelPath,
     output: Annotated[
@@ -129,22 +113,8 @@ def sweep(
     ] = False,
     set: SetParameter = None,
     set_initial: SetInitial = None,
-    t_start: StartTime = None,
-    t_end: EndTime = None,
-    samples: SampleCount = None,
-    dt: Spacing = None,
-    times: SampleTimes = None,
-    rtol: RelativeTolerance = None,
-    atol: AbsoluteTolerance = None,
-    method: MethodOption = None,
-    formulation: FormulationOption = None,
-    alpha: Alpha = None,
-    beta: Beta = None,
-    engine: EngineOption = None,
-    max_step: LargestStep = None,
-    max_steps: MostSteps = None,
-    timeout: Timeout = None,
-    through_singular: ThroughSingular = False,
+    *,
+    settings: SettingsOverrides,
     force: Force = False,
     quiet: Quiet = False,
     json: Json = False,
@@ -155,24 +125,6 @@ def sweep(
     A row that fails never stops the others: it has its status and message in the file, and the
     exit status is 3. A sweep that is interrupted or killed goes on with --resume.
     """
-    settings = settings_of(
-        t_start=t_start,
-        t_end=t_end,
-        samples=samples,
-        dt=dt,
-        times=times,
-        rtol=rtol,
-        atol=atol,
-        method=method,
-        formulation=formulation,
-        alpha=alpha,
-        beta=beta,
-        engine=engine,
-        max_step=max_step,
-        max_steps=max_steps,
-        timeout=timeout,
-        through_singular=through_singular or None,
-    )
     options: dict[str, Any] = {
         "measures": measure or [],
         "keep": keep.value if keep else None,

@@ -58,7 +58,8 @@ def _layouts() -> str:
         for name, counts in layout.parts().items():
             parts.append(_offset(prefix + name, terms))
             terms += (count if count == "1" else f"s->{count}" for count in counts)
-        parts.append(_offset(prefix + "size", terms))
+        if all(layout.parts().values()):
+            parts.append(_offset(prefix + "size", terms))
     return _LAYOUT.format(parts="\n".join(parts))
 
 

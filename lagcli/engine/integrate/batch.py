@@ -11,6 +11,7 @@ even in its last bit, on which other runs share its lanes.
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
@@ -104,7 +105,7 @@ def run_lanes(
     parameters : (n, np) array
         Of each run.
     q, v : (n, nq) arrays
-        Consistent states at ``request.t_start``; see `lagcli.engine.constraints.initial_batch`.
+        Consistent states at the start; see `lagcli.engine.constraints.initial_batch`.
     sink : callable
         Takes the runs that ended, a few dozen at a time at most. What it raises ends all runs and
         goes on to the caller.
@@ -132,8 +133,8 @@ def suits_lanes(system: System, request: IntegrationRequest) -> bool:
     return (
         request.prepared is not None
         and request.prepared.unrolled
-        and request.method in ("auto", "DOP853")
-        and request.formulation == "projection"
+        and request.settings.method in ("auto", "DOP853")
+        and request.settings.formulation == "projection"
         and request.rank == len(system.constraints)
         and request.on_event is None
         and width * len(request.times) * (binding.LANES + 1) <= _MOST_NUMBERS
@@ -148,7 +149,7 @@ class _Lanes:
     ):
         prepared = request.prepared
         assert prepared is not None
-        self.request, self.steps = request, ("DOP853",) if request.method == "auto" else ()
+        self.request, self.steps = request, ("DOP853",) if request.settings.method == "auto" else ()
         first, values = _of_row(system, request, parameters, q, v, 0)
         # in the order of all, whatever that of the first one is
         values = dataclasses.replace(values, elimination=prepared.elimination)
@@ -160,7 +161,7 @@ class _Lanes:
             prepared.dynamics,
             prepared.constraint,
             request.times,
-            request.max_steps,
+            request.settings.max_steps,
             parameters,
             np.hstack([q, v]),
             binding.LANES + held,
@@ -181,8 +182,8 @@ class _Lanes:
             rows, samples = core.take()
             if len(rows):
                 sink(Finished(rows, samples, [self.record(row) for row in rows]))
-            if self.request.timeout is not None:
-                self.let_leave(self.request.timeout)
+            if self.request.settings.timeout < math.inf:
+                self.let_leave(self.request.settings.timeout)
 
     def record(self, row: int) -> Outcome:
         """Return what a run took."""

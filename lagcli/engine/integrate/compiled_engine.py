@@ -97,39 +97,40 @@ class Integration:
         for_lanes: bool = False,
     ):
         self.system, self.request, self.sink = system, request, sink
+        self.settings = request.settings
         self.progress = progress or (lambda t: None)
         self.evaluator = Evaluator(system)
         self.nq = len(system.coordinates)
         self.redundant = request.rank < len(system.constraints)
         self.last_near = -1
-        self.states: list[State] = [(request.t_start, request.q, request.v)]
+        self.states: list[State] = [(self.settings.t_start, request.q, request.v)]
         prepared = self.prepared()
-        projecting = request.formulation == "projection"
-        c = self.evaluator.constraints(request.t_start, request.q, request.v)
-        sizes = self.evaluator.sizes(request.t_start, request.q, request.v)
+        projecting = self.settings.formulation == "projection"
+        c = self.evaluator.constraints(self.settings.t_start, request.q, request.v)
+        sizes = self.evaluator.sizes(self.settings.t_start, request.q, request.v)
         # a negative damping asks the core for that of the step
-        alpha = -1.0 if request.alpha is None else request.alpha
+        alpha = -1.0 if self.settings.alpha is None else self.settings.alpha
         self.core = binding.Integrator(
             system,
             prepared.constraint,
-            request.t_start,
-            request.t_end,
+            self.settings.t_start,
+            self.settings.t_end,
             np.concatenate([request.q, request.v, [0.0]]),
             request.times,
             sizes,
             self.evaluator.row_lengths(c, request.q, request.v, sizes),
             self.evaluator.row_lengths(c, request.q, request.v, np.ones(self.nq)),
             request.rank,
-            request.rtol,
+            self.settings.rtol,
             request.tolerances,
             request.kind_of,
-            request.max_step,
+            self.settings.max_step,
             projecting,
-            0 if not request.rank else 1 if request.through_singular else 2,
+            0 if not request.rank else 1 if self.settings.through_singular else 2,
             alpha,
-            alpha if request.beta is None else request.beta,
-            request.formulation == "baumgarte",
-            request.method == "auto" and system.variation is not None,
+            alpha if self.settings.beta is None else self.settings.beta,
+            self.settings.formulation == "baumgarte",
+            self.settings.method == "auto" and system.variation is not None,
             not for_lanes,
             max(1, min(request.block_rows, len(request.times))),
         )
@@ -152,7 +153,7 @@ class Integration:
         """Return the programs for an order, or for none; what is known of others is taken over."""
         prepared = prepare(self.system, order, known)
         # power series are those of the unrolled operations
-        return unrolled(self.system, prepared) if self.request.method == "Taylor" else prepared
+        return unrolled(self.system, prepared) if self.settings.method == "Taylor" else prepared
 
     def use(self, prepared: Prepared) -> None:
         """Solve for a and λ in a way."""
@@ -165,23 +166,23 @@ class Integration:
         self.unroll_at = math.inf
         if prepared.worth_unrolling:
             self.unroll_at = self.core.counts[0] + STEPS_TO_UNROLL
-        self.no_series = self.expand(prepared) if self.request.method == "Taylor" else ""
+        self.no_series = self.expand(prepared) if self.settings.method == "Taylor" else ""
 
     def expand(self, prepared: Prepared) -> str:
         """Make Taylor's method ready; return why there are no power series, if there are none."""
         from lagcli.engine.taylor.expansion import NotAnalytic
         from lagcli.engine.taylor.series import depending_on_time, expand, order_for
 
-        system, request = self.system, self.request
+        system = self.system
         if prepared.elimination is None:
             return "their linear system is solved densely"
         if not prepared.unrolled:
             return "they are too long"
-        staying = request.formulation == "projection"
+        staying = self.settings.formulation == "projection"
         working = depending_on_time(system) if staying else range(len(system.constraints))
         tape = unroll(system, prepared.elimination)
         try:
-            self.core.use_series(expand(system, tape, order_for(request.rtol), working))
+            self.core.use_series(expand(system, tape, order_for(self.settings.rtol), working))
         except NotAnalytic:
             return "functions with kinks or jumps have no power series"
         return ""
@@ -212,7 +213,7 @@ class Integration:
         from lagcli.engine.constraints.index1 import Index1
 
         motion = Index1(self.evaluator, self.request.rank)
-        motion.measure(self.request.t_start, self.request.q, self.request.v)
+        motion.measure(self.settings.t_start, self.request.q, self.request.v)
         return motion
 
     @cached_property
@@ -228,7 +229,7 @@ class Integration:
         from lagcli.engine.constraints.singular import RankWatch
 
         watch = RankWatch(self.motion)
-        watch.add(self.request.t_start, np.concatenate([self.request.q, self.request.v, [0.0]]))
+        watch.add(self.settings.t_start, np.concatenate([self.request.q, self.request.v, [0.0]]))
         return watch
 
     def split(self, y: Array) -> tuple[Array, Array]:
@@ -257,9 +258,9 @@ class Integration:
     def integrate(self) -> None:
         """Integrate; a run that cannot be completed raises `Stop`."""
         request, core = self.request, self.core
-        limits = Limits(request)
+        limits = Limits(self.settings)
         if self.redundant:
-            self.watch.check_start(request.t_start, request.q, request.v, self.projection)
+            self.watch.check_start(self.settings.t_start, request.q, request.v, self.projection)
             self.check_redundancy()
         self.heed(core.start())
         # a step of a large model may take as long as a slice should
@@ -269,7 +270,7 @@ class Integration:
             steps = core.counts[0]
             limits.check(core.t, steps)
             started = time.monotonic()
-            until = min(request.max_steps, self.unroll_at) - steps
+            until = min(self.settings.max_steps, self.unroll_at) - steps
             most = int(min(slice_, until, self.methods.most_steps()))
             status = core.advance(most)
             taken = time.monotonic() - started
@@ -310,7 +311,7 @@ class Integration:
             if self.methods.may_help() and not self.watch.near(core.t, core.state):
                 self.methods.stiff(forced=True)
                 return False
-            raise self.watch.floor(core.t, core.state, self.request.method)
+            raise self.watch.floor(core.t, core.state, self.settings.method)
         if status == Status.BLOCK_FULL:
             self.collect()
             return False  # in the midst of a step: nothing else changes
@@ -328,7 +329,7 @@ class Integration:
             self.methods.order()
         elif status == Status.EVENT:
             return self.react()
-        core.limit(self.request.max_step)
+        core.limit(self.settings.max_step)
         return bool(status == Status.DONE)
 
     def approach(self) -> bool:
@@ -347,9 +348,9 @@ class Integration:
         watch.add(t, y)
         ahead = watch.ahead()
         if ahead is None:
-            core.limit(min(self.request.max_step, watch.largest_step()))
+            core.limit(min(self.settings.max_step, watch.largest_step()))
             return False
-        if not self.request.through_singular:
+        if not self.settings.through_singular:
             raise watch.stop(ahead.time, *ahead.path(ahead.time))
         from lagcli.engine.constraints.passage import Crossing
 
@@ -366,9 +367,9 @@ class Integration:
             self.hand_over(np.array(rows))
             self.progress(float(rows[-1][0]))
         watch.restart()
-        core.limit(self.request.max_step)
+        core.limit(self.settings.max_step)
         core.move(crossing.end, crossing.state, upto)
-        return crossing.end >= self.request.t_end or self.heed(core.start())
+        return crossing.end >= self.settings.t_end or self.heed(core.start())
 
     def measure(self) -> None:
         """Measure B here, and take over the largest lengths of its rows from the core."""
@@ -407,7 +408,7 @@ class Integration:
         """Stop if redundant constraints contradict each other."""
         t, y = self.core.t, self.core.state
         self.measure()
-        if self.request.formulation == "projection":
+        if self.settings.formulation == "projection":
             self.watch.check_redundancy(t, y)
 
     # samples

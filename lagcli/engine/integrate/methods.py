@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lagcli.engine.contract import IntegrationRequest
 from lagcli.engine.system import System
+from lagcli.settings.methods import METHODS
 
 Array = NDArray[np.float64]
 
@@ -66,6 +67,7 @@ class Methods:
 
     def __init__(self, core: Any, system: System, request: IntegrationRequest, no_series: str = ""):
         self.core, self.system, self.request = core, system, request
+        self.settings = request.settings
         self.running = "DOP853"
         self.steps: dict[str, int] = {}
         self.changes: list[tuple[float, str]] = []
@@ -76,14 +78,14 @@ class Methods:
         self._path: list[tuple[float, Array]] = []  # what shows whether the motion is smooth
         self._vain: set[str] = set()
         self.refused = ""
-        if request.method == "Taylor" and no_series:
+        if self.settings.method == "Taylor" and no_series:
             self.refused = f"Taylor's method does not suit the equations ({no_series}): used DOP853"
-        elif request.method not in ("auto", self.running):
-            self._go_on(request.method)
+        elif self.settings.method not in ("auto", self.running):
+            self._go_on(self.settings.method)
 
     def may_help(self) -> bool:
         """Return whether another method is left to try."""
-        free = self.request.method == "auto" and self.system.variation is not None
+        free = self.settings.method == "auto" and self.system.variation is not None
         return free and self.running == "DOP853"
 
     def count(self) -> None:
@@ -99,7 +101,7 @@ class Methods:
             return
         before, now = self.core.step
         self._trial = None if forced else (steps, now, longer * (now - before))
-        method = "Rodas5P" if self.request.rtol >= _LOOSE else "Radau"
+        method = "Rodas5P" if self.settings.rtol >= _LOOSE else "Radau"
         self.changes.append((now, method))
         self._go_on(method)
 
@@ -108,7 +110,7 @@ class Methods:
         if self._path:
             return _STRETCH
         if self._trial is None:
-            return self.request.max_steps
+            return self.settings.max_steps
         return max(1, self._trial[0] + _TRIAL - self.core.counts[0])
 
     def review(self) -> None:
@@ -157,7 +159,7 @@ class Methods:
         rise = q2 - q0
         q = q0 + x * (v0 + x * (3 * rise - 2 * v0 - v2 + x * (v0 + v2 - 2 * rise)))
         v = (v0 + x * (2 * (3 * rise - 2 * v0 - v2) + 3 * x * (v0 + v2 - 2 * rise))) / h
-        rtol, y = self.request.rtol, y1[:-1]
+        rtol, y = self.settings.rtol, y1[:-1]
         looser = 1.0 if rtol >= _LOOSE else 0.1 * rtol ** (-1 / 3)  # as core/radau5.c
         allowed = looser * (self.core.absolute_tolerances[:-1] + rtol * np.abs(y))
         return bool(np.linalg.norm((np.concatenate([q, v]) - y) / allowed) <= _ROUGH)
@@ -165,7 +167,7 @@ class Methods:
     def _left(self) -> float:
         """Return how many steps like the last are left."""
         before, now = self.core.step
-        return (self.request.t_end - now) / (now - before)
+        return (self.settings.t_end - now) / (now - before)
 
     def order(self) -> None:
         """Choose an order of pivots for the implicit method's matrix."""
@@ -181,7 +183,7 @@ class Methods:
         return f"the motion is stiff: went on with {method} at t = {t:.9g} s"
 
     def _go_on(self, method: str) -> None:
-        if method not in ("DOP853", "Taylor") and not self._prepared:
+        if METHODS[method].implicit and not self._prepared:
             if self.system.variation is None:
                 raise ValueError(f"the System has no derivatives, which {method} needs")
             # imported when it is needed: most runs are explicit

@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import BDF, DOP853, LSODA, RK23, RK45, OdeSolver, Radau
+from scipy import integrate
+from scipy.integrate import BDF, LSODA, OdeSolver
 
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.constraints.passage import Crossing
@@ -31,21 +32,12 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.events import EventSearch
 from lagcli.engine.integrate.tolerances import Sizes
 from lagcli.engine.system import System
+from lagcli.settings.methods import METHODS
 
 Array = NDArray[np.float64]
 
-_METHODS: dict[str, type[OdeSolver]] = {
-    "DOP853": DOP853,
-    "RK45": RK45,
-    "RK23": RK23,
-    "Radau": Radau,
-    "BDF": BDF,
-    "LSODA": LSODA,
-}
 #: Baumgarte's α = β times the step size, where the user gives none.
 _BAUMGARTE_STEP = 0.1
-#: The orders by which first steps are chosen; multistep methods begin at order one.
-_ORDERS = {"DOP853": 8.0, "RK45": 5.0, "RK23": 3.0, "Radau": 4.0}
 #: Growth of a tolerance after which LSODA, which takes no others on the way, starts again.
 _LSODA_GROWTH = 10.0
 #: LSODA goes on with a drift of so many tolerances; samples are projected all the same.
@@ -88,6 +80,7 @@ class _Integration:
         progress: Callable[[float], None] | None,
     ):
         self.system, self.request, self.sink = system, request, sink
+        self.settings = request.settings
         self.progress = progress or (lambda t: None)
         evaluator = Evaluator(system)
         self.motion = Index1(evaluator, request.rank)
@@ -98,31 +91,36 @@ class _Integration:
         self.rows: list[Array] = []  # t, q, v, a, λ, W
         self.sizes: Sizes | None = None
         self.sampled = 0
-        self.limits = Limits(request)
-        if request.formulation == "baumgarte":
-            alpha = 1.0 if request.alpha is None else request.alpha
-            self.motion.damping = alpha, alpha if request.beta is None else request.beta
+        self.limits = Limits(self.settings)
+        if self.settings.formulation == "baumgarte":
+            alpha = 1.0 if self.settings.alpha is None else self.settings.alpha
+            self.motion.damping = (
+                alpha,
+                alpha if self.settings.beta is None else self.settings.beta,
+            )
 
     def integrate(self) -> None:
         request, watch = self.request, self.watch
-        t = request.t_start
+        t = self.settings.t_start
         y = self.begin(t, np.concatenate([request.q, request.v, [0.0]]))
         watch.check_start(t, *self.motion.split(y), self.projection)
         self.check_redundancy(t, y)
         for at in self.due(t):
             self.sample(at, y)
-        if t >= request.t_end:
+        if t >= self.settings.t_end:
             return
         self.sizes = Sizes(self.motion, request, y)
         solver = self.solver(t, y)
         watch.add(t, y)
         while solver.status == "running":
             self.limits.check(t, self.steps)
-            solver.max_step = min(request.max_step, watch.largest_step())  # LSODA: has no effect
+            solver.max_step = min(
+                self.settings.max_step, watch.largest_step()
+            )  # LSODA: has no effect
             self.step(solver, t)
             t, y, moved = self.accept(solver, t, y)
             if moved:
-                if t >= request.t_end:
+                if t >= self.settings.t_end:
                     return
                 y = self.begin(t, y)
                 solver = self.solver(t, y)
@@ -132,10 +130,10 @@ class _Integration:
             watch.add(t, y)
             ahead = watch.ahead()
             if ahead is not None:
-                if not request.through_singular:
+                if not self.settings.through_singular:
                     raise watch.stop(ahead.time, *ahead.path(ahead.time))
                 t, y = self.pass_singular(ahead)
-                if t >= request.t_end:
+                if t >= self.settings.t_end:
                     return
                 y = self.begin(t, y)
                 solver = self.solver(t, y)
@@ -155,23 +153,22 @@ class _Integration:
 
     def solver(self, t: float, y: Array) -> OdeSolver:
         """Return an integrator that starts at a state."""
-        request = self.request
         # SciPy judges a step by the root mean square over y; with this factor its largest
         # component obeys the tolerance
         strict = 1 / math.sqrt(len(y))
         assert self.sizes is not None
         self.at_construction = self.sizes.tolerances
-        order = _ORDERS.get(request.method, 1.0)
+        method = METHODS[self.settings.method]
         try:
-            return _METHODS[request.method](
+            return getattr(integrate, method.name)(
                 self.motion.rate,
                 t,
                 y,
-                request.t_end,
-                rtol=max(strict * request.rtol, _LEAST_RTOL),
+                self.settings.t_end,
+                rtol=max(strict * self.settings.rtol, _LEAST_RTOL),
                 atol=strict * self.sizes.tolerances,
-                max_step=request.max_step,
-                first_step=self.sizes.first_step(t, y, order),
+                max_step=self.settings.max_step,
+                first_step=self.sizes.first_step(t, y, method.error_order + 1.0),
             )
         except ValueError as error:  # SciPy's word for NaN in a Jacobian
             raise Undefined(t, *self.motion.split(y)) from error
@@ -193,7 +190,7 @@ class _Integration:
         if motion.undefined is not None:
             raise Undefined(*motion.undefined)
         remark = f" ({message})" if message else ""
-        raise self.watch.floor(t, solver.y, self.request.method, remark)
+        raise self.watch.floor(t, solver.y, self.settings.method, remark)
 
     def accept(self, solver: OdeSolver, t_old: float, y_old: Array) -> tuple[float, Array, bool]:
         """Sample the last step, and return the state at its end, on the constraints.
@@ -211,7 +208,7 @@ class _Integration:
             return made[0](at)
 
         over = None
-        if not self.request.through_singular:
+        if not self.settings.through_singular:
             over = self.watch.stepped_over(inside, t_old, y_old, t, reached)
         end = t if over is None else over
         moved = self.react(inside, t_old, t, end)
@@ -250,7 +247,7 @@ class _Integration:
         """Let the integrator go on from the projected state, with the damping of this step."""
         if solver.status != "running":
             return solver
-        request, damped = self.request, False
+        damped = False
         assert self.sizes is not None
         self.sizes.update(t, y, abs(solver.step_size))
         if isinstance(solver, LSODA):
@@ -258,16 +255,19 @@ class _Integration:
                 return self.solver(t, y)
         else:
             solver.atol = self.sizes.tolerances / math.sqrt(len(y))
-        if request.formulation == "baumgarte" and request.alpha is None:
+        if self.settings.formulation == "baumgarte" and self.settings.alpha is None:
             alpha = _BAUMGARTE_STEP / abs(solver.step_size)
-            self.motion.damping = alpha, alpha if request.beta is None else request.beta
+            self.motion.damping = (
+                alpha,
+                alpha if self.settings.beta is None else self.settings.beta,
+            )
             damped = True
         if y is solver.y and not damped:
             return solver
         if isinstance(solver, LSODA):
             # its history cannot be moved: it starts again, from order one, when the drift matters
             moved = np.abs(y - solver.y)[:-1]
-            allowed = self.sizes.tolerances[:-1] + request.rtol * np.abs(y[:-1])
+            allowed = self.sizes.tolerances[:-1] + self.settings.rtol * np.abs(y[:-1])
             return self.solver(t, y) if (moved > _LSODA_DRIFT * allowed).any() else solver
         if isinstance(solver, BDF):
             solver.D[0] = y
@@ -278,12 +278,12 @@ class _Integration:
 
     def project(self, t: float, y: Array) -> Array:
         """Return the consistent state next to y; y itself where nothing is projected."""
-        if self.request.formulation != "projection" or not self.system.constraints:
+        if self.settings.formulation != "projection" or not self.system.constraints:
             return y
         before, v = self.motion.split(y)
         q, v = self.projection(t, before, v)
         if self.sizes is not None and self.system.holonomic:
-            allowed = self.sizes.tolerances[: len(q)] + self.request.rtol * np.abs(q)
+            allowed = self.sizes.tolerances[: len(q)] + self.settings.rtol * np.abs(q)
             if is_far(before, q, allowed, self.sizes.largest()):
                 raise jumped(self.system, t, before, q)
         return np.concatenate([q, v, y[-1:]])
@@ -327,6 +327,6 @@ class _Integration:
 
     def check_redundancy(self, t: float, y: Array) -> None:
         """Stop if redundant constraints contradict each other."""
-        if not self.motion.redundant or self.request.formulation != "projection":
+        if not self.motion.redundant or self.settings.formulation != "projection":
             return  # beside the constraints, the combinations that vanish on them do not
         self.watch.check_redundancy(t, y)

@@ -45,20 +45,20 @@ class Sizes:
     """
 
     def __init__(self, motion: Index1, request: IntegrationRequest, y: Array):
-        self.motion, self.request = motion, request
+        self.motion, self.settings = motion, request.settings
         self.given, self.kind = request.tolerances, np.array(request.kind_of, dtype=int)
         self.nq = len(request.q)
         self.size = np.zeros(len(y))
-        self.length = request.t_end - request.t_start
-        rate = motion.rate(request.t_start, y)
+        self.length = self.settings.t_end - self.settings.t_start
+        rate = motion.rate(self.settings.t_start, y)
         self.gross = self._gross(y, rate)
         self.later = self._later(y, rate)
         self.tolerances = self.given
-        self.update(request.t_start, y, self.first_step(request.t_start, y, 8.0))
+        self.update(self.settings.t_start, y, self.first_step(self.settings.t_start, y, 8.0))
 
     def _gross(self, y: Array, rate: Array) -> Array:
         """Return what accelerations are made of, the largest of each kind: A."""
-        nq, t = self.nq, self.request.t_start
+        nq, t = self.nq, self.settings.t_start
         found = np.abs(rate[nq:-1])
         for sign in (-1, 1):
             part = sign * _PERTURBATION * np.cos(1.0 + np.arange(len(y)))
@@ -85,7 +85,7 @@ class Sizes:
         resting = (y[:nq] == 0) & (y[nq:-1] == 0) & (rate[nq:-1] == 0)
         found = np.zeros(nq)
         for k in range(_LOOKS if resting.any() else 0):
-            t = self.request.t_start + (k + 0.5) / _LOOKS * self.length
+            t = self.settings.t_start + (k + 0.5) / _LOOKS * self.length
             a = np.abs(self.motion.rate(t, y)[nq:-1])
             found = np.fmax(found, np.where(resting & np.isfinite(a), a, 0.0))
         return found
@@ -109,7 +109,7 @@ class Sizes:
                 [0.0],
             ]
         )
-        found = _FOLLOWING * self.request.rtol * size + floor + _NO_SIZE
+        found = _FOLLOWING * self.settings.rtol * size + floor + _NO_SIZE
         self.tolerances = np.where(self.given > 0, self.given, found)
 
     def largest(self) -> Array:
@@ -119,8 +119,8 @@ class Sizes:
     def first_step(self, t: float, y: Array, order: float) -> float:
         """Return the size of a first step; lag_first_step of core/sizes.c."""
         nq = self.nq
-        horizon = _HORIZON * (self.request.t_end - t)
-        most = min(self.request.max_step, self.request.t_end - t)
+        horizon = _HORIZON * (self.settings.t_end - t)
+        most = min(self.settings.max_step, self.settings.t_end - t)
         q, v, a = np.abs(y[:nq]), np.abs(y[nq:-1]), self.gross + self.later
         w = q + _BESIDE * self._of_kind(q) + horizon * (v + horizon * a)
         w = np.concatenate([w, v + _BESIDE * self._of_kind(v) + horizon * a + np.sqrt(a * w)])
@@ -132,5 +132,5 @@ class Sizes:
         if not np.isfinite(change):
             return h
         rate = max(rate, np.sqrt(change / h))
-        found = (0.01 * self.request.rtol) ** (1 / order) / rate if rate > 0 else horizon
+        found = (0.01 * self.settings.rtol) ** (1 / order) / rate if rate > 0 else horizon
         return float(min(100 * h, found, most))

@@ -2,82 +2,92 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 from lagcli.model.draft import Draft
 from lagcli.model.expression.quantities import evaluate, formula_of, read_quantity
-from lagcli.model.model import Settings
 from lagcli.model.names.families import members_of, read_key
 from lagcli.model.sections.initial import canonical_name
 from lagcli.model.sections.parameters import names_used
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, YamlNode
+from lagcli.settings.kinds import Choice, Flag, Times, Tolerances, WholeNumber
+from lagcli.settings.settings import SettingsOverrides
 
-_WORDS = ("method", "formulation", "engine")
-_WHOLE = ("samples", "max_steps")
 
-
-def read_settings(draft: Draft, constants: Symbols) -> tuple[Settings, frozenset[str]]:
-    """Return the settings of the file, None where it gives none, and what they are made of."""
+def read_settings(draft: Draft, constants: Symbols) -> tuple[SettingsOverrides, frozenset[str]]:
+    """Return the settings of the file, and the parameters that they depend on."""
     needs: set[str] = set()
     return _read(draft, constants, needs), frozenset(needs)
 
 
-def _read(draft: Draft, constants: Symbols, needs: set[str]) -> Settings:
+def _read(draft: Draft, constants: Symbols, needs: set[str]) -> SettingsOverrides:
     node = draft.get("simulation")
     if draft.entries("simulation") is None or not isinstance(node, Mapping):
-        return Settings()
-    known = tuple(f.name for f in dataclasses.fields(Settings))
-    fields = draft.fields(node, "`simulation`", known)
-    values = {
-        name: _setting(draft, name, field, constants, needs) for name, field in fields.items()
-    }
-    settings = Settings(**values)
+        return SettingsOverrides()
+    fields = draft.fields(node, "`simulation`", tuple(SettingsOverrides.DECLARED))
+    settings = SettingsOverrides(
+        **{name: _value(draft, name, field, constants, needs) for name, field in fields.items()}
+    )
     for problem in settings.problems():
         place = fields.get(problem.key, node)
         draft.report.add("bad-setting", str(problem), place.location, problem.help)
     return settings
 
 
-def _setting(draft: Draft, name: str, node: YamlNode, constants: Symbols, needs: set[str]) -> Any:
+def _value(draft: Draft, name: str, node: YamlNode, constants: Symbols, needs: set[str]) -> Any:
     """Return the value of a setting; None if there is something wrong with it."""
-    if name == "times" and isinstance(node, Sequence):
-        times = [_number(draft, "a time of `times`", item, constants, needs) for item in node.items]
-        return None if None in times else tuple(times)
-    if name == "atol" and isinstance(node, Mapping):
-        return _tolerances(draft, node, constants, needs)
-    if name in _WORDS or name == "through_singular":
-        if not isinstance(node, Scalar) or node.missing:
-            draft.report.add(
-                "wrong-type", f"`{name}` must be a word, not {node.what}", node.location
-            )
-            return None
-        text = node.value.strip()
-        if name in _WORDS:
-            return text
-        if text not in ("true", "false"):
-            draft.report.add(
-                "bad-setting",
-                f"`{name}` must be true or false, not {node.what}",
-                node.location,
-                "write `true` or `false`",
-            )
-            return None
-        return text == "true"
+    match SettingsOverrides.DECLARED[name]:
+        case Choice():
+            return _word(draft, name, node)
+        case Flag():
+            return _flag(draft, name, node)
+        case WholeNumber():
+            return _whole_number(draft, name, node, constants, needs)
+        case Times():
+            items = node.items if isinstance(node, Sequence) else [node]
+            what = f"a time of `{name}`" if isinstance(node, Sequence) else f"`{name}`"
+            times = [_number(draft, what, item, constants, needs) for item in items]
+            return None if None in times else times
+        case Tolerances() if isinstance(node, Mapping):
+            return _tolerances(draft, node, constants, needs)
+    return _number(draft, f"`{name}`", node, constants, needs)
+
+
+def _word(draft: Draft, name: str, node: YamlNode) -> str | None:
+    if isinstance(node, Scalar) and not node.missing:
+        return node.value.strip()
+    draft.report.add("wrong-type", f"`{name}` must be a word, not {node.what}", node.location)
+    return None
+
+
+def _flag(draft: Draft, name: str, node: YamlNode) -> bool | None:
+    text = _word(draft, name, node)
+    if text is None or text in ("true", "false"):
+        return None if text is None else text == "true"
+    draft.report.add(
+        "bad-setting",
+        f"`{name}` must be true or false, not {node.what}",
+        node.location,
+        "write `true` or `false`",
+    )
+    return None
+
+
+def _whole_number(
+    draft: Draft, name: str, node: YamlNode, constants: Symbols, needs: set[str]
+) -> int | None:
     value = _number(draft, f"`{name}`", node, constants, needs)
-    if value is None or name not in _WHOLE:
-        return (value,) if name == "times" and value is not None else value
-    if value != int(value):
-        draft.report.add(
-            "bad-setting",
-            f"`{name}` must be a whole number, not {node.what}",
-            node.location,
-            f"write `{name}: {round(value)}`",
-        )
-        return None
-    return int(value)
+    if value is None or value == int(value):
+        return None if value is None else int(value)
+    draft.report.add(
+        "bad-setting",
+        f"`{name}` must be a whole number, not {node.what}",
+        node.location,
+        f"write `{name}: {round(value)}`",
+    )
+    return None
 
 
 def _tolerances(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 from collections.abc import Mapping
@@ -11,7 +10,8 @@ from functools import cached_property
 from typing import Any
 
 from lagcli.model.loader import load_text
-from lagcli.model.model import Model, Settings
+from lagcli.model.model import Model
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.plan.plan import Plan
 from lagcli.version import __version__
 
@@ -28,7 +28,7 @@ class Spec:
         The model, and what the reader knows its file by.
     set, set_initial : mappings of str to numbers or text
         Values that replace the model's, in all rows.
-    settings : Settings
+    settings : SettingsOverrides
         As given, not yet resolved.
     plan : Plan
     measures : tuple of (name, text)
@@ -42,7 +42,7 @@ class Spec:
     path: str
     set: Mapping[str, object]
     set_initial: Mapping[str, object]
-    settings: Settings
+    settings: SettingsOverrides
     plan: Plan
     measures: tuple[tuple[str, str], ...]
     keep: str
@@ -65,13 +65,12 @@ class Spec:
 
     def described(self) -> dict[str, Any]:
         """Return all of it as JSON values; equal for sweeps of equal rows alone."""
-        settings = dataclasses.asdict(self.settings)
         return {
             "lagcli": __version__,
             "model_sha256": hashlib.sha256(self.text.encode()).hexdigest(),
             "set": {name: str(value) for name, value in self.set.items()},
             "set_initial": {name: str(value) for name, value in self.set_initial.items()},
-            "settings": {k: v for k, v in settings.items() if v is not None},
+            "settings": self.settings.as_dict(),
             "plan": self.plan.described(),
             "measures": [list(x) for x in self.measures],
             "keep": self.keep,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
-from lagcli.model.model import Model, Settings
+from lagcli.model.model import Model
 from lagcli.model.sections.measures import read_measures
 from lagcli.results.formats import format_of
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.file.layout import (
     Column,
     check_names,
@@ -76,7 +77,7 @@ def prepare_sweep(
     name: str,
     set: Mapping[str, object],
     set_initial: Mapping[str, object],
-    settings: Settings | None,
+    settings: SettingsOverrides | None,
     asked: Asked,
     path: str,
 ) -> Ready:
@@ -88,7 +89,7 @@ def prepare_sweep(
     if asked.keep == "trajectories" and csv:
         raise UsageError("a CSV file holds measures only; give -o with .h5 to keep trajectories")
     read_measures(model, asked.measures)
-    given = settings or Settings()
+    given = settings or SettingsOverrides()
     spec = Spec(text, name, set, set_initial, given, plan, asked.measures, "measures", asked.strict)
     trial = Runner(spec)
     base = trial.base()
@@ -113,7 +114,7 @@ def prepare_sweep(
     check_names([*columns, *measured])
     if keep == "measures":
         row_bytes = 0
-    options = {k: v for k, v in asdict(base.variants.settings).items() if v is not None}
+    options = base.variants.settings.as_dict()
     return Ready(spec, model, base.grid.times, columns, measured, row_bytes, options)
 
 

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
+from lagcli.engine.integrate.engines import engine_named
 from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.model import InitialValue, Model
 from lagcli.model.sections.measures import read_measures
-from lagcli.settings import engine_of, sample_times
+from lagcli.simulations.sampling import sample_times
 from lagcli.simulations.simulation import Simulation, ready, warnings_of
 from lagcli.simulations.start import undefined_at
 from lagcli.simulations.variants import Values, Variants
@@ -92,7 +93,7 @@ class RowGroup:
         self.signals = Signals(variants.equations, [*wanted, *self._extra.values()], compiled)
 
     def _check_times(self) -> None:
-        start, end = self.variants.settings.t_start or 0.0, self.grid.times[-1]
+        start, end = self.variants.settings.t_start, self.grid.times[-1]
         for time in self.measuring.times:
             if not start <= time <= end:
                 raise UsageError(
@@ -195,7 +196,7 @@ class RowGroup:
 
         if not suits_lanes(system, request):
             return np.arange(len(values.q))
-        starts = self._search(request.t_start, *values)
+        starts = self._search(request.settings.t_start, *values)
         ordinary = np.flatnonzero(starts.found)
 
         def take(finished: Finished) -> None:
@@ -247,7 +248,7 @@ class RowGroup:
         def take(b: Block) -> None:
             rows.append(np.column_stack([b.time, b.q, b.v, b.a, b.multipliers, b.work]))
 
-        engine = engine_of(simulation.settings)
+        engine = engine_named(simulation.settings.engine)
         run = engine(simulation.system, request, take, lambda t: heed())
         if run.status == "interrupted":
             raise Interrupted

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 import lagcli
 from comparison import mechanisms, models
-from lagcli.model.model import Model, Settings
+from lagcli.model.model import Model
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
 
 Array = NDArray[np.float64]
@@ -69,7 +70,7 @@ class Case:
     def start(self) -> Start:
         """The consistent start, as lagcli finds it."""
         model = self.load()
-        found = prepare(model, Settings(t_end=self.t_end)).start
+        found = prepare(model, SettingsOverrides(t_end=self.t_end)).start
         return Start(found.q, found.v, model.parameter_values)
 
 

@@ -7,22 +7,22 @@ from pathlib import Path
 import pytest
 
 from lagcli.model.loader import load, load_text
-from lagcli.model.model import Settings
 from lagcli.play.controls import Control, controls
-from lagcli.settings import resolve
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import SettingsOverrides
 
 MODELS = Path(__file__).parents[3] / "models"
 
 
 def made(name: str, **settings: float) -> dict[str, Control]:
     model = load(MODELS / f"{name}.yaml")
-    return controls(model, resolve(Settings(**settings), model))
+    return controls(model, resolve(SettingsOverrides(**settings), model.settings))
 
 
 def of(parameters: str, initial: str = "{x: 0, x': 0}") -> dict[str, Control]:
     text = "coordinates: {x: m}\nT: x'^2/2\nV: 0\n"
     model = load_text(f"{text}parameters: {parameters}\ninitial: {initial}\n")
-    return controls(model, resolve(Settings(), model))
+    return controls(model, resolve(SettingsOverrides(), model.settings))
 
 
 def test_all_values_are_there_in_the_models_order_and_in_the_files_units() -> None:
@@ -87,7 +87,7 @@ def test_families_and_numbers_of_members() -> None:
 
 def test_an_option_in_another_unit_is_shown_in_it() -> None:
     model = load(MODELS / "slider_crank.yaml", set={"l": "40 cm"})
-    c = controls(model, resolve(Settings(), model))["l"]
+    c = controls(model, resolve(SettingsOverrides(), model.settings))["l"]
     assert (c.value, c.unit, c.suffix, c.shown(0.5)) == (40.0, "cm", " cm", 50.0)
 
 
@@ -96,4 +96,6 @@ def test_the_end_of_the_run_can_be_moved_unless_the_sample_times_are_given() -> 
     assert (end.kind, end.value, end.high) == ("end", 3.0, 6.0)
     assert end.low > 0
     model = load(MODELS / "slider_crank.yaml")
-    assert "t_end" not in controls(model, resolve(Settings(times=(0.1, 0.2)), model))
+    assert "t_end" not in controls(
+        model, resolve(SettingsOverrides(times=(0.1, 0.2)), model.settings)
+    )

@@ -16,12 +16,12 @@ from trajectories import ARRAYS, assert_same, assert_same_arrays, make
 
 import lagcli
 from lagcli.errors import FileError
-from lagcli.model.model import Settings
 from lagcli.results import open_writer, read, write
 from lagcli.results.csv import writer as csv_writer
 from lagcli.results.formats import Writer
 from lagcli.results.hdf5 import trajectories
-from lagcli.settings import compiled_available
+from lagcli.settings.resolve import compiled_available
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations import simulation
 from lagcli.trajectory.samples import Samples
 from lagcli.trajectory.trajectory import Trajectory, joined
@@ -86,7 +86,7 @@ def test_a_run_does_not_depend_on_its_blocks(name: str, engine: str, block_rows:
 def test_blocks_are_full_but_for_the_last(engine: str, block_rows: object) -> None:
     block_rows(8)
     model = lagcli.load(MODELS / "pendulum_cartesian.yaml")
-    ready = simulation.prepare(model, Settings(samples=21, t_end=0.5, engine=engine))
+    ready = simulation.prepare(model, SettingsOverrides(samples=21, t_end=0.5, engine=engine))
     taken: list[Samples] = []
     record = ready.run(taken.append)
     assert record.status == "completed"
@@ -134,7 +134,7 @@ initial: {x: 1, x': -3}
 def test_what_the_sink_raises_goes_on(engine: str, block_rows: object) -> None:
     block_rows(8)
     model = lagcli.load(MODELS / "pendulum_cartesian.yaml")
-    ready = simulation.prepare(model, Settings(engine=engine))
+    ready = simulation.prepare(model, SettingsOverrides(engine=engine))
     taken = []
 
     def full(samples: Samples) -> None:

@@ -69,13 +69,13 @@ def test_a_run_takes_one_thread(free, engine, monkeypatch):
     from lagcli.simulations import simulation
 
     seen = []
-    find_start, engine_of = simulation.find_start, simulation.engine_of
+    find_start, engine_named = simulation.find_start, simulation.engine_named
 
     def watched(function):
         return lambda *args: (seen.append(blas()), function(*args))[1]
 
     monkeypatch.setattr(simulation, "find_start", watched(find_start))
-    monkeypatch.setattr(simulation, "engine_of", lambda s: watched(engine_of(s)))
+    monkeypatch.setattr(simulation, "engine_named", lambda s: watched(engine_named(s)))
     lagcli.simulate(lagcli.load(PENDULUM), t_end=0.5, samples=3, engine=engine)
     assert seen == [{1}, {1}]
     assert blas() == free

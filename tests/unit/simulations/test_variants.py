@@ -9,12 +9,12 @@ import pytest
 
 import lagcli
 from lagcli.errors import ModelError, NumericalError
-from lagcli.model.model import Settings
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
 from lagcli.simulations.variants import Variants
 
 MODELS = Path(__file__).parents[3] / "models"
-SETTINGS = Settings(t_end=0.2, samples=5)
+SETTINGS = SettingsOverrides(t_end=0.2, samples=5)
 
 
 def final_state(simulation):

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from comparison.cases import Case
 from comparison.methods import Method, decades, stiff_only
-from lagcli import settings as settings_of
 from lagcli.engine.contract import Block, IntegrationRequest, Outcome
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.compiled_engine import Integration
 from lagcli.engine.integrate.prepared import find_elimination, prepare, unrolled
 from lagcli.engine.system import System
-from lagcli.model.model import Settings
+from lagcli.settings.methods import methods_of
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations import simulation
 
 
@@ -31,8 +32,10 @@ class Ours:
     def settings(self, tolerance: float, **more: Any) -> Settings:
         """Return the complete settings of a run."""
         times = tuple(self.case.times)
-        given = Settings(times=times, rtol=tolerance, atol=tolerance, method=self.method, **more)
-        return settings_of.resolve(given, self.model)
+        given = SettingsOverrides(
+            times=times, rtol=tolerance, atol=tolerance, method=self.method, **more
+        )
+        return resolve(given, self.model.settings)
 
     def at(self, setting: float, **more: Any) -> _Ready:
         """Prepare a run at a tolerance."""
@@ -40,7 +43,7 @@ class Ours:
         ready = replace(self.prepared, settings=settings)
         system, request = ready.system, ready.request
         # unrolled from the beginning, as for many runs: what that takes is no part of a run
-        state = request.t_start, request.q, request.v
+        state = settings.t_start, request.q, request.v
         order = request.elimination or find_elimination(Evaluator(system), [state])
         prepared = unrolled(system, prepare(system, order))
         return _Ready(system, replace(request, prepared=prepared))
@@ -80,4 +83,4 @@ def _method(name: str) -> Method:
 
 
 #: What the compiled engine has; the stiff methods run where they are meant for.
-METHODS = tuple(_method(name) for name in settings_of.COMPILED_METHODS)
+METHODS = tuple(_method(name) for name in ("auto", *methods_of("compiled")))

@@ -12,8 +12,8 @@ import lagcli
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.lowering import lower
 from lagcli.errors import LagcliError, ModelError, NumericalError
-from lagcli.model.model import Settings
-from lagcli.settings import resolve
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.start import find_start
 
 ROD = "rod: x^2 + y^2 = 1"
@@ -38,7 +38,8 @@ def start(
     )
     model = lagcli.load_text(text)
     equations = lagcli.derive(model)
-    return find_start(equations, lower(equations), resolve(Settings(**settings), model))
+    t_start = resolve(SettingsOverrides(**settings), model.settings).t_start
+    return find_start(equations, lower(equations), t_start)
 
 
 def free(**guesses: float) -> str:

@@ -11,7 +11,7 @@ import pytest
 import lagcli
 from lagcli.engine.constraints.initial import NoConsistentState, consistent_state
 from lagcli.engine.constraints.initial_batch import StartSearch
-from lagcli.model.model import Settings
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
 from lagcli.simulations.variants import Variants
 
@@ -20,7 +20,7 @@ MODELS = sorted((Path(__file__).parents[4] / "models").glob("*.yaml"))
 
 def rows(model, count, size, seed=0):
     """Return a System and values near a model's own: parameters and guesses moved by a part."""
-    simulation = prepare(model, Settings(t_end=1))
+    simulation = prepare(model, SettingsOverrides(t_end=1))
     values = Variants(model).values([], np.empty((count, 0)))
     random = np.random.default_rng(seed)
 
@@ -30,7 +30,7 @@ def rows(model, count, size, seed=0):
 
     return (
         simulation.system,
-        simulation.request.t_start,
+        simulation.settings.t_start,
         moved(values.parameters, True),
         moved(values.q, ~values.fixed_q),
         moved(values.v, ~values.fixed_v),

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from integration_requests import changed
 
 import lagcli
 from lagcli.engine.contract import Block, Interrupted
@@ -20,7 +21,7 @@ from lagcli.engine.program.program import assemble
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Tape
-from lagcli.model.model import Settings
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
 from lagcli.simulations.variants import Variants
 
@@ -43,7 +44,7 @@ class Runs:
     """Runs of one model with several values of its parameters, from consistent starts."""
 
     def __init__(self, model, names=(), table=None, **options):
-        variants = Variants(model, Settings(engine="compiled", **options))
+        variants = Variants(model, SettingsOverrides(engine="compiled", **options))
         rows = [dict(zip(names, row, strict=True)) for row in table] if names else [{}]
         self.simulations = [variants.varied(row) for row in rows]
         first = self.simulations[0]
@@ -64,7 +65,7 @@ class Runs:
 
     def __call__(self, **changes):
         """Return the samples and the record of each run, from the lanes."""
-        request = dataclasses.replace(self.request, **changes)
+        request = changed(self.request, **changes)
         found = {}
 
         def take(finished):
@@ -82,7 +83,7 @@ class Runs:
         system = dataclasses.replace(self.system, parameters=tuple(self.parameters[row].tolist()))
         changes |= {"q": self.q[row], "v": self.v[row], "elimination": None}
         changes["prepared"] = self.request.prepared if kept else None
-        request = dataclasses.replace(self.request, **changes)
+        request = changed(self.request, **changes)
         run = compiled_engine.run(system, request, blocks.append)
         rows = [np.column_stack([b.time, b.q, b.v, b.a, b.multipliers, b.work]) for b in blocks]
         return np.concatenate(rows) if rows else np.empty((0, 0)), run
@@ -434,15 +435,15 @@ def test_redundant_constraints_run_one_by_one():
 def test_what_has_no_lanes(changes):
     runs = slider_cranks(1)
     assert suits_lanes(runs.system, runs.request)
-    assert not suits_lanes(runs.system, dataclasses.replace(runs.request, **changes))
+    assert not suits_lanes(runs.system, changed(runs.request, **changes))
 
 
 @pytest.mark.parametrize("leaving", [False, True])
 def test_an_interrupt_is_heeded_at_once(leaving):
-    simulation = prepare(lagcli.load_text(PENDULUM), Settings(t_end=1e5, samples=2))
+    simulation = prepare(lagcli.load_text(PENDULUM), SettingsOverrides(t_end=1e5, samples=2))
     system, request = simulation.system, simulation.request
     if not leaving:
-        short = dataclasses.replace(request, t_end=1.0, times=np.array([1.0]))
+        short = changed(request, t_end=1.0, times=np.array([1.0]))
         request = dataclasses.replace(request, prepared=prepare_lanes(system, short))
     calls = []
 

@@ -12,6 +12,7 @@ import pytest
 
 import lagcli
 from lagcli.errors import UsageError
+from lagcli.settings import resolve
 from lagcli.simulations.simulation import prepare as prepare_simulation
 
 FOUND = Path(__file__).parents[3] / "found"
@@ -214,9 +215,7 @@ def test_a_method_that_the_compiled_engine_lacks():
 
 
 def test_without_the_extension_the_reference_engine_runs(monkeypatch):
-    from lagcli import settings
-
-    monkeypatch.setattr(settings, "compiled_available", lambda: False)
+    monkeypatch.setattr(resolve, "compiled_available", lambda: False)
     assert lagcli.simulate(PENDULUM, t_end=0.1).options["engine"] == "scipy"
     with pytest.raises(UsageError, match="was not built"):
         lagcli.simulate(PENDULUM, engine="compiled")
@@ -244,8 +243,6 @@ def test_methods_of_the_compiled_engine_say_what_they_lack(monkeypatch, method, 
         lagcli.simulate(PENDULUM, method=method, engine="scipy")
     with pytest.raises(UsageError, match=f"{method} has no Baumgarte stab.*--method {other}"):
         lagcli.simulate(PENDULUM, method=method, formulation="baumgarte")
-    from lagcli import settings
-
-    monkeypatch.setattr(settings, "compiled_available", lambda: False)
+    monkeypatch.setattr(resolve, "compiled_available", lambda: False)
     with pytest.raises(UsageError, match=f"{method} needs the compiled engine, which was not buil"):
         lagcli.simulate(PENDULUM, method=method)

@@ -5,24 +5,27 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from integration_requests import changed
 from scipy.integrate import quad
 from scipy.special import ellipj, ellipk
 
 import lagcli
-from lagcli import settings
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.integrate import scipy_engine
 from lagcli.engine.system import System
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
-from lagcli.model.model import METHODS, Model
+from lagcli.model.model import Model
+from lagcli.settings import resolve as resolving
+from lagcli.settings.methods import METHOD_NAMES, methods_of
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[4] / "models"
@@ -31,15 +34,15 @@ MODELS = Path(__file__).parents[4] / "models"
 @pytest.fixture(autouse=True, params=["compiled", "scipy"])
 def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Run each test on the compiled engine, where it has the method, and on the reference."""
-    assert settings.compiled_available()
-    monkeypatch.setattr(settings, "compiled_available", lambda: request.param == "compiled")
+    assert resolving.compiled_available()
+    monkeypatch.setattr(resolving, "compiled_available", lambda: request.param == "compiled")
     return request.param
 
 
-@pytest.fixture(params=METHODS)
+@pytest.fixture(params=METHOD_NAMES)
 def method(request: pytest.FixtureRequest, engine: str) -> str:
     """Run a test with every method that the engine has."""
-    if request.param in ("Taylor", "Rodas5P") and engine == "scipy":
+    if engine == "scipy" and request.param not in ("auto", *methods_of("scipy")):
         pytest.skip(f"SciPy has no {request.param}")
     return request.param
 
@@ -143,21 +146,11 @@ def request(**changes: Any) -> IntegrationRequest:
         q=np.array([1.0, 0.0]),
         v=np.zeros(2),
         rank=1,
-        t_start=0.0,
-        t_end=2.0,
+        settings=resolve(SettingsOverrides(t_end=2.0, rtol=1e-10, method="DOP853")),
         times=np.linspace(0, 2, 21),
-        rtol=1e-10,
         atol=1e-11,
-        method="DOP853",
-        formulation="projection",
-        alpha=None,
-        beta=None,
-        max_step=math.inf,
-        max_steps=10**6,
-        timeout=None,
-        through_singular=False,
     )
-    return replace(base, **changes)
+    return changed(base, **changes)
 
 
 def integrated(**changes: Any) -> tuple[Outcome, list[Block]]:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from integration_requests import changed
 from scipy.special import ellipk, ellipkinc
 
 import lagcli
@@ -22,6 +23,8 @@ from lagcli.engine.system import System
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.lagrange import derive
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations import simulation
 
 G = 9.81
@@ -83,23 +86,13 @@ def run(
         q=np.array(q),
         v=np.array(v),
         rank=len(what.constraints),
-        t_start=0.0,
-        t_end=3.0,
+        settings=resolve(SettingsOverrides(t_end=3.0, rtol=1e-12, method="DOP853")),
         times=np.linspace(0, 3, 31),
-        rtol=1e-12,
         atol=1e-13,
-        method="DOP853",
-        formulation="projection",
-        alpha=None,
-        beta=None,
-        max_step=math.inf,
-        max_steps=10**6,
-        timeout=None,
-        through_singular=False,
         on_event=on_event,
     )
     blocks: list[Block] = []
-    ended = ENGINES[engine](what, replace(request, **changes), blocks.append)
+    ended = ENGINES[engine](what, changed(request, **changes), blocks.append)
     columns = zip(*((b.time, b.q) for b in blocks), strict=True)
     return Found(ended, *map(np.concatenate, columns))
 

@@ -23,6 +23,8 @@ from lagcli.engine.taylor.expansion import NotAnalytic
 from lagcli.engine.taylor.series import SeriesProgram, depending_on_time, expand
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.model.expression.functions import FUNCTIONS
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import SettingsOverrides
 
 T = se.Symbol("t")
 START = 0.3
@@ -51,19 +53,9 @@ def core_at(what: System, q: list[float], v: list[float]) -> Any:
         q=np.array(q),
         v=np.array(v),
         rank=len(what.constraints),
-        t_start=START,
-        t_end=1.0,
+        settings=resolve(SettingsOverrides(t_start=START, t_end=1.0, method="Taylor")),
         times=np.array([1.0]),
-        rtol=1e-9,
         atol=1e-10,
-        method="Taylor",
-        formulation="projection",
-        alpha=None,
-        beta=None,
-        max_step=math.inf,
-        max_steps=10,
-        timeout=None,
-        through_singular=False,
     )
     integration = Integration(what, request, lambda block: None, None)
     assert not integration.methods.refused

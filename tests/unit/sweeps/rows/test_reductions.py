@@ -11,8 +11,8 @@ import pytest
 
 import lagcli
 from lagcli.errors import LagcliError
-from lagcli.model.model import Settings
 from lagcli.model.sections.measures import read_measures
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.plan.plan import make_plan
 from lagcli.sweeps.plan.spec import Spec
 from lagcli.sweeps.rows.rows import COMPLETED, ERROR, FAILED, run_rows
@@ -33,7 +33,7 @@ def spec(
     text = model.read_text() if isinstance(model, Path) else model
     plan = make_plan(lagcli.load_text(text), vary, sample)
     named = tuple((x, x) for x in measures)
-    return Spec(text, "model.yaml", {}, {}, Settings(**settings), plan, named, keep)  # type: ignore[arg-type]
+    return Spec(text, "model.yaml", {}, {}, SettingsOverrides(**settings), plan, named, keep)  # type: ignore[arg-type]
 
 
 SHORT = {"t_end": 1.0, "samples": 101, "rtol": 1e-8}

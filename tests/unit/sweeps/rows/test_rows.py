@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.model.model import Settings
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.file.row_status import Ledger, Missing
 from lagcli.sweeps.plan.plan import make_plan
 from lagcli.sweeps.plan.spec import Spec
@@ -37,7 +37,7 @@ def runner(path: Path, vary: str, **settings) -> Runner:
     model = lagcli.load(path)
     plan = make_plan(model, [vary], None, 0)
     measures = (("a", f"final({model.coordinate_names[0]})"),)
-    chosen = Settings(**settings)
+    chosen = SettingsOverrides(**settings)
     return Runner(Spec(model.text, "", {}, {}, chosen, plan, measures, "measures"))
 
 

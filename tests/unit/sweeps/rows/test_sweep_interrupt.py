@@ -10,7 +10,7 @@ import pytest
 
 import lagcli
 from lagcli.engine.contract import Interrupted
-from lagcli.model.model import Settings
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.sweeps.plan.plan import make_plan
 from lagcli.sweeps.plan.spec import Spec
 from lagcli.sweeps.rows.rows import run_rows
@@ -21,7 +21,7 @@ CRANK = str(Path(__file__).parents[4] / "models" / "slider_crank.yaml")
 @pytest.mark.parametrize("method", ["auto", "Rodas5P"])
 def test_endless_rows_end(method: str) -> None:
     model = lagcli.load(CRANK)
-    settings = Settings(t_end=1e7, method=method)
+    settings = SettingsOverrides(t_end=1e7, method=method)
     plan = make_plan(model, ["m=1:2:0.1"])
     spec = Spec(model.text, CRANK, {}, {}, settings, plan, (("a", "max(phi)"),), "measures")
     began = time.monotonic()

@@ -1,0 +1,1 @@
+"""Settings of simulations: declared once, given on several levels, resolved and checked."""

@@ -1,0 +1,272 @@
+"""Kinds of settings, and the two ways to hold their values: as far as given, and complete."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import pairwise
+from numbers import Integral, Real
+from typing import Any, ClassVar, Generic, Self, TypeVar, overload
+
+from lagcli.errors import UsageError
+
+T = TypeVar("T")
+
+#: Says what a number must be, and perhaps what to do about it; None if it is in range.
+Check = Callable[[float], tuple[str, str | None] | None]
+
+
+class SettingError(ValueError):
+    """A setting out of its range; ``key`` says which."""
+
+    def __init__(self, key: str, message: str, help_: str | None = None):
+        super().__init__(message)
+        self.key, self.help = key, help_
+
+
+class Setting(Generic[T]):
+    """A setting: what the command line, model files, Python and the documentation know of it.
+
+    As an attribute, it is itself on a class, a value of type T on complete settings, and a value
+    or None on overrides.
+
+    Parameters
+    ----------
+    help : str
+        For the command line and the documentation; ``{unit}`` stands for the unit.
+    default : T or None
+        None where nothing is needed, or where the value follows from others.
+    unit : str
+    stated : str
+        What is printed as default; by default the default.
+    metavar : str
+        The value in the command line's help, where its type does not say enough.
+    check : callable, optional
+        Of numbers: their range.
+    choices : tuple of str
+        Of words: those that there are.
+    """
+
+    name: str
+
+    def __init__(
+        self,
+        help: str,
+        default: T | None = None,
+        *,
+        unit: str = "",
+        stated: str = "",
+        metavar: str | None = None,
+        check: Check | None = None,
+        choices: tuple[str, ...] = (),
+    ):
+        self.help = help.format(unit=unit)
+        self.default, self.unit, self.metavar = default, unit, metavar
+        self.check, self.choices = check, choices
+        shown = default is not None and default is not False and default != math.inf
+        self.stated = stated or (plain(default) if shown else "")
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, values: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, values: CompleteValues, owner: type) -> T: ...
+    @overload
+    def __get__(self, values: GivenValues, owner: type) -> T | None: ...
+    def __get__(self, values: object, owner: type) -> Any:
+        # a value that is there is found in the instance before this is called
+        return self if values is None else None
+
+    def convert(self, value: Any) -> Any:
+        """Return a given value as it is kept."""
+        return value
+
+    def problems(self, value: Any) -> Iterator[SettingError]:
+        """Yield what is wrong with a value."""
+        raise NotImplementedError
+
+    def error(self, message: str, help_: str | None = None) -> SettingError:
+        """Return the error about this setting."""
+        return SettingError(self.name, message, help_)
+
+
+class RealNumber(Setting[T]):
+    """A number."""
+
+    type_: type[Any] = Real
+    what = "a number"
+
+    def problems(self, value: Any) -> Iterator[SettingError]:
+        """Yield what is wrong with a value."""
+        yield from self.number_problems(self.name, value)
+
+    def number_problems(self, what: str, value: Any) -> Iterator[SettingError]:
+        """Yield what is wrong with a number that a message calls ``what``."""
+        if not isinstance(value, self.type_) or isinstance(value, bool):
+            yield self.error(f"{what} must be {self.what}, not {value!r}")
+        elif not math.isfinite(value):
+            yield self.error(f"{what} must be a finite number, not {value}")
+        elif self.check is not None and (found := self.check(value)) is not None:
+            shown = value if isinstance(value, Integral) else f"{value:g}"
+            yield self.error(f"{what} {found[0]}, not {shown}", found[1])
+
+
+class WholeNumber(RealNumber[T]):
+    """A whole number."""
+
+    type_ = Integral
+    what = "a whole number"
+
+
+class Choice(Setting[T]):
+    """One of some words."""
+
+    def problems(self, value: Any) -> Iterator[SettingError]:
+        """Yield what is wrong with a value."""
+        if value not in self.choices:
+            same = [word for word in self.choices if word.lower() == str(value).lower()]
+            known = "known are " + ", ".join(self.choices)
+            help_ = f"did you mean `{same[0]}`?" if same else known
+            yield self.error(f"there is no {self.name} `{value}`", help_)
+
+
+class Flag(Setting[bool]):
+    """Yes or no."""
+
+    def problems(self, value: Any) -> Iterator[SettingError]:
+        """Yield what is wrong with a value."""
+        if not isinstance(value, bool):
+            yield self.error(f"{self.name} must be true or false, not {value!r}")
+
+
+class Times(Setting[tuple[float, ...] | None]):
+    """Increasing times."""
+
+    def convert(self, value: Any) -> tuple[float, ...]:
+        """Return the times as numbers.
+
+        Raises
+        ------
+        UsageError
+            They are none.
+        """
+        try:
+            return tuple(float(x) for x in value)
+        except (TypeError, ValueError):
+            raise UsageError(f"{self.name} must be numbers, not {value!r}") from None
+
+    def problems(self, value: Any) -> Iterator[SettingError]:
+        """Yield what is wrong with a value."""
+        if not value:
+            yield self.error("times must hold at least one time")
+        elif not all(math.isfinite(x) for x in value):
+            yield self.error("times must be finite numbers")
+        elif any(b <= a for a, b in pairwise(value)):
+            yield self.error("times must increase")
+
+
+class Tolerances(RealNumber[float | Mapping[str, float] | None]):
+    """One number for all coordinates and velocities, or numbers by their names."""
+
+    def problems(self, value: Any) -> Iterator[SettingError]:
+        """Yield what is wrong with a value."""
+        if not isinstance(value, Mapping):
+            yield from super().problems(value)
+            return
+        for name, x in value.items():
+            yield from self.number_problems(f"{self.name} of `{name}`", x)
+
+
+def positive(value: float) -> tuple[str, None] | None:
+    """Check that a number is greater than 0."""
+    return ("must be greater than 0", None) if value <= 0 else None
+
+
+def not_negative(value: float) -> tuple[str, None] | None:
+    """Check that a number is not less than 0."""
+    return ("must not be negative", None) if value < 0 else None
+
+
+def between(
+    low: float, high: float, if_below: str | None = None, if_above: str | None = None
+) -> Check:
+    """Return a check that a number lies between others, with help for what does not."""
+
+    def check(value: float) -> tuple[str, str | None] | None:
+        if low <= value <= high:
+            return None
+        help_ = if_below if value < low else if_above
+        return f"must lie between {plain(low)} and {plain(high)}", help_
+
+    return check
+
+
+def plain(value: Any) -> str:
+    """Return a value as a person writes it: 1e-9, 10^8."""
+    if isinstance(value, float):
+        return f"{value:g}".replace("1e+0", "10^").replace("e-0", "e-")
+    return str(value)
+
+
+class SettingValues:
+    """Values of the settings that a class declares; they do not change.
+
+    Parameters
+    ----------
+    **values
+        None is no value.
+
+    Raises
+    ------
+    UsageError
+        There is no such setting.
+    """
+
+    DECLARED: ClassVar[Mapping[str, Setting[Any]]]
+
+    def __init_subclass__(cls) -> None:
+        classes: Iterable[type] = reversed(cls.__mro__)
+        found = [x for c in classes for x in vars(c).values() if isinstance(x, Setting)]
+        cls.DECLARED = {x.name: x for x in found}
+
+    def __init__(self, **values: Any):
+        for name, value in values.items():
+            if name not in self.DECLARED:
+                raise _unknown(name, self.DECLARED)
+            if value is not None:
+                self.__dict__[name] = self.DECLARED[name].convert(value)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"settings do not change; `replace` gives others ({name})")
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name}={value!r}" for name, value in self.__dict__.items())
+        return f"{type(self).__name__}({values})"
+
+    def replace(self, **changes: Any) -> Self:
+        """Return these settings with other values; None takes one away."""
+        return type(self)(**{**self.__dict__, **changes})
+
+
+def _unknown(name: str, known: Iterable[str]) -> UsageError:
+    # imported where it is needed: at start-up it would cost a millisecond
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, known, 1)
+    help_ = f"did you mean `{near[0]}`?" if near else "known are " + ", ".join(known)
+    return UsageError(f"there is no setting `{name}`; {help_}")
+
+
+class GivenValues(SettingValues):
+    """Values as far as they are given; those that are not are None."""
+
+
+class CompleteValues(SettingValues):
+    """Values of all settings."""
+
+    def __init__(self, **values: Any):
+        super().__init__(**values)
+        for name in self.DECLARED:
+            self.__dict__.setdefault(name, None)

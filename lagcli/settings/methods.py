@@ -1,0 +1,132 @@
+"""The integration methods: which engine has them, and what they can do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+FORMULATIONS = ("projection", "baumgarte", "index1")
+ENGINES = ("compiled", "scipy")
+
+_NO_BAUMGARTE = ("projection", "index1")
+
+
+@dataclass(frozen=True)
+class Method:
+    """An integration method.
+
+    Parameters
+    ----------
+    name : str
+        Also that of SciPy's class, where the reference engine has it.
+    description : str
+        For the command line's help and the documentation.
+    order : str
+    implicit : bool
+        Whether steps solve equations, which takes derivatives of the equations of motion.
+    dense : str
+        What gives values within a step.
+    formulations : mapping of engine to formulations
+        The engines that have the method, and the formulations that each has with it.
+    error_order : int
+        Order of the error estimate of SciPy's method, by which its first step is chosen; 0 for
+        methods that begin at order one.
+    """
+
+    name: str
+    description: str
+    order: str
+    implicit: bool
+    dense: str
+    formulations: Mapping[str, tuple[str, ...]]
+    error_order: int = 0
+
+
+#: Every method but `auto`, which chooses among those of the compiled engine.
+METHODS = {
+    method.name: method
+    for method in (
+        Method(
+            name="DOP853",
+            description="Dormand-Prince",
+            order="8",
+            implicit=False,
+            dense="polynomial of order 7",
+            formulations={"compiled": FORMULATIONS, "scipy": FORMULATIONS},
+            error_order=7,
+        ),
+        Method(
+            name="Taylor",
+            description="power series",
+            order="by the tolerance",
+            implicit=False,
+            dense="the power series",
+            formulations={"compiled": _NO_BAUMGARTE},
+        ),
+        Method(
+            name="Rodas5P",
+            description="Rosenbrock",
+            order="5",
+            implicit=True,
+            dense="polynomial of order 4",
+            formulations={"compiled": _NO_BAUMGARTE},
+        ),
+        Method(
+            name="RK45",
+            description="Dormand-Prince",
+            order="5",
+            implicit=False,
+            dense="polynomial of order 4",
+            formulations={"scipy": FORMULATIONS},
+            error_order=4,
+        ),
+        Method(
+            name="RK23",
+            description="Bogacki-Shampine",
+            order="3",
+            implicit=False,
+            dense="cubic Hermite polynomial",
+            formulations={"scipy": FORMULATIONS},
+            error_order=2,
+        ),
+        Method(
+            name="Radau",
+            description="Radau IIA",
+            order="5",
+            implicit=True,
+            dense="collocation polynomial",
+            formulations={"compiled": _NO_BAUMGARTE, "scipy": FORMULATIONS},
+            error_order=3,
+        ),
+        Method(
+            name="BDF",
+            description="backward differentiation",
+            order="1 to 5",
+            implicit=True,
+            dense="backward differences",
+            formulations={"scipy": FORMULATIONS},
+        ),
+        Method(
+            name="LSODA",
+            description="Adams or BDF, as the stiffness asks for",
+            order="1 to 12",
+            implicit=True,
+            dense="Nordsieck array",
+            formulations={"scipy": FORMULATIONS},
+        ),
+    )
+}
+#: What may be asked for.
+METHOD_NAMES = ("auto", *METHODS)
+
+
+def methods_of(engine: str) -> tuple[str, ...]:
+    """Return the names of an engine's methods."""
+    return tuple(name for name, method in METHODS.items() if engine in method.formulations)
+
+
+def has(engine: str, method: str, formulation: str) -> bool:
+    """Return whether an engine has a method, or `auto`, with a formulation."""
+    if method == "auto":
+        return True
+    return formulation in METHODS[method].formulations.get(engine, ())

@@ -1,0 +1,173 @@
+"""The settings of a simulation: their declaration, as given on some level, and complete.
+
+What is declared here once becomes options of the command line, keys of a model file's `simulation`
+block, arguments of `lagcli.simulate`, and the table of the documentation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, Self
+
+from lagcli.settings.kinds import (
+    Choice,
+    CompleteValues,
+    Flag,
+    GivenValues,
+    RealNumber,
+    SettingError,
+    Times,
+    Tolerances,
+    WholeNumber,
+    between,
+    not_negative,
+    positive,
+)
+from lagcli.settings.methods import ENGINES, FORMULATIONS, METHOD_NAMES, methods_of
+
+MAX_SAMPLES = 10**8
+
+_OF_SCIPY_ALONE = ", ".join(m for m in methods_of("scipy") if m not in methods_of("compiled"))
+
+
+class _Declared:
+    t_start = RealNumber[float]("Start time, {unit}.", 0.0, unit="s")
+    t_end = RealNumber[float]("End time, {unit}.", 10.0, unit="s")
+    samples = WholeNumber[int | None](
+        "Number of samples, both ends included.", 1001, check=between(1, float(MAX_SAMPLES))
+    )
+    dt = RealNumber[float | None](
+        "Spacing of the samples, {unit}, in place of --samples.", unit="s", check=positive
+    )
+    times = Times("The sample times themselves, {unit}.", unit="s", metavar="T1,T2,…")
+    rtol = RealNumber[float](
+        "Relative tolerance.",
+        1e-9,
+        check=between(1e-13, 0.1, "doubles hold no more than 1e-13", "1e-9 is usual"),
+    )
+    atol = Tolerances(
+        "Absolute tolerance, for all coordinates and velocities.",
+        stated="by their size",
+        check=positive,
+    )
+    method = Choice[str](
+        "Integration method: auto is DOP853, and Rodas5P or Radau where the motion proves stiff;"
+        f" Taylor takes power series; {_OF_SCIPY_ALONE} are SciPy's.",
+        "auto",
+        choices=METHOD_NAMES,
+    )
+    formulation = Choice[str](
+        "How the constraints are kept: projected after each step, by Baumgarte's stabilization,"
+        " or not at all, which shows the drift.",
+        "projection",
+        choices=FORMULATIONS,
+    )
+    alpha = RealNumber[float | None](
+        "Baumgarte's α, {unit}.", unit="1/s", stated="from the step", check=not_negative
+    )
+    beta = RealNumber[float | None](
+        "Baumgarte's β, {unit}.", unit="1/s", stated="α", check=not_negative
+    )
+    engine = Choice[str]("Engine.", stated="compiled, for its methods", choices=ENGINES)
+    max_step = RealNumber[float]("Largest step, {unit}.", math.inf, unit="s", check=positive)
+    max_steps = WholeNumber[int]("Give a run up after so many steps.", 10_000_000, check=positive)
+    timeout = RealNumber[float](
+        "Give a run up after so many seconds of wall time.", math.inf, unit="s", check=positive
+    )
+    through_singular = Flag("Pass singular configurations.", False)
+
+
+#: Settings that describe one thing, of which one is given.
+_GRID = ("samples", "dt", "times")
+
+
+class SettingsOverrides(_Declared, GivenValues):
+    """Settings as far as a model file, the command line or a call gives them.
+
+    Parameters
+    ----------
+    **values
+        By the names of settings; None is no value.
+
+    Raises
+    ------
+    UsageError
+        There is no such setting.
+    """
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the given values."""
+        return {name: self.__dict__[name] for name in self.DECLARED if name in self.__dict__}
+
+    def over(self, lower: SettingsOverrides) -> Self:
+        """Return these settings with the gaps filled from a lower level."""
+        values = {**lower.as_dict(), **self.as_dict()}
+        if any(name in self.__dict__ for name in _GRID):
+            # the higher level's choice replaces the lower's
+            values.update({name: getattr(self, name) for name in _GRID})
+        if self.times is not None:
+            values["t_end"] = self.t_end  # the last time is the end
+        return type(self)(**values)
+
+    def check(self) -> None:
+        """Raise SettingError for the first value that is out of its range."""
+        for problem in self.problems():
+            raise problem
+
+    def problems(self) -> Iterator[SettingError]:
+        """Yield what is out of its range, or contradicts another setting."""
+        wrong: dict[str, None] = {}
+        for name, value in self.as_dict().items():
+            for problem in self.DECLARED[name].problems(value):
+                wrong[name] = None
+                yield problem
+        yield from self.replace(**wrong)._time_problems()
+
+    def _time_problems(self) -> Iterator[SettingError]:
+        start, end = self.t_start or 0.0, self.t_end
+        if end is not None and end <= start:
+            yield SettingError("t_end", f"t_end {end:g} must lie after t_start {start:g}")
+        given = [name for name in _GRID if name in self.__dict__]
+        if len(given) > 1:
+            yield SettingError(
+                given[1], f"{' and '.join(given)} contradict each other", "give one of them"
+            )
+        if self.times is not None:
+            if self.times[0] < start:
+                yield SettingError("times", f"times begin before t_start {start:g}")
+            elif end is not None and self.times[-1] > end:
+                yield SettingError("times", f"times go beyond t_end {end:g}")
+        if self.dt is not None and end is not None and (end - start) / self.dt > MAX_SAMPLES:
+            yield SettingError("dt", "dt asks for more than 10^8 samples", "take a larger dt")
+
+
+class Settings(_Declared, CompleteValues):
+    """Complete settings, checked; made by `lagcli.settings.resolve.resolve`.
+
+    None is left where nothing is needed: two of ``samples``, ``dt`` and ``times``; ``atol`` where
+    tolerances follow the size; ``alpha`` and ``beta`` where they follow the step.
+    """
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the values in force, for the record of a run."""
+        values = {name: self.__dict__[name] for name in self.DECLARED}
+        return {name: x for name, x in values.items() if x is not None and x != math.inf}
+
+    @property
+    def sample_count(self) -> int:
+        """The number of samples."""
+        if self.times is not None:
+            return len(self.times)
+        if self.dt is None:
+            assert self.samples is not None
+            return self.samples
+        # the last multiple of dt within rounding of the end counts as the end
+        duration = self.t_end - self.t_start
+        return math.floor(duration / self.dt * (1 + 1e-12) + 1e-9) + 1
+
+
+#: The lowest level: what holds where nothing is given.
+DEFAULTS = SettingsOverrides(
+    **{name: x.default for name, x in Settings.DECLARED.items() if x.default != math.inf}
+)

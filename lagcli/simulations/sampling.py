@@ -1,0 +1,32 @@
+"""Arrays that follow from settings: sample times and absolute tolerances."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.settings.settings import Settings
+
+Array = NDArray[np.float64]
+
+
+def sample_times(settings: Settings) -> Array:
+    """Return the sample times, s, (sample_count,)."""
+    if settings.times is not None:
+        return np.array(settings.times)
+    start, end, count = settings.t_start, settings.t_end, settings.sample_count
+    if settings.dt is not None:
+        return np.minimum(start + settings.dt * np.arange(count), end)
+    return np.array([end]) if count == 1 else np.linspace(start, end, count)
+
+
+def absolute_tolerances(
+    given: float | Mapping[str, float] | None, coordinates: tuple[str, ...]
+) -> float | Array:
+    """Return the absolute tolerances on q, v and the work; 0 where they follow the size."""
+    if not isinstance(given, Mapping):
+        return given or 0.0
+    names = (*coordinates, *(f"{q}'" for q in coordinates))
+    return np.array([*(given.get(name, 0.0) for name in names), 0.0])
