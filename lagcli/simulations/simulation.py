@@ -16,7 +16,7 @@ from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block, Event, IntegrationRequest, Interrupted, Reaction
 from lagcli.engine.lowering import lower
 from lagcli.engine.system import System
-from lagcli.equations.derivation.freedom import Freedom
+from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.errors import UsageError
 from lagcli.model.expression.units import si_notation
@@ -218,7 +218,7 @@ class Simulation:
         return dict(zip([*names, *(f"{q}'" for q in names)], state, strict=True))
 
     @cached_property
-    def freedom(self) -> Freedom:
+    def freedom(self) -> DegreesOfFreedom:
         """The degrees of freedom at the start."""
         return freedom_at(self.equations, self.system, self.settings.t_start or 0.0, self.start)
 

@@ -25,7 +25,7 @@ from symengine import Basic
 from lagcli.equations.derivation.motion import TWO, ZERO, Motion, addends
 from lagcli.equations.derivation.quadratic import QuadraticForms, QuadraticPart
 from lagcli.model import model as symbols
-from lagcli.model.expression.linearity import written_out
+from lagcli.model.expression.linearity import expand_terms
 from lagcli.model.model import Constraint, Model
 
 Row = Mapping[int, Basic]  # the nonzero entries, by column
@@ -259,7 +259,7 @@ def _constraint(constraint: Constraint, motion: Motion) -> ConstraintEquation:
 def _slope(expression: Basic, j: int, motion: Motion) -> Basic:
     """Return ∂/∂v_j of an expression affine in v; written out only where that is not seen."""
     slope = motion.diff(expression, motion.v[j])
-    return written_out(slope) if motion.occurring(slope).rates else slope
+    return expand_terms(slope) if motion.occurring(slope).rates else slope
 
 
 def _second_rate(expression: Basic, motion: Motion) -> Basic:

@@ -19,7 +19,7 @@ ONE = se.Integer(1)
 TWO = se.Integer(2)
 
 
-class Slopes(NamedTuple):
+class PartialDerivatives(NamedTuple):
     """The partial derivatives of an expression that are not zero.
 
     Parameters
@@ -34,7 +34,7 @@ class Slopes(NamedTuple):
     by_time: Basic
 
 
-class Occurring(NamedTuple):
+class Occurrences(NamedTuple):
     """The indices of the q and v that occur in an expression, and whether t does."""
 
     positions: tuple[int, ...]
@@ -63,8 +63,8 @@ class Motion:
     a: tuple[Basic, ...]
     smooth: bool
     _places: dict[Basic, tuple[int, int]] = field(init=False, repr=False)
-    _slopes: dict[Basic, Slopes] = field(default_factory=dict, init=False, repr=False)
-    _occurring: dict[Basic, Occurring] = field(default_factory=dict, init=False, repr=False)
+    _slopes: dict[Basic, PartialDerivatives] = field(default_factory=dict, init=False, repr=False)
+    _occurring: dict[Basic, Occurrences] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._places = {x: (0, i) for i, x in enumerate(self.q)}
@@ -82,7 +82,7 @@ class Motion:
             model.names.smooth,
         )
 
-    def occurring(self, expression: Basic) -> Occurring:
+    def occurring(self, expression: Basic) -> Occurrences:
         """Return which q, v and t occur."""
         found = self._occurring.get(expression)
         if found is None:
@@ -92,7 +92,7 @@ class Motion:
                 if kind >= 0:
                     kinds[kind].append(i)
             positions, rates, times = kinds
-            found = Occurring(tuple(sorted(positions)), tuple(sorted(rates)), bool(times))
+            found = Occurrences(tuple(sorted(positions)), tuple(sorted(rates)), bool(times))
             self._occurring[expression] = found
         return found
 
@@ -104,7 +104,7 @@ class Motion:
         """Return ∂/∂symbol of a sum of terms."""
         return se.Add(*[self.diff(term, symbol) for term in terms])
 
-    def slopes(self, expression: Basic) -> Slopes:
+    def slopes(self, expression: Basic) -> PartialDerivatives:
         """Return the partial derivatives by q and t."""
         found = self._slopes.get(expression)
         if found is None:
@@ -116,7 +116,7 @@ class Motion:
             partial = {
                 i: self.sum_diff(terms[self.q[i]], self.q[i]) for kind, i in places if not kind
             }
-            found = Slopes({i: x for i, x in partial.items() if x != ZERO}, explicit)
+            found = PartialDerivatives({i: x for i, x in partial.items() if x != ZERO}, explicit)
             self._slopes[expression] = found
         return found
 

@@ -54,7 +54,7 @@ class Form(NamedTuple):
     curl: dict[int, Basic]
 
 
-class SquareTerm(NamedTuple):
+class QuadraticTerm(NamedTuple):
     """A term c u w of the Lagrangian."""
 
     factor: Basic
@@ -74,9 +74,9 @@ class QuadraticForms:
         self.motion = motion
         self._known: dict[Basic, Form | None] = {}
 
-    def split(self, expression: Basic) -> tuple[list[SquareTerm], list[Basic]]:
+    def split(self, expression: Basic) -> tuple[list[QuadraticTerm], list[Basic]]:
         """Return the terms c u w of an expression, and all others."""
-        terms: list[SquareTerm] = []
+        terms: list[QuadraticTerm] = []
         rest: list[Basic] = []
         stack = [expression]
         while stack:
@@ -94,7 +94,7 @@ class QuadraticForms:
             if first is None or second is None:
                 rest.extend(addends(part))
             else:
-                terms.append(SquareTerm(se.Mul(*still), first, second))
+                terms.append(QuadraticTerm(se.Mul(*still), first, second))
         return terms, rest
 
     def _factors(self, expression: Basic) -> tuple[list[Basic], list[Basic]]:
@@ -196,12 +196,12 @@ class QuadraticPart:
     motion : Motion
     """
 
-    def __init__(self, terms: Iterable[SquareTerm], motion: Motion):
+    def __init__(self, terms: Iterable[QuadraticTerm], motion: Motion):
         self.motion = motion
         self.terms = tuple(terms)
         k = len(motion.q)
         self.squares: list[tuple[Basic, Form]] = []
-        self.products: list[SquareTerm] = []
+        self.products: list[QuadraticTerm] = []
         for term in self.terms:
             if term.first is term.second:
                 self.squares.append((TWO * term.factor, term.first))

@@ -6,14 +6,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
-from lagcli.equations.derivation.freedom import Freedom
+from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.equations.presentation import general
 from lagcli.equations.presentation.typeset import (
     ZERO,
     Node,
     Symbol,
-    Variation,
+    VirtualDisplacement,
     product_of,
     sum_of,
     symbols_in,
@@ -71,7 +71,7 @@ class Formulas:
         Whether the parameters stand for their values.
     named : bool
         Whether roots that the model defines go by the names of their definitions.
-    freedom : Freedom, optional
+    freedom : DegreesOfFreedom, optional
         The degrees of freedom, if B's rank at the start is known.
     """
 
@@ -80,11 +80,11 @@ class Formulas:
         equations: Equations,
         numeric: bool = False,
         named: bool = True,
-        freedom: Freedom | None = None,
+        freedom: DegreesOfFreedom | None = None,
     ):
         self.equations = equations
         self.model = equations.model
-        self.freedom = freedom or Freedom(len(equations.q), len(equations.constraints))
+        self.freedom = freedom or DegreesOfFreedom(len(equations.q), len(equations.constraints))
         self.values: Mapping[str, Fraction] = {}
         if numeric:
             values = self.model.parameter_values
@@ -142,7 +142,7 @@ class Formulas:
     def variation_line(self, c: ConstraintEquation) -> Line:
         """Return Σ b_i δq_i = 0 (8.79)."""
         terms = [
-            (1, product_of([self.arrange(b), Variation(self.coordinates[j])]))
+            (1, product_of([self.arrange(b), VirtualDisplacement(self.coordinates[j])]))
             for j, b in sorted(c.row.items())
         ]
         return Line((sum_of(terms), ZERO))

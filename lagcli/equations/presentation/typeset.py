@@ -39,7 +39,7 @@ class Symbol(Node):
 
 
 @dataclass(frozen=True)
-class Variation(Node):
+class VirtualDisplacement(Node):
     """The virtual displacement δq of a coordinate."""
 
     of: Symbol
@@ -259,7 +259,7 @@ def children(node: Node) -> tuple[Node, ...]:
             return node.operands
         case Partial():
             return (node.of, node.by)
-        case Rate() | Variation():
+        case Rate() | VirtualDisplacement():
             return (node.of,)
         case Entry():
             return node.indices

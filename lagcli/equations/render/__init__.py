@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lagcli.equations.derivation.freedom import Freedom
+from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.presentation.extent import Extent
 from lagcli.equations.presentation.formulas import Formulas, Step
@@ -20,7 +20,7 @@ def render(
     numeric: bool = False,
     width: int = 100,
     fragment: bool = False,
-    freedom: Freedom | None = None,
+    freedom: DegreesOfFreedom | None = None,
     full: bool = False,
 ) -> str:
     """Return the equations of motion for a reader.
@@ -38,7 +38,7 @@ def render(
         Columns of text, 40 or more.
     fragment : bool
         Of LaTeX: the body only, to be included in a document that loads amsmath.
-    freedom : Freedom, optional
+    freedom : DegreesOfFreedom, optional
         The degrees of freedom by B's rank at the start, from `lagcli.degrees_of_freedom`; without
         it they are counted as if the constraints were independent.
     full : bool

@@ -20,7 +20,7 @@ class Break:
 Token = str | Break
 
 
-def kept_together(tokens: Sequence[Token]) -> list[Token]:
+def with_break_penalty(tokens: Sequence[Token]) -> list[Token]:
     """Return tokens whose breaks are worse than those between factors."""
     return [Break(x.depth + SHORT, x.space) if isinstance(x, Break) else x for x in tokens]
 

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
-from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
+from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
 from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.names import latex_ascii, latex_word, letter
 from lagcli.equations.render.numbers import decimal, rounded
@@ -38,7 +38,7 @@ class LatexFormula(FormulaWriter):
     def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
         return [self._symbol(node)]
 
-    def _write_variation(self, node: t.Variation, depth: int) -> list[Token]:
+    def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
         return [rf"\delta {self._symbol(node.of)}"]
 
     def _write_partial(self, node: t.Partial, depth: int) -> list[Token]:
@@ -197,7 +197,7 @@ class LatexFormula(FormulaWriter):
         square = "(" in re.sub(r"\\sqrt\[.\]", "", text) and r"\bigl[" not in text
         opening, closing = ("[", "]") if square else ("(", ")")
         if len(text) <= _SHORT_BRACKET:
-            inner = kept_together(inner)
+            inner = with_break_penalty(inner)
         return [f"{size[0]}{opening}", *inner, f"{size[1]}{closing}"]
 
     def _group(self, text: str) -> str:
@@ -218,7 +218,7 @@ def needs_space(before: Node, after: Node) -> bool:
     )
     words = [x.base if isinstance(x, t.Power) else x for x in (before, after)]
     long = any(isinstance(x, t.Symbol) and len(letter(x.name)) > 1 for x in words)
-    if isinstance(after, t.Variation):
+    if isinstance(after, t.VirtualDisplacement):
         return True
     symbol = isinstance(after, t.Symbol)
     closing = isinstance(before, t.Sum)

@@ -10,10 +10,10 @@ from html import escape, unescape
 
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
-from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
+from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
 from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.formula_latex import needs_space
-from lagcli.equations.render.mathml_sign import sign_mathml
+from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.equations.render.numbers import decimal, rounded
 
 _RELATIONS = {"<=": "≤", ">=": "≥", "!=": "≠", "==": "=", "<": "<", ">": ">"}
@@ -55,7 +55,7 @@ class MathmlFormula(FormulaWriter):
     def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
         return [self._symbol(node)]
 
-    def _write_variation(self, node: t.Variation, depth: int) -> list[Token]:
+    def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
         return [f"<mrow><mi>δ</mi>{self._symbol(node.of)}</mrow>"]
 
     def _write_partial(self, node: t.Partial, depth: int) -> list[Token]:
@@ -67,12 +67,12 @@ class MathmlFormula(FormulaWriter):
         return [rate, _THIN, *self._fenced([self.mathml(node.of)])]
 
     def _write_sign(self, node: t.Sign, depth: int) -> list[Token]:
-        return [sign_mathml(node.latex)]
+        return [symbol_mathml(node.latex)]
 
     def _write_entry(self, node: t.Entry, depth: int) -> list[Token]:
         comma = '<mo separator="true">,</mo>'
         below = comma.join(map(self._symbol, node.indices))
-        return [f"<msub>{sign_mathml(node.matrix.latex)}{_row(below)}</msub>"]
+        return [f"<msub>{symbol_mathml(node.matrix.latex)}{_row(below)}</msub>"]
 
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         top, bottom = self.mathml(node.numerator), self.mathml(node.denominator)
@@ -250,7 +250,7 @@ class MathmlFormula(FormulaWriter):
             for form, sign in (("prefix", opening), ("postfix", closing))
         )
         if width(text) <= _SHORT_BRACKET:
-            inner = kept_together(inner)
+            inner = with_break_penalty(inner)
         return [first, *inner, last]
 
 

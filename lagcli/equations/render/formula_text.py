@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
-from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
+from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
 from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.names import SUBSCRIPTS, SUPERSCRIPTS
 from lagcli.equations.render.numbers import decimal, rounded
@@ -40,7 +40,7 @@ class TextFormula(FormulaWriter):
     def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
         return [self._symbol(node)]
 
-    def _write_variation(self, node: t.Variation, depth: int) -> list[Token]:
+    def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
         name = self._symbol(node.of)
         return [f"δ({name})" if name.startswith("δ") else f"δ{name}"]
 
@@ -191,5 +191,5 @@ class TextFormula(FormulaWriter):
         level = 0 if "(" not in text or round_ else 1 if "[" not in text else 2
         opening, closing = _BRACKETS[level]
         if len(text) <= _SHORT_BRACKET:
-            inner = kept_together(inner)
+            inner = with_break_penalty(inner)
         return [opening, *inner, closing]

@@ -7,10 +7,10 @@ from contextlib import suppress
 from html import escape
 
 from lagcli.equations.render.letters import GREEK, LATEX_GREEK, dotted
-from lagcli.equations.render.mathml_sign import sign_mathml
+from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.errors import Diagnostic
 from lagcli.model.model import Model
-from lagcli.model.names.latex_sign import NotASign, parse, to_latex
+from lagcli.model.names.latex_symbol import InvalidLatex, parse, to_latex
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -50,7 +50,7 @@ class Notation:
         self._text = _distinct({name: _text(name) for name in declared})
         self._latex = _distinct({name: _latex(name) for name in declared})
         self._mathml = _distinct({name: _mathml(name) for name in declared})
-        self._own = _own_signs(model)
+        self._own = _declared_latex(model)
         self.with_own_latex = frozenset(self._own)
         self.declared = frozenset(declared)
         self._single = len(model.constraints) == 1 and "lambda" not in self.declared
@@ -82,7 +82,7 @@ class Notation:
     def mathml(self, name: str, dots: int = 0) -> tuple[str, str]:
         """Return a name with its dots in MathML: its letter, and its subscript or nothing."""
         if name in self._own:
-            return dotted(sign_mathml(self._own[name]), dots), ""
+            return dotted(symbol_mathml(self._own[name]), dots), ""
         letter, subscript = self._mathml.get(name) or _mathml(name)
         if letter == name:  # raw, so as not to look like another one
             letter = f"<mi>{escape(name)}</mi>"
@@ -93,17 +93,17 @@ class Notation:
         return "" if self._single else _mathml_row(constraint)
 
 
-def _own_signs(model: Model) -> dict[str, str]:
+def _declared_latex(model: Model) -> dict[str, str]:
     """Return the LaTeX that coordinates state, written anew; without what is not a sign."""
     found = {}
     for c in model.coordinates:
         if c.latex:
-            with suppress(NotASign):
+            with suppress(InvalidLatex):
                 found[c.name] = to_latex(parse(c.latex))
     return found
 
 
-def refused_signs(model: Model) -> list[Diagnostic]:
+def invalid_latex_warnings(model: Model) -> list[Diagnostic]:
     """Return warnings of coordinates whose LaTeX is not a sign: their names are written instead."""
     found: dict[object, Diagnostic] = {}
     for c in model.coordinates:
@@ -111,7 +111,7 @@ def refused_signs(model: Model) -> list[Diagnostic]:
             continue
         try:
             parse(c.latex)
-        except NotASign as error:
+        except InvalidLatex as error:
             place = c.latex_location or c.location
             found.setdefault(
                 place or c.name,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 
-class Redundant(NamedTuple):
+class RedundantSet(NamedTuple):
     """Constraints that depend on each other.
 
     Parameters
@@ -23,7 +23,7 @@ class Redundant(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Freedom:
+class DegreesOfFreedom:
     """What the constraints leave free at one state.
 
     Parameters
@@ -32,14 +32,14 @@ class Freedom:
         k and r.
     rank : int or None
         Of B at the consistent start; None where there is no such state.
-    redundant : tuple of Redundant
+    redundant : tuple of RedundantSet
         The sets of constraints that depend on each other there.
     """
 
     coordinates: int
     constraints: int
     rank: int | None = None
-    redundant: tuple[Redundant, ...] = ()
+    redundant: tuple[RedundantSet, ...] = ()
 
     @property
     def degrees(self) -> int:
@@ -74,10 +74,10 @@ class Freedom:
         }
 
     @classmethod
-    def of_mapping(cls, values: Mapping[str, Any]) -> Freedom:
+    def from_mapping(cls, values: Mapping[str, Any]) -> DegreesOfFreedom:
         """Return what `to_mapping` made a mapping of."""
         redundant = tuple(
-            Redundant(tuple(map(str, x["constraints"])), int(x["surplus"]))
+            RedundantSet(tuple(map(str, x["constraints"])), int(x["surplus"]))
             for x in values["redundant"]
         )
         rank = values["rank"]
