@@ -1,4 +1,4 @@
-"""Derivatives of expressions in q, v and t along the motion, taken only by what occurs in them."""
+"""Derivatives of expressions in q, v and t along the motion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TWO = se.Integer(2)
 
 
 class PartialDerivatives(NamedTuple):
-    """The partial derivatives of an expression that are not zero.
+    """Nonzero partial derivatives of an expression with respect to q and t.
 
     Parameters
     ----------
@@ -35,15 +35,15 @@ class PartialDerivatives(NamedTuple):
 
 
 class Occurrences(NamedTuple):
-    """The indices of the q and v that occur in an expression, and whether t does."""
+    """Indices of the q and v that occur in an expression, and whether t occurs."""
 
     positions: tuple[int, ...]
     rates: tuple[int, ...]
     timed: bool
 
     @property
-    def still(self) -> bool:
-        """Whether the expression is a constant of the motion: made of parameters alone."""
+    def is_constant(self) -> bool:
+        """Whether the expression depends on parameters only."""
         return not (self.positions or self.rates or self.timed)
 
 
@@ -55,7 +55,7 @@ class Motion:
     ----------
     q, v, a : tuples of k symbols
     smooth : bool
-        Whether no function with kinks or jumps occurs: the derivatives of these cost time.
+        Whether all functions are smooth; derivatives of other functions are slower.
     """
 
     q: tuple[Basic, ...]
@@ -73,7 +73,7 @@ class Motion:
 
     @classmethod
     def of(cls, model: Model) -> Motion:
-        """Return that of a model."""
+        """Return the motion of a model."""
         names = model.coordinate_names
         return cls(
             tuple(map(symbols.coordinate, names)),
@@ -83,7 +83,7 @@ class Motion:
         )
 
     def occurring(self, expression: Basic) -> Occurrences:
-        """Return which q, v and t occur."""
+        """Return the q, v and t that occur in an expression."""
         found = self._occurring.get(expression)
         if found is None:
             kinds: tuple[list[int], list[int], list[int]] = ([], [], [])
@@ -105,7 +105,7 @@ class Motion:
         return se.Add(*[self.diff(term, symbol) for term in terms])
 
     def slopes(self, expression: Basic) -> PartialDerivatives:
-        """Return the partial derivatives by q and t."""
+        """Return the partial derivatives with respect to q and t."""
         found = self._slopes.get(expression)
         if found is None:
             terms = self.by_symbol(addends(expression))
@@ -121,7 +121,7 @@ class Motion:
         return found
 
     def convective(self, expression: Basic) -> Basic:
-        """Return (∂/∂q) v + ∂/∂t of an expression: its rate without accelerations."""
+        """Return (∂/∂q) v + ∂/∂t of an expression: its time derivative without accelerations."""
         slopes = self.slopes(expression)
         terms = [x * self.v[j] for j, x in slopes.by_position.items()]
         return se.Add(*terms, slopes.by_time)
@@ -137,7 +137,7 @@ class Motion:
 
 
 def addends(expression: Basic) -> tuple[Basic, ...]:
-    """Return the terms of a sum; a constant times a sum is written out, one level deep."""
+    """Return the terms of a sum; a constant times a sum is distributed, one level deep."""
     parts = expression.args if isinstance(expression, se.Add) else (expression,)
     terms: list[Basic] = []
     for part in parts:

@@ -1,4 +1,4 @@
-"""A Lagrangian that is a sum of squares of velocities: its mass matrix and its forces.
+"""Mass matrix and forces of the terms of a Lagrangian that are quadratic in the velocities.
 
 Most kinetic energies are sums of terms c u w, where u and w are affine in the velocities:
 
@@ -10,12 +10,12 @@ Such a term gives M_ij = c (u_i w_j + u_j w_i), and of ∂L/∂q_i − (∂p_i/�
 
     e_i(w) = ∂w/∂q_i − dw_i/dt = Σ_j (∂_i w_j − ∂_j w_i) v_j + ∂_i w_0 − ∂_t w_i.
 
-Where w is the rate of a position, e vanishes identically and is never built; in a rotation it is
-what makes gyroscopes. Differentiating L as it stands would build both halves of it, and leave the
-cancellation to the numbers.
+If w is the derivative of a position, e vanishes identically and is not built; for a rotation it
+gives the gyroscopic terms. Differentiating L directly would build both parts of e and leave their
+cancellation to floating-point arithmetic.
 
-Terms that share w_i and c are summed once: the velocities of a chain's links are nested sums, and
-the sets of links that know coordinates i and j are few.
+Terms with the same w_i and c are summed once: the velocities of a chain's links are nested sums,
+and few distinct sets of links depend on coordinates i and j.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ class Form(NamedTuple):
     value : expression
         w.
     row : dict of int to expression
-        The w_j, by coordinate.
+        The w_j by coordinate.
     offset : expression
         w_0.
     rate : expression
         ẇ without accelerations.
     curl : dict of int to expression
-        The e_i that do not vanish.
+        The nonzero e_i.
     """
 
     value: Basic
@@ -63,7 +63,7 @@ class QuadraticTerm(NamedTuple):
 
 
 class QuadraticForms:
-    """Recognizes forms and products of them.
+    """Recognizes affine forms and their products.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class QuadraticForms:
         self._known: dict[Basic, Form | None] = {}
 
     def split(self, expression: Basic) -> tuple[list[QuadraticTerm], list[Basic]]:
-        """Return the terms c u w of an expression, and all others."""
+        """Split an expression into terms c u w and all others."""
         terms: list[QuadraticTerm] = []
         rest: list[Basic] = []
         stack = [expression]
@@ -98,7 +98,7 @@ class QuadraticForms:
         return terms, rest
 
     def _factors(self, expression: Basic) -> tuple[list[Basic], list[Basic]]:
-        """Return the factors without velocities and those with, squares twice."""
+        """Split a term into factors without and with velocities; squares count twice."""
         still: list[Basic] = []
         moving: list[Basic] = []
         for factor in expression.args if isinstance(expression, se.Mul) else (expression,):
@@ -111,7 +111,7 @@ class QuadraticForms:
         return still, moving
 
     def form(self, expression: Basic) -> Form | None:
-        """Return an expression as a form; None if it is not affine in the velocities."""
+        """Return an expression as an affine form; None if it is not affine in the velocities."""
         if expression not in self._known:
             self._known[expression] = self._form(expression)
         return self._known[expression]
@@ -133,7 +133,7 @@ class QuadraticForms:
         return Form(expression, row, offset, rate, curl)
 
     def _split(self, term: Basic) -> tuple[dict[int, Basic], Basic] | None:
-        """Return a term as coefficients of velocities and the rest."""
+        """Split a term into coefficients of velocities and the rest."""
         motion = self.motion
         rates = motion.occurring(term).rates
         if not rates:
@@ -154,7 +154,7 @@ class QuadraticForms:
         return slopes, term.xreplace({motion.v[j]: ZERO for j in rates})
 
     def _rate(self, row: dict[int, Basic], offset: Basic) -> tuple[Basic, dict[int, Basic]]:
-        """Return ẇ without accelerations, and the e_i."""
+        """Return ẇ without accelerations, and the nonzero e_i."""
         motion, v = self.motion, self.motion.v
         by_time = motion.slopes(offset)
         terms: list[Basic] = [by_time.by_time]
@@ -192,7 +192,7 @@ class QuadraticPart:
 
     Parameters
     ----------
-    terms : iterable of Term
+    terms : iterable of QuadraticTerm
     motion : Motion
     """
 
@@ -207,9 +207,11 @@ class QuadraticPart:
                 self.squares.append((TWO * term.factor, term.first))
             else:
                 self.products.append(term)
-        # for each coordinate: the coefficients that it has, and the squares where it has them
+        # for each coordinate: its coefficients, and the squares in which they occur
         self.columns: list[dict[Basic, int]] = [{} for _ in range(k)]
-        self.partners = [0] * k  # bits: the coordinates that some square knows beside this one
+        self.partners = [
+            0
+        ] * k  # bits: the coordinates that occur in a square together with this one
         for place, (_, form) in enumerate(self.squares):
             known = sum(1 << j for j in form.row)
             for j, coefficient in form.row.items():
@@ -220,7 +222,7 @@ class QuadraticPart:
         self._forces: dict[int, Basic] = {}
 
     def mass_matrix(self) -> list[dict[int, Basic]]:
-        """Return the entries of M that these terms give, by row and column."""
+        """Return the contributions to M by row and column."""
         rows: list[dict[int, Basic]] = [{} for _ in self.columns]
         for i, column in enumerate(self.columns):
             for j in _bits(self.partners[i] >> i):
@@ -237,7 +239,7 @@ class QuadraticPart:
         return rows
 
     def _entry(self, column: dict[Basic, int], other: dict[Basic, int]) -> Basic:
-        """Return Σ c w_i w_j, over the squares that know both coordinates."""
+        """Return Σ c w_i w_j over the squares in which both coordinates occur."""
         found: dict[Basic, list[Basic]] = {}
         for x, here in column.items():
             for y, there in other.items():
@@ -252,7 +254,7 @@ class QuadraticPart:
         return self._factors[places]
 
     def forces(self) -> list[list[Basic]]:
-        """Return what these terms give of ∂L/∂q_i − (∂p_i/∂q) v − ∂p_i/∂t, as terms of a sum."""
+        """Return the contributions to ∂L/∂q_i − (∂p_i/∂q) v − ∂p_i/∂t, as lists of terms."""
         forces: list[list[Basic]] = [[] for _ in self.columns]
         for i, column in enumerate(self.columns):
             for coefficient, places in column.items():
@@ -272,14 +274,14 @@ class QuadraticPart:
         return forces
 
     def _force(self, places: int) -> Basic:
-        """Return the sum of c ẇ of some squares."""
+        """Return the sum of c ẇ over some squares."""
         if places not in self._forces:
             chosen = (self.squares[k] for k in _bits(places))
             self._forces[places] = se.Add(*[c * form.rate for c, form in chosen])
         return self._forces[places]
 
     def _varying(self, forces: list[list[Basic]], c: Basic, u: Form, w: Form) -> None:
-        """Add what a factor that depends on q or t gives."""
+        """Add the contributions of a factor that depends on q or t."""
         slopes = self.motion.slopes(c)
         for i, slope in slopes.by_position.items():
             forces[i].append(slope * u.value * w.value)
@@ -291,7 +293,7 @@ class QuadraticPart:
 
     @property
     def homogeneous(self) -> bool:
-        """Whether the terms are of second degree in the velocities."""
+        """Whether the terms are homogeneous of second degree in the velocities."""
         return all(f.offset == ZERO for term in self.terms for f in (term.first, term.second))
 
     def energy(self) -> Basic:
@@ -308,7 +310,7 @@ class QuadraticPart:
 
 
 def _bits(number: int) -> Iterable[int]:
-    """Yield the places of the ones of a number."""
+    """Yield the positions of the set bits of an integer."""
     while number:
         lowest = number & -number
         yield lowest.bit_length() - 1

@@ -26,7 +26,7 @@ _TALL = (r"\frac", r"\begin")
 
 
 class LatexFormula(FormulaWriter):
-    """Writes formulas of one model in LaTeX."""
+    """Writer for formulas in LaTeX."""
 
     def latex(self, node: Node) -> str:
         """Return a formula on one line."""
@@ -174,7 +174,7 @@ class LatexFormula(FormulaWriter):
         return rf" \text{{ {node.operator} }} ".join(parts)
 
     def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
-        """Return a node that can stand beside others: as a factor or as a base."""
+        """Return a node as a factor or base, in parentheses if necessary."""
         compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
         if not product:
             compound += (t.Product, t.Quotient, t.Power, t.Rate, t.Root, t.Cases)
@@ -186,7 +186,7 @@ class LatexFormula(FormulaWriter):
         return self.tokens(node, depth)
 
     def _fenced(self, inner: list[Token]) -> list[Token]:
-        """Return tokens in brackets of a size that fits, not bound to one line."""
+        """Return tokens in brackets of matching size that may be broken across lines."""
         text = "".join(map(_text, inner))
         if any(tall in text for tall in _TALL):
             size = (r"\biggl", r"\biggr")
@@ -209,7 +209,7 @@ def _text(token: Token) -> str:
 
 
 def needs_space(before: Node, after: Node) -> bool:
-    """Whether two factors would run together without a thin space."""
+    """Whether two factors need a thin space between them."""
     functions = isinstance(before, t.Call | t.Root | t.Quotient | t.Cases) or (
         isinstance(before, t.Power) and isinstance(before.base, t.Call)
     )

@@ -1,4 +1,4 @@
-"""Formulas in Unicode."""
+"""Formulas in Unicode text."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")  # sin φ needs n
 
 
 class TextFormula(FormulaWriter):
-    """Writes formulas of one model in Unicode."""
+    """Writer for formulas in Unicode text."""
 
     plus, minus, negative = "+ ", "− ", "−"
 
@@ -144,7 +144,7 @@ class TextFormula(FormulaWriter):
         return [node.function, *self._arguments(node, depth)]
 
     def _arguments(self, node: t.Call, depth: int) -> list[Token]:
-        """Return arguments in parentheses, or set off by a space: sin φ."""
+        """Return arguments in parentheses, or after a space: sin φ."""
         first = node.arguments[0]
         if node.function in _PREFIX and len(node.arguments) == 1 and isinstance(first, t.Symbol):
             text = self._symbol(first)
@@ -174,7 +174,7 @@ class TextFormula(FormulaWriter):
         return found
 
     def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
-        """Return a node that can stand beside others: as a factor, base or denominator."""
+        """Return a node as a factor, base or denominator, in parentheses if necessary."""
         compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
         if not product:
             compound += (t.Product, t.Quotient, t.Power, t.Rate)

@@ -1,4 +1,4 @@
-"""One sign in LaTeX, as coordinates and general laws have it, as MathML."""
+"""LaTeX symbols of coordinates and general laws as MathML."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _SCRIPT = {"L": "ℒ", "T": "𝒯", "V": "𝒱"}
 _SPACES = {r"\,": "0.17em", r"\ ": "0.33em", r"\;": "0.28em", r"\:": "0.22em", r"\quad": "1em"}
 _STYLES = (r"\textstyle", r"\displaystyle")
 _PLAIN = {"-": "−", "'": "′", "*": "∗"}
-#: Where the bold letters begin in Unicode, upright and italic, by the first of the plain ones.
+#: First bold letter in Unicode, upright and italic, by first plain letter.
 _BOLD = {"A": 0x1D400, "a": 0x1D41A}
 _BOLD_ITALIC = {"A": 0x1D468, "a": 0x1D482, "Α": 0x1D71C, "α": 0x1D736}
 
 
 def symbol_mathml(latex: str) -> str:
-    """Return the MathML of a sign: letters, accents, subscripts, superscripts.
+    """Return the MathML of a LaTeX symbol: letters, accents, subscripts, superscripts.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def _symbol(text: str) -> str:
 
 
 def _shifted(letter: str, blocks: dict[str, int]) -> str:
-    """Return a letter of another alphabet of Unicode, where it has that letter."""
+    """Return a letter in another Unicode alphabet, if that has the letter."""
     for first, start in blocks.items():
         place = ord(letter) - ord(first)
         if 0 <= place < (25 if first > "z" else 26):

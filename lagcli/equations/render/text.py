@@ -1,4 +1,4 @@
-"""The derivation as Unicode text."""
+"""Derivations as Unicode text."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from lagcli.model.model import Model
 NARROWEST = 40
 _INDENT = "  "
 _APART = ";  "  # between short formulas side by side
-_UNEVEN = 8  # columns by which left sides may differ and still be aligned
-_CONTINUED = 4  # columns by which the lines of a broken equation are set in
+_UNEVEN = 8  # maximum difference of left sides that are aligned, in columns
+_CONTINUED = 4  # indentation of continuation lines, in columns
 
 
 def render_text(
@@ -29,7 +29,7 @@ def render_text(
     steps : sequence of Step
     formula : TextFormula
     width : int
-        Columns, `NARROWEST` or more.
+        Number of columns, at least `NARROWEST`.
     numbered : bool
         Whether the steps are numbered.
     """
@@ -49,7 +49,7 @@ def _paragraph(text: str, width: int) -> list[str]:
 
 
 def _excess(text: str) -> int:
-    """Return how many columns a text takes more than it has characters."""
+    """Return the display width of a text minus its number of characters."""
     return max(0, display_width(text) - len(text))
 
 
@@ -58,10 +58,10 @@ def _padded(text: str, width: int) -> str:
 
 
 def _group(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]:
-    """Return lines under each other, aligned at the label and at the equality sign."""
+    """Return lines aligned at the label and at the equality sign."""
     labels = [_label(line, formula) for line in group]
     margin = max((display_width(x) for x in labels if x), default=-2) + 2
-    if margin > width // 3:  # long names go on lines of their own
+    if margin > width // 3:  # long labels go on separate lines
         margin = 2
     room = width - len(_INDENT) - margin
     left = [display_width(formula.text(line.sides[0])) for line in group if len(line.sides) > 1]
@@ -82,7 +82,7 @@ def _group(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]
 
 
 def _packed(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]:
-    """Return lines side by side, as many as fit."""
+    """Return lines packed side by side, as many as fit."""
     found: list[str] = []
     room = width - len(_INDENT)
     for line in group:
@@ -112,7 +112,7 @@ def _with_note(body: list[str], note: str | None, room: int) -> list[str]:
 
 
 def _formula(line: Line, formula: TextFormula, room: int, aligned: int, alike: bool) -> list[str]:
-    """Return a formula on as many lines as it takes."""
+    """Return a formula, broken into as many lines as necessary."""
     first, *others = [formula.tokens(side) for side in line.sides]
     whole = _whole(line, formula)
     lhs = display_width(_flat(first))
@@ -136,7 +136,7 @@ def _formula(line: Line, formula: TextFormula, room: int, aligned: int, alike: b
 
 
 def _whole(line: Line, formula: TextFormula) -> list[Token]:
-    """Return a line that may be broken before each equality sign."""
+    """Return an unbroken formula with possible breaks before each equality sign."""
     first, *others = [formula.tokens(side) for side in line.sides]
     found = list(first)
     for side in others:

@@ -1,12 +1,12 @@
-"""SymEngine expressions arranged as a person would write them.
+"""Arrangement of SymEngine expressions for reading.
 
-An expression is expanded to monomials and shortened; like a person then, one takes common
-parameters out first, collects what stands at each function of position, and writes accelerations
-before velocities before the rest:
+An expression is expanded to monomials and shortened. Then common parameters are factored out, terms
+are collected by functions of position, and accelerations are written before velocities before the
+rest:
 
     m r² [φ̈ + (φ̈ + ψ̈) sin² φ + (φ̇² − ψ̇²) sin φ cos φ] + m g r cos φ
 
-Where that is longer than the expression as it came, its structure is kept.
+If the result is longer than the original expression, the original structure is kept.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ from lagcli.model.model import Model
 
 Key = tuple[object, ...]
 
-# Keeping the structure of a large expression is costly to try, for it arranges every part by
-# itself; and it will not beat an expansion that is this much shorter than what came.
+# Keeping the structure of a large expression is expensive because every part is arranged
+# separately, and it does not beat an expansion that is shorter than the original by this factor.
 _LARGE = 200
 _SHORTER = 0.4
 
@@ -77,9 +77,9 @@ class Arranger:
     ----------
     model : Model
     values : mapping of str to exact numbers, optional
-        Parameters to be replaced by their values.
+        Parameters to replace by their values.
     named : bool
-        Whether roots that the model defines go by the names of their definitions.
+        Whether roots are replaced by the names of definitions with the same value.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class Arranger:
         self._known: dict[Basic, Node] = {}
 
     def arrange(self, expression: Basic) -> Node:
-        """Return the expression as it is to be written.
+        """Return the arranged expression.
 
         Parameters
         ----------
@@ -119,11 +119,11 @@ class Arranger:
         best = min((c for c in candidates if c is not None), key=weight)
         collected = self._collected(e)
         if collected is not None and weight(collected) < 1.5 * weight(best):
-            return collected  # collected accelerations are worth some more signs
+            return collected  # collected accelerations may cost some more characters
         return best
 
     def _collected(self, e: Basic) -> Node | None:
-        """Return what moves expanded, what rests at its best; None without accelerations."""
+        """Return a sum with its accelerations collected; None without accelerations."""
         if not isinstance(e, se.Add):
             return None
         moving: list[Basic] = []
@@ -142,7 +142,7 @@ class Arranger:
     # expanded
 
     def _expanded(self, e: Basic, expansion: MonomialExpansion) -> Node | None:
-        """Return the expression multiplied out and collected; None where it would explode."""
+        """Return the expression expanded and collected; None if the expansion is too large."""
         try:
             terms = expansion.polynomial(e)
         except TooLarge:
@@ -153,7 +153,7 @@ class Arranger:
         return _ordered(self._group(g, expansion) for g in groups(terms, expansion))
 
     def _multiplied_out(self, e: Basic) -> Node | None:
-        """Return the same with sums of parameters opened, if there are any."""
+        """Return the expression with sums of parameters also expanded, if there are any."""
         whole = self._whole
         try:
             used = {g for m in whole.polynomial(e) for g, _ in m}
@@ -198,7 +198,7 @@ class Arranger:
         return key, (outer * Term(Fraction(sign), (*shared, last))).node()
 
     def _coefficients(self, pair: Pair, expansion: MonomialExpansion) -> list[Fraction]:
-        """Return the numbers that will stand before the terms of a pair."""
+        """Return the numeric coefficients of the terms of a pair."""
         inner = self._sum_factors(pair.motion, expansion).coefficient
         if len(pair.functions) > 1:
             return [self._sum_factors(pair.functions, expansion).coefficient * inner]
@@ -212,7 +212,7 @@ class Arranger:
     def _sum_factors(
         self, terms: Polynomial, expansion: MonomialExpansion, style: ContentStyle = "whole"
     ) -> Term:
-        """Return a sum of monomials as factors: its content, its common part, a bracket."""
+        """Return a sum of monomials as factors: content, common monomial, remaining sum."""
         if len(terms) == 1:
             ((monomial, coefficient),) = terms.items()
             return Term(Fraction(coefficient), self._monomial(monomial, expansion))
@@ -267,7 +267,7 @@ class Arranger:
     # structured
 
     def _structured(self, e: Basic) -> Node:
-        """Return the expression as it came, its parts arranged."""
+        """Return the expression with its structure kept and its parts arranged."""
         if isinstance(e, se.Add):
             return self._structured_sum(e)
         return self._structured_term(e).node()
@@ -298,11 +298,11 @@ class Arranger:
         if len(terms) == 1:
             ((monomial, coefficient),) = terms.items()
             return Term(Fraction(coefficient), self._monomial(monomial, expansion))
-        # what expands to a sum or to nothing, though it is neither a sum nor a product
+        # expressions that expand to a sum or to zero without being a sum or a product
         return Term(Fraction(1), (TermFactor(self.arrange(e), Fraction(1), (places.LAST,)),))
 
     def _structured_sum(self, e: Basic) -> Node:
-        """Return a sum whose terms are arranged one by one, common parameters taken out."""
+        """Return a sum with each term arranged and common parameters factored out."""
         found: dict[Basic, list[Basic]] = {}
         for term in e.args:
             outer, inner = self._split(term)
@@ -320,7 +320,7 @@ class Arranger:
         return _ordered(terms)
 
     def _split(self, term: Basic) -> tuple[Basic, Basic]:
-        """Split a term into parameters and the rest."""
+        """Split a term into parameters and the remaining factors."""
         if not isinstance(term, se.Mul):
             return se.Integer(1), term
         outer: list[Basic] = []
@@ -331,7 +331,7 @@ class Arranger:
         return se.Mul(*outer), se.Mul(*inner)
 
     def _key(self, e: Basic) -> Key:
-        """Return where a term stands in a sum that is kept as it came."""
+        """Return the sort key of a term in a sum whose structure is kept."""
         expansion = self._whole
         free = e.free_symbols
         kinds = {expansion.class_of(s) for s in free}
@@ -342,7 +342,7 @@ class Arranger:
 
 
 def _defined_roots(model: Model) -> dict[tuple[Basic, int], str]:
-    """Return the definitions that are roots, by radicand and degree: s = √(x² + y²)."""
+    """Return definitions that are roots, by radicand and degree: s = √(x² + y²)."""
     found: dict[tuple[Basic, int], str] = {}
     for name, definition in model.definitions.items():
         value = definition.value
@@ -363,7 +363,7 @@ def _symbol(name: str, kind: str) -> Node:
 
 
 def _is_whole(terms: Polynomial, expansion: MonomialExpansion) -> bool:
-    """Whether a sum expands to itself, a sum of parameters that stays whole."""
+    """Whether a sum is a generator: a sum of parameters that is not expanded."""
     if len(terms) != 1:
         return False
     (monomial,) = terms
@@ -371,7 +371,7 @@ def _is_whole(terms: Polynomial, expansion: MonomialExpansion) -> bool:
 
 
 def _ordered(terms: Iterable[tuple[Key, Node]]) -> Node:
-    """Return a sum in order, with a positive term in front where its kind has one."""
+    """Return a sorted sum, with a positive term first if its leading class has one."""
     ordered = [(key, signed(node)) for key, node in sorted(terms, key=lambda t: t[0])]
     if ordered and ordered[0][1][0] < 0:  # −a + b is b − a
         kind = ordered[0][0][0]
@@ -383,12 +383,12 @@ def _ordered(terms: Iterable[tuple[Key, Node]]) -> Node:
 
 
 def _oriented(terms: Iterable[tuple[Key, Node]]) -> tuple[int, Node]:
-    """Return ±1 and ±sum, so that a positive term of the first kind stands in front."""
+    """Return ±1 and ±sum, so that a positive term of the leading class comes first."""
     return forward(_ordered(terms))
 
 
 def _without_content(node: Node) -> tuple[Fraction, Node]:
-    """Take a number out of a sum, where all its terms have it."""
+    """Factor a number out of a sum if all terms share it."""
     if not isinstance(node, Sum):
         return Fraction(1), node
     numbers = []

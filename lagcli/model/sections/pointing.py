@@ -217,7 +217,7 @@ def each(
     if declaration is not None and path.declaration.span is not None:
         draft.report.add(
             "bad-range",
-            f"{path.what} has a name, whose index belongs into it",
+            f"{path.what} has a name, to which the index belongs",
             path.node.location,
             f"write `{declaration.name}[i = 1..N]: P[i-1]-P[i]`",
         )
