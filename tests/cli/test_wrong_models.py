@@ -177,7 +177,7 @@ def test_names_that_no_file_has(capsys: pytest.CaptureFixture[str]) -> None:
 def test_dev_null(capsys: pytest.CaptureFixture[str]) -> None:
     status, err = say("/dev/null", capsys)
     assert status == 2
-    assert "holds no model" in err
+    assert "contains no model" in err
 
 
 # whole processes

@@ -50,7 +50,7 @@ class Jacobians:
     power: Gradient
 
 
-def vary(equations: Equations) -> Jacobians:
+def differentiate(equations: Equations) -> Jacobians:
     """Differentiate the equations of motion.
 
     Parameters
@@ -97,6 +97,6 @@ class _Gradients:
         return Gradient(self._row(slopes, self.positions), self._row(slopes, self.rates), time)
 
     @staticmethod
-    def _row(slopes: dict[Basic, Basic], places: dict[Basic, int]) -> Row:
-        found = {places[s]: x for s, x in slopes.items() if s in places and x != ZERO}
+    def _row(slopes: dict[Basic, Basic], columns: dict[Basic, int]) -> Row:
+        found = {columns[s]: x for s, x in slopes.items() if s in columns and x != ZERO}
         return dict(sorted(found.items()))

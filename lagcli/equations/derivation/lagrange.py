@@ -297,14 +297,14 @@ class _ConstraintForces:
     """Constraint forces by their names in outputs, built on demand."""
 
     def __init__(self, model: Model, constraints: tuple[ConstraintEquation, ...]):
-        self.places = {name: j for j, name in enumerate(model.coordinate_names)}
+        self.positions = {name: j for j, name in enumerate(model.coordinate_names)}
         self.constraints = {c.constraint.name: c for c in constraints}
         self.by_coordinate: dict[int, list[ConstraintEquation]] = {}
 
     def of(self, name: str) -> Basic:
         """Return Qc.COORDINATE or Qc.CONSTRAINT.COORDINATE as λ b."""
         _, *constraint, coordinate = name.split(".")
-        j = self.places[coordinate]
+        j = self.positions[coordinate]
         if constraint:
             return self.part(self.constraints[constraint[0]], j)
         if not self.by_coordinate:

@@ -62,14 +62,14 @@ class Motion:
     v: tuple[Basic, ...]
     a: tuple[Basic, ...]
     smooth: bool
-    _places: dict[Basic, tuple[int, int]] = field(init=False, repr=False)
+    _indices: dict[Basic, tuple[int, int]] = field(init=False, repr=False)
     _slopes: dict[Basic, PartialDerivatives] = field(default_factory=dict, init=False, repr=False)
     _occurring: dict[Basic, Occurrences] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self._places = {x: (0, i) for i, x in enumerate(self.q)}
-        self._places.update({x: (1, i) for i, x in enumerate(self.v)})
-        self._places[symbols.TIME] = (2, 0)
+        self._indices = {x: (0, i) for i, x in enumerate(self.q)}
+        self._indices.update({x: (1, i) for i, x in enumerate(self.v)})
+        self._indices[symbols.TIME] = (2, 0)
 
     @classmethod
     def of(cls, model: Model) -> Motion:
@@ -88,7 +88,7 @@ class Motion:
         if found is None:
             kinds: tuple[list[int], list[int], list[int]] = ([], [], [])
             for symbol in expression.free_symbols:
-                kind, i = self._places.get(symbol, (-1, 0))
+                kind, i = self._indices.get(symbol, (-1, 0))
                 if kind >= 0:
                     kinds[kind].append(i)
             positions, rates, times = kinds
@@ -112,9 +112,9 @@ class Motion:
             explicit = ZERO
             if symbols.TIME in terms:
                 explicit = self.sum_diff(terms.pop(symbols.TIME), symbols.TIME)
-            places = sorted(self._places[x] for x in terms)
+            indices = sorted(self._indices[x] for x in terms)
             partial = {
-                i: self.sum_diff(terms[self.q[i]], self.q[i]) for kind, i in places if not kind
+                i: self.sum_diff(terms[self.q[i]], self.q[i]) for kind, i in indices if not kind
             }
             found = PartialDerivatives({i: x for i, x in partial.items() if x != ZERO}, explicit)
             self._slopes[expression] = found
@@ -131,7 +131,7 @@ class Motion:
         found: dict[Basic, list[Basic]] = defaultdict(list)
         for term in terms:
             for symbol in term.free_symbols:
-                if symbol in self._places:
+                if symbol in self._indices:
                     found[symbol].append(term)
         return found
 

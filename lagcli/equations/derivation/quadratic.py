@@ -30,7 +30,7 @@ from lagcli.equations.derivation.motion import ONE, TWO, ZERO, Motion, addends
 from lagcli.model.expression.linearity import kinked_in
 
 
-class Form(NamedTuple):
+class AffineForm(NamedTuple):
     """An expression affine in the velocities, w = Σ_j w_j v_j + w_0.
 
     Parameters
@@ -58,8 +58,8 @@ class QuadraticTerm(NamedTuple):
     """A term c u w of the Lagrangian."""
 
     factor: Basic
-    first: Form
-    second: Form
+    first: AffineForm
+    second: AffineForm
 
 
 class QuadraticForms:
@@ -72,7 +72,7 @@ class QuadraticForms:
 
     def __init__(self, motion: Motion):
         self.motion = motion
-        self._known: dict[Basic, Form | None] = {}
+        self._known: dict[Basic, AffineForm | None] = {}
 
     def split(self, expression: Basic) -> tuple[list[QuadraticTerm], list[Basic]]:
         """Split an expression into terms c u w and all others."""
@@ -84,9 +84,9 @@ class QuadraticForms:
             if isinstance(part, se.Add):
                 stack.extend(reversed(part.args))
                 continue
-            still, moving = self._factors(part)
+            constant, moving = self._factors(part)
             if len(moving) == 1 and isinstance(moving[0], se.Add):
-                factor = se.Mul(*still)
+                factor = se.Mul(*constant)
                 stack.extend(factor * x for x in reversed(moving[0].args))
                 continue
             forms = list(map(self.form, moving)) if len(moving) == 2 else [None]
@@ -94,29 +94,29 @@ class QuadraticForms:
             if first is None or second is None:
                 rest.extend(addends(part))
             else:
-                terms.append(QuadraticTerm(se.Mul(*still), first, second))
+                terms.append(QuadraticTerm(se.Mul(*constant), first, second))
         return terms, rest
 
     def _factors(self, expression: Basic) -> tuple[list[Basic], list[Basic]]:
         """Split a term into factors without and with velocities; squares count twice."""
-        still: list[Basic] = []
+        constant: list[Basic] = []
         moving: list[Basic] = []
         for factor in expression.args if isinstance(expression, se.Mul) else (expression,):
             if not self.motion.occurring(factor).rates:
-                still.append(factor)
+                constant.append(factor)
             elif isinstance(factor, se.Pow) and factor.args[1] == TWO:
                 moving += [factor.args[0]] * 2
             else:
                 moving.append(factor)
-        return still, moving
+        return constant, moving
 
-    def form(self, expression: Basic) -> Form | None:
+    def form(self, expression: Basic) -> AffineForm | None:
         """Return an expression as an affine form; None if it is not affine in the velocities."""
         if expression not in self._known:
             self._known[expression] = self._form(expression)
         return self._known[expression]
 
-    def _form(self, expression: Basic) -> Form | None:
+    def _form(self, expression: Basic) -> AffineForm | None:
         rows: dict[int, list[Basic]] = {}
         offsets: list[Basic] = []
         for term in addends(expression):
@@ -130,7 +130,7 @@ class QuadraticForms:
         row = {j: x for j, x in row.items() if x != ZERO}
         offset = se.Add(*offsets)
         rate, curl = self._rate(row, offset)
-        return Form(expression, row, offset, rate, curl)
+        return AffineForm(expression, row, offset, rate, curl)
 
     def _split(self, term: Basic) -> tuple[dict[int, Basic], Basic] | None:
         """Split a term into coefficients of velocities and the rest."""
@@ -200,7 +200,7 @@ class QuadraticPart:
         self.motion = motion
         self.terms = tuple(terms)
         k = len(motion.q)
-        self.squares: list[tuple[Basic, Form]] = []
+        self.squares: list[tuple[Basic, AffineForm]] = []
         self.products: list[QuadraticTerm] = []
         for term in self.terms:
             if term.first is term.second:
@@ -212,11 +212,11 @@ class QuadraticPart:
         self.partners = [
             0
         ] * k  # bits: the coordinates that occur in a square together with this one
-        for place, (_, form) in enumerate(self.squares):
+        for index, (_, form) in enumerate(self.squares):
             known = sum(1 << j for j in form.row)
             for j, coefficient in form.row.items():
                 column = self.columns[j]
-                column[coefficient] = column.get(coefficient, 0) | 1 << place
+                column[coefficient] = column.get(coefficient, 0) | 1 << index
                 self.partners[j] |= known
         self._factors: dict[int, Basic] = {}
         self._forces: dict[int, Basic] = {}
@@ -247,18 +247,18 @@ class QuadraticPart:
                     found.setdefault(self._factor(here & there), []).append(x * y)
         return se.Add(*[c * se.Add(*products) for c, products in found.items()])
 
-    def _factor(self, places: int) -> Basic:
+    def _factor(self, mask: int) -> Basic:
         """Return the sum of the factors of some squares."""
-        if places not in self._factors:
-            self._factors[places] = se.Add(*[self.squares[k][0] for k in _bits(places)])
-        return self._factors[places]
+        if mask not in self._factors:
+            self._factors[mask] = se.Add(*[self.squares[k][0] for k in _bits(mask)])
+        return self._factors[mask]
 
     def forces(self) -> list[list[Basic]]:
         """Return the contributions to ∂L/∂q_i − (∂p_i/∂q) v − ∂p_i/∂t, as lists of terms."""
         forces: list[list[Basic]] = [[] for _ in self.columns]
         for i, column in enumerate(self.columns):
-            for coefficient, places in column.items():
-                forces[i].append(-coefficient * self._force(places))
+            for coefficient, mask in column.items():
+                forces[i].append(-coefficient * self._force(mask))
         for factor, form in self.squares:
             for i, curl in form.curl.items():
                 forces[i].append(factor * form.value * curl)
@@ -273,14 +273,14 @@ class QuadraticPart:
             self._varying(forces, c, u, w)
         return forces
 
-    def _force(self, places: int) -> Basic:
+    def _force(self, mask: int) -> Basic:
         """Return the sum of c ẇ over some squares."""
-        if places not in self._forces:
-            chosen = (self.squares[k] for k in _bits(places))
-            self._forces[places] = se.Add(*[c * form.rate for c, form in chosen])
-        return self._forces[places]
+        if mask not in self._forces:
+            chosen = (self.squares[k] for k in _bits(mask))
+            self._forces[mask] = se.Add(*[c * form.rate for c, form in chosen])
+        return self._forces[mask]
 
-    def _varying(self, forces: list[list[Basic]], c: Basic, u: Form, w: Form) -> None:
+    def _varying(self, forces: list[list[Basic]], c: Basic, u: AffineForm, w: AffineForm) -> None:
         """Add the contributions of a factor that depends on q or t."""
         slopes = self.motion.slopes(c)
         for i, slope in slopes.by_position.items():

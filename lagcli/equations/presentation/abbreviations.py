@@ -80,12 +80,12 @@ def _replaced(expression: Basic, values: Mapping[Basic, Basic]) -> Basic:
 def _needed(named: Mapping[str, Basic], expressions: tuple[Basic, ...]) -> Abbreviations:
     """Drop unused abbreviations."""
     used = {s.name for x in expressions for s in x.free_symbols}
-    kept: dict[str, Basic] = {}
+    needed: dict[str, Basic] = {}
     for name, value in reversed(list(named.items())):
         if name in used:
-            kept[name] = value
+            needed[name] = value
             used.update(s.name for s in value.free_symbols)
-    return Abbreviations(dict(reversed(list(kept.items()))), expressions)
+    return Abbreviations(dict(reversed(list(needed.items()))), expressions)
 
 
 def _uses(parts: Sequence[Basic], expressions: Sequence[Basic]) -> Counter[Basic]:

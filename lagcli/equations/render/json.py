@@ -100,8 +100,8 @@ class _JsonWriter:
         """Return an entry, with abbreviations if there are any."""
         if self.matrices is None:
             return self.node(self.f.arrange(expression))
-        place = (part, min(i, j), max(i, j)) if part == "M" else (part, i, j)
-        return self.node(self.entries.get(place, ZERO))
+        key = (part, min(i, j), max(i, j)) if part == "M" else (part, i, j)
+        return self.node(self.entries.get(key, ZERO))
 
     def node(self, node: Node) -> dict[str, str]:
         return {"text": grammar_text(node), "latex": self.latex(node)}

@@ -105,7 +105,7 @@ def _symbol(text: str) -> str:
 def _shifted(letter: str, blocks: dict[str, int]) -> str:
     """Return a letter in another Unicode alphabet, if that has the letter."""
     for first, start in blocks.items():
-        place = ord(letter) - ord(first)
-        if 0 <= place < (25 if first > "z" else 26):
-            return chr(start + place)
+        index = ord(letter) - ord(first)
+        if 0 <= index < (25 if first > "z" else 26):
+            return chr(start + index)
     return letter

@@ -112,13 +112,13 @@ def invalid_latex_warnings(model: Model) -> list[Diagnostic]:
         try:
             parse(c.latex)
         except InvalidLatex as error:
-            place = c.latex_location or c.location
+            location = c.latex_location or c.location
             found.setdefault(
-                place or c.name,
+                location or c.name,
                 Diagnostic(
                     "latex-sign",
                     f"`latex` of the coordinate `{c.name}`: {error}; its name is written instead",
-                    place,
+                    location,
                     "write letters, Greek (\\varphi), accents (\\vec{r}), \\boldsymbol{r},"
                     " \\mathrm{word},\nsubscripts and superscripts; docs/model-file.md lists all",
                     severity="warning",

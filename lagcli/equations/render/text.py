@@ -67,10 +67,10 @@ def _group(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]
     left = [display_width(formula.text(line.sides[0])) for line in group if len(line.sides) > 1]
     left = [x for x in left if x <= room // 3]
     aligned = max(left, default=0)
-    alike = aligned - min(left, default=0) <= _UNEVEN
+    aligned_sides = aligned - min(left, default=0) <= _UNEVEN
     found: list[str] = []
     for line, label in zip(group, labels, strict=True):
-        body = _formula(line, formula, room, aligned, alike)
+        body = _formula(line, formula, room, aligned, aligned_sides)
         if label and display_width(label) + 2 > margin:
             found.append(_INDENT + label)
             label = ""
@@ -111,7 +111,9 @@ def _with_note(body: list[str], note: str | None, room: int) -> list[str]:
     return [*body, *(f"{_INDENT}{x}" for x in _paragraph(note, room - len(_INDENT)))]
 
 
-def _formula(line: Line, formula: TextFormula, room: int, aligned: int, alike: bool) -> list[str]:
+def _formula(
+    line: Line, formula: TextFormula, room: int, aligned: int, aligned_sides: bool
+) -> list[str]:
     """Return a formula, broken into as many lines as necessary."""
     first, *others = [formula.tokens(side) for side in line.sides]
     whole = _whole(line, formula)
@@ -120,7 +122,7 @@ def _formula(line: Line, formula: TextFormula, room: int, aligned: int, alike: b
         broken = lines(whole, display_width, room, room - _CONTINUED)
         indents = (" " * (_CONTINUED - 2 * x.startswith("= ")) for x in broken[1:])
         return [broken[0], *map("".join, zip(indents, broken[1:], strict=True))]
-    aligned = aligned if alike else lhs
+    aligned = aligned if aligned_sides else lhs
     head = _padded(_flat(first), aligned)
     rest = " = ".join(_flat(side) for side in others)
     if display_width(head) + 3 + display_width(rest) <= room:

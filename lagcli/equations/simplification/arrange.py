@@ -32,7 +32,7 @@ from lagcli.equations.presentation.typeset import (
     sum_of,
     weight,
 )
-from lagcli.equations.simplification import factors as places
+from lagcli.equations.simplification import factors as position
 from lagcli.equations.simplification import trigonometry
 from lagcli.equations.simplification.branches import cases_node
 from lagcli.equations.simplification.factors import (
@@ -62,11 +62,11 @@ _LARGE = 200
 _SHORTER = 0.4
 
 _SYMBOL_PLACES = {
-    "multiplier": places.MULTIPLIER,
-    "parameter": places.PARAMETER,
-    "function": places.POSITION,
-    "acceleration": places.ACCELERATION,
-    "velocity": places.VELOCITY,
+    "multiplier": position.MULTIPLIER,
+    "parameter": position.PARAMETER,
+    "function": position.POSITION,
+    "acceleration": position.ACCELERATION,
+    "velocity": position.VELOCITY,
 }
 
 
@@ -190,11 +190,11 @@ class Arranger:
             functions: Polynomial = {divide(m, still): c * scale for m, c in part.functions.items()}
             motion = {divide(m, moving): c for m, c in part.motion.items()}
             simplest = min(map(order, functions)), min(map(order, motion))
-            place = (part.motion_class, part.complexity, *simplest)
-            terms.append((place, self._pair(functions, motion, expansion).node()))
+            key = (part.motion_class, part.complexity, *simplest)
+            terms.append((key, self._pair(functions, motion, expansion).node()))
         sign, bracket = _oriented(terms)
         shared = self._monomial(common, expansion)
-        last = TermFactor(bracket, Fraction(1), (places.LAST,))
+        last = TermFactor(bracket, Fraction(1), (position.LAST,))
         return key, (outer * Term(Fraction(sign), (*shared, last))).node()
 
     def _coefficients(self, pair: Pair, expansion: MonomialExpansion) -> list[Fraction]:
@@ -222,10 +222,10 @@ class Arranger:
             for m, c in split.rest.items()
         )
         constant = all(expansion.classes[g] == "parameter" for m in terms for g, _ in m)
-        place = places.SQUARE if split.exponent > 1 else places.BRACKET
-        place = places.PARAMETER if constant else place
+        key = position.SQUARE if split.exponent > 1 else position.BRACKET
+        key = position.PARAMETER if constant else key
         rank = min(expansion.order(m) for m in split.rest if m)
-        factor = TermFactor(bracket, Fraction(split.exponent), (place, rank))
+        factor = TermFactor(bracket, Fraction(split.exponent), (key, rank))
         return Term(
             split.content * sign**split.exponent,
             (*self._monomial(split.common, expansion), factor),
@@ -258,11 +258,11 @@ class Arranger:
                 power = Fraction(exponent)
             case "root" | "sum":
                 node = self.arrange(first)
-        place = places.FUNCTION
+        key = position.FUNCTION
         if generator.head == "sum":
-            place = places.BRACKET if power == 1 else places.SQUARE
-            place = places.PARAMETER if kind == "parameter" else place
-        return TermFactor(node, power, (place, ((expansion.places[g], 0),)))
+            key = position.BRACKET if power == 1 else position.SQUARE
+            key = position.PARAMETER if kind == "parameter" else key
+        return TermFactor(node, power, (key, ((expansion.places[g], 0),)))
 
     # structured
 
@@ -286,10 +286,10 @@ class Arranger:
             sign, node = forward(self.arrange(base))
             content, node = _without_content(node)
             constant = all(expansion.is_parameter(s) for s in base.free_symbols)
-            place = places.BRACKET if n == 1 else places.SQUARE
-            place = places.PARAMETER if constant else place
+            key = position.BRACKET if n == 1 else position.SQUARE
+            key = position.PARAMETER if constant else key
             rank = (((expansion.ranks(base.free_symbols), 0, ""), 0),)
-            factor = TermFactor(node, Fraction(n), (place, rank))
+            factor = TermFactor(node, Fraction(n), (key, rank))
             return Term((sign * content) ** n, (factor,))
         try:
             terms = expansion.polynomial(e)
@@ -299,7 +299,7 @@ class Arranger:
             ((monomial, coefficient),) = terms.items()
             return Term(Fraction(coefficient), self._monomial(monomial, expansion))
         # expressions that expand to a sum or to zero without being a sum or a product
-        return Term(Fraction(1), (TermFactor(self.arrange(e), Fraction(1), (places.LAST,)),))
+        return Term(Fraction(1), (TermFactor(self.arrange(e), Fraction(1), (position.LAST,)),))
 
     def _structured_sum(self, e: Basic) -> Node:
         """Return a sum with each term arranged and common parameters factored out."""
@@ -314,7 +314,7 @@ class Arranger:
                 continue
             sign, inside = _oriented((self._key(i), self.arrange(i)) for i in inners)
             content, inside = _without_content(inside)
-            last = TermFactor(inside, Fraction(1), (places.LAST,))
+            last = TermFactor(inside, Fraction(1), (position.LAST,))
             whole = self._structured_term(outer) * Term(sign * content, (last,))
             terms.append((min(map(self._key, inners)), whole.node()))
         return _ordered(terms)

@@ -27,7 +27,7 @@ from lagcli.equations.simplification.monomials import (
     times,
 )
 
-Place = tuple[Any, ...]
+SortKey = tuple[Any, ...]
 ContentStyle = Literal["shortest", "whole", "decimal"]
 
 # order of factors in a term: λ m (a + b) r (φ̇ + ψ̇) φ̇ sin φ (φ̇ + ψ̇)² […]
@@ -45,7 +45,7 @@ class TermFactor:
 
     node: Node
     exponent: Fraction
-    place: Place
+    key: SortKey
 
     @property
     def written(self) -> Node:
@@ -71,7 +71,7 @@ class Term:
 
     def node(self) -> Node:
         """Return the term with sorted factors and negative powers in the denominator."""
-        ordered = sorted(self.factors, key=lambda f: f.place)
+        ordered = sorted(self.factors, key=lambda f: f.key)
         below = [f.written for f in ordered if f.exponent < 0]
         above = [f.written for f in ordered if f.exponent > 0]
         number = Number(self.coefficient)
@@ -155,9 +155,9 @@ def presentable_content(values: Iterable[Exact], style: ContentStyle) -> Fractio
     content = content_of(listed)
     if style == "whole":
         return content
-    kept = sum(_signs(v) for v in listed)
+    written = sum(_signs(v) for v in listed)
     taken = _signs(content) + sum(_signs(v / content) for v in listed)
-    return content if taken < kept or (taken == kept and content > 1) else Fraction(1)
+    return content if taken < written or (taken == written and content > 1) else Fraction(1)
 
 
 def _signs(value: Fraction) -> int:

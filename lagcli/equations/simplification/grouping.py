@@ -69,12 +69,12 @@ def shared_by(parts: list[Pair], expansion: MonomialExpansion) -> Monomial:
     """
     functions = [m for p in parts for m in p.functions]
     motions = [m for p in parts for m in p.motion]
-    kept = []
+    common = []
     for g, n in common_part(functions):
         is_symbol = expansion.generators[g].head == "symbol"
         if is_symbol or all(dict(m).get(g) == n for m in functions):
-            kept.append((g, n))
-    return times(tuple(kept), common_part(motions))
+            common.append((g, n))
+    return times(tuple(common), common_part(motions))
 
 
 def _split(

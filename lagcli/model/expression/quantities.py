@@ -85,24 +85,24 @@ def read_quantity(
     if match := _WITH_UNIT.fullmatch(text):
         own = match[2].strip()
         if re.fullmatch("0", match[1]) and re.match("[xXoObB][0-9a-fA-F]", own):
-            place = node.span(match.start(1), match.end(2))
+            location = node.span(match.start(1), match.end(2))
             message = f"`{shorten(text.strip())}` is not a number"
-            report.add("syntax", message, place, "write a decimal number")
+            report.add("syntax", message, location, "write a decimal number")
             return None
         if names.declared(own.split("*")[0].strip()) and not _is_unit(own):
-            place = node.span(match.start(1), match.end(2))
+            location = node.span(match.start(1), match.end(2))
             help_ = f"write a product as `{match[1]}*{own}`"
-            report.add("syntax", f"`{text.strip()}` is not a number with a unit", place, help_)
+            report.add("syntax", f"`{text.strip()}` is not a number with a unit", location, help_)
             return None
         try:
             factor = to_si(own)
         except UnknownUnit as error:
             start = match.start(2)
-            place = node.span(start, start + len(own))
+            location = node.span(start, start + len(own))
             help_ = UNIT_HELP
             if re.search("[-+]", own):
                 help_ = "write an expression with a unit as `{value: 2 + 1/2, unit: m}`"
-            report.add("unknown-unit", f"{what}: {error}", place, help_)
+            report.add("unknown-unit", f"{what}: {error}", location, help_)
             return None
         if unit is not None:
             report.add(

@@ -130,9 +130,9 @@ def _close(names: Symbols, context: Context, text: str) -> list[str]:
     shown = []
     for other in nearest(text, known):
         what, line = names.lines.get(other, ("", 0))
-        place = f", line {line}" if line else ""
+        location = f", line {line}" if line else ""
         label = _shown(other)
-        shown.append(f"`{label}` ({what}{place})" if what else f"`{label}`")
+        shown.append(f"`{label}` ({what}{location})" if what else f"`{label}`")
     return shown
 
 

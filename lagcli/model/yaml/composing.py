@@ -74,7 +74,7 @@ class _Composer:
         self.diagnostics: list[Diagnostic] = []
 
     def refuse(self, kind: str, message: str, event: yaml.Event, help_: str) -> ModelError:
-        (line, column), (last, end) = self.places(event, event)
+        (line, column), (last, end) = self.positions(event, event)
         location = self.source.location(line, column, end - column if last == line else 1)
         return ModelError([*self.diagnostics, Diagnostic(kind, message, location, help_)])
 
@@ -96,9 +96,11 @@ class _Composer:
                     )
                 root = self.node(next(self.events), 0)
         if root is None or (isinstance(root, Scalar) and root.missing):
-            place = self.source.location(0, 0)
+            location = self.source.location(0, 0)
             help_ = "a model needs at least `coordinates`, `T`, `parameters` and `initial`"
-            raise ModelError([Diagnostic("empty-file", "the file holds no model", place, help_)])
+            raise ModelError(
+                [Diagnostic("empty-file", "the file contains no model", location, help_)]
+            )
         if not isinstance(root, Mapping):
             message = f"a model file is a mapping of keys, but this is {root.what}"
             help_ = "begin with a line such as `coordinates: [x, y]`"
@@ -136,10 +138,10 @@ class _Composer:
         before = self.count
         self.grow(1, event)
         if isinstance(event, yaml.ScalarEvent):
-            start, end = self.places(event, event)
+            start, end = self.positions(event, event)
             value = event.value.translate(_SHOW)
             scalar = Scalar(self.source, start, end, value, event.style or None)
-            node: YamlNode = self.bared(scalar) if anchor else scalar
+            node: YamlNode = self.without_anchor(scalar) if anchor else scalar
         elif isinstance(event, yaml.SequenceStartEvent):
             node = self.sequence(event, depth)
         else:
@@ -150,13 +152,13 @@ class _Composer:
             self.anchors[anchor] = (node, self.count - before)
         return node
 
-    def places(self, first: yaml.Event, last: yaml.Event) -> tuple[Position, Position]:
+    def positions(self, first: yaml.Event, last: yaml.Event) -> tuple[Position, Position]:
         start, end = first.start_mark, last.end_mark
         assert start is not None
         assert end is not None
         return (start.line, start.column), (end.line, end.column)
 
-    def bared(self, node: Scalar) -> Scalar:
+    def without_anchor(self, node: Scalar) -> Scalar:
         """Return a scalar without its anchor."""
         line, column = node.start
         lines = self.source.lines
@@ -190,7 +192,7 @@ class _Composer:
         items = []
         while not isinstance(inner := next(self.events), yaml.SequenceEndEvent):
             items.append(self.node(inner, depth + 1))
-        return Sequence(self.source, *self.places(event, inner), items)
+        return Sequence(self.source, *self.positions(event, inner), items)
 
     def mapping(self, event: yaml.MappingStartEvent, depth: int) -> YamlNode:
         found: list[_ComposedEntry] = []
@@ -199,7 +201,7 @@ class _Composer:
             value = self.node(next(self.events), depth + 1)
             bare = bool(event.flow_style) and self.is_bare(key, value)
             found.append(_ComposedEntry(key, value, bare))
-        start, end = self.places(event, inner)
+        start, end = self.positions(event, inner)
         if found and all(entry.bare for entry in found):
             text = self.source.between(start, end)
             # braces instead of parentheses are reported when the expression is parsed

@@ -28,8 +28,8 @@ def explain(source: Source, error: yaml.YAMLError) -> Diagnostic:
     here = text[column : column + 1]
 
     def at(message: str, help_: str, begin: bool = False) -> Diagnostic:
-        place = (opened.line, opened.column) if begin and opened else (line, column)
-        return Diagnostic("yaml", message, source.location(*place), help_)
+        position = (opened.line, opened.column) if begin and opened else (line, column)
+        return Diagnostic("yaml", message, source.location(*position), help_)
 
     if here == "\t" or (not text[:column].strip() and "\t" in text[:column]):
         return at("a tab cannot indent a line of YAML", "indent with spaces")
@@ -93,18 +93,18 @@ def explain(source: Source, error: yaml.YAMLError) -> Diagnostic:
 def _second_colon(source: Source, line: int, column: int) -> Diagnostic:
     """Explain a colon inside a value that starts on this line or above."""
     text = source.lines[line]
-    place = source.location(line, column)
+    location = source.location(line, column)
     if ": " in text[:column]:
         message, help_ = "a second colon in one value", "put quotes around the value"
-        return Diagnostic("yaml", message, place, help_)
+        return Diagnostic("yaml", message, location, help_)
     above = next((n for n in range(line - 1, -1, -1) if source.lines[n].strip()), None)
     before = source.lines[above] if above is not None else ""
     if above is not None and (tight := re.match(r"\s*[\w.']+:(?=\S)", before)):
         message, help_ = "a space is missing after this colon", "write `name: value`"
-        place = source.location(above, tight.end() - 1)
-        return Diagnostic("yaml", message, place, help_)
+        location = source.location(above, tight.end() - 1)
+        return Diagnostic("yaml", message, location, help_)
     if above is None or column > _LONGEST_KEY:
-        return Diagnostic("yaml", "this name is too long", place, "shorten it")
+        return Diagnostic("yaml", "this name is too long", location, "shorten it")
     where = source.location(line, len(text) - len(text.lstrip()), len(text.strip()))
     return Diagnostic(
         "yaml",

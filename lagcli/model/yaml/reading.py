@@ -55,18 +55,20 @@ def _missing(path: Path) -> str:
     if not path.parent.is_dir():
         return f"there is no folder {path.parent}"
     try:
-        beside = {p.stem: p for p in path.parent.iterdir() if p.suffix in (".yaml", ".yml")}
+        candidates = {p.stem: p for p in path.parent.iterdir() if p.suffix in (".yaml", ".yml")}
     except OSError:
-        beside = {}
+        candidates = {}
     # compared without suffixes, which would make any two names look similar
-    close = nearest(path.stem, list(beside))
-    guess = f"; did you mean {beside[close[0]]}?" if close else ""
+    close = nearest(path.stem, list(candidates))
+    guess = f"; did you mean {candidates[close[0]]}?" if close else ""
     return f"there is no file {path}{guess}"
 
 
-def _refuse(name: str, message: str, help_: str, place: SourceLocation | None = None) -> ModelError:
-    place = place or SourceLocation(name, 1, 1)
-    return ModelError([Diagnostic("not-text", message, place, help_)])
+def _refuse(
+    name: str, message: str, help_: str, location: SourceLocation | None = None
+) -> ModelError:
+    location = location or SourceLocation(name, 1, 1)
+    return ModelError([Diagnostic("not-text", message, location, help_)])
 
 
 def _decode(data: bytes, name: str) -> str:

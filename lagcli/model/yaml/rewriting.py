@@ -60,18 +60,18 @@ def rewrite(
     before = load_text(text, path)
     source = Source(text, path)
     writer = _Rewriter(source, compose(source)[0])
-    for block, given, old, new in (
+    for block, overrides, old, new in (
         ("parameters", set, before.parameters, requested.parameters),
         ("initial", set_initial, before.initial, requested.initial),
     ):
-        places = _places(old, new)
-        shared = Counter(places.values())
-        for name, value in _spelled(before, given).items():
-            place = places.get(name) or _relative(places, name)
-            alone = name in places and shared[place] == 1
+        locations = _locations(old, new)
+        shared = Counter(locations.values())
+        for name, value in _canonical_names(before, overrides).items():
+            location = locations.get(name) or _relative(locations, name)
+            alone = name in locations and shared[location] == 1
             if not alone and not name.rstrip("'").endswith("]"):
                 raise _not_written([name])
-            writer.write(block, name, value, new[name].value, place, in_place=alone)
+            writer.write(block, name, value, new[name].value, location, in_place=alone)
     if t_end is not None:
         writer.write_setting("t_end", repr(t_end).removesuffix(".0"))
     result = writer.text()
@@ -82,7 +82,7 @@ def rewrite(
 _Values = Mapping[str, Parameter] | Mapping[str, InitialValue]
 
 
-def _places(before: _Values, requested: _Values) -> dict[str, SourceLocation]:
+def _locations(before: _Values, requested: _Values) -> dict[str, SourceLocation]:
     """Return the locations of values in the file, also for other numbers of family members.
 
     A value set by an option has line 0.
@@ -91,10 +91,10 @@ def _places(before: _Values, requested: _Values) -> dict[str, SourceLocation]:
     return {n: x.location for n, x in both.items() if x.location is not None and x.location.line}
 
 
-def _spelled(model: Model, given: Mapping[str, str]) -> dict[str, str]:
+def _canonical_names(model: Model, overrides: Mapping[str, str]) -> dict[str, str]:
     """Return values by the names that the model uses: ``x_dot`` becomes ``x'``."""
     names = {}
-    for name, value in given.items():
+    for name, value in overrides.items():
         plain = "".join(name.split())
         if plain not in model.parameters and (match := re.fullmatch(r"(.+)_dot(\[.*\])?", plain)):
             plain = f"{match[1]}{match[2] or ''}'"
@@ -102,13 +102,13 @@ def _spelled(model: Model, given: Mapping[str, str]) -> dict[str, str]:
     return names
 
 
-def _relative(places: Mapping[str, SourceLocation], name: str) -> SourceLocation:
+def _relative(locations: Mapping[str, SourceLocation], name: str) -> SourceLocation:
     """Return the location of another member of the family, for one beyond the file's own N."""
-    same = (p for n, p in places.items() if _family(n) == _family(name))
-    place = next(same, None)
-    if place is None:
+    same = (p for n, p in locations.items() if _family(n) == _family(name))
+    location = next(same, None)
+    if location is None:
         raise _not_written([name])
-    return place
+    return location
 
 
 def _family(name: str) -> tuple[str, bool]:
@@ -130,18 +130,20 @@ class _Rewriter:
             text = text[:start] + new + text[end:]
         return text
 
-    def offset(self, place: Position) -> int:
+    def offset(self, position: Position) -> int:
         return (
-            self.lines[place[0]] + place[1] if place[0] < len(self.lines) else len(self.source.text)
+            self.lines[position[0]] + position[1]
+            if position[0] < len(self.lines)
+            else len(self.source.text)
         )
 
     def write(
         self,
         block: str,
         name: str,
-        given: str,
+        value_text: str,
         value: float,
-        place: SourceLocation,
+        location: SourceLocation,
         in_place: bool,
     ) -> None:
         """Replace a value, or insert an entry after one that declares several members."""
@@ -151,32 +153,34 @@ class _Rewriter:
             (key, entry, node)
             for _, key, entry in mapping
             for node in _values(entry)
-            if node.location == place
+            if node.location == location
         )
-        given = _with_unit(given, node)
+        value_text = _with_unit(value_text, node)
         if not in_place:
-            self.insert(mapping, key, entry, f"{name}: {_quoted(given)}")
+            self.insert(mapping, key, entry, f"{name}: {_quoted(value_text)}")
             return
         if isinstance(entry, MappingNode) and isinstance(node, Scalar) and "unit" in entry.entries:
             # the unit is a separate field
             unit = entry.entries["unit"][1]
-            given = _without(given, unit, value)
-        self.replace(node, _quoted(given))
+            value_text = _without(value_text, unit, value)
+        self.replace(node, _quoted(value_text))
 
-    def write_setting(self, name: str, given: str) -> None:
+    def write_setting(self, name: str, value_text: str) -> None:
         """Write a setting; add the block `simulation` if it is missing."""
         node = self.root.entries["simulation"][1] if "simulation" in self.root.entries else None
         if isinstance(node, MappingNode) and name in node.entries:
-            self.replace(node.entries[name][1], given)
+            self.replace(node.entries[name][1], value_text)
         elif isinstance(node, MappingNode) and node.entries:
             key, last = list(node.entries.values())[-1]
-            self.insert(node, key, last, f"{name}: {given}")
+            self.insert(node, key, last, f"{name}: {value_text}")
         elif node is None:
             text = self.source.text
             newline = "" if text.endswith("\n") else "\n"
-            self.changes.append((len(text), len(text), f"{newline}simulation: {{{name}: {given}}}"))
+            self.changes.append(
+                (len(text), len(text), f"{newline}simulation: {{{name}: {value_text}}}")
+            )
         else:
-            self.replace(node, f"{{{name}: {given}}}")
+            self.replace(node, f"{{{name}: {value_text}}}")
 
     def replace(self, node: YamlNode, new: str) -> None:
         start = self.offset(node.start)
@@ -233,17 +237,17 @@ def _quoted(text: str) -> str:
     return "'" + text.replace("'", "''") + "'"
 
 
-def _with_unit(given: str, node: YamlNode) -> str:
+def _with_unit(value_text: str, node: YamlNode) -> str:
     """Return a bare number with the unit of the file's value, if that is an SI unit."""
     if isinstance(node, MappingNode) and "guess" in node.entries:
         node = node.entries["guess"][1]
     unit = unit_of(node)
-    match = GUESS.fullmatch(given)
+    match = GUESS.fullmatch(value_text)
     if match is not None:
         return f"{{guess: {_with_unit(match[2].strip(), node)}}}"
-    if unit is None or to_si(unit) != 1 or not _is_number(given):
-        return given
-    return f"{given} {unit}"
+    if unit is None or to_si(unit) != 1 or not _is_number(value_text):
+        return value_text
+    return f"{value_text} {unit}"
 
 
 def _is_number(text: str) -> bool:
@@ -254,10 +258,10 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _without(given: str, unit: YamlNode, value: float) -> str:
+def _without(value_text: str, unit: YamlNode, value: float) -> str:
     """Return a value without its unit, which is a separate field of the entry."""
     assert isinstance(unit, Scalar)
-    bare = given.strip().removesuffix(unit.value.strip()).strip()
+    bare = value_text.strip().removesuffix(unit.value.strip()).strip()
     return bare if _is_number(bare) else repr(value / float(to_si(unit.value)))
 
 
