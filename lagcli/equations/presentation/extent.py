@@ -92,11 +92,16 @@ class Extent:
     def _step(self, step: Step) -> float:
         remark = math.ceil(len(step.remark or "") / _LINE)
         margin = _margin(step)
-        return _TITLE + sum(self._line(line, margin) for line in step.lines) + remark
+        lines = sum(self._line(line, margin) for line in step.lines)
+        if step.packed:
+            lines = math.ceil(sum(self._letters(line) for line in step.lines) / _LINE)
+        return _TITLE + lines + remark
 
     def _line(self, line: Line, margin: int) -> float:
-        letters = sum(len(self._text(side)) + 3 for side in line.sides)
-        return float(math.ceil((letters + len(line.note or "")) / (_LINE - margin)))
+        return float(math.ceil(self._letters(line) / (_LINE - margin)))
+
+    def _letters(self, line: Line) -> int:
+        return sum(len(self._text(side)) + 3 for side in line.sides) + len(line.note or "")
 
 
 def _margin(step: Step) -> int:

@@ -131,7 +131,9 @@ def _coordinates(f: Formulas) -> Step:
         unit = f"[{c.unit}]" if c.unit else None
         note = " ".join(part for part in (c.description, unit) if part)
         lines.append(Line((symbol,), note=note or None))
-    return Step(f"Coordinates: k = {len(lines)}", tuple(lines))
+    # many names alone fit side by side
+    packed = len(lines) > 6 and not any(line.note for line in lines)
+    return Step(f"Coordinates: k = {len(lines)}", tuple(lines), packed=packed)
 
 
 def _definitions(f: Formulas, shown: list[Step]) -> Step | None:

@@ -10,7 +10,7 @@ from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
 from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.names import latex_ascii, latex_word, letter
-from lagcli.equations.render.numbers import decimal, rounded
+from lagcli.equations.render.numbers import decimal, is_rounded, rounded
 
 _RELATIONS = {"<=": r"\le", ">=": r"\ge", "!=": r"\ne", "==": "="}
 _FUNCTIONS = {
@@ -79,7 +79,7 @@ class LatexFormula(FormulaWriter):
         if value < 0:
             return f"-{self.number(-value)}"
         plain = decimal(value, self.decimals)
-        if self.numeric and (plain is None or len(plain) > 6):
+        if is_rounded(value, plain, self.numeric):
             mantissa, power = rounded(value)
             return mantissa if power is None else rf"{mantissa}\cdot 10^{{{power}}}"
         return plain or rf"\tfrac{{{value.numerator}}}{{{value.denominator}}}"

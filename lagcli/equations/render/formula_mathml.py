@@ -14,7 +14,7 @@ from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_bre
 from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.formula_latex import needs_space
 from lagcli.equations.render.mathml_symbol import symbol_mathml
-from lagcli.equations.render.numbers import decimal, rounded
+from lagcli.equations.render.numbers import decimal, is_rounded, rounded
 
 _RELATIONS = {"<=": "≤", ">=": "≥", "!=": "≠", "==": "=", "<": "<", ">": ">"}
 _PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")
@@ -102,7 +102,7 @@ class MathmlFormula(FormulaWriter):
         if value < 0:
             return f"<mrow>{operator('−', 'prefix')}{self.number(-value)}</mrow>"
         plain = decimal(value, self.decimals)
-        if self.numeric and (plain is None or len(plain) > 6):
+        if is_rounded(value, plain, self.numeric):
             mantissa, power = rounded(value)
             if power is None:
                 return f"<mn>{mantissa}</mn>"

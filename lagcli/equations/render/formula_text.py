@@ -9,7 +9,7 @@ from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
 from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.names import SUBSCRIPTS, SUPERSCRIPTS
-from lagcli.equations.render.numbers import decimal, rounded
+from lagcli.equations.render.numbers import decimal, is_rounded, rounded
 
 _VULGAR = {
     Fraction(p, q): sign
@@ -83,7 +83,7 @@ class TextFormula(FormulaWriter):
         if value < 0:
             return f"−{self.number(-value)}"
         plain = decimal(value, self.decimals)
-        if self.numeric and (plain is None or len(plain) > 6):
+        if is_rounded(value, plain, self.numeric):
             mantissa, power = rounded(value)
             raised = str(power).translate(SUPERSCRIPTS)
             return mantissa if power is None else f"{mantissa}×10{raised}"

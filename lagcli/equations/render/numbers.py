@@ -36,6 +36,25 @@ def decimal(value: Fraction, decimals: frozenset[int]) -> str | None:
     return None
 
 
+def is_rounded(value: Fraction, plain: str | None, numeric: bool) -> bool:
+    """Return whether a number is printed with six significant digits.
+
+    With parameter values inserted, every longer decimal and every fraction is. In symbolic
+    equations only fractions of long numbers are, which come from measured or computed constants of
+    the model: 0.704466 is easier to read than 35223315263779/50000000000000.
+
+    Parameters
+    ----------
+    plain : str or None
+        What `decimal` gives for the value.
+    numeric : bool
+        Whether parameter values are inserted.
+    """
+    if numeric:
+        return plain is None or len(plain) > DIGITS
+    return plain is None and max(abs(value.numerator), value.denominator) >= 10**DIGITS
+
+
 def rounded(value: Fraction) -> tuple[str, int | None]:
     """Return mantissa and power of ten of a number with at most six significant digits."""
     text = f"{float(value):.{DIGITS}g}"
