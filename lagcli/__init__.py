@@ -40,7 +40,7 @@ __all__ = [
     "write",
 ]
 
-# imported when first asked for: the command line must not pay for what a command does not use
+# imported on first access, so that a command does not pay for modules that it does not use
 _PLACES = {
     "animate": "lagcli.pictures.animation.animate",
     "degrees_of_freedom": "lagcli.simulations.start",

@@ -1,4 +1,4 @@
-"""Every error that lagcli raises on purpose, and how a diagnostic prints."""
+"""Exceptions of lagcli, and the formatting of diagnostics."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ class SourceLocation(NamedTuple):
     Parameters
     ----------
     path : str
-        What the reader knows the text by: a file name, ``<stdin>`` or ``--set``.
+        Name of the text for the reader: a file name, ``<stdin>`` or ``--set``.
     line, column : int
-        Both count from 1; the column counts characters. Line 0 is text that has no lines, such as
-        the value of an option.
+        Both count from 1; the column counts characters. Line 0 marks text without lines, such
+        as the value of an option.
     length : int
         Number of characters to underline.
     text : str
@@ -31,20 +31,20 @@ class SourceLocation(NamedTuple):
 
 
 class Diagnostic(NamedTuple):
-    """One thing that is wrong: what, where, and how to mend it.
+    """An error or warning: message, location and remedy.
 
     Parameters
     ----------
     kind : str
-        A short name of the error, for programs.
+        Short identifier of the error, for programs.
     message : str
     location : SourceLocation, optional
     help : str, optional
-        How to mend it; may have several lines.
+        Remedy; may have several lines.
     notes : tuple of (text, SourceLocation or None)
-        Other places that belong to it.
+        Related locations.
     severity : str
-        ``error``, or ``warning`` where the command goes on.
+        ``error``, or ``warning`` if the command continues.
     """
 
     kind: str
@@ -55,7 +55,7 @@ class Diagnostic(NamedTuple):
     severity: str = "error"
 
     def render(self) -> str:
-        """Return the diagnostic in the shape that the documentation shows."""
+        """Return the diagnostic as text, in the form shown in the documentation."""
         loc = self.location
         if loc is None:
             lines = [f"{self.severity}[{self.kind}]: {self.message}"]
@@ -76,11 +76,11 @@ class Diagnostic(NamedTuple):
         return "\n".join(lines)
 
 
-_WIDEST_LINE = 160  # a longer line is cut around the place, so that a minified file stays readable
+_WIDEST_LINE = 160  # a longer line is cut around the location, so that minified files stay readable
 
 
 def _excerpt(loc: SourceLocation) -> list[str]:
-    """Return the source line and the marks under it."""
+    """Return the source line and the underline below it."""
     if not loc.text:
         return []
     text, column = loc.text, loc.column
@@ -96,7 +96,7 @@ def _excerpt(loc: SourceLocation) -> list[str]:
 
 
 def _width(text: str) -> int:
-    """Return the cells that a text takes on a terminal, so that the marks stand under it."""
+    """Return the width of a text in terminal cells, to align the underline."""
     return sum(
         0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1
         for c in text
@@ -104,14 +104,14 @@ def _width(text: str) -> int:
 
 
 class LagcliError(Exception):
-    """Base of all errors that are not bugs of lagcli.
+    """Base class of all errors that are not bugs of lagcli.
 
     Attributes
     ----------
     exit_status : int
-        What the process returns when the error reaches the command line.
+        Exit status of the process when the error reaches the command line.
     diagnostics : sequence of Diagnostic
-        What is wrong and where, if that is known.
+        Errors and their locations, if known.
     """
 
     exit_status = 2
@@ -119,11 +119,11 @@ class LagcliError(Exception):
 
 
 class UsageError(LagcliError):
-    """A call that contradicts itself or asks for what is not there."""
+    """Invalid arguments: contradictory, unknown or out of range."""
 
 
 class ModelError(LagcliError):
-    """A model file that cannot be used; carries all its diagnostics."""
+    """Invalid model file; carries all diagnostics."""
 
     def __init__(self, diagnostics: list[Diagnostic]):
         self.diagnostics = diagnostics
@@ -131,12 +131,12 @@ class ModelError(LagcliError):
 
 
 class NumericalError(LagcliError):
-    """The model is right and the numbers failed.
+    """Failure of a computation with a valid model.
 
     Parameters
     ----------
     problem : str or Diagnostic
-        What failed; a Diagnostic where it concerns a place in the model file.
+        Description of the failure; a Diagnostic if it concerns a location in the model file.
     """
 
     exit_status = 3
@@ -149,6 +149,6 @@ class NumericalError(LagcliError):
 
 
 class FileError(LagcliError):
-    """A file or a stream that cannot be read or written."""
+    """File or stream that cannot be read or written."""
 
     exit_status = 4

@@ -92,10 +92,10 @@ def lower_jacobians(equations: Equations) -> JacobianTapes:
     -------
     Variation
     """
-    from lagcli.equations.derivation.jacobians import vary
+    from lagcli.equations.derivation.jacobians import differentiate
     from lagcli.model.model import TIME
 
-    eq, found = equations, vary(equations)
+    eq, found = equations, differentiate(equations)
     blocks = [
         [g.position for g in found.force],
         [g.velocity for g in found.force],

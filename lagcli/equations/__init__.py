@@ -1,1 +1,1 @@
-"""Model → Equations → what people read."""
+"""Symbolic equations of motion: derivation, presentation and rendering."""

@@ -1,4 +1,4 @@
-"""All errors of a model: collected, put in the order of the file, each said once."""
+"""Diagnostics of a model file: collected, deduplicated and sorted by location."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from lagcli.errors import Diagnostic, ModelError, SourceLocation
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.yaml.source import Scalar, YamlNode
 
-MAX_DIAGNOSTICS = 100  # nobody reads more, and finding near names takes time
+MAX_DIAGNOSTICS = 100  # nobody reads more, and searching for similar names takes time
 
 
 class Broken(Exception):
-    """Something whose own error has been reported; what uses it stays silent."""
+    """Use of a name whose own error has been reported; no further error is raised for it."""
 
 
 class Diagnostics:
-    """The errors found so far."""
+    """The diagnostics collected so far."""
 
     def __init__(self, diagnostics: list[Diagnostic]):
         self.diagnostics = list(diagnostics)
@@ -33,12 +33,12 @@ class Diagnostics:
         notes: tuple[tuple[str, SourceLocation | None], ...] = (),
         subject: str | None = None,
     ) -> None:
-        """Add an error. Those of one kind with one subject are told once, with all their places.
+        """Add an error. Errors of one kind and subject are merged into one that lists their lines.
 
         Raises
         ------
         ModelError
-            There are too many errors to go on.
+            There are too many errors to continue.
         """
         diagnostic = Diagnostic(kind, message, location, help, notes)
         if subject is not None:
@@ -50,18 +50,18 @@ class Diagnostics:
     def _bound(self) -> None:
         if len(self.diagnostics) + len(self.repeated) > MAX_DIAGNOSTICS:
             last = Diagnostic(
-                "too-many", f"more than {MAX_DIAGNOSTICS} errors: the rest is not shown"
+                "too-many", f"more than {MAX_DIAGNOSTICS} errors; the rest are not shown"
             )
             raise ModelError([*self.sorted()[:MAX_DIAGNOSTICS], last])
 
     def add_expression_error(self, error: ExpressionError, node: YamlNode) -> None:
-        """Add an error in an expression, at its place in the file."""
-        place = node.span(error.start, error.end) if isinstance(node, Scalar) else node.location
-        self.add(error.kind, error.message, place, error.help, subject=error.subject)
+        """Add an error in an expression, at its location in the file."""
+        location = node.span(error.start, error.end) if isinstance(node, Scalar) else node.location
+        self.add(error.kind, error.message, location, error.help, subject=error.subject)
 
     @contextmanager
     def expression(self, node: YamlNode) -> Iterator[None]:
-        """Turn an error in an expression into a diagnostic, and stay silent about broken names."""
+        """Record an ExpressionError as a diagnostic; ignore Broken."""
         try:
             yield
         except Broken:
@@ -70,19 +70,19 @@ class Diagnostics:
             self.add_expression_error(error, node)
 
     def sorted(self) -> list[Diagnostic]:
-        """Return the diagnostics in the order of the file."""
+        """Return the diagnostics, sorted by their location in the file."""
         once = [_merged(group) for group in self.repeated.values()]
-        return sorted([*self.diagnostics, *once], key=_place)
+        return sorted([*self.diagnostics, *once], key=_position)
 
     def finish(self) -> None:
-        """Raise ModelError if there was any error."""
+        """Raise ModelError if there are any errors."""
         if found := self.sorted():
             raise ModelError(found)
 
 
-def _place(diagnostic: Diagnostic) -> tuple[int, int]:
+def _position(diagnostic: Diagnostic) -> tuple[int, int]:
     where = diagnostic.location
-    # what stands on the command line comes first, in the order in which it was found
+    # errors on the command line come first, in the order in which they were found
     return (where.line, where.column) if where and where.line else (0, 0)
 
 
@@ -90,8 +90,8 @@ _LISTED = 10  # lines named in "also in"
 
 
 def _merged(group: list[Diagnostic]) -> Diagnostic:
-    """Return the first of several diagnostics with one subject, and the lines of the others."""
-    first, *others = sorted(group, key=_place)
+    """Merge diagnostics of one subject: the first one, with the line numbers of the others."""
+    first, *others = sorted(group, key=_position)
     if not others:
         return first
     lines = sorted({d.location.line for d in others if d.location})

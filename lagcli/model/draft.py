@@ -1,4 +1,4 @@
-"""A model in the making: its nodes, its names, its errors, and how entries are read."""
+"""Draft of a model during loading: YAML nodes, symbol table, diagnostics, and entry parsing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Tree
 from lagcli.model.model import NO_INDICES
-from lagcli.model.names.renaming import Repeated
+from lagcli.model.names.renaming import ExpressionTemplate
 from lagcli.model.names.scope import ModelScope
 from lagcli.model.names.scoping import Sized
 from lagcli.model.spelling import did_you_mean, nearest, shorten
@@ -28,22 +28,22 @@ Indices = MappingOf[str, int]
 
 @dataclass
 class Draft:
-    """What is known of a model while its file is read.
+    """State of loading a model file.
 
-    Parameters
-    ----------
-    source : Source
-    root : Mapping
-    report : Report
-    names : Names
-    trees : dict of str to Tree
-        The expressions as written, by place: ``T``, ``Q.phi``, ``outputs.rod_force``.
-    meant : set of str
-        Keys that stand in the file under another name, whose error is reported.
-    members : int
-        How many members of families there are so far.
-    parameter_needs : mapping of str to lists of str
-        What each parameter is made of.
+        Parameters
+        ----------
+        source : Source
+        root : Mapping
+    report : Diagnostics
+    names : Symbols
+        trees : dict of str to Tree
+            Syntax trees of the expressions, by key: ``T``, ``Q.phi``, ``outputs.rod_force``.
+        meant : set of str
+            Keys that the file misspells, whose error has been reported.
+        members : int
+            Number of family members so far.
+        parameter_needs : mapping of str to lists of str
+            Parameters that each parameter depends on.
     """
 
     source: Source
@@ -62,7 +62,7 @@ class Draft:
         return self.root.entries[key][1] if key in self.root.entries else None
 
     def text(self, node: YamlNode | None, what: str) -> str | None:
-        """Return a node that must be text."""
+        """Return the text of a node; report a node that is not text."""
         if node is None or isinstance(node, Scalar):
             return None if node is None or node.missing else node.value
         self.report.add(
@@ -74,8 +74,8 @@ class Draft:
         return None
 
     def entries(self, key: str) -> list[Entry] | None:
-        """Return the entries of a mapping under a key of the model: empty where the key is missing,
-        None where it is something else.
+        """Return the entries of the mapping under a key: empty if the key is missing, None if its
+        value is not a mapping.
         """
         node = self.get(key)
         if node is None or (isinstance(node, Scalar) and node.missing):
@@ -94,7 +94,7 @@ class Draft:
     def fields(
         self, node: Mapping, what: str, known: tuple[str, ...], later: tuple[str, ...] = ()
     ) -> dict[str, YamlNode]:
-        """Return the fields of an entry that is a mapping; unknown ones are reported."""
+        """Return the fields of an entry that is a mapping; report unknown fields."""
         fields = {}
         for name, key, value in node:
             if name in known:
@@ -126,7 +126,7 @@ class Draft:
         later: tuple[str, ...] = (),
         example: str = "expression",
     ) -> tuple[YamlNode | None, dict[str, YamlNode]]:
-        """Return the node of an expression that may be the field ``expr`` of a mapping."""
+        """Return the node of an expression, which may be the field ``expr`` of a mapping."""
         if not isinstance(node, Mapping):
             return node, {}
         fields = self.fields(node, what, known, later)
@@ -144,7 +144,7 @@ class Draft:
     # expressions
 
     def parse(self, node: YamlNode, what: str, example: str = "expression") -> Parsed | None:
-        """Parse an expression; report what is wrong with it."""
+        """Parse an expression; report errors."""
         if isinstance(node, Sequence):
             node = self.vector_text(node)
         if not isinstance(node, Scalar):
@@ -168,7 +168,7 @@ class Draft:
         return None
 
     def vector_text(self, node: Sequence) -> YamlNode:
-        """Return a YAML list ``[a, b]`` as the text of a vector: both mean the same."""
+        """Return a YAML list ``[a, b]`` as the text of a vector expression."""
         line, column = node.start
         if node.source.lines[line][column : column + 1] != "[":
             return node
@@ -176,38 +176,38 @@ class Draft:
         return Scalar(node.source, node.start, node.end, text)
 
     def build(self, parsed: Parsed, context: Context, names: Symbols | None = None) -> Sized | None:
-        """Build the value of an expression; report what is wrong with it."""
+        """Build the value of an expression; report errors."""
         return Formula(self, parsed, context, names).value()
 
     def scalar(
         self, parsed: Parsed, context: Context, names: Symbols | None = None
     ) -> Basic | None:
-        """Build a scalar expression; report what is wrong with it."""
+        """Build a scalar expression; report errors."""
         return Formula(self, parsed, context, names).scalar()
 
 
 @dataclass(frozen=True)
 class Parsed:
-    """A scalar node and the tree of its text."""
+    """A scalar node and the syntax tree of its text."""
 
     node: Scalar
     tree: Tree
 
 
 class Formula:
-    """An expression of a draft, to be built for each value of its index.
+    """Expression of a model file, built for each value of its index.
 
-    What is wrong with it is reported once, for the first value with which it is wrong.
+        An error is reported once, for the first index value that causes it.
 
-    Parameters
-    ----------
-    draft : Draft
-    parsed : Parsed
-    context : Context
-    names : Names, optional
-        In place of the draft's.
-    index : str, optional
-        The index of the entry.
+        Parameters
+        ----------
+        draft : Draft
+        parsed : Parsed
+        context : Context
+    names : Symbols, optional
+            Symbol table; the draft's by default.
+        index : str, optional
+    Name of the entry's index.
     """
 
     def __init__(
@@ -224,15 +224,15 @@ class Formula:
         for error in errors:
             draft.report.add_expression_error(error, parsed.node)
         self.good = not (errors or broken)
-        self.repeated: Repeated | None = None
+        self.repeated: ExpressionTemplate | None = None
 
     def value(self, indices: Indices = NO_INDICES) -> Sized | None:
-        """Return the value for some values of its indices; None if there is something wrong.
+        """Return the value for given index values; None if the expression has an error.
 
-        Raises
-        ------
-        Unbuilt
-            Something that it uses has no value yet.
+                Raises
+                ------
+                Unbuilt
+        A name that it uses has no value yet.
         """
         if not self.good:
             return None
@@ -242,7 +242,9 @@ class Formula:
         scope.values.update(indices)
         try:
             if self.repeated is None:
-                self.repeated = Repeated(self.parsed.tree, scope, partial(build, scope=scope))
+                self.repeated = ExpressionTemplate(
+                    self.parsed.tree, scope, partial(build, scope=scope)
+                )
             sized = self.repeated.value()
         except Broken:
             self.good = False
@@ -259,7 +261,7 @@ class Formula:
         return sized if self.good else None
 
     def scalar(self, indices: Indices = NO_INDICES) -> Basic | None:
-        """Return the value, which must be a scalar; as `value`."""
+        """Return the value as `value` does; report a value that is not a scalar."""
         sized = self.value(indices)
         if sized is None:
             return None

@@ -1,4 +1,4 @@
-"""Model file → Model, with all its errors in one pass."""
+"""Loader: reads a model file into a Model and reports all errors in one pass."""
 
 from __future__ import annotations
 
@@ -43,17 +43,17 @@ def load(
     set: Mapping[str, object] | None = None,
     set_initial: Mapping[str, object] | None = None,
 ) -> Model:
-    """Read and check a model file.
+    """Load and check a model file.
 
     Parameters
     ----------
     path : path, or "-" for standard input
     set : mapping of parameter names to values, optional
-        Values that replace the file's: numbers, or text as it may stand in the file
+        Parameter values that override the file's: numbers, or text in the syntax of model files
         (``"30 deg"``, ``"2*m"``).
     set_initial : mapping of coordinate or velocity names to values, optional
-        Initial values that replace the file's: fixed, or free as in the file,
-        ``"{guess: 0.3}"``.
+        Initial values that override the file's; a guess is written ``"{guess: 0.3}"``, as in the
+        file.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def load(
     FileError
         The file cannot be read.
     ModelError
-        It is not a model; carries all diagnostics.
+        The file is not a valid model; carries all diagnostics.
     """
     text, name = read_text(path)
     return load_text(text, name, set, set_initial)
@@ -76,20 +76,20 @@ def load_text(
     set: Mapping[str, object] | None = None,
     set_initial: Mapping[str, object] | None = None,
 ) -> Model:
-    """Check the text of a model file; as `load`, without the file."""
+    """Load and check the text of a model file; see `load`."""
     source = Source(text.removeprefix("\ufeff"), path)
     check_text(source)
-    with _uncollected():
+    with _without_gc():
         root, diagnostics = compose(source)
         return _model(Draft(source, root, Diagnostics(diagnostics)), set or {}, set_initial or {})
 
 
 @contextmanager
-def _uncollected() -> Iterator[None]:
-    """Pause Python's search for circular garbage.
+def _without_gc() -> Iterator[None]:
+    """Disable the cyclic garbage collector.
 
-    A model is a large number of objects that stay; searching them again and again takes longer than
-    making them.
+    Loading creates many objects that stay alive; scanning them repeatedly takes longer than
+    creating them.
     """
     enabled = gc.isenabled()
     gc.disable()
@@ -156,7 +156,7 @@ def _model(
 
 
 def _declarations(draft: Draft, key: str, what: str) -> list[Declaration]:
-    """Return what a block declares; unreadable, it may declare any name."""
+    """Return the declarations of a block; an unreadable block may declare any name."""
     entries = draft.entries(key)
     if entries is None or key in draft.meant:
         draft.names.incomplete = True

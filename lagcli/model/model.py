@@ -1,4 +1,4 @@
-"""Model: what a model file says, checked."""
+"""Model: the checked content of a model file."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def multiplier(constraint: str) -> Basic:
 
 
 def constraint_force(coordinate_name: str, constraint: str | None = None) -> Basic:
-    """Return the symbol of the constraint force on a coordinate, in total or of one constraint."""
+    """Return the symbol of the constraint force on a coordinate: total, or of one constraint."""
     quantity = "constraint_force_by" if constraint else "constraint_force"
     return se.Symbol(str(ColumnName(quantity, constraint or "", coordinate_name)))
 
@@ -65,7 +65,7 @@ class Coordinate(NamedTuple):
 
 
 class Written(NamedTuple):
-    """An expression as it is written, and what brings its value to SI."""
+    """Source expression of a value, and its conversion factor to SI."""
 
     tree: Tree
     factor: Factor
@@ -75,9 +75,9 @@ class Written(NamedTuple):
 class Parameter(NamedTuple):
     """A parameter with its value in SI.
 
-    ``structural`` says whether the model's coordinates, constraints or sums depend on it: another
-    value asks for another model, loaded anew. Any other parameter is an input of the equations.
-    ``location`` is that of the value's text.
+    ``structural`` says whether coordinates, constraints or sums of the model depend on it: a new
+    value then requires loading the model again. Any other parameter is an input of the equations.
+    ``location`` is the location of the value.
     """
 
     name: str
@@ -91,7 +91,7 @@ class Parameter(NamedTuple):
 
 
 class Definition(NamedTuple):
-    """A named expression; ``indices`` are the values of the index in the tree of a family."""
+    """A named expression; ``indices`` are the index values of a family member."""
 
     name: str
     value: Value
@@ -103,7 +103,7 @@ class Definition(NamedTuple):
 class Constraint(NamedTuple):
     """A constraint, φ(q, t) = 0 or ψ(q, q', t) = 0 affine in q'.
 
-    ``expression`` is lhs − rhs; ``indices`` are the values of the index in the trees of a family.
+    ``expression`` is lhs − rhs; ``indices`` are the index values of a family member.
     """
 
     name: str
@@ -117,9 +117,9 @@ class Constraint(NamedTuple):
 
 
 class InitialValue(NamedTuple):
-    """An initial coordinate or velocity: fixed, or a guess that the constraints may move.
+    """An initial coordinate or velocity: fixed, or a guess that consistent initialization adjusts.
 
-    ``unit`` is the one it is given in, ``value`` is in SI.
+    ``unit`` is the unit in the file; ``value`` is in SI.
     """
 
     value: float
@@ -130,7 +130,7 @@ class InitialValue(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """A straight line between two points of a view: a rod, a spring, or the guide of something."""
+    """A line between two points of a view: a rod, a spring or a guide."""
 
     kind: Literal["rod", "spring", "guide"]
     name: str
@@ -139,7 +139,7 @@ class Segment(NamedTuple):
 
 
 class Disc(NamedTuple):
-    """A disc of a view; its angle turns a spoke, its normal (three dimensions only) tilts it."""
+    """A disc of a view; ``angle`` rotates its spoke, ``normal`` (in 3D) is its axis."""
 
     name: str
     center: str
@@ -149,10 +149,10 @@ class Disc(NamedTuple):
 
 
 class Arrow(NamedTuple):
-    """A vector of a view: components at a point, or the force of a constraint.
+    """An arrow of a view: a vector at a point, or the force of a constraint.
 
-    ``points`` are those that a force stands at; the arrow is drawn at each of them. For anything
-    else there is one, and ``components`` are expressions in what outputs may use.
+    A constraint force is drawn at each of its ``points``. Any other arrow has one point and
+    ``components``, expressions in the names that outputs may use.
     """
 
     name: str
@@ -164,19 +164,19 @@ class Arrow(NamedTuple):
 
 
 class View(NamedTuple):
-    """What to draw of a model.
+    """The drawing of a model.
 
     Parameters
     ----------
     dimension : int
         2 or 3.
     points : mapping of str to expressions
-        In q, q', t and parameters, ``dimension`` of them by point.
+        Positions in q, q', t and parameters; ``dimension`` components per point.
     segments, discs, vectors : tuples
     grounds, trails : tuples of str
-        The points fixed to the ground, and those that leave a trail.
+        Points fixed to the ground, and points that leave a trail.
     labels : mapping of str to str or None
-        The text at a point; None is the point's name.
+        Text at a point; None stands for the point's name.
     """
 
     dimension: int
@@ -196,7 +196,7 @@ class Model:
     ``kinetic`` and ``potential`` are T and V; a model written with L has ``kinetic`` None and
     ``potential`` −L. Expressions are in the symbols of this module's functions and the
     parameters' names. ``set`` and ``set_initial`` are the values that replaced the file's;
-    ``settings_need`` are the parameters that the settings are made of.
+    ``settings_need`` are the parameters that the settings depend on.
     """
 
     name: str
@@ -242,7 +242,7 @@ class Model:
 
     @property
     def structural_parameters(self) -> tuple[str, ...]:
-        """Names of the parameters that another value of asks for another derivation."""
+        """Names of the parameters whose change requires a new derivation."""
         return tuple(name for name, p in self.parameters.items() if p.structural)
 
     @property

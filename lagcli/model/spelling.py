@@ -1,4 +1,4 @@
-"""Names in messages: cut to a readable length, and the known ones nearest to an unknown one."""
+"""Spelling suggestions and shortened text for messages."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 
 _MANY = 500  # names to compare with
-_LIKELY = 30  # of them, those to compare letter by letter, which is slow
+_LIKELY = 30  # of these, names to compare with difflib, which is slow
 
 
 def shorten(text: str, width: int = 60) -> str:
-    """Return the text on one line, cut to a width that a message can carry."""
-    # what is not shown need not be cleaned
+    """Return the text on one line, truncated to a width."""
+    # clean only what may be shown
     text = "".join(c if c.isprintable() or c.isspace() else "�" for c in text[: 8 * width])
     text = " ".join(text.split())
     return text if len(text) <= width else text[: width - 1] + "…"
 
 
 def nearest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
-    """Return the known names that look most like a name."""
+    """Return the known names most similar to a name."""
     if len(known) > _MANY:
         known = [k for k in known if k[:1] == name[:1] and abs(len(k) - len(name)) <= 2][:_MANY]
     wanted = _folded(name[:80])
@@ -29,23 +29,23 @@ def nearest(name: str, known: Sequence[str], count: int = 3) -> list[str]:
     likely = list(folded)
     if len(likely) > _LIKELY:
         pairs = _pairs(wanted)
-        likely.sort(key=lambda k: len(pairs ^ _pairs(k)))  # how many pairs of letters differ
+        likely.sort(key=lambda k: len(pairs ^ _pairs(k)))  # number of differing letter pairs
         del likely[_LIKELY:]
     close = difflib.get_close_matches(wanted, likely, n=count, cutoff=0.6)
     return [folded[c] for c in close]
 
 
 def did_you_mean(names: Iterable[str]) -> str | None:
-    """Return the question, or None where there is nothing to propose."""
+    """Return "did you mean …?", or None without candidates."""
     shown = [n if n.startswith("`") else f"`{n}`" for n in names]
     return f"did you mean {' or '.join(shown)}?" if shown else None
 
 
 def _pairs(name: str) -> set[str]:
-    """Return the pairs of neighbouring letters in a name, its ends included."""
+    """Return the letter pairs (bigrams) of a name, including its ends."""
     return {a + b for a, b in zip(f" {name}", f"{name} ", strict=True)}
 
 
 def _folded(name: str) -> str:
-    """Return what two names that look alike have in common (case, the two signs µ)."""
+    """Return a name normalized for comparison: case, and the two code points of µ."""
     return unicodedata.normalize("NFKC", name).casefold()

@@ -1,4 +1,4 @@
-"""The names that a model declares."""
+"""Symbol table of a model: every declared name."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from lagcli.model.expression.trees import Name
 from lagcli.model.names.scoping import Sized
 
 DOTS = (("_ddot", 2), ("_dot", 1))
-#: The symbols of a coordinate and of its derivatives, by their number of dots.
+#: Constructors of the symbols q, q' and q'', by order of the derivative.
 MOTION = (symbols.coordinate, symbols.velocity, symbols.acceleration)
 
 
 @dataclass(frozen=True)
 class Context:
-    """Where an expression stands, and what may be named there."""
+    """Context of an expression: its description for messages, and the kinds of names it may use."""
 
     where: str
     coordinates: bool = True
@@ -33,34 +33,34 @@ class Context:
 
 @dataclass
 class Symbols:
-    """All names that a model declares.
+    """Symbol table of a model.
 
     Parameters
     ----------
     coordinates, constraints : dicts with str keys
-        The members of families among them: ``x[1]``.
+        Names in declaration order, including members of families: ``x[1]``.
     parameters, definitions : mappings of str to callables
-        What each stands for; the callables raise Broken for one that has an error of its own.
+        Functions that return the value of a name, or raise Broken if its declaration is in error.
     constants : mapping of str to callables
-        The values of the parameters, for indices.
+        Functions that return the numeric value of a parameter, for use in indices.
     families : dict of str to set of str
-        The names with members, as ``x[]``, and what the members are: coordinate, definition.
+        Names of families, as ``x[]``, and the kinds of their members: coordinate, definition.
     constraint_families : set of str
-        Those of the constraints.
+        Families of constraints.
     lines : mapping of str to (str, int)
-        What each name is, and the line that declares it.
+        Kind of each name, and the line of its declaration.
     places : dict of str to SourceLocation
-        Where each name is declared first.
+        Location of the first declaration of each name.
     broken : set of str
-        Names whose declaration is in error: what uses them is not in error for it.
+        Names whose declaration is in error; their uses are not reported.
     suspects : set of str
-        Words that may have been meant as names, likewise.
+        Words in malformed declarations that may have been meant as names; likewise not reported.
     structural : set of str
-        Parameters that have been used in an index or a range.
+        Parameters used in an index or a range.
     incomplete : bool
-        Whether a block of declarations cannot be read, so that any name may have been meant.
+        Whether a block of declarations is unreadable, so that any name may be declared there.
     smooth : bool
-        Whether no expression uses a function with kinks or jumps.
+        Whether all functions used are smooth: no kinks, no jumps.
     """
 
     coordinates: dict[str, None] = field(default_factory=dict)
@@ -80,7 +80,7 @@ class Symbols:
     rates: dict[Basic, Basic] = field(default_factory=dict, init=False, repr=False)
 
     def declared(self, text: str) -> bool:
-        """Whether a name is declared, or a family."""
+        """Whether a name or a family is declared."""
         return (
             text in self.coordinates
             or text in self.parameters
@@ -89,7 +89,7 @@ class Symbols:
         )
 
     def resolve(self, name: Name) -> tuple[str, int]:
-        """Return a name without its dots, and their number: ``x_dot`` is ``x'`` unless declared."""
+        """Split a name into base and order of derivative: ``x_dot`` is ``x'`` unless declared."""
         if not self.declared(name.text):
             stem = name.text.removesuffix("[]")
             brackets = name.text[len(stem) :]
@@ -100,7 +100,7 @@ class Symbols:
         return name.text, name.primes
 
     def members(self, base: str) -> list[str]:
-        """Return the members of a family."""
+        """Return the names of the members of a family."""
         start = f"{base}["
         every = (*self.coordinates, *self.definitions, *self.parameters)
         return [name for name in every if name.startswith(start)]

@@ -14,7 +14,7 @@ from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.spelling import shorten
-from lagcli.model.yaml.rewriting import rewritten
+from lagcli.model.yaml.rewriting import rewrite
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import Stage
 from lagcli.play.controls import Control, controls
@@ -262,13 +262,13 @@ class Played:
         Raises
         ------
         ModelError
-            As `rewritten`.
+            As `rewrite`.
         UsageError
             The end of the run is no number.
         """
         started, request = self._started, self._fitting(request)
         end = self._settings(request.t_end).t_end
-        return rewritten(
+        return rewrite(
             started.text,
             started.path,
             {n: str(x) for n, x in {**started.set, **request.set}.items()},

@@ -16,7 +16,7 @@ from lagcli.engine.contract import Block, Event, IntegrationRequest, Interrupted
 from lagcli.engine.integrate.engines import engine_named
 from lagcli.engine.lowering import lower
 from lagcli.engine.system import System
-from lagcli.equations.derivation.freedom import Freedom
+from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.model.expression.units import si_notation
 from lagcli.model.model import Model
@@ -197,7 +197,7 @@ class Simulation:
         return dict(zip([*names, *(f"{q}'" for q in names)], state, strict=True))
 
     @cached_property
-    def freedom(self) -> Freedom:
+    def freedom(self) -> DegreesOfFreedom:
         """The degrees of freedom at the start."""
         return freedom_at(self.equations, self.system, self.settings.t_start, self.start)
 

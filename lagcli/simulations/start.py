@@ -17,7 +17,7 @@ from lagcli.engine.constraints.redundancy import dependent_sets
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.lowering import lower
 from lagcli.engine.system import System
-from lagcli.equations.derivation.freedom import Freedom, Redundant
+from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom, RedundantSet
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError
 from lagcli.model.model import InitialValue, Model, velocity
@@ -53,15 +53,17 @@ def find_start(equations: Equations, system: System, t: float) -> ConsistentStat
     return start
 
 
-def freedom_at(equations: Equations, system: System, t: float, start: ConsistentState) -> Freedom:
+def freedom_at(
+    equations: Equations, system: System, t: float, start: ConsistentState
+) -> DegreesOfFreedom:
     """Return the degrees of freedom at a consistent state."""
     sets = dependent_sets(system, t, start.q, start.v, start.rank)
     names = system.constraints
-    redundant = (Redundant(tuple(names[i] for i in found), surplus) for found, surplus in sets)
-    return Freedom(len(equations.q), len(names), start.rank, tuple(redundant))
+    redundant = (RedundantSet(tuple(names[i] for i in found), surplus) for found, surplus in sets)
+    return DegreesOfFreedom(len(equations.q), len(names), start.rank, tuple(redundant))
 
 
-def degrees_of_freedom(equations: Equations) -> Freedom:
+def degrees_of_freedom(equations: Equations) -> DegreesOfFreedom:
     """Count the degrees of freedom of a model by the rank of B at its consistent start.
 
     Parameters
@@ -70,18 +72,18 @@ def degrees_of_freedom(equations: Equations) -> Freedom:
 
     Returns
     -------
-    Freedom
+    DegreesOfFreedom
         Its rank is None where there is no consistent start.
     """
     k, r = len(equations.q), len(equations.constraints)
     if not r:
-        return Freedom(k, 0, 0)
+        return DegreesOfFreedom(k, 0, 0)
     t = equations.model.settings.t_start or 0.0
     system = lower(equations)
     try:
         start = find_start(equations, system, t)
     except LagcliError:
-        return Freedom(k, r)
+        return DegreesOfFreedom(k, r)
     return freedom_at(equations, system, t, start)
 
 
@@ -186,7 +188,7 @@ def _check_inertia(equations: Equations, system: System, t: float, start: Consis
 
 
 def _no_inertia(model: Model, coordinates: list[str]) -> NumericalError:
-    from lagcli.model.places import Places
+    from lagcli.model.locations import ExpressionLocations
 
     names = [f"`{name}`" for name in coordinates]
     what = f"coordinate {names[0]} has" if len(names) == 1 else f"motion of {', '.join(names)} has"
@@ -198,7 +200,7 @@ def _no_inertia(model: Model, coordinates: list[str]) -> NumericalError:
     declared = {c.name: c.location for c in model.coordinates}
     notes = [(f"`{coordinates[0]}` is declared here", declared[coordinates[0]])]
     notes += [(f"`{p}` is given here", model.parameters[p].location) for p in massless[:1]]
-    places = Places(model)
+    places = ExpressionLocations(model)
     return NumericalError(
         Diagnostic(
             "no-inertia",

@@ -21,9 +21,9 @@ from lagcli.model.expression.building import build
 from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.grammar import Tree
 from lagcli.model.expression.tensors import Tensor
+from lagcli.model.locations import ExpressionLocations
 from lagcli.model.model import NO_INDICES, TIME
 from lagcli.model.names.scoping import Value
-from lagcli.model.places import Places
 
 _NAMED = 8  # coordinates whose values a message lists
 
@@ -82,8 +82,8 @@ class _ExpressionSearch:
         self.scope = scope_of(self.model)
 
     @cached_property
-    def places(self) -> Places:
-        return Places(self.model)
+    def places(self) -> ExpressionLocations:
+        return ExpressionLocations(self.model)
 
     def found(self) -> UndefinedExpression:
         statements = list(self.statements())

@@ -163,7 +163,7 @@ def test_no_permission(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFi
 
     monkeypatch.setattr(Path, "open", refuse)
     status, err = say(f"{RIGHT}.yaml", capsys)
-    assert (status, err) == (4, f"error: {RIGHT}.yaml may not be read: permission denied\n")
+    assert (status, err) == (4, f"error: cannot read {RIGHT}.yaml: permission denied\n")
 
 
 def test_names_that_no_file_has(capsys: pytest.CaptureFixture[str]) -> None:
@@ -177,7 +177,7 @@ def test_names_that_no_file_has(capsys: pytest.CaptureFixture[str]) -> None:
 def test_dev_null(capsys: pytest.CaptureFixture[str]) -> None:
     status, err = say("/dev/null", capsys)
     assert status == 2
-    assert "holds no model" in err
+    assert "contains no model" in err
 
 
 # whole processes

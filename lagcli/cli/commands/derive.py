@@ -68,7 +68,7 @@ def derive(
     """
     from lagcli.equations.derivation.lagrange import derive as derive_equations
     from lagcli.equations.render import render
-    from lagcli.equations.render.names import refused_signs
+    from lagcli.equations.render.names import invalid_latex_warnings
     from lagcli.model.loader import load
     from lagcli.results.atomic import check_writable, whole_file
     from lagcli.simulations.start import degrees_of_freedom
@@ -79,7 +79,7 @@ def derive(
         check_writable(target, force)
     loaded = load(model, set=assignments("--set", set))
     if not quiet:
-        for warning in refused_signs(loaded):
+        for warning in invalid_latex_warnings(loaded):
             print(warning.render(), file=sys.stderr)
     equations = derive_equations(loaded)
     text = render(

@@ -1,4 +1,4 @@
-"""Whether a constraint between velocities is the derivative of one between positions."""
+"""Integrability of nonholonomic constraints by Frobenius' theorem."""
 
 from __future__ import annotations
 
@@ -14,31 +14,32 @@ from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative
 
-MAX_VARIABLES = 14  # the test takes their triples
+MAX_VARIABLES = 14  # the test loops over triples
 POINTS = 3
-TOLERANCE = 1e-9  # of a sum relative to its terms: rounding is some 1e-15
+TOLERANCE = 1e-9  # tolerance of a sum relative to its terms; rounding is about 1e-15
 
 
 def integrable(c: ConstraintEquation, equations: Equations) -> bool | None:
     """Test ω∧dω = 0 for ω = Σ b_i dq_i + b_0 dt (Frobenius).
 
-    Then an integrating factor exists, and the constraint restricts the positions as well.
+    If it holds, an integrating factor exists and the constraint also restricts the positions.
 
     Parameters
     ----------
     c : ConstraintEquation
-        Nonholonomic in form.
+        A nonholonomic constraint.
     equations : Equations
 
     Returns
     -------
     bool or None
-        None where the constraint knows too many variables for the test.
+        None if the constraint has too many variables for the test.
 
     Notes
     -----
-    One constraint is tested by itself; several may be integrable together though none is alone.
-    What does not vanish symbolically is tested at random points, with the model's parameters.
+    Each constraint is tested separately; several may be integrable together although none is by
+    itself. Coefficients that do not vanish symbolically are tested at random points, with the
+    model's parameter values.
     """
     form = {equations.q[j]: b for j, b in c.row.items()}
     if c.drift != 0:
@@ -65,7 +66,7 @@ def _coefficients(form: dict[Basic, Basic], variables: list[Basic]) -> Iterator[
 
 
 def _points(variables: list[Basic]) -> list[dict[Basic, Basic]]:
-    source = random.Random(8)  # the same answer every time
+    source = random.Random(8)  # reproducible
     return [{x: se.RealDouble(source.uniform(0.3, 1.7)) for x in variables} for _ in range(POINTS)]
 
 
@@ -76,7 +77,7 @@ def _vanishes(terms: list[Basic], points: list[dict[Basic, Basic]]) -> bool:
     for point in points:
         try:
             values = [float(t.xreplace(point).n(53, real=True)) for t in terms]
-        except RuntimeError:  # not real at this point
+        except RuntimeError:  # not real here
             continue
         if abs(math.fsum(values)) > TOLERANCE * math.fsum(map(abs, values)):
             return False

@@ -1,11 +1,11 @@
-"""First derivatives of the equations of motion, for implicit methods.
+"""Jacobians of the equations of motion, for implicit methods.
 
-At fixed a and λ, G = f − M a + Bᵀλ and Γ = γ − B a vanish on the motion. Their derivatives with
-respect to q, v and t say how a and λ follow a change of the state:
+Along the motion, G = f − M a + Bᵀλ and Γ = γ − B a vanish. Their derivatives with respect to q, v
+and t at fixed a and λ determine the derivatives of a and λ:
 
     M δa − Bᵀ δλ = G_q δq + G_v δv + G_t δt,  B δa = Γ_q δq + Γ_v δv + Γ_t δt.
 
-They are taken only where a symbol occurs, so that N bodies cost N times one.
+Only nonzero derivatives are formed, so that the cost is linear in the number of bodies.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lagcli.model.model import TIME
 
 @dataclass(frozen=True, eq=False)
 class Gradient:
-    """The nonzero derivatives of one expression, by coordinate, and that by time."""
+    """Nonzero partial derivatives of an expression with respect to q and v, and to t."""
 
     position: Row
     velocity: Row
@@ -38,11 +38,11 @@ class Jacobians:
     Parameters
     ----------
     force : k Gradients
-        Of G = f − M a + Bᵀλ.
+        Gradients of G = f − M a + Bᵀλ.
     rhs : r Gradients
-        Of Γ = γ − B a.
+        Gradients of Γ = γ − B a.
     power : Gradient
-        Of the power of all forces, Q·v − ∂L/∂t + λ·(B v).
+        Gradient of the power of all forces, Q·v − ∂L/∂t + λ·(B v).
     """
 
     force: tuple[Gradient, ...]
@@ -50,7 +50,7 @@ class Jacobians:
     power: Gradient
 
 
-def vary(equations: Equations) -> Jacobians:
+def differentiate(equations: Equations) -> Jacobians:
     """Differentiate the equations of motion.
 
     Parameters
@@ -59,7 +59,7 @@ def vary(equations: Equations) -> Jacobians:
 
     Returns
     -------
-    Variation
+    Jacobians
     """
     eq = equations
     reactions: list[list[Basic]] = [[] for _ in eq.q]
@@ -97,6 +97,6 @@ class _Gradients:
         return Gradient(self._row(slopes, self.positions), self._row(slopes, self.rates), time)
 
     @staticmethod
-    def _row(slopes: dict[Basic, Basic], places: dict[Basic, int]) -> Row:
-        found = {places[s]: x for s, x in slopes.items() if s in places and x != ZERO}
+    def _row(slopes: dict[Basic, Basic], columns: dict[Basic, int]) -> Row:
+        found = {columns[s]: x for s, x in slopes.items() if s in columns and x != ZERO}
         return dict(sorted(found.items()))

@@ -6,10 +6,10 @@ With L = T − V and p = ∂L/∂v, every system is brought to
 
 M = ∂p/∂v,  f = ∂L/∂q − (∂p/∂q) v − ∂p/∂t + Q,  B = ∂ψ/∂v,  γ = −(∂ψ/∂q) v − ∂ψ/∂t,
 
-where ψ is φ̇ for a holonomic constraint (seed equations 8.78 to 8.86). Derivatives are taken with
-plain symbols q, v, t, and only where a symbol occurs: the terms of a sum are sorted by the
-coordinates that they know, so that N bodies cost N times one. Products of velocities, of which most
-Lagrangians consist, are not differentiated as they stand: see `quadratic`.
+where ψ is φ̇ for a holonomic constraint (textbook equations 8.78 to 8.86). Derivatives are taken
+with respect to plain symbols q, v, t, and only of terms in which the symbol occurs, so that the
+cost is linear in the number of bodies. Terms quadratic in the velocities, which make up most
+Lagrangians, are handled separately: see `quadratic`.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from lagcli.columns import ColumnName, read_dotted_name
 from lagcli.equations.derivation.motion import TWO, ZERO, Motion, addends
 from lagcli.equations.derivation.quadratic import QuadraticForms, QuadraticPart
 from lagcli.model import model as symbols
-from lagcli.model.expression.linearity import written_out
+from lagcli.model.expression.linearity import expand_terms
 from lagcli.model.model import Constraint, Model
 
-Row = Mapping[int, Basic]  # the nonzero entries, by column
+Row = Mapping[int, Basic]  # nonzero entries by column
 
 
 class ConstraintEquation(NamedTuple):
@@ -43,11 +43,11 @@ class ConstraintEquation(NamedTuple):
     velocity : expression
         ψ(q, v, t) = Σ b_i v_i + b_0.
     row : mapping of int to expression
-        The nonzero b_i, by coordinate (row β of B).
+        The nonzero b_i by coordinate: row β of B.
     drift : expression
-        b_0: what of ψ does not depend on v.
+        b_0, the part of ψ that does not depend on v.
     rhs : expression
-        γ of B a = γ.
+        γ in B a = γ.
     """
 
     constraint: Constraint
@@ -65,7 +65,7 @@ class ConstraintEquation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The system of a model in symbols.
+    """Symbolic equations of motion of a model.
 
     k coordinates, r constraints.
 
@@ -76,11 +76,11 @@ class Equations:
     lagrangian : expression
         L = T − V.
     kinetic, potential : expressions
-        T and V; of a model written with L, the part of L quadratic in v and minus the rest.
+        T and V. If the model gives L: its part quadratic in v, and minus the rest.
     applied_forces : k expressions
-        Q_i, the Rayleigh dissipation's −∂D/∂v_i included.
+        Q_i, including −∂D/∂v_i of the Rayleigh dissipation function.
     mass_matrix : k mappings of int to expression
-        The nonzero entries of M, by row and column; both triangles.
+        Nonzero entries of M by row and column; both triangles.
     forcing : k expressions
         f_i.
     constraints : r ConstraintEquations
@@ -125,7 +125,7 @@ class Equations:
 
     @cached_property
     def momentum_rates(self) -> tuple[Basic, ...]:
-        """The k rates d/dt p_i, with accelerations."""
+        """The k time derivatives d/dt p_i, including accelerations."""
         motion = self._motion
         rates = []
         for p in self.momenta:
@@ -186,7 +186,7 @@ def derive(model: Model) -> Equations:
 
 
 class _Dynamics(NamedTuple):
-    """What follows from L alone: M, ∂L/∂q − (∂p/∂q) v − ∂p/∂t, v·p − L and −∂L/∂t."""
+    """Terms derived from L: M, ∂L/∂q − (∂p/∂q) v − ∂p/∂t, v·p − L and −∂L/∂t."""
 
     mass: list[dict[int, Basic]]
     forcing: list[Basic]
@@ -201,10 +201,10 @@ def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
     quadratic = QuadraticPart(products, motion)
     mass, forces = quadratic.mass_matrix(), quadratic.forces()
     terms = motion.by_symbol(rest)
-    # T may have terms without velocities, such as those of a given rotation: then it is not T + V
+    # T may have terms without velocities, for instance with a prescribed rotation
     squares = quadratic.homogeneous and terms.keys().isdisjoint(motion.v)
     if squares and model.kinetic is not None and _same(rest, forms.split(-model.potential)[1]):
-        energy = [model.kinetic, model.potential]  # as written, so that they are built once
+        energy = [model.kinetic, model.potential]  # as written, so that they are shared
     else:
         energy = [quadratic.energy(), *(-term for term in rest)]
     for i, (q, v) in enumerate(zip(motion.q, motion.v, strict=True)):
@@ -226,12 +226,12 @@ def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
 
 
 def _same(terms: list[Basic], others: list[Basic]) -> bool:
-    """Whether two sums are alike, term by term."""
+    """Whether two sums have the same terms."""
     return bool(se.Add(*terms) == se.Add(*others))
 
 
 def _slopes_by_velocity(p: Basic, motion: Motion) -> dict[int, Basic]:
-    """Return the ∂p/∂v_j that are not zero."""
+    """Return the nonzero ∂p/∂v_j."""
     terms = motion.by_symbol(addends(p))
     rates = motion.occurring(p).rates
     row = {j: motion.sum_diff(terms[motion.v[j]], motion.v[j]) for j in rates}
@@ -258,24 +258,24 @@ def _constraint(constraint: Constraint, motion: Motion) -> ConstraintEquation:
 
 
 def _slope(expression: Basic, j: int, motion: Motion) -> Basic:
-    """Return ∂/∂v_j of an expression affine in v; written out only where that is not seen."""
+    """Return ∂/∂v_j of an expression affine in v, expanded only if v does not cancel otherwise."""
     slope = motion.diff(expression, motion.v[j])
-    return written_out(slope) if motion.occurring(slope).rates else slope
+    return expand_terms(slope) if motion.occurring(slope).rates else slope
 
 
 def _second_rate(expression: Basic, motion: Motion) -> Basic:
-    """Return φ̈ without accelerations; of a square c w² as 2 c (ẇ² + w ẅ)."""
+    """Return the part of φ̈ without accelerations; for a square c w², 2 c (ẇ² + w ẅ)."""
     found: list[Basic] = []
     others: list[Basic] = []
     for term in addends(expression):
         factors = term.args if isinstance(term, se.Mul) else (term,)
-        still = [x for x in factors if motion.occurring(x).still]
-        moving = [x for x in factors if not motion.occurring(x).still]
+        constant = [x for x in factors if motion.occurring(x).is_constant]
+        moving = [x for x in factors if not motion.occurring(x).is_constant]
         square = len(moving) == 1 and isinstance(moving[0], se.Pow) and moving[0].args[1] == TWO
         if square and isinstance(moving[0].args[0], se.Add):
             w = moving[0].args[0]
             rate = motion.convective(w)
-            found.append(TWO * se.Mul(*still) * (rate**TWO + w * motion.convective(rate)))
+            found.append(TWO * se.Mul(*constant) * (rate**TWO + w * motion.convective(rate)))
         else:
             others.append(term)
     rest = motion.convective(motion.convective(se.Add(*others)))
@@ -285,7 +285,7 @@ def _second_rate(expression: Basic, motion: Motion) -> Basic:
 def with_forces(
     model: Model, constraints: tuple[ConstraintEquation, ...], expressions: Mapping[str, Basic]
 ) -> dict[str, Basic]:
-    """Return expressions with the constraint forces in them written as λ b."""
+    """Substitute λ b for constraint forces in expressions."""
     forces = _ConstraintForces(model, constraints)
     found = {}
     for name, expression in expressions.items():
@@ -296,16 +296,16 @@ def with_forces(
 
 
 class _ConstraintForces:
-    """The constraint forces by the names that outputs give them, built when asked for."""
+    """Constraint forces by their names in outputs, built on demand."""
 
     def __init__(self, model: Model, constraints: tuple[ConstraintEquation, ...]):
-        self.places = {name: j for j, name in enumerate(model.coordinate_names)}
+        self.positions = {name: j for j, name in enumerate(model.coordinate_names)}
         self.constraints = {c.constraint.name: c for c in constraints}
         self.by_coordinate: dict[int, list[ConstraintEquation]] = {}
 
     def of(self, name: ColumnName) -> Basic:
         """Return a constraint force, in total or of one constraint, as λ b."""
-        j = self.places[name.coordinate]
+        j = self.positions[name.coordinate]
         if name.constraint:
             return self.part(self.constraints[name.constraint], j)
         if not self.by_coordinate:

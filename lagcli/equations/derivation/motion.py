@@ -1,4 +1,4 @@
-"""Derivatives of expressions in q, v and t along the motion, taken only by what occurs in them."""
+"""Derivatives of expressions in q, v and t along the motion."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ ONE = se.Integer(1)
 TWO = se.Integer(2)
 
 
-class Slopes(NamedTuple):
-    """The partial derivatives of an expression that are not zero.
+class PartialDerivatives(NamedTuple):
+    """Nonzero partial derivatives of an expression with respect to q and t.
 
     Parameters
     ----------
@@ -34,16 +34,16 @@ class Slopes(NamedTuple):
     by_time: Basic
 
 
-class Occurring(NamedTuple):
-    """The indices of the q and v that occur in an expression, and whether t does."""
+class Occurrences(NamedTuple):
+    """Indices of the q and v that occur in an expression, and whether t occurs."""
 
     positions: tuple[int, ...]
     rates: tuple[int, ...]
     timed: bool
 
     @property
-    def still(self) -> bool:
-        """Whether the expression is a constant of the motion: made of parameters alone."""
+    def is_constant(self) -> bool:
+        """Whether the expression depends on parameters only."""
         return not (self.positions or self.rates or self.timed)
 
 
@@ -55,25 +55,25 @@ class Motion:
     ----------
     q, v, a : tuples of k symbols
     smooth : bool
-        Whether no function with kinks or jumps occurs: the derivatives of these cost time.
+        Whether all functions are smooth; derivatives of other functions are slower.
     """
 
     q: tuple[Basic, ...]
     v: tuple[Basic, ...]
     a: tuple[Basic, ...]
     smooth: bool
-    _places: dict[Basic, tuple[int, int]] = field(init=False, repr=False)
-    _slopes: dict[Basic, Slopes] = field(default_factory=dict, init=False, repr=False)
-    _occurring: dict[Basic, Occurring] = field(default_factory=dict, init=False, repr=False)
+    _indices: dict[Basic, tuple[int, int]] = field(init=False, repr=False)
+    _slopes: dict[Basic, PartialDerivatives] = field(default_factory=dict, init=False, repr=False)
+    _occurring: dict[Basic, Occurrences] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self._places = {x: (0, i) for i, x in enumerate(self.q)}
-        self._places.update({x: (1, i) for i, x in enumerate(self.v)})
-        self._places[symbols.TIME] = (2, 0)
+        self._indices = {x: (0, i) for i, x in enumerate(self.q)}
+        self._indices.update({x: (1, i) for i, x in enumerate(self.v)})
+        self._indices[symbols.TIME] = (2, 0)
 
     @classmethod
     def of(cls, model: Model) -> Motion:
-        """Return that of a model."""
+        """Return the motion of a model."""
         names = model.coordinate_names
         return cls(
             tuple(map(symbols.coordinate, names)),
@@ -82,17 +82,17 @@ class Motion:
             model.names.smooth,
         )
 
-    def occurring(self, expression: Basic) -> Occurring:
-        """Return which q, v and t occur."""
+    def occurring(self, expression: Basic) -> Occurrences:
+        """Return the q, v and t that occur in an expression."""
         found = self._occurring.get(expression)
         if found is None:
             kinds: tuple[list[int], list[int], list[int]] = ([], [], [])
             for symbol in expression.free_symbols:
-                kind, i = self._places.get(symbol, (-1, 0))
+                kind, i = self._indices.get(symbol, (-1, 0))
                 if kind >= 0:
                     kinds[kind].append(i)
             positions, rates, times = kinds
-            found = Occurring(tuple(sorted(positions)), tuple(sorted(rates)), bool(times))
+            found = Occurrences(tuple(sorted(positions)), tuple(sorted(rates)), bool(times))
             self._occurring[expression] = found
         return found
 
@@ -104,24 +104,24 @@ class Motion:
         """Return ∂/∂symbol of a sum of terms."""
         return se.Add(*[self.diff(term, symbol) for term in terms])
 
-    def slopes(self, expression: Basic) -> Slopes:
-        """Return the partial derivatives by q and t."""
+    def slopes(self, expression: Basic) -> PartialDerivatives:
+        """Return the partial derivatives with respect to q and t."""
         found = self._slopes.get(expression)
         if found is None:
             terms = self.by_symbol(addends(expression))
             explicit = ZERO
             if symbols.TIME in terms:
                 explicit = self.sum_diff(terms.pop(symbols.TIME), symbols.TIME)
-            places = sorted(self._places[x] for x in terms)
+            indices = sorted(self._indices[x] for x in terms)
             partial = {
-                i: self.sum_diff(terms[self.q[i]], self.q[i]) for kind, i in places if not kind
+                i: self.sum_diff(terms[self.q[i]], self.q[i]) for kind, i in indices if not kind
             }
-            found = Slopes({i: x for i, x in partial.items() if x != ZERO}, explicit)
+            found = PartialDerivatives({i: x for i, x in partial.items() if x != ZERO}, explicit)
             self._slopes[expression] = found
         return found
 
     def convective(self, expression: Basic) -> Basic:
-        """Return (∂/∂q) v + ∂/∂t of an expression: its rate without accelerations."""
+        """Return (∂/∂q) v + ∂/∂t of an expression: its time derivative without accelerations."""
         slopes = self.slopes(expression)
         terms = [x * self.v[j] for j, x in slopes.by_position.items()]
         return se.Add(*terms, slopes.by_time)
@@ -131,13 +131,13 @@ class Motion:
         found: dict[Basic, list[Basic]] = defaultdict(list)
         for term in terms:
             for symbol in term.free_symbols:
-                if symbol in self._places:
+                if symbol in self._indices:
                     found[symbol].append(term)
         return found
 
 
 def addends(expression: Basic) -> tuple[Basic, ...]:
-    """Return the terms of a sum; a constant times a sum is written out, one level deep."""
+    """Return the terms of a sum; a constant times a sum is distributed, one level deep."""
     parts = expression.args if isinstance(expression, se.Add) else (expression,)
     terms: list[Basic] = []
     for part in parts:

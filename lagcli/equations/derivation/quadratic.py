@@ -1,4 +1,4 @@
-"""A Lagrangian that is a sum of squares of velocities: its mass matrix and its forces.
+"""Mass matrix and forces of the terms of a Lagrangian that are quadratic in the velocities.
 
 Most kinetic energies are sums of terms c u w, where u and w are affine in the velocities:
 
@@ -10,12 +10,12 @@ Such a term gives M_ij = c (u_i w_j + u_j w_i), and of ∂L/∂q_i − (∂p_i/�
 
     e_i(w) = ∂w/∂q_i − dw_i/dt = Σ_j (∂_i w_j − ∂_j w_i) v_j + ∂_i w_0 − ∂_t w_i.
 
-Where w is the rate of a position, e vanishes identically and is never built; in a rotation it is
-what makes gyroscopes. Differentiating L as it stands would build both halves of it, and leave the
-cancellation to the numbers.
+If w is the derivative of a position, e vanishes identically and is not built; for a rotation it
+gives the gyroscopic terms. Differentiating L directly would build both parts of e and leave their
+cancellation to floating-point arithmetic.
 
-Terms that share w_i and c are summed once: the velocities of a chain's links are nested sums, and
-the sets of links that know coordinates i and j are few.
+Terms with the same w_i and c are summed once: the velocities of a chain's links are nested sums,
+and few distinct sets of links depend on coordinates i and j.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from lagcli.equations.derivation.motion import ONE, TWO, ZERO, Motion, addends
 from lagcli.model.expression.linearity import kinked_in
 
 
-class Form(NamedTuple):
+class AffineForm(NamedTuple):
     """An expression affine in the velocities, w = Σ_j w_j v_j + w_0.
 
     Parameters
@@ -38,13 +38,13 @@ class Form(NamedTuple):
     value : expression
         w.
     row : dict of int to expression
-        The w_j, by coordinate.
+        The w_j by coordinate.
     offset : expression
         w_0.
     rate : expression
         ẇ without accelerations.
     curl : dict of int to expression
-        The e_i that do not vanish.
+        The nonzero e_i.
     """
 
     value: Basic
@@ -54,16 +54,16 @@ class Form(NamedTuple):
     curl: dict[int, Basic]
 
 
-class SquareTerm(NamedTuple):
+class QuadraticTerm(NamedTuple):
     """A term c u w of the Lagrangian."""
 
     factor: Basic
-    first: Form
-    second: Form
+    first: AffineForm
+    second: AffineForm
 
 
 class QuadraticForms:
-    """Recognizes forms and products of them.
+    """Recognizes affine forms and their products.
 
     Parameters
     ----------
@@ -72,11 +72,11 @@ class QuadraticForms:
 
     def __init__(self, motion: Motion):
         self.motion = motion
-        self._known: dict[Basic, Form | None] = {}
+        self._known: dict[Basic, AffineForm | None] = {}
 
-    def split(self, expression: Basic) -> tuple[list[SquareTerm], list[Basic]]:
-        """Return the terms c u w of an expression, and all others."""
-        terms: list[SquareTerm] = []
+    def split(self, expression: Basic) -> tuple[list[QuadraticTerm], list[Basic]]:
+        """Split an expression into terms c u w and all others."""
+        terms: list[QuadraticTerm] = []
         rest: list[Basic] = []
         stack = [expression]
         while stack:
@@ -84,9 +84,9 @@ class QuadraticForms:
             if isinstance(part, se.Add):
                 stack.extend(reversed(part.args))
                 continue
-            still, moving = self._factors(part)
+            constant, moving = self._factors(part)
             if len(moving) == 1 and isinstance(moving[0], se.Add):
-                factor = se.Mul(*still)
+                factor = se.Mul(*constant)
                 stack.extend(factor * x for x in reversed(moving[0].args))
                 continue
             forms = list(map(self.form, moving)) if len(moving) == 2 else [None]
@@ -94,29 +94,29 @@ class QuadraticForms:
             if first is None or second is None:
                 rest.extend(addends(part))
             else:
-                terms.append(SquareTerm(se.Mul(*still), first, second))
+                terms.append(QuadraticTerm(se.Mul(*constant), first, second))
         return terms, rest
 
     def _factors(self, expression: Basic) -> tuple[list[Basic], list[Basic]]:
-        """Return the factors without velocities and those with, squares twice."""
-        still: list[Basic] = []
+        """Split a term into factors without and with velocities; squares count twice."""
+        constant: list[Basic] = []
         moving: list[Basic] = []
         for factor in expression.args if isinstance(expression, se.Mul) else (expression,):
             if not self.motion.occurring(factor).rates:
-                still.append(factor)
+                constant.append(factor)
             elif isinstance(factor, se.Pow) and factor.args[1] == TWO:
                 moving += [factor.args[0]] * 2
             else:
                 moving.append(factor)
-        return still, moving
+        return constant, moving
 
-    def form(self, expression: Basic) -> Form | None:
-        """Return an expression as a form; None if it is not affine in the velocities."""
+    def form(self, expression: Basic) -> AffineForm | None:
+        """Return an expression as an affine form; None if it is not affine in the velocities."""
         if expression not in self._known:
             self._known[expression] = self._form(expression)
         return self._known[expression]
 
-    def _form(self, expression: Basic) -> Form | None:
+    def _form(self, expression: Basic) -> AffineForm | None:
         rows: dict[int, list[Basic]] = {}
         offsets: list[Basic] = []
         for term in addends(expression):
@@ -130,10 +130,10 @@ class QuadraticForms:
         row = {j: x for j, x in row.items() if x != ZERO}
         offset = se.Add(*offsets)
         rate, curl = self._rate(row, offset)
-        return Form(expression, row, offset, rate, curl)
+        return AffineForm(expression, row, offset, rate, curl)
 
     def _split(self, term: Basic) -> tuple[dict[int, Basic], Basic] | None:
-        """Return a term as coefficients of velocities and the rest."""
+        """Split a term into coefficients of velocities and the rest."""
         motion = self.motion
         rates = motion.occurring(term).rates
         if not rates:
@@ -154,7 +154,7 @@ class QuadraticForms:
         return slopes, term.xreplace({motion.v[j]: ZERO for j in rates})
 
     def _rate(self, row: dict[int, Basic], offset: Basic) -> tuple[Basic, dict[int, Basic]]:
-        """Return ẇ without accelerations, and the e_i."""
+        """Return ẇ without accelerations, and the nonzero e_i."""
         motion, v = self.motion, self.motion.v
         by_time = motion.slopes(offset)
         terms: list[Basic] = [by_time.by_time]
@@ -192,35 +192,37 @@ class QuadraticPart:
 
     Parameters
     ----------
-    terms : iterable of Term
+    terms : iterable of QuadraticTerm
     motion : Motion
     """
 
-    def __init__(self, terms: Iterable[SquareTerm], motion: Motion):
+    def __init__(self, terms: Iterable[QuadraticTerm], motion: Motion):
         self.motion = motion
         self.terms = tuple(terms)
         k = len(motion.q)
-        self.squares: list[tuple[Basic, Form]] = []
-        self.products: list[SquareTerm] = []
+        self.squares: list[tuple[Basic, AffineForm]] = []
+        self.products: list[QuadraticTerm] = []
         for term in self.terms:
             if term.first is term.second:
                 self.squares.append((TWO * term.factor, term.first))
             else:
                 self.products.append(term)
-        # for each coordinate: the coefficients that it has, and the squares where it has them
+        # for each coordinate: its coefficients, and the squares in which they occur
         self.columns: list[dict[Basic, int]] = [{} for _ in range(k)]
-        self.partners = [0] * k  # bits: the coordinates that some square knows beside this one
-        for place, (_, form) in enumerate(self.squares):
+        self.partners = [
+            0
+        ] * k  # bits: the coordinates that occur in a square together with this one
+        for index, (_, form) in enumerate(self.squares):
             known = sum(1 << j for j in form.row)
             for j, coefficient in form.row.items():
                 column = self.columns[j]
-                column[coefficient] = column.get(coefficient, 0) | 1 << place
+                column[coefficient] = column.get(coefficient, 0) | 1 << index
                 self.partners[j] |= known
         self._factors: dict[int, Basic] = {}
         self._forces: dict[int, Basic] = {}
 
     def mass_matrix(self) -> list[dict[int, Basic]]:
-        """Return the entries of M that these terms give, by row and column."""
+        """Return the contributions to M by row and column."""
         rows: list[dict[int, Basic]] = [{} for _ in self.columns]
         for i, column in enumerate(self.columns):
             for j in _bits(self.partners[i] >> i):
@@ -237,7 +239,7 @@ class QuadraticPart:
         return rows
 
     def _entry(self, column: dict[Basic, int], other: dict[Basic, int]) -> Basic:
-        """Return Σ c w_i w_j, over the squares that know both coordinates."""
+        """Return Σ c w_i w_j over the squares in which both coordinates occur."""
         found: dict[Basic, list[Basic]] = {}
         for x, here in column.items():
             for y, there in other.items():
@@ -245,18 +247,18 @@ class QuadraticPart:
                     found.setdefault(self._factor(here & there), []).append(x * y)
         return se.Add(*[c * se.Add(*products) for c, products in found.items()])
 
-    def _factor(self, places: int) -> Basic:
+    def _factor(self, mask: int) -> Basic:
         """Return the sum of the factors of some squares."""
-        if places not in self._factors:
-            self._factors[places] = se.Add(*[self.squares[k][0] for k in _bits(places)])
-        return self._factors[places]
+        if mask not in self._factors:
+            self._factors[mask] = se.Add(*[self.squares[k][0] for k in _bits(mask)])
+        return self._factors[mask]
 
     def forces(self) -> list[list[Basic]]:
-        """Return what these terms give of ∂L/∂q_i − (∂p_i/∂q) v − ∂p_i/∂t, as terms of a sum."""
+        """Return the contributions to ∂L/∂q_i − (∂p_i/∂q) v − ∂p_i/∂t, as lists of terms."""
         forces: list[list[Basic]] = [[] for _ in self.columns]
         for i, column in enumerate(self.columns):
-            for coefficient, places in column.items():
-                forces[i].append(-coefficient * self._force(places))
+            for coefficient, mask in column.items():
+                forces[i].append(-coefficient * self._force(mask))
         for factor, form in self.squares:
             for i, curl in form.curl.items():
                 forces[i].append(factor * form.value * curl)
@@ -271,15 +273,15 @@ class QuadraticPart:
             self._varying(forces, c, u, w)
         return forces
 
-    def _force(self, places: int) -> Basic:
-        """Return the sum of c ẇ of some squares."""
-        if places not in self._forces:
-            chosen = (self.squares[k] for k in _bits(places))
-            self._forces[places] = se.Add(*[c * form.rate for c, form in chosen])
-        return self._forces[places]
+    def _force(self, mask: int) -> Basic:
+        """Return the sum of c ẇ over some squares."""
+        if mask not in self._forces:
+            chosen = (self.squares[k] for k in _bits(mask))
+            self._forces[mask] = se.Add(*[c * form.rate for c, form in chosen])
+        return self._forces[mask]
 
-    def _varying(self, forces: list[list[Basic]], c: Basic, u: Form, w: Form) -> None:
-        """Add what a factor that depends on q or t gives."""
+    def _varying(self, forces: list[list[Basic]], c: Basic, u: AffineForm, w: AffineForm) -> None:
+        """Add the contributions of a factor that depends on q or t."""
         slopes = self.motion.slopes(c)
         for i, slope in slopes.by_position.items():
             forces[i].append(slope * u.value * w.value)
@@ -291,7 +293,7 @@ class QuadraticPart:
 
     @property
     def homogeneous(self) -> bool:
-        """Whether the terms are of second degree in the velocities."""
+        """Whether the terms are homogeneous of second degree in the velocities."""
         return all(f.offset == ZERO for term in self.terms for f in (term.first, term.second))
 
     def energy(self) -> Basic:
@@ -308,7 +310,7 @@ class QuadraticPart:
 
 
 def _bits(number: int) -> Iterable[int]:
-    """Yield the places of the ones of a number."""
+    """Yield the positions of the set bits of an integer."""
     while number:
         lowest = number & -number
         yield lowest.bit_length() - 1

@@ -1,1 +1,1 @@
-"""Presentation: equations as formulas and steps, independent of the output format."""
+"""Presentation: equations as formulas and derivation steps, independent of the output format."""

@@ -1,4 +1,4 @@
-"""Common subexpressions by names of their own: z₁ = …, in the order in which they are needed."""
+"""Common subexpression elimination for display: z₁ = …, in order of use."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _LETTERS = ("z", "s", "u", "h", "zeta", "xi", "eta")
 
 
 class Abbreviations(NamedTuple):
-    """Expressions with abbreviations in them.
+    """Expressions with named common subexpressions.
 
     Parameters
     ----------
     named : mapping of str to expression
-        What each abbreviation stands for, in symbols of the model and earlier abbreviations.
+        Value of each abbreviation, in symbols of the model and earlier abbreviations.
     expressions : tuple of expressions
-        The given ones, with the abbreviations in them.
+        The expressions with abbreviations substituted.
     """
 
     named: Mapping[str, Basic]
@@ -32,15 +32,15 @@ class Abbreviations(NamedTuple):
 def abbreviate(
     expressions: Sequence[Basic], taken: Collection[str], known: Mapping[Basic, str] | None = None
 ) -> Abbreviations:
-    """Give names to what occurs several times.
+    """Name common subexpressions.
 
     Parameters
     ----------
     expressions : sequence of expressions
     taken : collection of str
-        Names of the model.
+        Names that are in use.
     known : mapping of expression to str, optional
-        Definitions of the model by their values: they keep their names.
+        Definitions of the model by value; they keep their names.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def abbreviate(
     known = known or {}
     parts, shortened = se.cse(list(expressions))
     uses = _uses([x for _, x in parts], shortened)
-    whole: dict[Basic, Basic] = {}  # written out, to be compared with definitions
+    whole: dict[Basic, Basic] = {}  # expanded, for comparison with definitions
     replaced: dict[Basic, Basic] = {}
     named: dict[str, Basic] = {}
     letter = _free_letter(taken)
@@ -73,19 +73,19 @@ def abbreviate(
 
 
 def _replaced(expression: Basic, values: Mapping[Basic, Basic]) -> Basic:
-    """Return an expression with values for symbols; SymEngine copies all that it is given."""
+    """Substitute values for the symbols that occur; SymEngine copies the whole mapping."""
     return expression.xreplace({s: values[s] for s in expression.free_symbols if s in values})
 
 
 def _needed(named: Mapping[str, Basic], expressions: tuple[Basic, ...]) -> Abbreviations:
-    """Drop abbreviations that nothing uses."""
+    """Drop unused abbreviations."""
     used = {s.name for x in expressions for s in x.free_symbols}
-    kept: dict[str, Basic] = {}
+    needed: dict[str, Basic] = {}
     for name, value in reversed(list(named.items())):
         if name in used:
-            kept[name] = value
+            needed[name] = value
             used.update(s.name for s in value.free_symbols)
-    return Abbreviations(dict(reversed(list(kept.items()))), expressions)
+    return Abbreviations(dict(reversed(list(needed.items()))), expressions)
 
 
 def _uses(parts: Sequence[Basic], expressions: Sequence[Basic]) -> Counter[Basic]:
@@ -123,6 +123,6 @@ def _pair(value: Basic) -> bool:
 
 
 def _free_letter(taken: Collection[str]) -> str:
-    """Return a letter for abbreviations that no name of the model begins with."""
+    """Return a letter for abbreviations that no name of the model starts with."""
     used = {family_of(name).rstrip("[]").partition("_")[0].rstrip("0123456789") for name in taken}
     return next((x for x in _LETTERS if x not in used), "abbreviation")

@@ -1,4 +1,4 @@
-"""The formulas of one system as they are to be written, line by line."""
+"""Formulas of a system, line by line."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
-from lagcli.equations.derivation.freedom import Freedom
+from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.equations.presentation import general
 from lagcli.equations.presentation.typeset import (
     ZERO,
     Node,
     Symbol,
-    Variation,
+    VirtualDisplacement,
     product_of,
     sum_of,
     symbols_in,
@@ -25,15 +25,15 @@ from lagcli.model.expression.grammar import Tree
 
 @dataclass(frozen=True)
 class Line:
-    """A formula lhs = rhs [= rhs …], or one side alone.
+    """A formula lhs = rhs [= rhs …], or a single expression.
 
     Parameters
     ----------
     sides : tuple of Node
     label : Node or str, optional
-        Whose formula it is: a coordinate, or the name of a constraint.
+        Coordinate or constraint to which the formula belongs.
     note : str, optional
-        What is to be said about it.
+        Remark on the formula.
     """
 
     sides: tuple[Node, ...]
@@ -50,9 +50,9 @@ class Step:
     title : str
     lines : tuple of Line
     remark : str or None
-        A sentence on what was done, or where it comes from.
+        Explanation or source of the step.
     packed : bool
-        Whether short lines may stand side by side.
+        Whether short lines may be placed side by side.
     """
 
     title: str
@@ -62,17 +62,17 @@ class Step:
 
 
 class Formulas:
-    """The formulas of a system as they are to be written.
+    """Formulas of a system for display.
 
     Parameters
     ----------
     equations : Equations
     numeric : bool
-        Whether the parameters stand for their values.
+        Whether parameters are replaced by their values.
     named : bool
-        Whether roots that the model defines go by the names of their definitions.
-    freedom : Freedom, optional
-        The degrees of freedom, if B's rank at the start is known.
+        Whether roots are replaced by the names of definitions with the same value.
+    freedom : DegreesOfFreedom, optional
+        Degrees of freedom, if the rank of B at the initial state is known.
     """
 
     def __init__(
@@ -80,11 +80,11 @@ class Formulas:
         equations: Equations,
         numeric: bool = False,
         named: bool = True,
-        freedom: Freedom | None = None,
+        freedom: DegreesOfFreedom | None = None,
     ):
         self.equations = equations
         self.model = equations.model
-        self.freedom = freedom or Freedom(len(equations.q), len(equations.constraints))
+        self.freedom = freedom or DegreesOfFreedom(len(equations.q), len(equations.constraints))
         self.values: Mapping[str, Fraction] = {}
         if numeric:
             values = self.model.parameter_values
@@ -97,7 +97,7 @@ class Formulas:
         return tuple(Symbol(name) for name in self.model.coordinate_names)
 
     def written(self, tree: Tree, indices: Mapping[str, int] | None = None) -> Node:
-        """Return a tree of the model as its author wrote it; of a family, for some indices."""
+        """Return a syntax tree as a formula, as written; for a family, with index values."""
         return written(tree, self.model, self.values, indices or {})
 
     def definition_lines(
@@ -125,11 +125,11 @@ class Formulas:
         return Line((Symbol(name), self.written(definition.tree, definition.indices)))
 
     def uses_definitions(self, tree: Tree) -> bool:
-        """Whether a tree names definitions."""
+        """Whether a tree uses definitions."""
         return bool(named_in(tree, self.model))
 
     def constraint_trees(self, c: ConstraintEquation) -> list[Tree]:
-        """Return the sides of a constraint as trees."""
+        """Return the sides of a constraint as formulas."""
         sides = (c.constraint.left, c.constraint.right)
         return [side for side in sides if side is not None]
 
@@ -142,19 +142,19 @@ class Formulas:
     def variation_line(self, c: ConstraintEquation) -> Line:
         """Return Σ b_i δq_i = 0 (8.79)."""
         terms = [
-            (1, product_of([self.arrange(b), Variation(self.coordinates[j])]))
+            (1, product_of([self.arrange(b), VirtualDisplacement(self.coordinates[j])]))
             for j, b in sorted(c.row.items())
         ]
         return Line((sum_of(terms), ZERO))
 
     def rate_line(self, c: ConstraintEquation) -> Line:
-        """Return the time derivative of a holonomic constraint, side by side."""
+        """Return the time derivative of both sides of a holonomic constraint."""
         sides = sides_built(c.constraint, self.model)
         rates = [self.arrange(general.total_rate(side, self.equations)) for side in sides]
         return Line(tuple(rates) if len(rates) == 2 else (*rates, ZERO))
 
     def right_side(self, i: int, forces_named: bool = False) -> Node:
-        """Return Q_i + Σ_β λ_β b_iβ, Q_i by its name or written out."""
+        """Return Q_i + Σ_β λ_β b_iβ, with Q_i as a symbol or expanded."""
         applied = self.arrange(self.equations.applied_forces[i])
         if forces_named and applied != ZERO:
             applied = general.force(self.coordinates[i])

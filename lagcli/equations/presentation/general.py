@@ -1,4 +1,4 @@
-"""What belongs to the theory rather than to one model: general signs and total derivatives."""
+"""General laws: symbols that belong to the theory, and total time derivatives."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SCRIPT = {"T": "𝒯", "V": "𝒱", "L": "ℒ"}
 
 
 class Signs:
-    """T, V and L, in script where the model declares such a name itself."""
+    """Symbols of T, V and L; in script if the model declares the same name."""
 
     def __init__(self, model: Model):
         taken = {*model.coordinate_names, *model.parameters, *model.definitions}
@@ -26,7 +26,7 @@ class Signs:
 
 
 def force(coordinate: Symbol) -> Symbol:
-    """Return the sign of the generalized force on a coordinate."""
+    """Return the symbol of the generalized force on a coordinate."""
     return Symbol(coordinate.name, kind="force")
 
 
@@ -49,7 +49,7 @@ def law(model: Model) -> tuple[Sum, Node]:
 
 
 def coefficients(equations: Equations) -> list[tuple[Node, ...]]:
-    """Return what b_iβ is for the kinds of constraints that a system has."""
+    """Return the definitions of b_iβ for the kinds of constraints in a system."""
     found: list[tuple[Node, ...]] = []
     b = Sign("b_iβ", r"b_{i\beta}")
     sides = Sum(((1, Sign("lhs", r"\text{lhs}")), (-1, Sign("rhs", r"\text{rhs}"))))

@@ -1,4 +1,4 @@
-"""The equations of a model on one page: coordinates, constraints, equations, convention."""
+"""Overview of a model: coordinates, constraints, equations of motion, sign convention."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from lagcli.equations.presentation.typeset import Sign, sum_of, whole
 
 
 def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
-    """Return what a reader wants to know of a system first.
+    """Return the overview of a system.
 
     Parameters
     ----------
     f : Formulas
-        Of the system.
+        Formulas of the system.
     full : bool
-        Whether everything is written out, however long it is; see
+        Whether to write everything out, regardless of length; see
         `lagcli.equations.presentation.extent`.
 
     Returns
     -------
     tuple of Step
-        Coordinates, constraints, degrees of freedom, equations of motion and their convention.
+        Coordinates, constraints, degrees of freedom, equations of motion, sign convention.
     """
     if in_matrices(f, full):
         return in_short(f)
@@ -37,7 +37,7 @@ def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
 
 
 def in_matrices(f: Formulas, full: bool = False) -> bool:
-    """Whether the equations are given as matrices with abbreviations, not written out."""
+    """Whether the equations are shown as matrices with abbreviations instead of written out."""
     if full:
         return False
     if is_large(f.equations):
@@ -51,7 +51,7 @@ def in_matrices(f: Formulas, full: bool = False) -> bool:
 
 
 def in_short(f: Formulas, remark: str = "") -> tuple[Step, ...]:
-    """Return the overview with M, f, B and γ as matrices of entries with abbreviations."""
+    """Return the overview with M, f, B and γ as lists of abbreviated entries."""
     extent, last = Extent(f), convention(f)
     before = extent.shortened(_before(f), _BEFORE)
     room = ROOM - extent.size([*before, last])
@@ -59,15 +59,15 @@ def in_short(f: Formulas, remark: str = "") -> tuple[Step, ...]:
     if matrices.size > room:
         matrices = Matrices(f, ("M", "f", "B"))
     law, *others = matrices.steps(room)
-    said = remark or "Written out, the equations are long: --full does."
+    said = remark or "The equations are long; --full writes them out."
     return (*before, replace(law, remark=f"{law.remark} {said}"), *others, last)
 
 
-#: The part of the lines that matrices must save to be preferred.
+#: Fraction of lines that matrices must save to be preferred.
 _SHORTER = 0.5
-#: Lines of a formula that is read as it is.
+#: Lines of a formula that is short enough as it is.
 _READABLE = 8
-_BEFORE = 150  # lines of what stands before the matrices, at most
+_BEFORE = 150  # maximum number of lines before the matrices
 
 
 def _before(f: Formulas) -> list[Step]:
@@ -81,7 +81,7 @@ def _before(f: Formulas) -> list[Step]:
     return [step for step in found if step is not None]
 
 
-@lru_cache(maxsize=1)  # it is measured, and then printed
+@lru_cache(maxsize=1)  # measured first, then printed
 def _written_out(f: Formulas) -> list[Step]:
     constraints, equations = _constraints(f), _equations(f)
     shown = [equations, *([constraints] if constraints else [])]
@@ -106,7 +106,7 @@ def _energies(f: Formulas) -> Step:
 
 
 def kind_of(c: ConstraintEquation, equations: Equations) -> str:
-    """Say what kind of constraint it is: holonomic, scleronomic."""
+    """Return the kind of a constraint: holonomic or nonholonomic, scleronomic or rheonomic."""
     time = "rheonomic" if c.rheonomic else "scleronomic"
     if c.position is not None:
         return f"holonomic, {time}"
@@ -117,7 +117,7 @@ def kind_of(c: ConstraintEquation, equations: Equations) -> str:
 
 
 def convention(f: Formulas) -> Step:
-    """Return the equations in general, which fix the sign of λ (8.85)."""
+    """Return the general equations, which define the sign of λ (8.85)."""
     lines = [general.law(f.model), *general.coefficients(f.equations)]
     remark = None
     if f.equations.constraints:

@@ -1,4 +1,4 @@
-"""The derivation step by step, the textbook's way."""
+"""Step-by-step derivation, in the order of the textbook."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from lagcli.equations.presentation.typeset import Node, Partial, Rate, Symbol, s
 
 
 def steps(f: Formulas) -> tuple[Step, ...]:
-    """Derive the equations step by step, as the textbook does.
+    """Return the derivation of the equations step by step, as in the textbook.
 
     Parameters
     ----------
     f : Formulas
-        Of the system.
+        Formulas of the system.
 
     Returns
     -------
@@ -66,9 +66,9 @@ def _derivatives(f: Formulas, signs: general.Signs) -> list[Step]:
     return [
         Step(title, tuple(Line((x, f.arrange(y))) for x, y in zip(left, right, strict=True)))
         for title, left, right in (
-            ("Derivatives by the coordinates", by_position, e.gradient),
-            ("Derivatives by the velocities", by_velocity, e.momenta),
-            ("Their total time derivatives", rates, e.momentum_rates),
+            ("Partial derivatives with respect to the coordinates", by_position, e.gradient),
+            ("Partial derivatives with respect to the velocities", by_velocity, e.momenta),
+            ("Total time derivatives", rates, e.momentum_rates),
         )
     ]
 
@@ -78,9 +78,10 @@ def _forces(f: Formulas) -> Step | None:
     lines = tuple(Line((general.force(x), f.arrange(q))) for x, q in applied if q != 0)
     if not lines:
         return None
-    remark = "From the virtual work of the forces that have no potential (8.78)."
+    remark = "From the virtual work of the nonconservative forces (8.78)."
     if f.model.dissipation is not None:
-        remark += " The dissipation function adds minus its derivatives by the velocities."
+        remark += " The dissipation function contributes minus its partial derivatives"
+        remark += " with respect to the velocities."
     return Step("Generalized forces", lines, remark)
 
 
@@ -94,7 +95,9 @@ def _constraints(f: Formulas) -> Step | None:
     if not lines:
         return None
     differentiated = any(c.position is not None for c in f.equations.constraints)
-    remark = "Below each holonomic one stands its time derivative." if differentiated else None
+    remark = (
+        "Each holonomic constraint is followed by its time derivative." if differentiated else None
+    )
     return Step("Constraints", tuple(lines), remark)
 
 
@@ -104,7 +107,7 @@ def _variations(f: Formulas) -> Step | None:
     )
     if not lines:
         return None
-    remark = "Virtual displacements are taken at a fixed time (8.79)."
+    remark = "Virtual displacements are taken at fixed time (8.79)."
     return Step("Virtual displacements", lines, remark)
 
 
@@ -135,4 +138,4 @@ def _closing(f: Formulas) -> Step | None:
     k, r = len(f.coordinates), len(constraints)
     unknowns = f"{k} coordinate{'s' * (k > 1)} and {r} multiplier{'s' * (r > 1)}"
     remark = f"{k + r} equations in {k + r} unknowns: {unknowns}."
-    return Step("Closed by the constraints", lines, remark)
+    return Step("Together with the constraint equations", lines, remark)

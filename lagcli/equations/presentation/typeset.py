@@ -1,7 +1,7 @@
-"""A small tree of what stands on paper: sums, products, quotients, roots, dots.
+"""Display trees of formulas: sums, products, quotients, roots, derivatives.
 
-It keeps the order in which things are written, and knows nothing of fonts: the renderers turn it
-into text, LaTeX or the model grammar.
+A tree preserves the written order and is independent of the output format: the renderers convert it
+to text, LaTeX, MathML or the model grammar.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ SymbolKind = Literal["name", "multiplier", "force", "constant", "constraint"]
 
 @dataclass(frozen=True)
 class Node:
-    """A piece of a formula."""
+    """Node of a display tree."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class Number(Node):
 
 @dataclass(frozen=True)
 class Symbol(Node):
-    """A name of the model with its dots.
+    """A name of the model with its order of derivative.
 
-    A multiplier goes by its constraint's name, a generalized force by its coordinate's.
+    A multiplier is named by its constraint, a generalized force by its coordinate.
     """
 
     name: str
@@ -39,7 +39,7 @@ class Symbol(Node):
 
 
 @dataclass(frozen=True)
-class Variation(Node):
+class VirtualDisplacement(Node):
     """The virtual displacement δq of a coordinate."""
 
     of: Symbol
@@ -47,7 +47,7 @@ class Variation(Node):
 
 @dataclass(frozen=True)
 class Partial(Node):
-    """∂of/∂by."""
+    """Partial derivative ∂of/∂by."""
 
     of: Node
     by: Node
@@ -55,14 +55,14 @@ class Partial(Node):
 
 @dataclass(frozen=True)
 class Rate(Node):
-    """d/dt of something."""
+    """Total time derivative d/dt."""
 
     of: Node
 
 
 @dataclass(frozen=True)
 class Sign(Node):
-    """A sign of general laws that no model declares: L, Q_i, λ_β, in text and in LaTeX."""
+    """A symbol of a general law, such as L, Q_i or λ_β, in text and in LaTeX."""
 
     text: str
     latex: str
@@ -70,7 +70,7 @@ class Sign(Node):
 
 @dataclass(frozen=True)
 class Entry(Node):
-    """An entry of a matrix or vector, by what its row and column belong to: M[φ, ψ], γ[rod].
+    """An entry of a matrix or vector with symbolic indices: M[φ, ψ], γ[rod].
 
     An index is a coordinate, or a constraint as a Symbol of kind ``constraint``.
     """
@@ -88,7 +88,7 @@ class Sum(Node):
 
 @dataclass(frozen=True)
 class Product(Node):
-    """Factors from left to right; a number stands first."""
+    """Factors from left to right; a number comes first."""
 
     factors: tuple[Node, ...]
 
@@ -111,7 +111,7 @@ class Power(Node):
 
 @dataclass(frozen=True)
 class Root(Node):
-    """The root of a degree, 2 or 3."""
+    """Square or cube root."""
 
     radicand: Node
     degree: int = 2
@@ -134,7 +134,7 @@ class Vector(Node):
 
 @dataclass(frozen=True)
 class Cases(Node):
-    """``then`` where the condition holds, else ``otherwise``."""
+    """``then`` if the condition holds, else ``otherwise``."""
 
     condition: Node
     then: Node
@@ -152,7 +152,7 @@ class Relation(Node):
 
 @dataclass(frozen=True)
 class Logical(Node):
-    """``and``, ``or``, ``not`` and what they join."""
+    """A logical operator, ``and``, ``or`` or ``not``, with its operands."""
 
     operator: str
     operands: tuple[Node, ...]
@@ -163,7 +163,7 @@ ONE = Number(Fraction(1))
 
 
 def whole(value: int) -> Number:
-    """Return an integer."""
+    """Return an integer as a Number."""
     return Number(Fraction(value))
 
 
@@ -190,14 +190,14 @@ def sum_of(terms: Iterable[tuple[int, Node]]) -> Node:
 
 
 def forward(node: Node) -> tuple[int, Node]:
-    """Return ±1 and ±node, so that its first term is positive."""
+    """Return the sign and the node times that sign, so that its first term is positive."""
     if isinstance(node, Sum) and node.terms[0][0] < 0:
         return -1, sum_of((-sign, term) for sign, term in node.terms)
     return signed(node)
 
 
 def product_of(factors: Iterable[Node]) -> Node:
-    """Return a product, its numbers and signs gathered in front."""
+    """Return a product with numbers and signs collected in front."""
     minus, value, rest = False, Fraction(1), []
     for factor in factors:
         sign, node = forward(factor)
@@ -215,7 +215,7 @@ def product_of(factors: Iterable[Node]) -> Node:
 
 
 def quotient_of(numerator: Node, denominator: Node) -> Node:
-    """Return a quotient, its number and sign in front."""
+    """Return a quotient with number and sign in front."""
     if denominator == ONE:
         return numerator
     sign, top = signed(numerator)
@@ -235,7 +235,7 @@ def quotient_of(numerator: Node, denominator: Node) -> Node:
 
 
 def children(node: Node) -> tuple[Node, ...]:
-    """Return the parts of a node."""
+    """Return the child nodes."""
     match node:
         case Sum():
             return tuple(n for _, n in node.terms)
@@ -259,7 +259,7 @@ def children(node: Node) -> tuple[Node, ...]:
             return node.operands
         case Partial():
             return (node.of, node.by)
-        case Rate() | Variation():
+        case Rate() | VirtualDisplacement():
             return (node.of,)
         case Entry():
             return node.indices
@@ -267,7 +267,7 @@ def children(node: Node) -> tuple[Node, ...]:
 
 
 def symbols_in(nodes: Iterable[Node]) -> Iterator[str]:
-    """Yield the names that occur, as often as they do."""
+    """Yield all symbols in a tree, with repetitions."""
     stack = list(nodes)
     while stack:
         item = stack.pop()
@@ -277,7 +277,7 @@ def symbols_in(nodes: Iterable[Node]) -> Iterator[str]:
 
 
 def weight(node: Node) -> int:
-    """Count roughly the signs that a formula takes on paper."""
+    """Estimate the number of characters of a formula."""
     total, stack = 0, [node]
     while stack:
         item = stack.pop()
@@ -287,7 +287,7 @@ def weight(node: Node) -> int:
                 if item.value.denominator > 12:
                     total += len(str(item.value.denominator))
             case Sum():
-                total += len(item.terms)  # its signs, and brackets to be
+                total += len(item.terms)  # its characters, and possible brackets
             case Call():
                 total += 2
             case Power() if isinstance(item.exponent, Number):

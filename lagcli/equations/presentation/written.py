@@ -1,4 +1,4 @@
-"""The model's own text as formulas: as the author wrote it, with the names of definitions."""
+"""Formulas from the syntax trees of a model, as the author wrote them."""
 
 from __future__ import annotations
 
@@ -36,23 +36,23 @@ def written(
     values: Mapping[str, Exact] | None = None,
     indices: Indices = _NONE,
 ) -> Node:
-    """Return a tree of the grammar as a formula, sums over an index term by term.
+    """Return a syntax tree as a formula; indexed sums are written term by term.
 
     Parameters
     ----------
     tree : Tree
-        Of the model.
+        Syntax tree of an expression in the model.
     model : Model
     values : mapping of str to exact numbers, optional
-        Parameters to be replaced by their values.
+        Parameters to replace by their values.
     indices : mapping of str to int
-        The values of the index, in the tree of a family.
+        Index values of a family member.
     """
     return _SourceFormulas(model, dict(values or {}), indices).node(tree)
 
 
 def named_in(tree: Tree, model: Model, indices: Indices = _NONE) -> tuple[str, ...]:
-    """Return the definitions that a tree uses, each after those that it needs itself."""
+    """Return the definitions that a tree uses, in topological order."""
     scope = scope_of(model)
     found: dict[str, None] = {}
     stack: list[tuple[Tree | str, Indices, bool]] = [(tree, indices, False)]
@@ -80,7 +80,7 @@ def named_in(tree: Tree, model: Model, indices: Indices = _NONE) -> tuple[str, .
 
 
 def sides_built(constraint: Constraint, model: Model) -> tuple[Basic, ...]:
-    """Return the sides of a constraint as expressions, definitions written out."""
+    """Return the sides of a constraint as expressions, with definitions expanded."""
     scope = scope_of(model)
     scope.values.update(constraint.indices)
     sides = (constraint.left, constraint.right)
@@ -88,11 +88,11 @@ def sides_built(constraint: Constraint, model: Model) -> tuple[Basic, ...]:
 
 
 def scope_of(model: Model) -> ModelScope:
-    """Return the names of a model, definitions standing for what they are written out."""
+    """Return the scope of a model, with definitions expanded."""
     return ModelScope(_names(model), Context("the formula", accelerations=True, multipliers=True))
 
 
-@lru_cache(maxsize=2)  # a formula is written for each of many members
+@lru_cache(maxsize=2)  # cached: a formula is written for each of many members
 def _names(model: Model) -> Symbols:
     families: dict[str, set[str]] = {}
     for kind, known in (

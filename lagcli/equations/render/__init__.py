@@ -1,8 +1,8 @@
-"""The derivation in the formats that people and programs read."""
+"""Rendering of equations and derivations: text, LaTeX, Markdown, JSON."""
 
 from __future__ import annotations
 
-from lagcli.equations.derivation.freedom import Freedom
+from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.presentation.extent import Extent
 from lagcli.equations.presentation.formulas import Formulas, Step
@@ -20,10 +20,10 @@ def render(
     numeric: bool = False,
     width: int = 100,
     fragment: bool = False,
-    freedom: Freedom | None = None,
+    freedom: DegreesOfFreedom | None = None,
     full: bool = False,
 ) -> str:
-    """Return the equations of motion for a reader.
+    """Render the equations of motion.
 
     Parameters
     ----------
@@ -31,28 +31,28 @@ def render(
     format : str
         One of `FORMATS`.
     steps : bool
-        Whether to show the derivation step by step, instead of its result.
+        Whether to show the derivation step by step instead of only its result.
     numeric : bool
-        Whether the parameters stand for their values.
+        Whether parameters are replaced by their values.
     width : int
-        Columns of text, 40 or more.
+        Width of text in columns, at least 40.
     fragment : bool
-        Of LaTeX: the body only, to be included in a document that loads amsmath.
-    freedom : Freedom, optional
-        The degrees of freedom by B's rank at the start, from `lagcli.degrees_of_freedom`; without
-        it they are counted as if the constraints were independent.
+        LaTeX only: omit the preamble, for inclusion in a document that loads amsmath.
+    freedom : DegreesOfFreedom, optional
+        The degrees of freedom from `lagcli.degrees_of_freedom`; by default, the constraints are
+        assumed to be independent.
     full : bool
-        Whether everything is written out, however long it is.
+        Whether to write everything out, regardless of length.
 
     Returns
     -------
     str
-        Ends with a newline.
+        Text that ends with a newline.
 
     Raises
     ------
     UsageError
-        An unknown format, or a width below 40.
+        The format is unknown, or the width is below 40.
     """
     from lagcli.equations.render.formula_text import TextFormula
     from lagcli.equations.render.names import Notation
@@ -71,7 +71,7 @@ def render(
         from lagcli.equations.render.text import NARROWEST, render_text
 
         if width < NARROWEST:
-            raise UsageError(f"a width of {width} columns is too narrow: give {NARROWEST} or more")
+            raise UsageError(f"a width of {width} columns is too small: give {NARROWEST} or more")
         formula = TextFormula(names, written_decimals(f.model), numeric)
         return render_text(f.model, shown, formula, width, numbered=steps)
     from lagcli.equations.render.formula_latex import LatexFormula
@@ -87,8 +87,8 @@ def render(
 
 
 def _derivation(f: Formulas, full: bool) -> tuple[Step, ...]:
-    """Return the derivation step by step; of a large system, what it comes to."""
+    """Return the derivation step by step; for a large system, only the result."""
     if in_matrices(f, full):
-        return in_short(f, "Term by term, the derivation is long: --full gives it.")
+        return in_short(f, "The derivation is long; --full writes it out.")
     found = [*derivation(f), convention(f)]
     return tuple(found if full else Extent(f).shortened(found))

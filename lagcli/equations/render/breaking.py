@@ -1,4 +1,4 @@
-"""Where a long formula may be broken, and where it is."""
+"""Line breaking of long formulas."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SHORT = 150  # added to the depth of breaks in a bracket that is short
 
 @dataclass(frozen=True)
 class Break:
-    """A place for a line break: the lower the depth, the better the place."""
+    """A possible line break; breaks of lower depth are preferred."""
 
     depth: int
     space: str = " "
@@ -20,8 +20,8 @@ class Break:
 Token = str | Break
 
 
-def kept_together(tokens: Sequence[Token]) -> list[Token]:
-    """Return tokens whose breaks are worse than those between factors."""
+def with_break_penalty(tokens: Sequence[Token]) -> list[Token]:
+    """Return tokens with breaks of lower preference than those between factors."""
     return [Break(x.depth + SHORT, x.space) if isinstance(x, Break) else x for x in tokens]
 
 
@@ -37,14 +37,14 @@ def lines(
     ----------
     tokens : sequence of str and Break
     measure : function of str
-        The width of a piece.
+        Function that returns the width of a piece.
     first, following : float
-        The width of the first line and of the others.
+        Widths of the first line and of the others.
 
     Returns
     -------
     list of str
-        No longer than allowed, unless a piece without a break is.
+        Lines within the widths, except for pieces without a break that are longer.
     """
     pieces: list[str] = [""]
     breaks: list[Break] = []
@@ -81,10 +81,10 @@ def _best(
     room: float,
     following: float,
 ) -> int:
-    """Return the last piece of a line.
+    """Return the index of the last piece of a line.
 
-    It is the last of the best breaks, unless that leaves the line nearly empty without saving what
-    comes next from being broken inside.
+    This is the last of the best breaks, unless the line would be nearly empty and the next part
+    would have to be broken anyway.
     """
     used, total = {}, 0.0
     for i in ends:

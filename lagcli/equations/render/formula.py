@@ -1,4 +1,4 @@
-"""What the writers of formulas share: which method writes which node, and sums."""
+"""Base class of formula writers: dispatch by node type, and sums."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from lagcli.equations.render.names import Notation
 
 
 class FormulaWriter:
-    """Writes formulas of one model.
+    """Writer for the formulas of a model.
 
     A writer has a method for each kind of node: ``_write_quotient`` for Quotient.
 
     Parameters
     ----------
-    names : Names
+    names : Notation
     decimals : frozenset of int
         See `lagcli.equations.render.numbers.written_decimals`.
     numeric : bool
@@ -31,13 +31,13 @@ class FormulaWriter:
         self.names, self.decimals, self.numeric = names, decimals, numeric
 
     def tokens(self, node: Node, depth: int = 0) -> list[Token]:
-        """Return the pieces of a formula and the places where it may be broken."""
+        """Return the pieces of a formula and its possible line breaks."""
         write = getattr(self, f"_write_{type(node).__name__.lower()}")
         found: list[Token] = write(node, depth)
         return found
 
     def _write_sum(self, node: t.Sum, depth: int) -> list[Token]:
-        """Return a sum, which may be broken before each sign."""
+        """Return the tokens of a sum, with a possible break before each sign."""
         found: list[Token] = []
         for i, (sign, term) in enumerate(node.terms):
             if i:

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
-from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
+from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
 from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.names import latex_ascii, latex_word, letter
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
@@ -26,7 +26,7 @@ _TALL = (r"\frac", r"\begin")
 
 
 class LatexFormula(FormulaWriter):
-    """Writes formulas of one model in LaTeX."""
+    """Writer for formulas in LaTeX."""
 
     def latex(self, node: Node) -> str:
         """Return a formula on one line."""
@@ -38,7 +38,7 @@ class LatexFormula(FormulaWriter):
     def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
         return [self._symbol(node)]
 
-    def _write_variation(self, node: t.Variation, depth: int) -> list[Token]:
+    def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
         return [rf"\delta {self._symbol(node.of)}"]
 
     def _write_partial(self, node: t.Partial, depth: int) -> list[Token]:
@@ -174,7 +174,7 @@ class LatexFormula(FormulaWriter):
         return rf" \text{{ {node.operator} }} ".join(parts)
 
     def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
-        """Return a node that can stand beside others: as a factor or as a base."""
+        """Return a node as a factor or base, in parentheses if necessary."""
         compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
         if not product:
             compound += (t.Product, t.Quotient, t.Power, t.Rate, t.Root, t.Cases)
@@ -186,7 +186,7 @@ class LatexFormula(FormulaWriter):
         return self.tokens(node, depth)
 
     def _fenced(self, inner: list[Token]) -> list[Token]:
-        """Return tokens in brackets of a size that fits, not bound to one line."""
+        """Return tokens in brackets of matching size that may be broken across lines."""
         text = "".join(map(_text, inner))
         if any(tall in text for tall in _TALL):
             size = (r"\biggl", r"\biggr")
@@ -197,7 +197,7 @@ class LatexFormula(FormulaWriter):
         square = "(" in re.sub(r"\\sqrt\[.\]", "", text) and r"\bigl[" not in text
         opening, closing = ("[", "]") if square else ("(", ")")
         if len(text) <= _SHORT_BRACKET:
-            inner = kept_together(inner)
+            inner = with_break_penalty(inner)
         return [f"{size[0]}{opening}", *inner, f"{size[1]}{closing}"]
 
     def _group(self, text: str) -> str:
@@ -209,7 +209,7 @@ def _text(token: Token) -> str:
 
 
 def needs_space(before: Node, after: Node) -> bool:
-    """Whether two factors would run together without a thin space."""
+    """Whether two factors need a thin space between them."""
     functions = isinstance(before, t.Call | t.Root | t.Quotient | t.Cases) or (
         isinstance(before, t.Power) and isinstance(before.base, t.Call)
     )
@@ -218,7 +218,7 @@ def needs_space(before: Node, after: Node) -> bool:
     )
     words = [x.base if isinstance(x, t.Power) else x for x in (before, after)]
     long = any(isinstance(x, t.Symbol) and len(letter(x.name)) > 1 for x in words)
-    if isinstance(after, t.Variation):
+    if isinstance(after, t.VirtualDisplacement):
         return True
     symbol = isinstance(after, t.Symbol)
     closing = isinstance(before, t.Sum)

@@ -1,4 +1,4 @@
-"""Formulas in MathML (MathML Core, which browsers draw without a script)."""
+"""Formulas in MathML Core, which browsers render without scripts."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from html import escape, unescape
 
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
-from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
+from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
 from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.formula_latex import needs_space
-from lagcli.equations.render.mathml_sign import sign_mathml
+from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
 
 _RELATIONS = {"<=": "≤", ">=": "≥", "!=": "≠", "==": "=", "<": "<", ">": ">"}
@@ -28,25 +28,25 @@ _TALL = ("<mfrac>", "<mtable")
 
 
 def operator(sign: str, form: str = "infix") -> str:
-    """Return an operator with its spaces, wherever it stands."""
+    """Return an operator with explicit spacing."""
     return f'<mo form="{form}">{escape(sign)}</mo>'
 
 
 @cache
 def width(mathml: str) -> int:
-    """Return roughly how many letters wide a formula is."""
+    """Estimate the width of a formula in characters."""
     text = re.sub(r"<mstyle.*?</mstyle>", "", mathml)  # dots above
     return len(re.sub("[\u2061\u2062]", "", unescape(re.sub(r"<[^>]*>", "", text))))
 
 
 class MathmlFormula(FormulaWriter):
-    """Writes formulas of one model in MathML."""
+    """Writer for formulas in MathML."""
 
     plus, minus = operator("+"), operator("−")
     negative = operator("−", "prefix")
 
     def mathml(self, node: Node) -> str:
-        """Return a formula that is not broken, as one element."""
+        """Return a formula without line breaks as one element."""
         return _row(_joined(self.tokens(node)))
 
     def _write_number(self, node: t.Number, depth: int) -> list[Token]:
@@ -55,7 +55,7 @@ class MathmlFormula(FormulaWriter):
     def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
         return [self._symbol(node)]
 
-    def _write_variation(self, node: t.Variation, depth: int) -> list[Token]:
+    def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
         return [f"<mrow><mi>δ</mi>{self._symbol(node.of)}</mrow>"]
 
     def _write_partial(self, node: t.Partial, depth: int) -> list[Token]:
@@ -67,12 +67,12 @@ class MathmlFormula(FormulaWriter):
         return [rate, _THIN, *self._fenced([self.mathml(node.of)])]
 
     def _write_sign(self, node: t.Sign, depth: int) -> list[Token]:
-        return [sign_mathml(node.latex)]
+        return [symbol_mathml(node.latex)]
 
     def _write_entry(self, node: t.Entry, depth: int) -> list[Token]:
         comma = '<mo separator="true">,</mo>'
         below = comma.join(map(self._symbol, node.indices))
-        return [f"<msub>{sign_mathml(node.matrix.latex)}{_row(below)}</msub>"]
+        return [f"<msub>{symbol_mathml(node.matrix.latex)}{_row(below)}</msub>"]
 
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         top, bottom = self.mathml(node.numerator), self.mathml(node.denominator)
@@ -116,7 +116,7 @@ class MathmlFormula(FormulaWriter):
         return f'<mstyle displaystyle="false" scriptlevel="0"><mfrac>{parts}</mfrac></mstyle>'
 
     def _symbol(self, node: t.Symbol, raised: str = "") -> str:
-        """Return a name, with an exponent above its subscript."""
+        """Return a name, with an exponent above its subscript if given."""
         base, below = self._name(node)
         if raised:
             tag = "msubsup" if below else "msup"
@@ -225,7 +225,7 @@ class MathmlFormula(FormulaWriter):
         return f"<mrow>{f'<mtext> {node.operator} </mtext>'.join(parts)}</mrow>"
 
     def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
-        """Return a node that can stand beside others: as a factor or as a base."""
+        """Return a node as a factor or base, in parentheses if necessary."""
         compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
         if not product:
             compound += (t.Product, t.Quotient, t.Power, t.Rate, t.Root, t.Cases)
@@ -237,25 +237,25 @@ class MathmlFormula(FormulaWriter):
         return self.tokens(node, depth)
 
     def _fenced(self, inner: list[Token]) -> list[Token]:
-        """Return tokens in brackets of a size that fits."""
+        """Return tokens in brackets of matching size."""
         text = _joined(inner)
         opening, closing = ("[", "]") if ">(</mo>" in text and ">[</mo>" not in text else ("(", ")")
         tall = any(tag in text for tag in _TALL)
         if not any(isinstance(x, Break) for x in inner):
             return [_between(opening, text, closing, stretchy=tall)]
-        # brackets that lines may be broken between do not see how tall their content is
+        # brackets with a line break between them cannot stretch to their content
         size = ' stretchy="true" symmetric="true" minsize="2.2em"' if tall else ' stretchy="false"'
         first, last = (
             f'<mo form="{form}" fence="true"{size}>{sign}</mo>'
             for form, sign in (("prefix", opening), ("postfix", closing))
         )
         if width(text) <= _SHORT_BRACKET:
-            inner = kept_together(inner)
+            inner = with_break_penalty(inner)
         return [first, *inner, last]
 
 
 def _between(opening: str, inside: str, closing: str, stretchy: bool = True) -> str:
-    """Return a formula in fences that are as tall as it is."""
+    """Return a formula in stretchy fences."""
     size = "true" if stretchy else "false"
     left, right = (
         f'<mo form="{form}" fence="true" stretchy="{size}">{sign}</mo>' if sign else ""
@@ -274,6 +274,6 @@ def _row(mathml: str) -> str:
 
 
 def _named(factor: Node) -> bool:
-    """Whether a factor begins with the name of a function, which needs a space before it."""
+    """Whether a factor starts with a function name, which needs a space before it."""
     base = factor.base if isinstance(factor, t.Power) else factor
     return isinstance(base, t.Call) and base.function not in _FENCES

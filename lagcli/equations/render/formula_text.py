@@ -1,4 +1,4 @@
-"""Formulas in Unicode."""
+"""Formulas in Unicode text."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
-from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, kept_together
+from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
 from lagcli.equations.render.formula import FormulaWriter
 from lagcli.equations.render.names import SUBSCRIPTS, SUPERSCRIPTS
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
@@ -26,7 +26,7 @@ _PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")  # sin φ needs n
 
 
 class TextFormula(FormulaWriter):
-    """Writes formulas of one model in Unicode."""
+    """Writer for formulas in Unicode text."""
 
     plus, minus, negative = "+ ", "− ", "−"
 
@@ -40,7 +40,7 @@ class TextFormula(FormulaWriter):
     def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
         return [self._symbol(node)]
 
-    def _write_variation(self, node: t.Variation, depth: int) -> list[Token]:
+    def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
         name = self._symbol(node.of)
         return [f"δ({name})" if name.startswith("δ") else f"δ{name}"]
 
@@ -144,7 +144,7 @@ class TextFormula(FormulaWriter):
         return [node.function, *self._arguments(node, depth)]
 
     def _arguments(self, node: t.Call, depth: int) -> list[Token]:
-        """Return arguments in parentheses, or set off by a space: sin φ."""
+        """Return arguments in parentheses, or after a space: sin φ."""
         first = node.arguments[0]
         if node.function in _PREFIX and len(node.arguments) == 1 and isinstance(first, t.Symbol):
             text = self._symbol(first)
@@ -174,7 +174,7 @@ class TextFormula(FormulaWriter):
         return found
 
     def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
-        """Return a node that can stand beside others: as a factor, base or denominator."""
+        """Return a node as a factor, base or denominator, in parentheses if necessary."""
         compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
         if not product:
             compound += (t.Product, t.Quotient, t.Power, t.Rate)
@@ -191,5 +191,5 @@ class TextFormula(FormulaWriter):
         level = 0 if "(" not in text or round_ else 1 if "[" not in text else 2
         opening, closing = _BRACKETS[level]
         if len(text) <= _SHORT_BRACKET:
-            inner = kept_together(inner)
+            inner = with_break_penalty(inner)
         return [opening, *inner, closing]

@@ -1,4 +1,4 @@
-"""Formulas in the grammar of model files, to be read back."""
+"""Formulas in the grammar of model files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
 from lagcli.model import model as symbols
 
-_FUNCTIONS = {"ceiling": "ceil"}  # SymEngine's names that are not the grammar's
+_FUNCTIONS = {"ceiling": "ceil"}  # names that differ between SymEngine and the grammar
 
 
 def grammar_text(node: Node) -> str:
@@ -17,12 +17,12 @@ def grammar_text(node: Node) -> str:
     Parameters
     ----------
     node : Node
-        Arranged from an expression; general signs have no text in the grammar.
+        Arranged expression; symbols of general laws are not supported.
 
     Returns
     -------
     str
-        What `lagcli.model.expression.grammar.parse` reads, with the same value.
+        Text that `lagcli.model.expression.grammar.parse` reads, with the same value.
     """
     match node:
         case t.Number():
@@ -56,10 +56,10 @@ def grammar_text(node: Node) -> str:
 def _number(value: Fraction) -> str:
     if value.denominator == 1:
         return str(value.numerator)
-    if Fraction(repr(float(value))) == value:  # a decimal of a double's digits
+    if Fraction(repr(float(value))) == value:  # a decimal with the digits of a double
         return repr(float(value))
     if value.numerator.bit_length() > 53 or value.denominator.bit_length() > 53:
-        return repr(float(value))  # products of decimals have more digits than they deserve
+        return repr(float(value))  # products of decimals have more digits than significant
     return f"{value.numerator}/{value.denominator}"
 
 

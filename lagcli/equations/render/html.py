@@ -1,8 +1,8 @@
-"""Formulas in HTML: MathML in pieces, so that a browser breaks long ones where they may be broken.
+"""Formulas in HTML: MathML pieces with possible line breaks.
 
-MathML has no line breaks of its own in browsers. A formula is cut where `Break` tokens are; its
-pieces are nested ``<span class="formula">``, to be laid out as inline blocks: a term that fits on a
-line stays whole, and a wider one is broken inside, as in a textbook.
+Browsers do not break lines in MathML. A formula is split at its `Break` tokens into nested
+``<span class="formula">``, laid out as inline blocks: a term that fits on a line stays together,
+and a wider one is broken inside, as in a textbook.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from lagcli.equations.render.breaking import Break, Token
 from lagcli.equations.render.formula_mathml import MathmlFormula, operator, width
 from lagcli.equations.render.formula_text import TextFormula
 
-#: Letters that stand beside each other on the narrowest screen: what is shorter is not cut.
+#: Characters on a line of the narrowest screen; shorter formulas are not split.
 _PIECE = 26
-#: Letters of a side that stays with the equality sign.
+#: Maximum characters of a side that stays on the line of the equality sign.
 _SHORT = 8
 
 
 def equation(line: Line, formula: MathmlFormula, text: TextFormula) -> str:
-    """Return a formula or an equation as an element of its own.
+    """Return a formula or an equation as a block element.
 
     Parameters
     ----------
     line : Line
     formula : MathmlFormula
     text : TextFormula
-        Says it to those who cannot see it.
+        Writer of the text for screen readers.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def equation(line: Line, formula: MathmlFormula, text: TextFormula) -> str:
     parts: list[list[Token]] = [first]
     for side in others:
         if _width(side) <= _SHORT or _width(parts[-1]) <= _SHORT:
-            # x = …, and … = 0, are not torn apart
+            # x = … and … = 0 are not broken at the equality sign
             parts[-1] += [operator("="), *side]
         else:
             parts.append([operator("="), *side])
@@ -54,7 +54,7 @@ def equation(line: Line, formula: MathmlFormula, text: TextFormula) -> str:
 
 
 def inline(node: Node, formula: MathmlFormula) -> str:
-    """Return a formula within a text."""
+    """Return an inline formula."""
     return f'<math displaystyle="true">{formula.mathml(node)}</math>'
 
 
@@ -63,7 +63,7 @@ def _width(tokens: Sequence[Token]) -> int:
 
 
 def _pieces(tokens: Sequence[Token]) -> str:
-    """Return a formula cut at its best breaks, and its parts at the next ones."""
+    """Return a formula split at its best breaks, and recursively its parts."""
     whole = "".join(x for x in tokens if isinstance(x, str))
     depths = [x.depth for x in tokens if isinstance(x, Break)]
     if not depths or width(whole) <= _PIECE:

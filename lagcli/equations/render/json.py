@@ -5,11 +5,11 @@ grammar, which `lagcli.model.expression.grammar` reads back, and LaTeX.
 
 ==================  ==========================================================================
 ``schema``          ``"lagcli-derivation-2"``
-``name``            of the model; ``description`` with it
-``form``            ``"written-out"``; of a large model without ``--full`` ``"matrices"``: the
-                    formulas then hold abbreviations
-``abbreviations``   objects ``name, text, latex``, each after those that it uses; definitions of
-                    the model among them
+``name``            name of the model; also ``description``
+``form``            ``"written-out"``, or for a large model without ``--full`` ``"matrices"``, whose
+                    formulas contain abbreviations
+``abbreviations``   objects ``name, text, latex`` in topological order, including definitions of
+                    the model
 ``numeric``         whether the parameters are replaced by their values
 ``coordinates``     objects ``name, unit, description, latex``, in the model's order
 ``parameters``      name → value in SI
@@ -18,16 +18,16 @@ grammar, which `lagcli.model.expression.grammar` reads back, and LaTeX.
                     ``variation``: coordinate → b_i (8.79); ``row``: the b_i by index, and
                     ``drift`` b_0 of the velocity form Σ b_i v_i + b_0 = 0; ``gamma``: the right
                     side of Σ b_i a_i = γ
-``rank``            of B at the consistent start; null where there is none, or not looked for
-``degrees_of_freedom``  k − rank; k − r where the rank is not known
-``redundant``       sets of ``constraints`` that depend on each other there, and their ``surplus``:
-                    how many of them follow from the others
+``rank``            rank of B at the consistent initial state; null if unknown
+``degrees_of_freedom``  k − rank; k − r if the rank is unknown
+``redundant``       sets of dependent ``constraints`` at that state, and their ``surplus``: the
+                    number of redundant ones
 ``kinetic``, ``potential``, ``lagrangian``
 ``mass_matrix``     nonzero entries ``[i, j, formula]``
 ``forcing``         f of M a = f + Bᵀλ
 ``applied_forces``  Q
 ``equations``       objects ``coordinate, lhs, rhs``: (8.85), assembled; null in matrix form
-``sign_convention`` a sentence
+``sign_convention`` a sentence that defines the sign of λ
 ``steps``           with ``--steps``: objects ``title, remark, lines``; a line has ``latex``,
                     ``label`` and ``note``
 ==================  ==========================================================================
@@ -66,11 +66,11 @@ def render_json(f: Formulas, steps: bool, full: bool) -> str:
     Parameters
     ----------
     f : Formulas
-        Of the system.
+        Formulas of the system.
     steps : bool
         Whether to add the derivation step by step.
     full : bool
-        Whether everything is written out, however long it is.
+        Whether to write everything out, regardless of length.
     """
     plain = Formulas(f.equations, bool(f.values), named=False, freedom=f.freedom)
     matrices = Matrices(plain, PARTS) if in_matrices(f, full) else None
@@ -97,11 +97,11 @@ class _JsonWriter:
         self.names = names
 
     def formula(self, expression: Basic, part: str, i: int, j: int = 0) -> dict[str, str]:
-        """Return an entry: with abbreviations, if there are any."""
+        """Return an entry, with abbreviations if there are any."""
         if self.matrices is None:
             return self.node(self.f.arrange(expression))
-        place = (part, min(i, j), max(i, j)) if part == "M" else (part, i, j)
-        return self.node(self.entries.get(place, ZERO))
+        key = (part, min(i, j), max(i, j)) if part == "M" else (part, i, j)
+        return self.node(self.entries.get(key, ZERO))
 
     def node(self, node: Node) -> dict[str, str]:
         return {"text": grammar_text(node), "latex": self.latex(node)}

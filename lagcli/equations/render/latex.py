@@ -1,4 +1,4 @@
-"""The derivation as a LaTeX document that needs amsmath alone."""
+"""Derivations as LaTeX documents that need only amsmath."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.names import LATEX_GREEK
 from lagcli.model.model import Model
 
-TEXT_WIDTH = 455.0  # points: 160 mm
-_ROWS = 60  # of one display: more than a page
+TEXT_WIDTH = 455.0  # in points: 160 mm
+_ROWS = 60  # of one display; more than a page
 _INDENT = 20.0  # points: \quad and the alignment
 
 _PREAMBLE = r"""\documentclass[11pt,a4paper]{article}
@@ -69,7 +69,7 @@ _ESCAPES = {
 
 
 def escape(text: str) -> str:
-    """Return plain text for LaTeX; a sign that pdflatex has no font for becomes its code."""
+    """Escape plain text for LaTeX; characters that pdflatex cannot print become their code."""
     parts = []
     for char in unicodedata.normalize("NFC", text):
         if char in _ESCAPES:
@@ -98,7 +98,7 @@ def render_latex(
     numbered : bool
         Whether the steps are numbered.
     fragment : bool
-        Whether to leave out preamble and end.
+        Whether to omit the preamble and the end of the document.
     """
     found = [rf"\section*{{{escape(model.name)}}}"]
     if model.description:
@@ -114,12 +114,12 @@ def render_latex(
 
 
 def _title(text: str) -> str:
-    """Return a title; k = 2 and r = 1 in it are formulas."""
+    """Return a title with k = 2 and r = 1 as formulas."""
     return re.sub(r"\b([kr]) = (\d+)", r"$\1 = \2$", escape(text))
 
 
 def paragraphs(group: Sequence[Line]) -> list[tuple[Line | None, list[Line]]]:
-    """Split lines at those that are named: (the named line or None, lines that belong together)."""
+    """Split lines at labelled ones: (the labelled line or None, lines that belong together)."""
     found: list[tuple[Line | None, list[Line]]] = []
     for line in group:
         if isinstance(line.label, str):
@@ -133,7 +133,7 @@ def paragraphs(group: Sequence[Line]) -> list[tuple[Line | None, list[Line]]]:
 
 def _body(step: Step, formula: LatexFormula) -> list[str]:
     if step.packed:
-        # TeX breaks formulas within a text by itself
+        # TeX breaks inline formulas
         inline = [" = ".join(map(formula.latex, line.sides)) for line in step.lines]
         body = ";\n\\quad ".join(f"${text}$" for text in inline)
         return [f"\\begin{{flushleft}}\n{body}\n\\end{{flushleft}}"]
@@ -164,13 +164,13 @@ def _item(line: Line, formula: LatexFormula) -> str:
 
 
 def displays(group: Sequence[Line], formula: LatexFormula, width: float = TEXT_WIDTH) -> list[str]:
-    """Return formulas as the rows of alignments at the equality sign, broken to fit the page.
+    """Return formulas as rows of displays aligned at the equality sign, broken to fit the page.
 
-    A display of many rows is set as several ones: TeX holds each of them in memory as a whole.
+    Many rows are split into several displays, because TeX keeps a whole display in memory.
     """
     left = [measure(_flat(formula.tokens(line.sides[0]))) for line in group]
     aligned = max(left, default=0.0)
-    flush = aligned > width / 4  # a left side is long: all lines begin at the margin
+    flush = aligned > width / 4  # long left side: all lines start at the margin
     equations: list[list[str]] = []
     for line in group:
         found: list[str] = []
@@ -193,7 +193,7 @@ def displays(group: Sequence[Line], formula: LatexFormula, width: float = TEXT_W
             broken = lines(side, measure, room, room - _INDENT)
             found += [f"{head} &= {broken[0]}", *(rf"&\qquad {x}" for x in broken[1:])]
             head = ""
-    # broken equations stand a little apart
+    # extra space around broken equations
     apart = " \\\\[1ex]\n" if any(len(found) > 1 for found in equations) else " \\\\\n"
     pieces = [found[i : i + _ROWS] for found in equations for i in range(0, len(found), _ROWS)]
     parts: list[list[list[str]]] = [[]]
@@ -221,7 +221,7 @@ _SMALL = 0.72  # subscripts and superscripts
 
 
 def measure(latex: str) -> float:
-    """Return roughly the width of a formula in points, at 11 pt."""
+    """Estimate the width of a formula in points, at 11 pt."""
     pieces = _PIECE.findall(latex)
     width, i, scales = 0.0, 0, [1.0]
     pending: float | None = None

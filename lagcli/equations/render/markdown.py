@@ -1,4 +1,4 @@
-"""The derivation as Markdown with formulas for MathJax, as GitHub renders it."""
+"""Derivations as Markdown with formulas for MathJax, as on GitHub."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SPECIAL = re.compile(r"([\\`*_{}\[\]<>#|$~])")
 
 
 def escape(text: str) -> str:
-    """Return plain text for Markdown."""
+    """Escape plain text for Markdown."""
     return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
 
 

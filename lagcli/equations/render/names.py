@@ -1,4 +1,4 @@
-"""How the names of a model look: Greek letters, subscripts, dots."""
+"""Notation of the names of a model: Greek letters, subscripts, dots."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from contextlib import suppress
 from html import escape
 
 from lagcli.equations.render.letters import GREEK, LATEX_GREEK, dotted
-from lagcli.equations.render.mathml_sign import sign_mathml
+from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.errors import Diagnostic
 from lagcli.model.model import Model
-from lagcli.model.names.latex_sign import NotASign, parse, to_latex
+from lagcli.model.names.latex_symbol import InvalidLatex, parse, to_latex
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -18,7 +18,7 @@ _DOTS = ("", "\u0307", "\u0308")
 
 
 def split(name: str) -> tuple[str, str]:
-    """Split a name into its letter and its subscript: x_A, y1, theta_0, rod_1, x[3]."""
+    """Split a name into letter and subscript: x_A, y1, theta_0, rod_1, x[3]."""
     if name.endswith("]"):
         letter, subscript = split(name[: name.index("[")])
         index = name[name.index("[") :]
@@ -32,13 +32,13 @@ def split(name: str) -> tuple[str, str]:
 
 
 def letter(name: str) -> str:
-    """Return the letter of a name, or the word that stands in its place."""
+    """Return the letter of a name, or the word if it is not a letter."""
     base, _ = split(name)
     return GREEK.get(base, base)
 
 
 class Notation:
-    """The names of one model in text and in LaTeX; two names never look the same.
+    """Notation of the names of a model in text, LaTeX and MathML; distinct names look distinct.
 
     Parameters
     ----------
@@ -50,20 +50,20 @@ class Notation:
         self._text = _distinct({name: _text(name) for name in declared})
         self._latex = _distinct({name: _latex(name) for name in declared})
         self._mathml = _distinct({name: _mathml(name) for name in declared})
-        self._own = _own_signs(model)
+        self._own = _declared_latex(model)
         self.with_own_latex = frozenset(self._own)
         self.declared = frozenset(declared)
         self._single = len(model.constraints) == 1 and "lambda" not in self.declared
 
     def text(self, name: str, dots: int = 0) -> str:
-        """Return a name with its dots, x_A' as ẋ_A."""
+        """Return a name with dots: x_A' as ẋ_A."""
         letter, subscript = self._text.get(name) or _text(name)
         if len(letter) == 1 and letter.isalpha():
             return unicodedata.normalize("NFC", letter + _DOTS[dots]) + subscript
         return letter + subscript + "'" * dots
 
     def latex(self, name: str, dots: int = 0) -> str:
-        """Return a name with its dots in LaTeX."""
+        """Return a name with dots in LaTeX."""
         macro = ("", r"\dot", r"\ddot")[dots]
         if name in self._own:
             own = self._own[name]
@@ -72,7 +72,7 @@ class Notation:
         return (f"{macro}{{{letter}}}" if dots else letter) + subscript
 
     def multiplier(self, constraint: str) -> str:
-        """Return λ, with the constraint's name where there are several."""
+        """Return λ, with the constraint's name if there are several."""
         return "λ" if self._single else f"λ_{constraint}"
 
     def latex_multiplier(self, constraint: str) -> str:
@@ -80,45 +80,45 @@ class Notation:
         return r"\lambda" if self._single else rf"\lambda_{{{latex_word(constraint)}}}"
 
     def mathml(self, name: str, dots: int = 0) -> tuple[str, str]:
-        """Return a name with its dots in MathML: its letter, and its subscript or nothing."""
+        """Return the letter of a name with dots in MathML, and its subscript or an empty string."""
         if name in self._own:
-            return dotted(sign_mathml(self._own[name]), dots), ""
+            return dotted(symbol_mathml(self._own[name]), dots), ""
         letter, subscript = self._mathml.get(name) or _mathml(name)
-        if letter == name:  # raw, so as not to look like another one
+        if letter == name:  # raw, to look different from another name
             letter = f"<mi>{escape(name)}</mi>"
         return dotted(letter, dots), subscript
 
     def mathml_multiplier(self, constraint: str) -> str:
-        """Return the subscript of λ in MathML; nothing where it has none."""
+        """Return the subscript of λ in MathML, or an empty string."""
         return "" if self._single else _mathml_row(constraint)
 
 
-def _own_signs(model: Model) -> dict[str, str]:
-    """Return the LaTeX that coordinates state, written anew; without what is not a sign."""
+def _declared_latex(model: Model) -> dict[str, str]:
+    """Return the declared LaTeX of coordinates, re-serialized; skip invalid LaTeX."""
     found = {}
     for c in model.coordinates:
         if c.latex:
-            with suppress(NotASign):
+            with suppress(InvalidLatex):
                 found[c.name] = to_latex(parse(c.latex))
     return found
 
 
-def refused_signs(model: Model) -> list[Diagnostic]:
-    """Return warnings of coordinates whose LaTeX is not a sign: their names are written instead."""
+def invalid_latex_warnings(model: Model) -> list[Diagnostic]:
+    """Return warnings for coordinates with invalid LaTeX, whose names are written instead."""
     found: dict[object, Diagnostic] = {}
     for c in model.coordinates:
         if not c.latex:
             continue
         try:
             parse(c.latex)
-        except NotASign as error:
-            place = c.latex_location or c.location
+        except InvalidLatex as error:
+            location = c.latex_location or c.location
             found.setdefault(
-                place or c.name,
+                location or c.name,
                 Diagnostic(
                     "latex-sign",
                     f"`latex` of the coordinate `{c.name}`: {error}; its name is written instead",
-                    place,
+                    location,
                     "write letters, Greek (\\varphi), accents (\\vec{r}), \\boldsymbol{r},"
                     " \\mathrm{word},\nsubscripts and superscripts; docs/model-file.md lists all",
                     severity="warning",
@@ -128,7 +128,7 @@ def refused_signs(model: Model) -> list[Diagnostic]:
 
 
 def _distinct(looks: dict[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
-    """Drop the looks that two names would share: such names are written raw."""
+    """Drop notations that two names share; such names are written raw."""
     count: dict[tuple[str, str], int] = {}
     for look in looks.values():
         count[look] = count.get(look, 0) + 1
@@ -164,7 +164,7 @@ def _mathml(name: str) -> tuple[str, str]:
 
 
 def _mathml_row(subscript: str) -> str:
-    """Return a subscript: its parts with commas between."""
+    """Return a subscript with its parts separated by commas."""
     parts = [p for p in subscript.replace("[", "_").removesuffix("]").split("_") if p]
     shown = [
         f"<mn>{p}</mn>" if p.isdigit() else f"<mi>{escape(GREEK.get(p, p))}</mi>" for p in parts
@@ -182,7 +182,7 @@ def _latex_letter(text: str, font: str = r"\mathit") -> str:
 
 
 def latex_word(name: str) -> str:
-    """Return a constraint's name as a subscript: rod_1 with its own subscript."""
+    """Return a constraint's name as a subscript: rod_1 with a nested subscript."""
     name = name.replace("[", "_").removesuffix("]")
     first, *rest = [p for p in name.split("_") if p]
     head = rf"\mathrm{{{latex_ascii(first)}}}"
@@ -190,7 +190,7 @@ def latex_word(name: str) -> str:
 
 
 def latex_ascii(text: str) -> str:
-    """Return a word for use inside \\mathrm: what TeX has no letter for is spelled by its code."""
+    """Return a word for use inside \\mathrm; characters that TeX lacks become their code."""
     parts = []
     for char in unicodedata.normalize("NFD", text):
         if char.isascii() and char.isalnum():
@@ -205,7 +205,7 @@ def latex_ascii(text: str) -> str:
 
 
 def display_width(text: str) -> int:
-    """Return the columns that a text takes: combining marks none, wide characters two."""
+    """Return the width of a text in columns: combining marks take none, wide characters two."""
     return sum(
         0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1
         for c in text

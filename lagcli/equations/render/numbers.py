@@ -1,4 +1,4 @@
-"""How numbers look."""
+"""Formatting of numbers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ DIGITS = 6
 
 
 def written_decimals(model: Model) -> frozenset[int]:
-    """Return the denominators of the decimals that the model's author wrote: 0.2 is 1/5."""
+    """Return the denominators of decimals in the model: 0.2 is 1/5."""
     found: set[int] = set()
     for tree in model.trees.values():
         found.update(part.value.denominator for part in walk(tree) if isinstance(part, NumberExpr))
@@ -20,10 +20,10 @@ def written_decimals(model: Model) -> frozenset[int]:
 
 
 def decimal(value: Fraction, decimals: frozenset[int]) -> str | None:
-    """Return a number as an integer or decimal; None where it is better written as a fraction.
+    """Return a number as an integer or decimal, or None if a fraction is preferable.
 
-    A decimal is what terminates within six digits and either has a large denominator (1/20), a
-    power of ten below (1/10), or fifths that the author wrote as decimals (0.2).
+    A number is written as a decimal if it terminates within six digits and its denominator is large
+    (1/20), a power of ten (1/10), or that of a decimal in the model (0.2).
     """
     q = value.denominator
     if q == 1:

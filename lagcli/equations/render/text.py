@@ -1,4 +1,4 @@
-"""The derivation as Unicode text."""
+"""Derivations as Unicode text."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from lagcli.model.model import Model
 NARROWEST = 40
 _INDENT = "  "
 _APART = ";  "  # between short formulas side by side
-_UNEVEN = 8  # columns by which left sides may differ and still be aligned
-_CONTINUED = 4  # columns by which the lines of a broken equation are set in
+_UNEVEN = 8  # maximum difference of left sides that are aligned, in columns
+_CONTINUED = 4  # indentation of continuation lines, in columns
 
 
 def render_text(
@@ -29,7 +29,7 @@ def render_text(
     steps : sequence of Step
     formula : TextFormula
     width : int
-        Columns, `NARROWEST` or more.
+        Number of columns, at least `NARROWEST`.
     numbered : bool
         Whether the steps are numbered.
     """
@@ -49,7 +49,7 @@ def _paragraph(text: str, width: int) -> list[str]:
 
 
 def _excess(text: str) -> int:
-    """Return how many columns a text takes more than it has characters."""
+    """Return the display width of a text minus its number of characters."""
     return max(0, display_width(text) - len(text))
 
 
@@ -58,19 +58,19 @@ def _padded(text: str, width: int) -> str:
 
 
 def _group(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]:
-    """Return lines under each other, aligned at the label and at the equality sign."""
+    """Return lines aligned at the label and at the equality sign."""
     labels = [_label(line, formula) for line in group]
     margin = max((display_width(x) for x in labels if x), default=-2) + 2
-    if margin > width // 3:  # long names go on lines of their own
+    if margin > width // 3:  # long labels go on separate lines
         margin = 2
     room = width - len(_INDENT) - margin
     left = [display_width(formula.text(line.sides[0])) for line in group if len(line.sides) > 1]
     left = [x for x in left if x <= room // 3]
     aligned = max(left, default=0)
-    alike = aligned - min(left, default=0) <= _UNEVEN
+    aligned_sides = aligned - min(left, default=0) <= _UNEVEN
     found: list[str] = []
     for line, label in zip(group, labels, strict=True):
-        body = _formula(line, formula, room, aligned, alike)
+        body = _formula(line, formula, room, aligned, aligned_sides)
         if label and display_width(label) + 2 > margin:
             found.append(_INDENT + label)
             label = ""
@@ -82,7 +82,7 @@ def _group(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]
 
 
 def _packed(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]:
-    """Return lines side by side, as many as fit."""
+    """Return lines packed side by side, as many as fit."""
     found: list[str] = []
     room = width - len(_INDENT)
     for line in group:
@@ -111,8 +111,10 @@ def _with_note(body: list[str], note: str | None, room: int) -> list[str]:
     return [*body, *(f"{_INDENT}{x}" for x in _paragraph(note, room - len(_INDENT)))]
 
 
-def _formula(line: Line, formula: TextFormula, room: int, aligned: int, alike: bool) -> list[str]:
-    """Return a formula on as many lines as it takes."""
+def _formula(
+    line: Line, formula: TextFormula, room: int, aligned: int, aligned_sides: bool
+) -> list[str]:
+    """Return a formula, broken into as many lines as necessary."""
     first, *others = [formula.tokens(side) for side in line.sides]
     whole = _whole(line, formula)
     lhs = display_width(_flat(first))
@@ -120,7 +122,7 @@ def _formula(line: Line, formula: TextFormula, room: int, aligned: int, alike: b
         broken = lines(whole, display_width, room, room - _CONTINUED)
         indents = (" " * (_CONTINUED - 2 * x.startswith("= ")) for x in broken[1:])
         return [broken[0], *map("".join, zip(indents, broken[1:], strict=True))]
-    aligned = aligned if alike else lhs
+    aligned = aligned if aligned_sides else lhs
     head = _padded(_flat(first), aligned)
     rest = " = ".join(_flat(side) for side in others)
     if display_width(head) + 3 + display_width(rest) <= room:
@@ -136,7 +138,7 @@ def _formula(line: Line, formula: TextFormula, room: int, aligned: int, alike: b
 
 
 def _whole(line: Line, formula: TextFormula) -> list[Token]:
-    """Return a line that may be broken before each equality sign."""
+    """Return an unbroken formula with possible breaks before each equality sign."""
     first, *others = [formula.tokens(side) for side in line.sides]
     found = list(first)
     for side in others:

@@ -1,1 +1,1 @@
-"""Simplification: expressions arranged as a person would write them."""
+"""Simplification: expressions arranged for reading."""

@@ -1,12 +1,12 @@
-"""SymEngine expressions arranged as a person would write them.
+"""Arrangement of SymEngine expressions for reading.
 
-An expression is expanded to monomials and shortened; like a person then, one takes common
-parameters out first, collects what stands at each function of position, and writes accelerations
-before velocities before the rest:
+An expression is expanded to monomials and shortened. Then common parameters are factored out, terms
+are collected by functions of position, and accelerations are written before velocities before the
+rest:
 
     m r² [φ̈ + (φ̈ + ψ̈) sin² φ + (φ̇² − ψ̇²) sin φ cos φ] + m g r cos φ
 
-Where that is longer than the expression as it came, its structure is kept.
+If the result is longer than the original expression, the original structure is kept.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from lagcli.equations.presentation.typeset import (
     sum_of,
     weight,
 )
-from lagcli.equations.simplification import factors as places
+from lagcli.equations.simplification import factors as position
 from lagcli.equations.simplification import trigonometry
 from lagcli.equations.simplification.branches import cases_node
 from lagcli.equations.simplification.factors import (
@@ -57,17 +57,17 @@ from lagcli.model.model import Model
 
 Key = tuple[object, ...]
 
-# Keeping the structure of a large expression is costly to try, for it arranges every part by
-# itself; and it will not beat an expansion that is this much shorter than what came.
+# Keeping the structure of a large expression is expensive because every part is arranged
+# separately, and it does not beat an expansion that is shorter than the original by this factor.
 _LARGE = 200
 _SHORTER = 0.4
 
 _SYMBOL_PLACES = {
-    "multiplier": places.MULTIPLIER,
-    "parameter": places.PARAMETER,
-    "function": places.POSITION,
-    "acceleration": places.ACCELERATION,
-    "velocity": places.VELOCITY,
+    "multiplier": position.MULTIPLIER,
+    "parameter": position.PARAMETER,
+    "function": position.POSITION,
+    "acceleration": position.ACCELERATION,
+    "velocity": position.VELOCITY,
 }
 
 
@@ -78,9 +78,9 @@ class Arranger:
     ----------
     model : Model
     values : mapping of str to exact numbers, optional
-        Parameters to be replaced by their values.
+        Parameters to replace by their values.
     named : bool
-        Whether roots that the model defines go by the names of their definitions.
+        Whether roots are replaced by the names of definitions with the same value.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Arranger:
         self._known: dict[Basic, Node] = {}
 
     def arrange(self, expression: Basic) -> Node:
-        """Return the expression as it is to be written.
+        """Return the arranged expression.
 
         Parameters
         ----------
@@ -120,11 +120,11 @@ class Arranger:
         best = min((c for c in candidates if c is not None), key=weight)
         collected = self._collected(e)
         if collected is not None and weight(collected) < 1.5 * weight(best):
-            return collected  # collected accelerations are worth some more signs
+            return collected  # collected accelerations may cost some more characters
         return best
 
     def _collected(self, e: Basic) -> Node | None:
-        """Return what moves expanded, what rests at its best; None without accelerations."""
+        """Return a sum with its accelerations collected; None without accelerations."""
         if not isinstance(e, se.Add):
             return None
         moving: list[Basic] = []
@@ -143,7 +143,7 @@ class Arranger:
     # expanded
 
     def _expanded(self, e: Basic, expansion: MonomialExpansion) -> Node | None:
-        """Return the expression multiplied out and collected; None where it would explode."""
+        """Return the expression expanded and collected; None if the expansion is too large."""
         try:
             terms = expansion.polynomial(e)
         except TooLarge:
@@ -154,7 +154,7 @@ class Arranger:
         return _ordered(self._group(g, expansion) for g in groups(terms, expansion))
 
     def _multiplied_out(self, e: Basic) -> Node | None:
-        """Return the same with sums of parameters opened, if there are any."""
+        """Return the expression with sums of parameters also expanded, if there are any."""
         whole = self._whole
         try:
             used = {g for m in whole.polynomial(e) for g, _ in m}
@@ -191,15 +191,15 @@ class Arranger:
             functions: Polynomial = {divide(m, still): c * scale for m, c in part.functions.items()}
             motion = {divide(m, moving): c for m, c in part.motion.items()}
             simplest = min(map(order, functions)), min(map(order, motion))
-            place = (part.motion_class, part.complexity, *simplest)
-            terms.append((place, self._pair(functions, motion, expansion).node()))
+            key = (part.motion_class, part.complexity, *simplest)
+            terms.append((key, self._pair(functions, motion, expansion).node()))
         sign, bracket = _oriented(terms)
         shared = self._monomial(common, expansion)
-        last = TermFactor(bracket, Fraction(1), (places.LAST,))
+        last = TermFactor(bracket, Fraction(1), (position.LAST,))
         return key, (outer * Term(Fraction(sign), (*shared, last))).node()
 
     def _coefficients(self, pair: Pair, expansion: MonomialExpansion) -> list[Fraction]:
-        """Return the numbers that will stand before the terms of a pair."""
+        """Return the numeric coefficients of the terms of a pair."""
         inner = self._sum_factors(pair.motion, expansion).coefficient
         if len(pair.functions) > 1:
             return [self._sum_factors(pair.functions, expansion).coefficient * inner]
@@ -213,7 +213,7 @@ class Arranger:
     def _sum_factors(
         self, terms: Polynomial, expansion: MonomialExpansion, style: ContentStyle = "whole"
     ) -> Term:
-        """Return a sum of monomials as factors: its content, its common part, a bracket."""
+        """Return a sum of monomials as factors: content, common monomial, remaining sum."""
         if len(terms) == 1:
             ((monomial, coefficient),) = terms.items()
             return Term(Fraction(coefficient), self._monomial(monomial, expansion))
@@ -223,10 +223,10 @@ class Arranger:
             for m, c in split.rest.items()
         )
         constant = all(expansion.classes[g] == "parameter" for m in terms for g, _ in m)
-        place = places.SQUARE if split.exponent > 1 else places.BRACKET
-        place = places.PARAMETER if constant else place
+        key = position.SQUARE if split.exponent > 1 else position.BRACKET
+        key = position.PARAMETER if constant else key
         rank = min(expansion.order(m) for m in split.rest if m)
-        factor = TermFactor(bracket, Fraction(split.exponent), (place, rank))
+        factor = TermFactor(bracket, Fraction(split.exponent), (key, rank))
         return Term(
             split.content * sign**split.exponent,
             (*self._monomial(split.common, expansion), factor),
@@ -259,16 +259,16 @@ class Arranger:
                 power = Fraction(exponent)
             case "root" | "sum":
                 node = self.arrange(first)
-        place = places.FUNCTION
+        key = position.FUNCTION
         if generator.head == "sum":
-            place = places.BRACKET if power == 1 else places.SQUARE
-            place = places.PARAMETER if kind == "parameter" else place
-        return TermFactor(node, power, (place, ((expansion.places[g], 0),)))
+            key = position.BRACKET if power == 1 else position.SQUARE
+            key = position.PARAMETER if kind == "parameter" else key
+        return TermFactor(node, power, (key, ((expansion.places[g], 0),)))
 
     # structured
 
     def _structured(self, e: Basic) -> Node:
-        """Return the expression as it came, its parts arranged."""
+        """Return the expression with its structure kept and its parts arranged."""
         if isinstance(e, se.Add):
             return self._structured_sum(e)
         return self._structured_term(e).node()
@@ -287,10 +287,10 @@ class Arranger:
             sign, node = forward(self.arrange(base))
             content, node = _without_content(node)
             constant = all(expansion.is_parameter(s) for s in base.free_symbols)
-            place = places.BRACKET if n == 1 else places.SQUARE
-            place = places.PARAMETER if constant else place
+            key = position.BRACKET if n == 1 else position.SQUARE
+            key = position.PARAMETER if constant else key
             rank = (((expansion.ranks(base.free_symbols), 0, ""), 0),)
-            factor = TermFactor(node, Fraction(n), (place, rank))
+            factor = TermFactor(node, Fraction(n), (key, rank))
             return Term((sign * content) ** n, (factor,))
         try:
             terms = expansion.polynomial(e)
@@ -299,11 +299,11 @@ class Arranger:
         if len(terms) == 1:
             ((monomial, coefficient),) = terms.items()
             return Term(Fraction(coefficient), self._monomial(monomial, expansion))
-        # what expands to a sum or to nothing, though it is neither a sum nor a product
-        return Term(Fraction(1), (TermFactor(self.arrange(e), Fraction(1), (places.LAST,)),))
+        # expressions that expand to a sum or to zero without being a sum or a product
+        return Term(Fraction(1), (TermFactor(self.arrange(e), Fraction(1), (position.LAST,)),))
 
     def _structured_sum(self, e: Basic) -> Node:
-        """Return a sum whose terms are arranged one by one, common parameters taken out."""
+        """Return a sum with each term arranged and common parameters factored out."""
         found: dict[Basic, list[Basic]] = {}
         for term in e.args:
             outer, inner = self._split(term)
@@ -315,13 +315,13 @@ class Arranger:
                 continue
             sign, inside = _oriented((self._key(i), self.arrange(i)) for i in inners)
             content, inside = _without_content(inside)
-            last = TermFactor(inside, Fraction(1), (places.LAST,))
+            last = TermFactor(inside, Fraction(1), (position.LAST,))
             whole = self._structured_term(outer) * Term(sign * content, (last,))
             terms.append((min(map(self._key, inners)), whole.node()))
         return _ordered(terms)
 
     def _split(self, term: Basic) -> tuple[Basic, Basic]:
-        """Split a term into parameters and the rest."""
+        """Split a term into parameters and the remaining factors."""
         if not isinstance(term, se.Mul):
             return se.Integer(1), term
         outer: list[Basic] = []
@@ -332,7 +332,7 @@ class Arranger:
         return se.Mul(*outer), se.Mul(*inner)
 
     def _key(self, e: Basic) -> Key:
-        """Return where a term stands in a sum that is kept as it came."""
+        """Return the sort key of a term in a sum whose structure is kept."""
         expansion = self._whole
         free = e.free_symbols
         kinds = {expansion.class_of(s) for s in free}
@@ -343,7 +343,7 @@ class Arranger:
 
 
 def _defined_roots(model: Model) -> dict[tuple[Basic, int], str]:
-    """Return the definitions that are roots, by radicand and degree: s = √(x² + y²)."""
+    """Return definitions that are roots, by radicand and degree: s = √(x² + y²)."""
     found: dict[tuple[Basic, int], str] = {}
     for name, definition in model.definitions.items():
         value = definition.value
@@ -365,7 +365,7 @@ def _symbol(name: str, kind: str) -> Node:
 
 
 def _is_whole(terms: Polynomial, expansion: MonomialExpansion) -> bool:
-    """Whether a sum expands to itself, a sum of parameters that stays whole."""
+    """Whether a sum is a generator: a sum of parameters that is not expanded."""
     if len(terms) != 1:
         return False
     (monomial,) = terms
@@ -373,7 +373,7 @@ def _is_whole(terms: Polynomial, expansion: MonomialExpansion) -> bool:
 
 
 def _ordered(terms: Iterable[tuple[Key, Node]]) -> Node:
-    """Return a sum in order, with a positive term in front where its kind has one."""
+    """Return a sorted sum, with a positive term first if its leading class has one."""
     ordered = [(key, signed(node)) for key, node in sorted(terms, key=lambda t: t[0])]
     if ordered and ordered[0][1][0] < 0:  # −a + b is b − a
         kind = ordered[0][0][0]
@@ -385,12 +385,12 @@ def _ordered(terms: Iterable[tuple[Key, Node]]) -> Node:
 
 
 def _oriented(terms: Iterable[tuple[Key, Node]]) -> tuple[int, Node]:
-    """Return ±1 and ±sum, so that a positive term of the first kind stands in front."""
+    """Return ±1 and ±sum, so that a positive term of the leading class comes first."""
     return forward(_ordered(terms))
 
 
 def _without_content(node: Node) -> tuple[Fraction, Node]:
-    """Take a number out of a sum, where all its terms have it."""
+    """Factor a number out of a sum if all terms share it."""
     if not isinstance(node, Sum):
         return Fraction(1), node
     numbers = []

@@ -1,4 +1,4 @@
-"""Cases that were written as |x|, sign, min, max or step, recognized as such."""
+"""Recognition of |x|, sign, min, max and step in piecewise expressions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MIRRORED = {"<=": ">=", "<": ">", "==": "==", "!=": "!="}
 
 
 def cases_node(piecewise: Basic, arrange: Arrange) -> Node:
-    """Return the function that a Piecewise stands for (see `lagcli.model.expression.functions`)."""
+    """Return the function that a Piecewise represents (see `lagcli.model.expression.functions`)."""
     args = piecewise.args
     value, condition = args[0], args[1]
     rest = (
@@ -44,7 +44,7 @@ def cases_node(piecewise: Basic, arrange: Arrange) -> Node:
 
 
 def _named(value: Basic, condition: Basic, rest: Basic) -> tuple[str, list[Basic]] | None:
-    """Return the name and arguments of a function that is written as cases."""
+    """Return the name and arguments of the function that a Piecewise represents."""
     if not isinstance(condition, se.LessThan | se.StrictLessThan):
         return None
     low, high = condition.args
@@ -70,7 +70,7 @@ def _named(value: Basic, condition: Basic, rest: Basic) -> tuple[str, list[Basic
 
 
 def _chain(name: str, e: Basic) -> list[Basic]:
-    """Return the arguments of min(min(a, b), c) as one list."""
+    """Return the arguments of min(min(a, b), c) as a flat list."""
     if isinstance(e, se.Piecewise) and len(e.args) == 4 and e.args[3] == se.true:
         named = _named(e.args[0], e.args[1], e.args[2])
         if named is not None and named[0] == name:
@@ -79,7 +79,7 @@ def _chain(name: str, e: Basic) -> list[Basic]:
 
 
 def condition_node(condition: Basic, arrange: Arrange) -> Node:
-    """Return a condition, its variable side on the left."""
+    """Return a condition with its variable side on the left."""
     name = type(condition).__name__
     if name in ("And", "Or"):
         operands = sorted(condition.args, key=str)

@@ -1,4 +1,4 @@
-"""Factors of a term: their order on paper, and sums written as products."""
+"""Factored terms: order of factors, and factorization of sums."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ from lagcli.equations.simplification.monomials import (
     times,
 )
 
-Place = tuple[Any, ...]
+SortKey = tuple[Any, ...]
 ContentStyle = Literal["shortest", "whole", "decimal"]
 
-# the order of factors in a term: λ m (a + b) r (φ̇ + ψ̇) φ̇ sin φ (φ̇ + ψ̇)² […]
+# order of factors in a term: λ m (a + b) r (φ̇ + ψ̇) φ̇ sin φ (φ̇ + ψ̇)² […]
 MULTIPLIER, PARAMETER, POSITION, BRACKET = range(4)
 ACCELERATION, VELOCITY, FUNCTION, SQUARE, LAST = range(4, 9)
 
 
-#: Of a number that is written as a fraction; a larger one makes it a decimal.
+#: Largest denominator that is written as a fraction; others are written as decimals.
 LARGEST_DENOMINATOR = 12
 
 
 @dataclass(frozen=True)
 class TermFactor:
-    """A factor base^exponent and its place among the others."""
+    """A factor base^exponent with its sort key."""
 
     node: Node
     exponent: Fraction
-    place: Place
+    key: SortKey
 
     @property
     def written(self) -> Node:
-        """The factor without the sign of its exponent."""
+        """The factor with the absolute value of its exponent."""
         power = abs(self.exponent)
         if power == 1:
             return self.node
@@ -60,7 +60,7 @@ class TermFactor:
 
 @dataclass(frozen=True)
 class Term:
-    """A number times factors."""
+    """A coefficient times factors."""
 
     coefficient: Fraction
     factors: tuple[TermFactor, ...]
@@ -70,8 +70,8 @@ class Term:
         return Term(b if a == 1 else a if b == 1 else a * b, self.factors + other.factors)
 
     def node(self) -> Node:
-        """Return the term as it is written, factors in order, negative powers below the line."""
-        ordered = sorted(self.factors, key=lambda f: f.place)
+        """Return the term with sorted factors and negative powers in the denominator."""
+        ordered = sorted(self.factors, key=lambda f: f.key)
         below = [f.written for f in ordered if f.exponent < 0]
         above = [f.written for f in ordered if f.exponent > 0]
         number = Number(self.coefficient)
@@ -99,13 +99,13 @@ class Factored:
 
 
 def factored(terms: Polynomial, order: Callable[[Monomial], Any], style: ContentStyle) -> Factored:
-    """Write a sum as a product, as far as a person sees it: common factors, a perfect square.
+    """Factor a sum by inspection: common factors and perfect squares.
 
     Parameters
     ----------
-    terms : polynomial of two terms or more
+    terms : polynomial with two or more terms
     order : function of a monomial
-        A key: in which order the terms will be written.
+        Sort key of the written terms.
     style : str
         See `presentable_content`.
     """
@@ -122,7 +122,7 @@ def factored(terms: Polynomial, order: Callable[[Monomial], Any], style: Content
 
 
 def common_part(terms: Iterable[Monomial]) -> Monomial:
-    """Return the greatest monomial that divides all, below the line the least."""
+    """Return the greatest common monomial divisor of all terms."""
     shared: dict[int, int] | None = None
     for monomial in terms:
         exponents = dict(monomial)
@@ -142,10 +142,10 @@ def divide(monomial: Monomial, by: Monomial) -> Monomial:
 
 
 def presentable_content(values: Iterable[Exact], style: ContentStyle) -> Fraction:
-    """Return the number to take out of a sum.
+    """Return the number to factor out of a sum.
 
-    ``shortest`` takes out what leaves less to write, ``whole`` leaves whole numbers without a
-    common factor, ``decimal`` leaves decimals as they are unless they are all the same.
+    ``shortest`` minimizes the written length, ``whole`` leaves integers without a common factor,
+    ``decimal`` keeps decimals unless they are all equal.
     """
     listed = [Fraction(v) for v in values]
     if len({abs(v) for v in listed}) == 1:
@@ -155,20 +155,20 @@ def presentable_content(values: Iterable[Exact], style: ContentStyle) -> Fractio
     content = content_of(listed)
     if style == "whole":
         return content
-    kept = sum(_signs(v) for v in listed)
+    written = sum(_signs(v) for v in listed)
     taken = _signs(content) + sum(_signs(v / content) for v in listed)
-    return content if taken < kept or (taken == kept and content > 1) else Fraction(1)
+    return content if taken < written or (taken == written and content > 1) else Fraction(1)
 
 
 def _signs(value: Fraction) -> int:
-    """Count the signs that a coefficient takes."""
+    """Return the number of characters of a coefficient."""
     if abs(value) == 1:
         return 0
     return len(str(abs(value.numerator))) + (value.denominator > LARGEST_DENOMINATOR) * 2
 
 
 def square_root(terms: Mapping[Monomial, Exact]) -> Polynomial | None:
-    """Return the linear form of which the terms are the square; None if there is none."""
+    """Return the linear form whose square the sum is, or None."""
     if not 3 <= len(terms) <= 15:
         return None
     roots: dict[int, Fraction] = {}

@@ -1,4 +1,4 @@
-"""What belongs together in a sum of monomials."""
+"""Grouping of the terms of a sum of monomials."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ MOVING = ("multiplier", "acceleration", "velocity")
 
 @dataclass(frozen=True)
 class Pair:
-    """A sum over functions of position times a sum over motion."""
+    """A sum of functions of position times a sum of motion variables."""
 
     functions: Polynomial
     motion: Polynomial
-    motion_class: int  # 0: holds accelerations, 1: velocities, 2: neither
-    complexity: int  # factors of the simplest function
+    motion_class: int  # 0: with accelerations, 1: with velocities, 2: neither
+    complexity: int  # number of factors of the simplest function
 
 
 @dataclass(frozen=True)
 class TermGroup:
-    """A sum over parameters times a sum over the rest."""
+    """A sum of parameter monomials times a sum of the remaining factors."""
 
     parameters: Polynomial
     rest: Polynomial
 
 
 def groups(terms: Polynomial, expansion: MonomialExpansion) -> list[TermGroup]:
-    """Collect terms by parameters; where two parameters have the same rest, by the rest.
+    """Collect terms by parameters, and merge groups whose remaining factors are equal.
 
     m₁ l² θ̈ + m₂ l² θ̈ becomes (m₁ l² + m₂ l²) · θ̈.
     """
@@ -51,7 +51,7 @@ def groups(terms: Polynomial, expansion: MonomialExpansion) -> list[TermGroup]:
 
 
 def pairs(terms: Polynomial, expansion: MonomialExpansion) -> list[Pair]:
-    """Collect terms by functions of position; where two have the same motion, by motion."""
+    """Collect terms by functions of position, and merge groups with the same motion."""
     found: dict[Monomial, Polynomial] = {}
     for monomial, c in terms.items():
         motion, function = _split(monomial, expansion, MOVING)
@@ -63,18 +63,18 @@ def pairs(terms: Polynomial, expansion: MonomialExpansion) -> list[Pair]:
 
 
 def shared_by(parts: list[Pair], expansion: MonomialExpansion) -> Monomial:
-    """Return what to take out of a bracket: common symbols, and functions common to one power.
+    """Return the common factor to take out: common symbols, and functions with equal exponents.
 
-    sin² φ and sin φ cos φ keep their sines, as in the seed's equations.
+    sin² φ and sin φ cos φ keep their sines, as in the textbook.
     """
     functions = [m for p in parts for m in p.functions]
     motions = [m for p in parts for m in p.motion]
-    kept = []
+    common = []
     for g, n in common_part(functions):
         is_symbol = expansion.generators[g].head == "symbol"
         if is_symbol or all(dict(m).get(g) == n for m in functions):
-            kept.append((g, n))
-    return times(tuple(kept), common_part(motions))
+            common.append((g, n))
+    return times(tuple(common), common_part(motions))
 
 
 def _split(
@@ -88,7 +88,7 @@ def _split(
 def _merged(
     found: Mapping[Monomial, Polynomial], expansion: MonomialExpansion
 ) -> list[tuple[Polynomial, Polynomial]]:
-    """Join the monomials whose sums are proportional."""
+    """Merge the monomials whose sums are proportional."""
     joined: dict[frozenset[tuple[Monomial, Exact]], tuple[Polynomial, Polynomial]] = {}
     for outer, inner in found.items():
         if not inner:

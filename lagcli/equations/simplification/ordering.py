@@ -1,4 +1,4 @@
-"""In which order a model's names are written side by side."""
+"""Order of symbols in products, taken from the model's own expressions."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from lagcli.model.names.members import family_of
 
 
 def writing_order(model: Model) -> tuple[str, ...]:
-    """Return the parameters in the order in which the model's author writes them in products.
+    """Return the parameters in the order in which the model writes them in products.
 
-    Who writes m*g*r wants to read m g r, whatever the order of declaration, which decides where
-    no product does.
+    m*g*r is displayed as m g r regardless of the order of declaration, which decides only between
+    parameters that no product orders.
     """
     families: dict[str, list[str]] = {}
     for name in model.parameters:
@@ -43,7 +43,7 @@ def writing_order(model: Model) -> tuple[str, ...]:
     done: set[str] = set()
     for start in families:
         stack = [(start, False)]
-        while stack:  # depth first: what is written before a name comes before it
+        while stack:  # depth first: predecessors of a name come first
             name, ready = stack.pop()
             if ready:
                 order += families[name]
@@ -63,7 +63,7 @@ class Known(NamedTuple):
 
 
 def _pairs(tree: Tree, known: Known) -> Iterator[tuple[str, str]]:
-    """Yield (a, b) where a factor a stands left of a factor b."""
+    """Yield (a, b) if a factor a is written to the left of a factor b."""
     stack = [tree]
     while stack:
         item = stack.pop()
@@ -88,7 +88,7 @@ def _pairs(tree: Tree, known: Known) -> Iterator[tuple[str, str]]:
 
 
 def _names(tree: Tree, known: Known) -> list[str]:
-    """Return the parameters that occur as factors in a tree, definitions written out."""
+    """Return the parameters that are factors in a tree, with definitions expanded."""
     found: dict[str, None] = {}
     opened: set[str] = set()
     stack = [tree]

@@ -1,1 +1,1 @@
-"""Expressions of the model language: text to tokens, trees and SymEngine."""
+"""Expression language: tokens, syntax trees, SymEngine expressions, units."""

@@ -1,7 +1,7 @@
-"""Trees of the grammar → SymEngine expressions, vectors and matrices.
+"""Construction of SymEngine expressions, vectors and matrices from syntax trees.
 
-Nothing of the user's text reaches an evaluator: names are looked up in a scope, operations are
-SymEngine's, every step is bounded, and every constant is checked as soon as it is built.
+No user text reaches an evaluator: names are looked up in a scope, operations are SymEngine's, the
+size of each result is bounded, and every constant is checked as soon as it is built.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ from lagcli.model.expression.trees import (
     Tree,
     VectorExpr,
 )
-from lagcli.model.names.renaming import Repeated
+from lagcli.model.names.renaming import ExpressionTemplate
 from lagcli.model.names.scoping import Scope, Sized, Value
 
-MAX_POWER = 1000  # larger constant exponents are typing errors
-MAX_BITS = 10_000  # of an exact number
-MAX_SIZE = 2_000_000  # operations of one expression when its definitions are written out
-MAX_TERMS = 100_000  # of the sums over an index in one expression
-MAX_DEPTH = 200  # functions of functions; SymEngine differentiates by recursion
+MAX_POWER = 1000  # larger constant exponents are typos
+MAX_BITS = 10_000  # size of an exact number
+MAX_SIZE = 2_000_000  # operations of one expression with definitions expanded
+MAX_TERMS = 100_000  # total number of terms of the indexed sums in one expression
+MAX_DEPTH = 200  # nesting depth; SymEngine differentiates recursively
 
 
 def name_errors(tree: Tree, scope: Scope) -> tuple[list[ExpressionError], bool]:
-    """Return what is wrong with the names and calls of a tree, and whether one is broken.
+    """Return the errors in names and calls of a tree, and whether a name is broken.
 
-    The search ends where there are more errors than a report shows.
+    The search stops at the maximum number of reported errors.
     """
     errors: list[ExpressionError] = []
     subjects: set[str | int] = set()
@@ -74,12 +74,12 @@ def name_errors(tree: Tree, scope: Scope) -> tuple[list[ExpressionError], bool]:
 
 
 def build(tree: Tree, scope: Scope) -> Sized:
-    """Turn a tree into a value.
+    """Build the value of a syntax tree.
 
     Raises
     ------
     ExpressionError
-        A name, function, shape, number or size that does not fit, at its place.
+        Invalid name, function, shape, number or size, with its source offsets.
     """
     return _ExpressionBuilder(scope).operand(tree)
 
@@ -89,7 +89,7 @@ def _is_boolean(value: object) -> bool:
 
 
 def kind_of(value: Value) -> str:
-    """Say what a value is, for messages."""
+    """Return a description of a value for messages."""
     return value.kind if isinstance(value, Tensor) else "a scalar"
 
 
@@ -103,14 +103,14 @@ _NOT_REAL = (
 )
 
 
-# how often a function of vectors or rotations repeats its arguments
+# how often a vector or rotation function repeats its arguments
 _COPIES = {"cross": 2, "norm": 2, "rot_x": 4, "rot_y": 4, "rot_z": 4, "rot": 12, "quat": 6}
 
 
 class _ExpressionBuilder:
     def __init__(self, scope: Scope):
         self.scope = scope
-        self.terms = 0  # of sums over an index
+        self.terms = 0  # number of terms of indexed sums
 
     def any(self, tree: Tree) -> Sized:
         """Build a value or a condition."""
@@ -139,8 +139,8 @@ class _ExpressionBuilder:
                     return self.logical(tree)
         except ShapeError as error:
             raise _error("shape", str(error), tree) from None
-        except (RuntimeError, ValueError):  # what SymEngine says to infinities in functions
-            raise _error("not-a-number", "this has no value", tree, _NOT_REAL) from None
+        except (RuntimeError, ValueError):  # SymEngine's errors for infinite arguments of functions
+            raise _error("not-a-number", "this is undefined", tree, _NOT_REAL) from None
         raise AssertionError(f"no such tree: {tree!r}")
 
     def made(
@@ -152,10 +152,10 @@ class _ExpressionBuilder:
         levels: int = 0,
         size: int | None = None,
     ) -> Sized:
-        """Return a value made of parts, if it is a real number and not too large.
+        """Return a value with its size and depth, or raise ExpressionError.
 
-        Its size is that of the copies of its parts, if not given; its depth that of the deepest
-        part and the levels put on it.
+        The size defaults to that of the copies of all parts; the depth is that of the deepest part
+        plus ``levels``.
         """
         if size is None:
             size = 1 + copies * sum(p.size for p in parts)
@@ -163,13 +163,13 @@ class _ExpressionBuilder:
         if size > MAX_SIZE or depth > MAX_DEPTH:
             raise _error(
                 "too-large",
-                f"the expression takes more than {MAX_SIZE:,} operations when its definitions"
-                " are written out"
+                f"with its definitions expanded, the expression has more than {MAX_SIZE:,}"
+                " operations"
                 if size > MAX_SIZE
-                else f"with its definitions written out, the expression is nested more than"
+                else f"with its definitions expanded, the expression is nested more than"
                 f" {MAX_DEPTH} functions deep",
                 tree,
-                "let definitions refer to each other less often",
+                "reduce the nesting of definitions",
             )
         constant = all(p.constant for p in parts)
         entries = value.entries if isinstance(value, Tensor) else (value,)
@@ -187,12 +187,12 @@ class _ExpressionBuilder:
         if why == "is not a real number":
             help_ = _NOT_REAL
             if isinstance(tree, PowerExpr) and isinstance(tree.exponent, ProductExpr):
-                help_ = "a power of a negative number is real for whole exponents only; cbrt(x) is"
+                help_ = "a power of a negative number is real only for whole exponents; cbrt(x) is"
                 help_ += " the real cube root"
         raise _error("not-a-number", f"this {why}", tree, help_)
 
     def operand(self, tree: Tree) -> Sized:
-        """Build something that arithmetic can use."""
+        """Build an operand of arithmetic: not a condition."""
         built = self.any(tree)
         if _is_boolean(built.value):
             raise _error(
@@ -227,16 +227,16 @@ class _ExpressionBuilder:
 
     def series(self, tree: IndexedSumExpr) -> Sized:
         parts: list[Sized] = []
-        term: Repeated | None = None
+        term: ExpressionTemplate | None = None
         for _ in self.scope.each(tree):
-            term = term or Repeated(tree.term, self.scope, self.operand)
+            term = term or ExpressionTemplate(tree.term, self.scope, self.operand)
             self.terms += 1
             if self.terms > MAX_TERMS:
                 raise _error(
                     "too-large",
                     f"the sums of this expression have more than {MAX_TERMS:,} terms",
                     tree,
-                    "a definition by index, such as `s[i = 1..N]: s[i-1] + x[i]`, shares its terms",
+                    "use a recursive definition, such as `s[i = 1..N]: s[i-1] + x[i]`",
                 )
             parts.append(term.value())
         if not parts:
@@ -261,7 +261,7 @@ class _ExpressionBuilder:
                 if tensor is None:
                     tensor, size = value, part.size
                 else:
-                    # an entry goes into a whole row, or a whole column, of the product
+                    # each entry contributes to a whole row or column of the product
                     size = size * value.shape[1] + part.size * tensor.shape[0]
                     tensor = tensors.multiply(tensor, value)
             elif exponent > 0:
@@ -301,7 +301,7 @@ class _ExpressionBuilder:
             if isinstance(base, se.Number) and base <= 0 and self.varies(exponent):
                 raise _error(
                     "not-a-number",
-                    f"{base} cannot be raised to a power that varies",
+                    f"{base} cannot be raised to a variable power",
                     tree,
                     "a power with a variable exponent needs a positive base",
                 )
@@ -313,9 +313,9 @@ class _ExpressionBuilder:
         if max(abs(p), q) > MAX_POWER or bits * abs(p) > MAX_BITS:
             raise _error(
                 "too-large",
-                "this power is too large to be meant",
+                "this power is too large",
                 tree,
-                f"exponents go up to {MAX_POWER}, and numbers up to 1.8e308",
+                f"the largest exponent is {MAX_POWER}, the largest number 1.8e308",
             )
         if base == 0 and p < 0:
             raise _error("not-a-number", "division by zero", tree)
@@ -332,7 +332,7 @@ class _ExpressionBuilder:
             condition = self.condition(tree.arguments[0])
             branches = [self.scalar(a, "a case of if()") for a in tree.arguments[1:]]
             value = cases(condition.value, *(b.value for b in branches))
-            self.scope.note_kink()
+            self.scope.mark_nonsmooth()
             return self.made(tree, value, [condition, *branches], levels=1)
         if name in TENSOR_FUNCTIONS:
             return self.tensor_call(tree)
@@ -342,7 +342,7 @@ class _ExpressionBuilder:
         function = FUNCTIONS[name]
         value = function.apply(*(a.value for a in arguments))
         if not function.smooth:
-            self.scope.note_kink()
+            self.scope.mark_nonsmooth()
         copies = function.copies(len(arguments))
         return self.made(tree, value, arguments, copies, levels=copies.bit_length())
 
@@ -360,7 +360,7 @@ class _ExpressionBuilder:
                 )
             arguments.append(built)
         value = tensor_call(name, [a.value for a in arguments], self.scope)
-        if name == "omega":  # how large it is depends on the kinds of the rotations
+        if name == "omega":  # the size depends on the kinds of rotations
             levels = 2 + len(arguments[0].value.factors)
             size = count_operations(value.entries)
             return self.made(tree, value, arguments, levels=levels, size=size)
@@ -372,12 +372,12 @@ class _ExpressionBuilder:
         built = self.any(tree)
         if not _is_boolean(built.value):
             raise _error(
-                "not-a-condition", "a condition is missing here", tree, "compare, as in `x > 0`"
+                "not-a-condition", "expected a condition", tree, "write a comparison, as in `x > 0`"
             )
         return built
 
     def comparison(self, tree: Comparison) -> Sized:
-        parts = [self.scalar(operand, "what is compared") for operand in tree.operands]
+        parts = [self.scalar(operand, "an operand of a comparison") for operand in tree.operands]
         pairs = zip(tree.operators, parts, parts[1:], strict=False)
         value = se.And(*[relation(sign, a.value, b.value) for sign, a, b in pairs])
         return self.made(tree, value, parts, copies=2)
@@ -406,5 +406,5 @@ class _ExpressionBuilder:
                 )
             rows.append(part.value.entries)
         if len({len(row) for row in rows}) > 1:
-            raise ShapeError("the rows of a matrix must have one length")
+            raise ShapeError("the rows of a matrix must have equal length")
         return self.made(tree, Tensor(tuple(rows)), parts)

@@ -1,4 +1,4 @@
-"""Calls of functions in expressions: what exists, what it takes, and vectors and rotations."""
+"""Function calls in expressions: arity checks, vector and rotation functions."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ _AXES = {
 
 
 class CallScope(Protocol):
-    """What a call needs of the place where it stands."""
+    """Scope of a function call."""
 
     def declared(self, text: str) -> bool:
         """Whether a name is declared."""
@@ -111,12 +111,12 @@ def _unknown(tree: CallExpr, scope: CallScope) -> ExpressionError:
 
 
 def name_of(name: str) -> str:
-    """Return what the grammar calls a function that is known elsewhere by another name."""
+    """Return the name of a function that other programs call differently."""
     return _OTHER_NAMES.get(name, name)
 
 
 def tensor_call(name: str, arguments: list[Basic | Tensor], scope: CallScope) -> Basic | Tensor:
-    """Apply a function of vectors or rotations to arguments of the right kinds.
+    """Apply a vector or rotation function to arguments of the right kinds.
 
     Raises
     ------

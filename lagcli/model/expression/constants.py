@@ -1,7 +1,7 @@
-"""Constants: which expressions without symbols have a value, and which of two is the larger.
+"""Evaluation and comparison of constant expressions.
 
-SymEngine computes with complex numbers and infinities, compares no irrational constants, and
-crashes on the floor of an infinity. So every constant is looked at as soon as it is built.
+SymEngine computes with complex numbers and infinities, cannot compare irrational constants, and
+crashes on the floor of an infinity. Therefore every constant is checked as soon as it is built.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _OF_FLOATS: dict[str, Callable[[float, float], bool]] = {
 
 
 def number(expression: Basic) -> float:
-    """Return the value of an expression without symbols.
+    """Return the value of a constant expression.
 
     Raises
     ------
@@ -43,11 +43,11 @@ def number(expression: Basic) -> float:
         It has no real, finite value.
     """
     try:
-        if isinstance(expression, se.Rational):  # SymEngine cuts off where Python rounds
+        if isinstance(expression, se.Rational):  # SymEngine truncates, Python rounds
             numerator, denominator = map(int, expression.get_num_den())
             return numerator / denominator
         value = float(expression.n(53, real=True))
-    except (RuntimeError, OverflowError):  # SymEngine's words for "not real"
+    except (RuntimeError, OverflowError):  # SymEngine's error messages for complex results
         value = math.nan
     if not math.isfinite(value):
         raise ValueError("not a real, finite number")
@@ -55,8 +55,8 @@ def number(expression: Basic) -> float:
 
 
 def fault(value: Basic) -> str | None:
-    """Say what keeps a constant from being a number that a double can hold, or None."""
-    too_large = "is infinite, or beyond the largest number, 1.8e308"
+    """Return why a constant is not representable as a double, or None."""
+    too_large = "is infinite or exceeds the largest number, 1.8e308"
     if isinstance(value, se.Rational):
         p, q = value.get_num_den()
         large = int(p).bit_length() - int(q).bit_length() > _LARGEST_BITS
@@ -74,9 +74,9 @@ def fault(value: Basic) -> str | None:
     return too_large if math.isinf(result) else "is not a real number"
 
 
-_ROUNDING = 1e-13  # a constant whose double is nearer to a whole number may be that number
-_BITS = 300  # to tell the two apart
-_SAME = 1e-60  # what is nearer in so many bits is the same
+_ROUNDING = 1e-13  # distance to an integer below which a constant may be that integer
+_BITS = 300  # precision to distinguish the two
+_SAME = 1e-60  # agreement to so many bits counts as equality
 
 
 def whole(function: Callable[[float | Fraction], int], constant: Basic) -> Basic:
@@ -108,13 +108,13 @@ def relation(sign: str, left: Basic, right: Basic) -> Basic:
         return _RELATIONS[sign](left, right)
     try:
         holds = _OF_FLOATS[sign](number(left), number(right))
-    except ValueError:  # a constant that is no number is reported where it stands
+    except ValueError:  # an invalid constant is reported at its own location
         return _RELATIONS[sign](left, right)
     return se.true if holds else se.false
 
 
 def cases(condition: Basic, when_true: Basic, when_false: Basic) -> Basic:
-    """Return ``when_true`` where the condition holds, else ``when_false``."""
+    """Return ``when_true`` if the condition holds, else ``when_false``."""
     if condition == se.true:
         return when_true
     if condition == se.false or when_true == when_false:

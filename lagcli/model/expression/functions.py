@@ -1,7 +1,7 @@
-"""The scalar functions of the grammar, as SymEngine expressions.
+"""Scalar functions of the expression language as SymEngine expressions.
 
-A function that SymEngine cannot differentiate (abs, sign, min, max, step) is written as cases, so
-that its derivative is right wherever it exists.
+Functions that SymEngine cannot differentiate (abs, sign, min, max, step) become piecewise
+expressions, so that their derivatives are correct wherever they exist.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ def _once(_: int) -> int:
 
 
 class Function(NamedTuple):
-    """A scalar function: how many arguments it takes and what it makes of them.
+    """A scalar function: its arity and its SymEngine expression.
 
-    ``copies`` says how often the result repeats each argument, given their number; ``smooth``
-    whether SymEngine writes it without cases and jumps.
+    ``copies`` returns how often the result repeats each argument, given their number; ``smooth`` is
+    False for piecewise expressions and functions with jumps.
     """
 
     fewest: int
@@ -54,7 +54,7 @@ def _max(*xs: Basic) -> Basic:
 
 
 def _chosen(sign: str, xs: Sequence[Basic]) -> Basic:
-    """Return the least or largest, by halves: each level of cases repeats its arguments."""
+    """Return the minimum or maximum by bisection: each level of cases repeats its arguments."""
     if len(xs) == 1:
         return xs[0]
     half = len(xs) // 2
@@ -162,15 +162,15 @@ KINKS = (se.Piecewise, *_JUMPS)
 def derivative(expression: Basic, symbol: Basic) -> Basic:
     """Return ∂expression/∂symbol.
 
-    SymEngine leaves the slope of a jump unevaluated, and the slope of cases is cases even where it
-    is zero in all of them. Here a jump has the slope zero, which it has wherever the slope exists,
-    and cases have the slopes of their values.
+    SymEngine leaves derivatives of jumps unevaluated, and keeps piecewise derivatives even if they
+    are zero in every case. Here the derivative of a jump is zero, as it is wherever it exists, and
+    piecewise expressions are differentiated case by case.
     """
     return _chain_rule(expression, symbol, {})
 
 
 def _chain_rule(expression: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
-    """Differentiate with a symbol in place of each kink, whose slopes may be known."""
+    """Differentiate by the chain rule, with a symbol for each piecewise part."""
     kinks = expression.atoms(*KINKS)
     if not kinks:
         return expression.diff(symbol)
@@ -196,7 +196,7 @@ def _slope(kink: Basic, symbol: Basic, known: dict[Basic, Basic]) -> Basic:
 
 
 def pieces(values: Sequence[Basic], conditions: Sequence[Basic]) -> Basic:
-    """Return cases; the value itself where it is the same in all of them."""
+    """Return a piecewise expression, or its value if all cases agree."""
     if all(value == values[0] for value in values[1:]):
         return values[0]
     return se.Piecewise(*zip(values, conditions, strict=True))

@@ -1,4 +1,4 @@
-"""The grammar of expressions: text → tree.
+"""Parser of the expression language: text → syntax tree.
 
 ::
 
@@ -15,8 +15,7 @@
     name       := NAME ["[" sum "]"] ("." NAME ["[" sum "]"])*
     range      := sum ".." sum
 
-A sign in front of a product applies to the product's first power as a whole: -x^2 is -(x^2), and
-an exponent may carry a sign: x^-2.
+A sign binds less tightly than a power: -x^2 is -(x^2). An exponent may have a sign: x^-2.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ import re
 from collections.abc import Callable
 from fractions import Fraction
 
-from lagcli.model.expression.syntax_hints import choice, leftover
+from lagcli.model.expression.syntax_hints import choice, unexpected_token
 from lagcli.model.expression.tokens import ExpressionError, Token, tokenize
 from lagcli.model.expression.trees import (
     CallExpr,
@@ -42,9 +41,9 @@ from lagcli.model.expression.trees import (
     VectorExpr,
 )
 
-MAX_NESTING = 50  # what a person can read ends at 10; each level costs eleven Python frames
+MAX_NESTING = 50  # readable expressions have 10 at most; each level takes eleven Python frames
 MAX_DIGITS = 400  # digits of one number
-# of a number as written: beyond them lies no double
+# range of decimal exponents of doubles
 MAX_EXPONENT = 308
 MIN_EXPONENT = -340
 
@@ -59,7 +58,7 @@ def parse(text: str) -> Tree:
     Raises
     ------
     ExpressionError
-        The text is not of the grammar, or exceeds one of its bounds.
+        The text has a syntax error or exceeds a bound of the grammar.
     """
     parser = _Parser(text)
     tree = parser.condition()
@@ -68,14 +67,14 @@ def parse(text: str) -> Tree:
 
 
 def parse_range(text: str, start: int, end: int) -> tuple[str | None, Range | Tree]:
-    """Parse what stands between the brackets of a declaration, ``text[start:end]``.
+    """Parse the index or range between the brackets of a declaration, ``text[start:end]``.
 
     Returns
     -------
     index : str or None
-        The name of the index, if there is one.
+        The name of the index, if it has one.
     range : Range, or Tree
-        The indices of the members; the index of a single one.
+        Range of the members, or index of a single member.
 
     Raises
     ------
@@ -93,7 +92,7 @@ def parse_range(text: str, start: int, end: int) -> tuple[str | None, Range | Tr
 
 
 def parse_equation(text: str) -> tuple[Tree, Tree | None]:
-    """Parse ``lhs`` or ``lhs = rhs``; the right side is None where there is no ``=``."""
+    """Parse ``lhs`` or ``lhs = rhs``; the right side is None without ``=``."""
     parser = _Parser(text)
     left = parser.condition()
     right = None
@@ -104,7 +103,7 @@ def parse_equation(text: str) -> tuple[Tree, Tree | None]:
             raise parser.fail(
                 "a second `=` in one equation",
                 parser.current,
-                "give each equation a name and a line of its own",
+                "give each equation its own name and line",
             )
     parser.expect_end()
     return left, right
@@ -118,10 +117,10 @@ class _Parser:
         self.current = self.tokens[0]
         self.nesting = 0
         if self.current.kind == "end":
-            raise ExpressionError("syntax", "an expression is missing", start, start)
+            raise ExpressionError("syntax", "missing expression", start, start)
 
     def advance(self) -> Token:
-        """Return the current token, and go on to the next one; the end stays."""
+        """Return the current token and advance to the next one; stay at the end."""
         token = self.current
         if token.kind != "end":
             self.position += 1
@@ -140,15 +139,15 @@ class _Parser:
             raise self.fail(
                 f"nested deeper than {MAX_NESTING} levels",
                 self.current,
-                "name parts of it under `definitions`",
+                "define parts of it under `definitions`",
             )
 
     def expect_end(self) -> None:
-        """Raise ExpressionError if anything is left."""
+        """Raise ExpressionError unless all tokens are consumed."""
         token = self.current
         if token.kind != "end":
             before = self.tokens[self.position - 1] if self.position else token
-            raise leftover(before, token, self.tokens[self.position + 1], self.text)
+            raise unexpected_token(before, token, self.tokens[self.position + 1], self.text)
 
     def condition(self) -> Tree:
         self.nest()
@@ -187,7 +186,7 @@ class _Parser:
         return Comparison(operands[0].start, operands[-1].end, tuple(operands), tuple(operators))
 
     def sum(self) -> Tree:
-        """Read terms with their signs."""
+        """Parse terms with their signs."""
         start = self.current.start
         terms = [(self._sign(), self._product())]
         while self.current.text in _SIGNS:
@@ -197,7 +196,7 @@ class _Parser:
         return SumExpr(start, terms[-1][1].end, tuple(terms))
 
     def _sign(self) -> int:
-        """Read any number of signs: the operator and the sign of what follows it."""
+        """Parse any number of consecutive signs."""
         sign = 1
         while self.current.text in _SIGNS:
             if self.advance().text == "-":
@@ -240,17 +239,17 @@ class _Parser:
             return VectorExpr(token.start, self.tokens[self.position - 1].end, items)
         if token.kind == "end":
             raise self.fail(
-                "the expression ends too early", token, "complete it, or remove its end"
+                "the expression ends too early", token, "complete it, or remove the last operator"
             )
         help_ = None
         if token.text in ("*", "/", "^", "**"):
-            help_ = "an operator needs something on both sides"
+            help_ = "an operator needs operands on both sides"
         elif token.text in KEYWORDS:
-            help_ = f"`{token.text}` is a word of the grammar and cannot be a name"
+            help_ = f"`{token.text}` is a keyword and cannot be a name"
         elif token.text == "'":
-            help_ = "a prime follows a name directly"
+            help_ = "a prime must directly follow a name"
         elif token.text in (")", "]", ",", "="):
-            raise self.fail(f"something is missing before `{token.text}`", token)
+            raise self.fail(f"an operand is missing before `{token.text}`", token)
         raise self.fail(f"unexpected `{token.text}`", token, help_)
 
     def _number(self, token: Token) -> NumberExpr:
@@ -267,9 +266,9 @@ class _Parser:
             )
         if re.match("0[0-9]", mantissa):
             raise self.fail(
-                f"`{token.text}` is not a number of the grammar: it begins with 0",
+                f"`{token.text}` is not a number: it starts with 0",
                 token,
-                "write the number without the 0; dates and times are not numbers",
+                "remove the leading 0; dates and times are not numbers",
             )
         following = self.current
         if following.start == token.end:
@@ -277,7 +276,7 @@ class _Parser:
             if following.kind == "number":
                 raise ExpressionError(
                     "syntax",
-                    f"`{whole}` is not a number: it has two points",
+                    f"`{whole}` is not a number: it has two decimal points",
                     token.start,
                     following.end,
                     "write one decimal point",
@@ -285,7 +284,7 @@ class _Parser:
             if re.fullmatch(r"0[xXbBoO][0-9a-fA-F]+", whole):
                 raise ExpressionError(
                     "syntax",
-                    f"`{whole}` is not a number of the grammar",
+                    f"`{whole}` is not a number",
                     token.start,
                     following.end,
                     "write a decimal number",
@@ -307,7 +306,7 @@ class _Parser:
             raise self.fail("`if` needs three arguments", token, choice(self.text))
         if self.at("^", "**") and self.tokens[self.position + 1].kind == "number":
             power, following = self.tokens[self.position + 1 : self.position + 3]
-            if following.text == "(":  # sin^2(x): no name can be followed by a number and "("
+            if following.text == "(":  # sin^2(x): a number cannot be followed by "("
                 raise self.fail(
                     f"`{token.text}^{power.text}(…)` is not an expression",
                     token,
@@ -316,19 +315,19 @@ class _Parser:
         return Name(token.start, end, text, primes, indices)
 
     def _member(self, token: Token) -> tuple[str, tuple[Tree, ...], int, int]:
-        """Read the indices after a name, and the names with dots that follow them."""
+        """Parse the indices after a name, and dotted names after them."""
         text, end, primes = token.text, token.end, 0
         indices: list[Tree] = []
         while self.at("[") and self.current.start == end:
             opening = self.advance()
             if self.at("]"):
-                raise self.fail("an index is missing", self.current, f"write `{token.text}[1]`")
+                raise self.fail("missing index", self.current, f"write `{token.text}[1]`")
             indices.append(self.sum())
             if self.at("..", "="):
                 raise self.fail(
-                    "a range cannot stand here",
+                    "a range is not allowed here",
                     self.current,
-                    "ranges stand where a family is declared, and in `sum(x[i], i = 1..N)`",
+                    "ranges are allowed in declarations of families and in `sum(x[i], i = 1..N)`",
                 )
             if self.at(","):
                 raise self.fail("a member has one index", self.current)
@@ -345,10 +344,10 @@ class _Parser:
                 break
         return text, tuple(indices), end, primes
 
-    # sums over an index
+    # indexed sums
 
     def index_name(self) -> str | None:
-        """Read ``i =``, if it stands here."""
+        """Parse ``i =``, if present."""
         if self.current.kind != "name" or self.tokens[self.position + 1].text != "=":
             return None
         token = self.advance()
@@ -358,10 +357,10 @@ class _Parser:
         return token.text
 
     def range_from(self, first: Tree) -> Range:
-        """Read the rest of a range."""
+        """Parse the rest of a range."""
         if not self.at(".."):
             raise self.fail(
-                "a range is missing here",
+                "missing range",
                 self.current,
                 "write a range as `i = 1..N`, ends included",
             )
@@ -378,9 +377,7 @@ class _Parser:
                 if index is not None:
                     span = self.range_from(self.sum())
                     if self.at(","):
-                        raise self.fail(
-                            "a sum has one range", self.current, "write a sum in the sum"
-                        )
+                        raise self.fail("a sum has one range", self.current, "nest two sums")
                     self._close(")", opening)
                     end = self.tokens[self.position - 1].end
                     return IndexedSumExpr(token.start, end, term, index, span)
@@ -407,14 +404,14 @@ class _Parser:
             return
         token = self.current
         if token.kind == "end":
-            raise self.fail(f"`{opening.text}` is never closed", opening, f"add `{closing}`")
+            raise self.fail(f"`{opening.text}` is not closed", opening, f"add `{closing}`")
         if token.text == "=":
             raise self.fail(
-                "an equation cannot stand in parentheses",
+                "an equation is not allowed in parentheses",
                 token,
-                "conditions compare with `==`; a range stands last, as in `sum(x[i], i = 1..N)`"
+                "use `==` in conditions; a range comes last, as in `sum(x[i], i = 1..N)`"
                 if self.tokens[self.position - 1].kind == "name"
-                else "conditions compare with `==`",
+                else "use `==` in conditions",
             )
         if token.text in (")", "]"):
             raise self.fail(

@@ -1,18 +1,18 @@
-"""Constants that hide behind sin² + cos² = 1."""
+"""Recognition of constants by sin² + cos² = 1."""
 
 from __future__ import annotations
 
 import symengine as se
 from symengine import Basic
 
-_MOST = 400  # terms of an expansion that is worth the trouble
+_MOST = 400  # maximum number of terms of an expansion
 
 
 def constant_value(expression: Basic) -> Basic | None:
-    """Return the number that an expression always is, by sin² a + cos² a = 1; None if it is none.
+    """Return the value of an expression that is constant by sin² a + cos² a = 1, else None.
 
-    Every cos² a is replaced by 1 − sin² a and the result is multiplied out: then all terms of a
-    constant cancel.
+    Every cos² a is replaced by 1 − sin² a and the result is expanded; in a constant, all other
+    terms cancel.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def constant_value(expression: Basic) -> Basic | None:
 
 
 def _without_squares(expression: Basic, angle: Basic) -> Basic:
-    """Return a sum with 1 − sin² a for each cos² a."""
+    """Replace each cos² a of a sum by 1 − sin² a."""
     cosine, rest = se.cos(angle), 1 - se.sin(angle) ** 2
     powers = {
         p: rest ** (int(p.args[1]) // 2) * cosine ** (int(p.args[1]) % 2)

@@ -1,4 +1,4 @@
-"""What an expression is in some of its symbols: linear or not, zero or not."""
+"""Linearity of expressions in some symbols, expansion, operation counts and zero test."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from symengine import Basic
 from lagcli.model.expression.constants import number
 from lagcli.model.expression.functions import KINKS, derivative, pieces
 
-_LARGEST = 20_000  # terms of an expansion
+_LARGEST = 20_000  # maximum number of terms of an expansion
 
 
 def nonlinear_in(expression: Basic, rates: Sequence[Basic]) -> Basic | None:
     """Return a symbol in which the expression is not affine, or None.
 
-    Only an expression that is affine after all, such as (v + 1)^2 − v^2, needs to be expanded; one
-    that would take too many terms counts as not affine.
+    An expression that becomes affine only by cancellation, such as (v + 1)^2 − v^2, is expanded; if
+    the expansion is too large, the expression counts as not affine.
     """
     free = expression.free_symbols
     present = [v for v in rates if v in free]
@@ -30,7 +30,7 @@ def nonlinear_in(expression: Basic, rates: Sequence[Basic]) -> Basic | None:
         if not slope.free_symbols.isdisjoint(present):
             if count_terms(slope) > _LARGEST:
                 return v
-            left = written_out(slope).free_symbols
+            left = expand_terms(slope).free_symbols
             for w in present:
                 if w in left:
                     return w
@@ -40,7 +40,7 @@ def nonlinear_in(expression: Basic, rates: Sequence[Basic]) -> Basic | None:
 def kinked_in(expression: Basic, symbols: Sequence[Basic]) -> Basic | None:
     """Return a symbol in which the expression has kinks or jumps, or None.
 
-    The slopes need not show it: those of floor(v) and of if(v > 0, 1, 2) are zero.
+    The derivative does not show it: that of floor(v) and of if(v > 0, 1, 2) is zero.
     """
     for kink in expression.atoms(*KINKS):
         deciding = kink.args[1::2] if isinstance(kink, se.Piecewise) else kink.args
@@ -50,9 +50,9 @@ def kinked_in(expression: Basic, symbols: Sequence[Basic]) -> Basic | None:
     return None
 
 
-def written_out(expression: Basic) -> Basic:
-    """Return an expression with products and powers of sums multiplied out, inside cases too."""
-    # SymEngine multiplies out some denominators and not others, which then are not the same
+def expand_terms(expression: Basic) -> Basic:
+    """Expand products and powers of sums, also inside piecewise expressions."""
+    # SymEngine expands only some denominators, which then differ from equal ones
     powers = (x.args for x in expression.atoms(se.Pow))
     below = {base for base, exponent in powers if _is_negative(exponent)}
     held = {
@@ -61,7 +61,7 @@ def written_out(expression: Basic) -> Basic:
     }
     rest = se.expand(expression.xreplace(held))
     inside = rest.free_symbols
-    shown = {name: _cases_written_out(part) for part, name in held.items() if name in inside}
+    shown = {name: _cases_expanded(part) for part, name in held.items() if name in inside}
     return rest.xreplace(shown) if shown else rest
 
 
@@ -69,15 +69,15 @@ def _is_negative(exponent: Basic) -> bool:
     return isinstance(exponent, se.Number) and bool(exponent.is_negative)
 
 
-def _cases_written_out(part: Basic) -> Basic:
+def _cases_expanded(part: Basic) -> Basic:
     if not isinstance(part, se.Piecewise):
         return part
-    values = [written_out(value) for value in part.args[0::2]]
+    values = [expand_terms(value) for value in part.args[0::2]]
     return pieces(values, part.args[1::2])
 
 
 def count_terms(expression: Basic) -> float:
-    """Return a bound on the number of terms when powers and products are multiplied out."""
+    """Return an upper bound of the number of terms after expansion."""
     args = expression.args
     if isinstance(expression, se.Add):
         return sum(map(count_terms, args))
@@ -92,7 +92,7 @@ def count_terms(expression: Basic) -> float:
 
 
 def count_operations(expressions: Iterable[Basic]) -> int:
-    """Return how many operations expressions take when they are written out."""
+    """Return the number of operations of expressions without shared subexpressions."""
     sizes: dict[Basic, int] = {}
     total = 0
     for expression in expressions:
@@ -114,12 +114,12 @@ def count_operations(expressions: Iterable[Basic]) -> int:
 
 
 def is_zero(expression: Basic) -> bool:
-    """Whether an expression is zero whatever its symbols: tried at three points.
+    """Whether an expression is identically zero, tested at three random points.
 
-    An expression with cases or jumps may be zero there and not elsewhere: it is written out.
+    A piecewise expression may vanish at the points and not elsewhere; it is expanded instead.
     """
     if expression.atoms(*KINKS):
-        return count_terms(expression) <= _LARGEST and bool(written_out(expression) == 0)
+        return count_terms(expression) <= _LARGEST and bool(expand_terms(expression) == 0)
     chance = random.Random(8)
     symbols = sorted(expression.free_symbols, key=str)
     for _ in range(3):

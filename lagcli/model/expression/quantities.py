@@ -1,4 +1,4 @@
-"""Numbers with a unit, and expressions of parameters: text → SI."""
+"""Quantities: numbers with units and expressions of parameters, converted to SI."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _LARGEST = 2**1023  # larger numbers may be beyond a double, which building an e
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number with a unit, or an expression, read but not evaluated."""
+    """A number with a unit, or an expression, parsed but not evaluated."""
 
     parsed: Parsed
     factor: Factor
@@ -39,7 +39,7 @@ class Quantity:
 
     @property
     def number(self) -> Fraction | None:
-        """The number as written; None for any other expression."""
+        """The exact number; None for any other expression."""
         sign, tree = 1, self.parsed.tree
         if isinstance(tree, SumExpr) and len(tree.terms) == 1:
             sign, tree = tree.terms[0]
@@ -51,18 +51,18 @@ class Quantity:
 def read_quantity(
     draft: Draft, node: YamlNode, what: str, names: Symbols, unit: str | None = None
 ) -> Quantity | None:
-    """Read a number with a unit, or an expression that stands for a number of a given unit.
+    """Parse a number with a unit, or an expression with a separate unit.
 
     Parameters
     ----------
     draft : Draft
     node : Node
     what : str
-        What has the value, for messages.
-    names : Names
-        Those that the expression may use.
+        Name of the quantity, for messages.
+    names : Symbols
+        Names that the expression may use.
     unit : str, optional
-        The unit given elsewhere; known to be one.
+        Valid unit given in a separate field.
     """
     report = draft.report
     if not isinstance(node, Scalar):
@@ -85,24 +85,24 @@ def read_quantity(
     if match := _WITH_UNIT.fullmatch(text):
         own = match[2].strip()
         if re.fullmatch("0", match[1]) and re.match("[xXoObB][0-9a-fA-F]", own):
-            place = node.span(match.start(1), match.end(2))
-            message = f"`{shorten(text.strip())}` is not a number of the grammar"
-            report.add("syntax", message, place, "write a decimal number")
+            location = node.span(match.start(1), match.end(2))
+            message = f"`{shorten(text.strip())}` is not a number"
+            report.add("syntax", message, location, "write a decimal number")
             return None
         if names.declared(own.split("*")[0].strip()) and not _is_unit(own):
-            place = node.span(match.start(1), match.end(2))
+            location = node.span(match.start(1), match.end(2))
             help_ = f"write a product as `{match[1]}*{own}`"
-            report.add("syntax", f"`{text.strip()}` is no number with a unit", place, help_)
+            report.add("syntax", f"`{text.strip()}` is not a number with a unit", location, help_)
             return None
         try:
             factor = to_si(own)
         except UnknownUnit as error:
             start = match.start(2)
-            place = node.span(start, start + len(own))
+            location = node.span(start, start + len(own))
             help_ = UNIT_HELP
             if re.search("[-+]", own):
-                help_ = "an expression with a unit is `{value: 2 + 1/2, unit: m}`"
-            report.add("unknown-unit", f"{what}: {error}", place, help_)
+                help_ = "write an expression with a unit as `{value: 2 + 1/2, unit: m}`"
+            report.add("unknown-unit", f"{what}: {error}", location, help_)
             return None
         if unit is not None:
             report.add(
@@ -112,7 +112,7 @@ def read_quantity(
                 "keep one of them",
             )
             return None
-        # blanks in place of what precedes the number keep its offsets
+        # leading blanks preserve the offsets of the number
         text, unit = " " * match.start(1) + match[1], own
     else:
         factor = to_si(unit) if unit else 1
@@ -121,13 +121,13 @@ def read_quantity(
             return Quantity(Parsed(node, parse(text)), factor, unit)
         except ExpressionError as error:
             if error.message.startswith("an operator is missing") and error.help:
-                error.help += ";\nan expression with a unit is `{value: 2*pi, unit: rad/s}`"
+                error.help += ";\nwrite an expression with a unit as `{value: 2*pi, unit: rad/s}`"
             raise
     return None
 
 
 def unit_of(node: YamlNode | None) -> str | None:
-    """Return the unit that stands behind a number, or None."""
+    """Return the unit after a number, or None."""
     match = _WITH_UNIT.fullmatch(node.value) if isinstance(node, Scalar) else None
     return match[2].strip() if match and _is_unit(match[2].strip()) else None
 
@@ -143,7 +143,7 @@ def _is_unit(text: str) -> bool:
 def formula_of(
     draft: Draft, quantity: Quantity, context: Context, names: Symbols, index: str | None = None
 ) -> Formula | None:
-    """Return the formula of a quantity; None for a plain number, which needs none."""
+    """Return the formula of a quantity; None for a plain number."""
     if quantity.number is not None:
         return None
     return Formula(draft, quantity.parsed, context, names, index)
@@ -156,16 +156,16 @@ def evaluate(
     what: str,
     indices: Indices = NO_INDICES,
 ) -> float | None:
-    """Return the SI value of a quantity; report why it has none.
+    """Return the SI value of a quantity; report errors.
 
     Parameters
     ----------
     draft : Draft
     quantity : Quantity
     formula : Formula or None
-        Of the quantity's expression.
+        Formula of the quantity's expression.
     what : str
-        What has the value, for messages.
+        Name of the quantity, for messages.
     indices : mapping of str to int
     """
     if formula is None:
@@ -189,7 +189,7 @@ def evaluate(
             formula.good = False
         draft.report.add(
             "not-a-number",
-            f"{what} has no real, finite value",
+            f"{what} is not a real, finite number",
             quantity.parsed.node.location,
             "the largest number is 1.8e308",
         )
@@ -197,6 +197,6 @@ def evaluate(
 
 
 def constant(value: float) -> Basic:
-    """Return a number as an expression: a whole one is exact, so that x^n can be a power."""
+    """Return a number as an expression; integers are exact, so that x^n can be an integer power."""
     exact = value.is_integer() and abs(value) < 2**53
     return se.Integer(int(value)) if exact else se.RealDouble(value)

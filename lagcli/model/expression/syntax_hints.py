@@ -1,4 +1,4 @@
-"""What follows an expression that is complete without it: what may have been meant."""
+"""Error messages for unexpected tokens after a complete expression."""
 
 from __future__ import annotations
 
@@ -7,49 +7,46 @@ import re
 from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.tokens import ExpressionError, Token
 
-#: Words of other languages between the parts of a choice.
+#: Keywords of conditionals in other languages.
 _CHOICE = frozenset({"if", "when", "then", "else", "otherwise"})
 _PARTS = (
     re.compile(r"(?P<a>.+?) (?:if|when) (?P<condition>.+?) (?:else|otherwise) (?P<b>.+)"),
     re.compile(r"if (?P<condition>.+?) then (?P<a>.+?) else (?P<b>.+)"),
 )
-_LONGEST = 60  # characters of a choice that is written anew
+_LONGEST = 60  # maximum number of characters of a conditional that is rewritten
 
 
-def leftover(before: Token, token: Token, after: Token, text: str) -> ExpressionError:
-    """Return the error of a token that the grammar has no room for, between its neighbours.
-
-    ``text`` is the whole expression.
-    """
+def unexpected_token(before: Token, token: Token, after: Token, text: str) -> ExpressionError:
+    """Return the error for an unexpected token, given its neighbors and the whole expression."""
     if word := next((x for x in (token, before) if x.text in _CHOICE), None):
-        return _fail(f"`{word.text}` cannot stand here", word, choice(text))
+        return _fail(f"`{word.text}` is not allowed here", word, choice(text))
     if token.text == "=":
         return _fail(
-            "an equation cannot stand here",
+            "an equation is not allowed here",
             token,
-            "give the expression alone; conditions inside if() compare with `==`",
+            "give only the expression; use `==` in conditions of if()",
         )
     if token.kind in ("name", "number") or token.text in ("(", "["):
         return _no_operator(before, token)
     if token.text == ",":
         return _stray_comma(before, token, after)
     if token.text in (")", "]"):
-        return _fail(f"this `{token.text}` closes nothing", token, "remove it")
+        return _fail(f"this `{token.text}` has no opening bracket", token, "remove it")
     if token.text == "'":
         return _fail(
-            "a prime can only follow a name directly",
+            "a prime must directly follow a name",
             token,
-            "name the expression under `definitions`, then prime the name",
+            "define the expression under `definitions` and add the prime to its name",
         )
     if token.text == "..":
         return _fail(
-            "a range cannot stand here", token, "a sum over an index is `sum(x[i], i = 1..N)`"
+            "a range is not allowed here", token, "an indexed sum is written `sum(x[i], i = 1..N)`"
         )
     return _fail(f"unexpected `{token.text}`", token)
 
 
 def choice(text: str) -> str:
-    """Return how a choice is written that the text writes as in another language."""
+    """Return how to write a conditional that uses the syntax of another language."""
     text = " ".join(text[: 2 * _LONGEST].split())
     for parts in _PARTS:
         found = parts.fullmatch(text)
@@ -59,7 +56,7 @@ def choice(text: str) -> str:
 
 
 def _is_simple(parts: list[str]) -> bool:
-    """Whether no part is cut inside brackets or holds a choice itself."""
+    """Whether the parts have balanced brackets and contain no conditional."""
     return all(
         part.count("(") == part.count(")")
         and part.count("[") == part.count("]")
@@ -76,7 +73,7 @@ def _no_operator(before: Token, token: Token) -> ExpressionError:
     left, right = before.text, token.text
     if right == "[":
         help_ = f"write the member of a family as `{left}[1]`" if before.kind == "name" else None
-        return _fail("an index follows a name directly", token, help_)
+        return _fail("an index must directly follow a name", token, help_)
     if before.kind == "number" and token.kind == "number":
         message, help_ = "two numbers without an operator between them", None
     else:
@@ -97,4 +94,4 @@ def _stray_comma(before: Token, token: Token, after: Token) -> ExpressionError:
             after.end,
             f"write the decimal point as a dot: `{number}`",
         )
-    return _fail("a comma cannot stand here", token, "it separates arguments of functions")
+    return _fail("unexpected comma", token, "commas separate arguments of functions")

@@ -1,4 +1,4 @@
-"""Vectors, matrices and rotations of the model language, with SymEngine entries."""
+"""Vectors, matrices and rotations with SymEngine entries."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ Derivative = Callable[[Basic], Basic]
 
 
 class ShapeError(ValueError):
-    """An operation on shapes that do not fit."""
+    """Incompatible shapes."""
 
 
 @dataclass(frozen=True)
 class Tensor:
-    """A matrix; a vector is a matrix of one column.
+    """A matrix; a vector is a matrix with one column.
 
     Parameters
     ----------
     rows : tuple of tuples of expressions
-    factors : tuple of Turn
-        Of a rotation, or a product of 3×3 matrices: what was multiplied. `omega` uses the factors,
-        so that the angular velocity needs no product of matrices.
+    factors : tuple of RotationFactor
+        Factors of a rotation or of a product of 3×3 matrices. `omega` uses them to obtain the
+        angular velocity without matrix products.
     """
 
     rows: Rows
-    factors: tuple[Turn, ...] = field(default=(), compare=False)
+    factors: tuple[RotationFactor, ...] = field(default=(), compare=False)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -42,7 +42,7 @@ class Tensor:
 
     @property
     def is_vector(self) -> bool:
-        """Whether there is one column."""
+        """Whether the matrix has one column."""
         return self.shape[1] == 1
 
     @property
@@ -52,7 +52,7 @@ class Tensor:
 
     @property
     def kind(self) -> str:
-        """Say what it is, for messages."""
+        """Description for messages."""
         m, n = self.shape
         return f"a vector of {m}" if n == 1 else f"a {m}×{n} matrix"
 
@@ -61,36 +61,36 @@ class Tensor:
         return Tensor(tuple(tuple(function(x) for x in row) for row in self.rows))
 
 
-class Turn(NamedTuple):
-    """A factor of a product of rotations.
+class RotationFactor(NamedTuple):
+    """Factor of a product of rotations.
 
     Parameters
     ----------
     rows : 3 rows of 3 expressions
     parameters : tuple of expressions
-        (angle,) of a rotation about a constant axis, (e0, e1, e2, e3) of a quaternion, () of a
-        matrix that is given by its entries.
+        (angle,) for a rotation about a constant axis, (e0, e1, e2, e3) for a quaternion, () for a
+        matrix given by its entries.
     axis : tuple of 3 expressions, or None
-        Of unit length.
+        Unit vector of the axis.
     """
 
     rows: Rows
     parameters: tuple[Basic, ...] = ()
     axis: tuple[Basic, ...] | None = None
 
-    def reversed(self) -> Turn:
+    def inverse(self) -> RotationFactor:
         """Return the inverse rotation."""
         rows = tuple(zip(*self.rows, strict=True))
         if self.axis is not None:
-            return Turn(rows, (-self.parameters[0],), self.axis)
-        return Turn(rows, (*self.parameters[:1], *[-e for e in self.parameters[1:]]))
+            return RotationFactor(rows, (-self.parameters[0],), self.axis)
+        return RotationFactor(rows, (*self.parameters[:1], *[-e for e in self.parameters[1:]]))
 
     @property
-    def certain(self) -> bool:
+    def is_rotation(self) -> bool:
         """Whether this is a rotation, RᵀR = 1 and det R = 1.
 
-        A quaternion counts as one: its constraint is the model's to state. A matrix is tried at
-        some points.
+        A quaternion is assumed to be one: its normalization is a constraint of the model. A matrix
+        is tested numerically at some points.
         """
         if self.parameters:
             return True
@@ -100,7 +100,7 @@ class Turn(NamedTuple):
         return all(is_zero(dot(a, b) - value) for a, b, value in pairs)
 
     def rate(self, derivative: Derivative) -> tuple[Basic, ...]:
-        """Return the body-frame angular velocity of this rotation alone."""
+        """Return the body-frame angular velocity of this rotation."""
         if not self.parameters:
             return _from_matrix(self.rows, derivative)
         if self.axis is not None:
@@ -116,7 +116,7 @@ class Turn(NamedTuple):
 
 
 def vector(*entries: Basic) -> Tensor:
-    """Return a column."""
+    """Return a column vector."""
     return Tensor(tuple((x,) for x in entries))
 
 
@@ -147,25 +147,25 @@ def multiply(a: Tensor, b: Tensor) -> Tensor:
     return Tensor(rows, factors)
 
 
-def _factors(a: Tensor) -> tuple[Turn, ...]:
-    return a.factors or (Turn(a.rows),)
+def _factors(a: Tensor) -> tuple[RotationFactor, ...]:
+    return a.factors or (RotationFactor(a.rows),)
 
 
 def transpose(a: Tensor) -> Tensor:
     """Return aᵀ."""
     rows = tuple(tuple(column) for column in zip(*a.rows, strict=True))
-    return Tensor(rows, tuple(f.reversed() for f in reversed(a.factors)))
+    return Tensor(rows, tuple(f.inverse() for f in reversed(a.factors)))
 
 
 def dot(a: Tensor, b: Tensor) -> Basic:
     """Return the scalar product of two vectors."""
     if not (a.is_vector and b.is_vector and a.shape == b.shape):
-        raise ShapeError(f"dot needs two vectors of one length, not {a.kind} and {b.kind}")
+        raise ShapeError(f"dot needs two vectors of equal length, not {a.kind} and {b.kind}")
     return se.Add(*[x * y for x, y in zip(a.entries, b.entries, strict=True)])
 
 
 def cross(a: Tensor, b: Tensor) -> Tensor:
-    """Return the vector product of two vectors of three."""
+    """Return the cross product of two 3-vectors."""
     if a.shape != (3, 1) or b.shape != (3, 1):
         raise ShapeError(f"cross needs two vectors of 3, not {a.kind} and {b.kind}")
     (a1, a2, a3), (b1, b2, b3) = a.entries, b.entries
@@ -180,7 +180,7 @@ def norm(a: Tensor) -> Basic:
 def rotation(axis: Tensor, angle: Basic) -> Tensor:
     """Return the rotation about a constant axis (normalized here) by an angle (Rodrigues)."""
     if axis.shape != (3, 1):
-        raise ShapeError(f"the axis of a rotation is a vector of 3, not {axis.kind}")
+        raise ShapeError(f"the axis of a rotation must be a vector of 3, not {axis.kind}")
     square = dot(axis, axis)
     length = se.sqrt(constant_value(square) or square)  # [sin(a), 0, cos(a)] has the length 1
     x, y, z = n = tuple(e / length for e in axis.entries)
@@ -191,9 +191,9 @@ def rotation(axis: Tensor, angle: Basic) -> Tensor:
         (y * x * u + z * s, c + y * y * u, y * z * u - x * s),
         (z * x * u - y * s, z * y * u + x * s, c + z * z * u),
     )
-    # x*x*(1 - c) + c is 1 for a coordinate axis, and should read so
+    # for a coordinate axis, x*x*(1 - c) + c simplifies to 1
     shown = tuple(tuple(se.expand(e) for e in r) for r in rows)
-    return Tensor(shown, (Turn(shown, (angle,), n),))
+    return Tensor(shown, (RotationFactor(shown, (angle,), n),))
 
 
 def quaternion(e0: Basic, e1: Basic, e2: Basic, e3: Basic) -> Tensor:
@@ -203,18 +203,18 @@ def quaternion(e0: Basic, e1: Basic, e2: Basic, e3: Basic) -> Tensor:
         (2 * (e1 * e2 + e0 * e3), e0**2 - e1**2 + e2**2 - e3**2, 2 * (e2 * e3 - e0 * e1)),
         (2 * (e1 * e3 - e0 * e2), 2 * (e2 * e3 + e0 * e1), e0**2 - e1**2 - e2**2 + e3**2),
     )
-    return Tensor(rows, (Turn(rows, (e0, e1, e2, e3)),))
+    return Tensor(rows, (RotationFactor(rows, (e0, e1, e2, e3)),))
 
 
 def angular_velocity(r: Tensor, derivative: Derivative) -> Tensor:
     """Return the body-frame angular velocity ω of a rotation R: RᵀṘ = ω×.
 
-    For R = R₁R₂…: ω = R₂ᵀω₁ + ω₂, from left to right.
+    For R = R₁R₂…: ω = R₂ᵀω₁ + ω₂, evaluated from left to right.
     """
     if r.shape != (3, 3):
         raise ShapeError(f"omega needs a rotation (a 3×3 matrix), not {r.kind}")
-    if len(r.factors) < 2 or not all(turn.certain for turn in r.factors):
-        single = r.factors[0] if len(r.factors) == 1 else Turn(r.rows)
+    if len(r.factors) < 2 or not all(turn.is_rotation for turn in r.factors):
+        single = r.factors[0] if len(r.factors) == 1 else RotationFactor(r.rows)
         return vector(*single.rate(derivative))
     first, *others = r.factors
     omega = vector(*first.rate(derivative))
@@ -225,7 +225,7 @@ def angular_velocity(r: Tensor, derivative: Derivative) -> Tensor:
 
 
 def _from_matrix(rows: Rows, derivative: Derivative) -> tuple[Basic, ...]:
-    """Return ω of a rotation from its matrix."""
+    """Return ω of a rotation given by its matrix."""
     r = Tensor(rows)
     spin = multiply(transpose(r), r.map(derivative)).rows
     half = se.Rational(1, 2)

@@ -1,4 +1,4 @@
-"""Text of an expression → tokens."""
+"""Tokenizer of the expression language."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class ExpressionError(Exception):
-    """A text that is not an expression, or names what is not there.
+    """Syntax or name error in an expression.
 
     Parameters
     ----------
@@ -16,7 +16,7 @@ class ExpressionError(Exception):
     start, end : int
         Offsets in the expression's text.
     subject : str, optional
-        What it is about, if the same complaint in another place should not be repeated.
+        Subject of the error; errors with the same kind and subject are reported once.
     """
 
     def __init__(
@@ -44,11 +44,11 @@ class Token(NamedTuple):
 
 def is_name(text: str) -> bool:
     """Whether a text is a name: a letter followed by letters, digits and ``_``."""
-    return bool(text) and text[0].isalpha() and _first_foreign(text) is None
+    return bool(text) and text[0].isalpha() and _first_invalid(text) is None
 
 
-def _first_foreign(text: str) -> int | None:
-    """Return the offset of the first character that no name contains (², ½, ٣ are no digits)."""
+def _first_invalid(text: str) -> int | None:
+    """Return the offset of the first character not allowed in names, such as ², ½ and ٣."""
     for i, char in enumerate(text):
         if not (char == "_" or char.isalpha() or char in "0123456789"):
             return i
@@ -57,7 +57,7 @@ def _first_foreign(text: str) -> int | None:
 
 _NUMBER = r"(?:[0-9]++(?:\.(?!\.)[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
 _WORD = r"[^\W\d_]\w*(?:\.[^\W\d_]\w*)*"
-#: after a member of a family, Qc.rod[2].x[3] and x[3]_dot go on
+#: suffixes of members: Qc.rod[2].x[3] and x[3]_dot
 _AFTER_MEMBER = r"(?<=\])\.(?=[^\W\d_])|(?<=\])_d?dot(?!\w)"
 _MARK = rf"\*\*|<=|>=|==|!=|\.\.|[-+*/^()\[\],<>=']|{_AFTER_MEMBER}"
 _TOKEN = re.compile(rf"\s*+(?:(?P<number>{_NUMBER})|(?P<name>{_WORD})|(?P<mark>{_MARK}))")
@@ -98,13 +98,13 @@ _HINTS = {
     "~": "`~` means nothing in YAML; give an expression",
     "?": "write a choice as `if(condition, a, b)`",
     ":": "a time such as 12:30 is not a number: give seconds",
-    ".": "a number has digits on at least one side of its point",
-    "_": "a name begins with a letter",
-    "$": "names are written bare: `m`, not `$m`",
-    "\\": "names are written bare: `alpha`, not `\\alpha`",
-    "#": "in YAML, a comment needs a blank before the #",
+    ".": "a number needs a digit before or after its point",
+    "_": "a name starts with a letter",
+    "$": "write `m`, not `$m`",
+    "\\": "write `alpha`, not `\\alpha`",
+    "#": "in YAML, a comment needs a space before the #",
     "'": "a prime follows a name",
-    '"': "quotes stand around the whole value, or not at all",
+    '"': "quote the whole value or nothing",
 }
 
 
@@ -114,7 +114,7 @@ def tokenize(text: str, start: int = 0) -> list[Token]:
     Raises
     ------
     ExpressionError
-        At the first character that belongs to no token.
+        At the first invalid character.
     """
     tokens, position = [], start
     while match := _TOKEN.match(text, position):
@@ -122,7 +122,7 @@ def tokenize(text: str, start: int = 0) -> list[Token]:
         assert kind is not None
         token, position = match[kind], match.end()
         if kind == "name" and not token.isascii():
-            foreign = _first_foreign(token.replace(".", "_"))
+            foreign = _first_invalid(token.replace(".", "_"))
             if foreign is not None:
                 raise _unexpected(text, match.start(kind) + foreign)
         tokens.append(Token(kind, token, position - len(token), position))
@@ -135,7 +135,7 @@ def tokenize(text: str, start: int = 0) -> list[Token]:
 
 
 def words(text: str) -> list[str]:
-    """Return the words of a text that may have been meant as names."""
+    """Return the words of a text that may be meant as names."""
     return re.findall(r"[^\W\d]\w*", text)
 
 
@@ -144,7 +144,7 @@ _SPECIAL = re.compile(r"[+-]?\.(?:inf|nan)\b", re.IGNORECASE)
 
 
 def _unexpected(text: str, at: int) -> ExpressionError:
-    """Say that a character belongs to nothing, or what it was meant for."""
+    """Return the error for an invalid character, with its likely meaning."""
     for grouped in _GROUPED.finditer(text):
         if grouped.start() <= at < grouped.end():
             plain = grouped[0].replace("_", "")
@@ -157,9 +157,9 @@ def _unexpected(text: str, at: int) -> ExpressionError:
     if special := _SPECIAL.match(text, at):
         return ExpressionError(
             "syntax",
-            f"`{special[0]}` is not a number of a model",
+            f"`{special[0]}` is not allowed in a model",
             *special.span(),
-            "numbers are finite",
+            "numbers must be finite",
         )
     char = text[at]
     shown = f"`{char}`" if char.isprintable() else f"the invisible character U+{ord(char):04X}"

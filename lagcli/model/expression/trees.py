@@ -1,4 +1,4 @@
-"""What the grammar makes of an expression: a tree whose pieces know their place in the text."""
+"""Syntax trees of expressions, with source offsets."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from fractions import Fraction
 
 @dataclass(eq=False, slots=True)
 class Tree:
-    """A piece of an expression, from ``start`` to ``end`` of its text."""
+    """Node of a syntax tree, from offset ``start`` to ``end`` of the text."""
 
     start: int
     end: int
 
     @property
     def parts(self) -> tuple[Tree, ...]:
-        """The trees directly below this one."""
+        """The child nodes."""
         return ()
 
 
 @dataclass(eq=False, slots=True)
 class NumberExpr(Tree):
-    """A number, exactly as written."""
+    """A number, with its exact value."""
 
     value: Fraction
 
@@ -31,7 +31,7 @@ class NumberExpr(Tree):
 class Name(Tree):
     """A name with its primes; ``text`` may be dotted (``lambda.guide``).
 
-    The member of a family has ``[]`` in its text for each of its indices: ``x[i - 1]`` is ``x[]``.
+    In ``text``, each index of a family member is replaced by ``[]``: ``x[i - 1]`` is ``x[]``.
     """
 
     text: str
@@ -82,7 +82,7 @@ class IndexedSumExpr(Tree):
 
     @property
     def parts(self) -> tuple[Tree, ...]:
-        """The term; the bounds of the range are no values, but whole numbers."""
+        """The term; the bounds of the range are integers, not values."""
         return (self.term,)
 
 
@@ -120,20 +120,20 @@ class Comparison(Tree):
 
     @property
     def parts(self) -> tuple[Tree, ...]:
-        """What is compared."""
+        """The operands."""
         return self.operands
 
 
 @dataclass(eq=False, slots=True)
 class LogicalExpr(Tree):
-    """``and``, ``or``, ``not`` and what they join."""
+    """A logical operator, ``and``, ``or`` or ``not``, with its operands."""
 
     operator: str
     operands: tuple[Tree, ...]
 
     @property
     def parts(self) -> tuple[Tree, ...]:
-        """What is joined."""
+        """The operands."""
         return self.operands
 
 
@@ -150,7 +150,7 @@ class VectorExpr(Tree):
 
 
 def walk(tree: Tree) -> Iterator[Tree]:
-    """Yield a tree and all trees below it, from left to right."""
+    """Yield all nodes of a tree in pre-order."""
     stack = [tree]
     while stack:
         top = stack.pop()

@@ -1,7 +1,7 @@
-"""Unit notation → factor to SI.
+"""Conversion factors of units to SI.
 
-Products, quotients and powers of SI units with their prefixes, and degrees, are resolved by a
-small table; Pint is imported only for a unit outside it.
+A small table covers products, quotients and powers of SI units with prefixes, and degrees. Pint is
+imported only for other units.
 """
 
 from __future__ import annotations
@@ -42,26 +42,26 @@ _SI_NAMES = {
 _TOKEN = re.compile(
     r"\s*(?:(\*\*|\^)\s*([+-]?[0-9]{1,2})(?![0-9])|([*/()·])|([^\W\d]+|°|1)|([²³]))"
 )
-_LONGEST = 100  # characters of a unit
+_LONGEST = 100  # maximum number of characters of a unit
 
 UNIT_HELP = "units are written as `kg`, `m/s^2`, `N*m`, `deg`"
 
 
 class UnknownUnit(ValueError):
-    """The text is not a unit; says why."""
+    """Text that is not a unit; the message says why."""
 
 
 @cache
 def to_si(unit: str) -> Factor:
     """Return the factor that converts a value in this unit to SI.
 
-    ``a/b*c`` reads from the left, as in Pint: (a/b)·c.
+    ``a/b*c`` is evaluated from left to right, as in Pint: (a/b)·c.
 
     Raises
     ------
     UnknownUnit
-        The notation is not one of units, neither the table nor Pint knows a name in it, or a unit
-        has an offset (degC).
+        Invalid notation, a name that neither the table nor Pint knows, or a unit with an offset
+        (degC).
     """
     factor = _product(unit) if len(unit) <= _LONGEST else None
     if factor is None:
@@ -76,7 +76,7 @@ def to_si(unit: str) -> Factor:
 
 
 def si_notation(unit: str) -> str:
-    """Return the SI unit of values that were given in a unit: ``deg/s`` becomes ``rad/s``."""
+    """Return the SI unit for values given in a unit: ``deg/s`` becomes ``rad/s``."""
 
     def replaced(match: re.Match[str]) -> str:
         name = match[0]
@@ -101,7 +101,7 @@ def _single(name: str) -> Factor:
 
 
 def _product(unit: str) -> Factor | None:
-    """Return the factor, or None where the notation is not one of units."""
+    """Return the factor, or None for invalid notation."""
     position = 0
     # per parenthesis: the product, its last factor, the sign of the next exponent
     stack: list[tuple[Factor, Factor | None, int]] = [(_ONE, None, 1)]
@@ -131,7 +131,7 @@ def _product(unit: str) -> Factor | None:
             else:
                 value = _single(name)
                 if not expect_unit:
-                    sign = 1  # a blank between two units is a product
+                    sign = 1  # a space between two units means a product
             value = value**sign
             stack[-1] = (product * value, value, 1)
             expect_unit = False
@@ -148,10 +148,10 @@ def _by_pint(name: str) -> float:
     try:
         unit = registry.parse_units(name)
         zero, one = (registry.Quantity(x, unit).to_base_units().magnitude for x in (0.0, 1.0))
-    except Exception as error:  # Pint raises many kinds, from tokenizer errors to its own
+    except Exception as error:  # Pint raises many exception types, including tokenizer errors
         raise UnknownUnit(f"`{name}` is not a unit") from error
     if zero != 0.0:
-        raise UnknownUnit(f"`{name}` does not begin at zero: use an absolute unit, such as K")
+        raise UnknownUnit(f"`{name}` has an offset: use an absolute unit, such as K")
     return float(one)
 
 
@@ -159,5 +159,5 @@ def _by_pint(name: str) -> float:
 def _registry() -> Any:
     import pint
 
-    # without a cache folder: Pint's own is read slower than its text
+    # without a cache folder: reading Pint's cache is slower than parsing its definitions
     return pint.UnitRegistry(cache_folder=None)

@@ -1,1 +1,1 @@
-"""Names: what is declared, what an expression may use, families and indices."""
+"""Names: scopes, families and indices, dependencies, suggestions for unknown names."""

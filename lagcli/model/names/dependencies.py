@@ -1,4 +1,4 @@
-"""Names that need each other: in which order, and which go in circles."""
+"""Dependencies between names: evaluation order and cycles."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 
 
 class Unbuilt(Exception):
-    """Something needs the value of a name that has none yet."""
+    """The value of a name is needed before it has been built."""
 
     def __init__(self, name: str):
         super().__init__(name)
@@ -14,28 +14,28 @@ class Unbuilt(Exception):
 
 
 def build_on_demand(
-    names: Iterable[str], build: Callable[[str], None], circle: Callable[[list[str]], None]
+    names: Iterable[str], build: Callable[[str], None], cycle: Callable[[list[str]], None]
 ) -> None:
-    """Build names, each after those that turn out to be needed for it.
+    """Build names in the order of their dependencies, which are discovered while building.
 
     Parameters
     ----------
     names : iterable of str
     build : callable
-        Builds one name, at once if that is done; raises Unbuilt for another one that it needs.
-    circle : callable
-        Is told the names of a circle, of which each needs the next one, and the last one the first;
-        after it, none of them is unbuilt.
+        Builds one name; raises Unbuilt if another name must be built first.
+    cycle : callable
+        Called with the names of a cycle, each depending on the next, the last on the first.
+        Afterwards none of them may raise Unbuilt.
     """
     for start in names:
-        stack = [start]  # no recursion: a chain of bodies is thousands of definitions long
+        stack = [start]  # iterative: a chain of bodies has thousands of definitions
         waiting = {start}
         while stack:
             try:
                 build(stack[-1])
             except Unbuilt as need:
                 if need.name in waiting:
-                    circle(stack[stack.index(need.name) :])
+                    cycle(stack[stack.index(need.name) :])
                 else:
                     stack.append(need.name)
                     waiting.add(need.name)
@@ -43,38 +43,38 @@ def build_on_demand(
                 waiting.discard(stack.pop())
 
 
-def in_order(needs: Mapping[str, Collection[str]]) -> tuple[list[str], list[list[str]]]:
-    """Sort names so that each comes after those that it needs.
+def topological_order(needs: Mapping[str, Collection[str]]) -> tuple[list[str], list[list[str]]]:
+    """Sort names topologically: each after the names that it depends on.
 
     Parameters
     ----------
     needs : mapping of str to collections of str
-        What each name needs; what is no key of the mapping is left alone.
+        Dependencies of each name; names that are not keys are ignored.
 
     Returns
     -------
     order : list of str
-        All names; those of a circle in any order.
-    circles : list of lists of str
-        Each name of a circle needs the next one, and the last one the first.
+        All names; members of a cycle in any order.
+    cycles : list of lists of str
+        Each name of a cycle depends on the next, the last on the first.
     """
     order: dict[str, None] = {}
-    circles: list[list[str]] = []
+    cycles: list[list[str]] = []
     for start in needs:
         if start in order:
             continue
-        # no recursion: a chain of bodies is thousands of definitions long
+        # iterative: a chain of bodies has thousands of definitions
         path: dict[str, Iterator[str]] = {start: iter(needs[start])}
         while path:
             name = next(reversed(path))
             for other in path[name]:
                 if other in path:
                     names = list(path)
-                    circles.append(names[names.index(other) :])
+                    cycles.append(names[names.index(other) :])
                 elif other in needs and other not in order:
                     path[other] = iter(needs[other])
                     break
             else:
                 del path[name]
                 order[name] = None
-    return list(order), circles
+    return list(order), cycles

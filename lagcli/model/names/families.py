@@ -1,4 +1,4 @@
-"""Families: what the key of an entry declares, x, x[0], x[1..N] or x[i = 1..N], and its members."""
+"""Declarations of names and families: x, x[0], x[1..N] or x[i = 1..N]."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ MAX_ALL = 100_000  # members of all families of a model
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Declaration:
-    """An entry and what its key declares.
+    """Declaration by the key of an entry.
 
     Parameters
     ----------
     name : str
-        The name alone.
+        The name without index and primes.
     key : Scalar
     node : Node
-        The value of the entry; the key itself where there is none.
+        The value of the entry; the key itself if it has none.
     index : str or None
         The name of the index.
     span : Range, Tree or None
-        The indices of the members; the index of one member; None for a name without an index.
+        Index range of the members, index of one member, or None for a name without an index.
     primes : int
     """
 
@@ -48,7 +48,7 @@ class Declaration:
 
     @property
     def family(self) -> str:
-        """The name by which other entries know it: ``x``, or ``x[]`` for members."""
+        """The name used for lookups: ``x``, or ``x[]`` for members."""
         return self.name if self.span is None else f"{self.name}[]"
 
     @property
@@ -58,7 +58,7 @@ class Declaration:
 
     @property
     def title(self) -> str:
-        """What messages call it: x, x[0], x[i], x[1..N]; primes included."""
+        """The name for messages: x, x[0], x[i], x[1..N]; primes included."""
         primes = "'" * self.primes
         if self.span is None:
             return self.name + primes
@@ -69,7 +69,7 @@ class Declaration:
 
 
 class Member(NamedTuple):
-    """One thing that an entry declares, and the value of the entry's index for it."""
+    """One declared name, and the values of the entry's index."""
 
     name: str
     declaration: Declaration
@@ -79,7 +79,7 @@ class Member(NamedTuple):
 def declarations(
     draft: Draft, entries: Iterable[Entry], what: str, primed: bool = False
 ) -> list[Declaration]:
-    """Return what entries declare; keys that declare nothing are reported."""
+    """Return the declarations of entries; report invalid keys."""
     found = (read_key(draft, key, node, what, primed) for _, key, node in entries)
     return [d for d in found if d is not None]
 
@@ -87,16 +87,16 @@ def declarations(
 def read_key(
     draft: Draft, key: Scalar, node: YamlNode, what: str, primed: bool = False
 ) -> Declaration | None:
-    """Return what a key declares; report a key that declares nothing.
+    """Parse the declaration in a key; report an invalid key.
 
     Parameters
     ----------
     draft : Draft
     key, node : Scalar, Node
     what : str
-        What it is to be the name of.
+        Kind of the declared name, for messages.
     primed : bool
-        Whether it may be a velocity.
+        Whether the name may be a velocity.
     """
     text = key.value
     name, bracket, _ = text.partition("[")
@@ -124,7 +124,7 @@ def read_key(
 
 
 def valid_name(draft: Draft, name: str, key: YamlNode, what: str) -> bool:
-    """Report a name that nothing can have; its words may have been meant as names."""
+    """Whether a name is valid; report an invalid name."""
     report = draft.report
     if not is_name(name):
         help_ = "a name is a letter followed by letters, digits and _"
@@ -151,19 +151,19 @@ def valid_name(draft: Draft, name: str, key: YamlNode, what: str) -> bool:
 
 
 def a(what: str) -> str:
-    """Put the article before a noun."""
+    """Return a noun with its indefinite article."""
     return f"an {what}" if what[0] in "aeiou" else f"a {what}"
 
 
 def members_of(draft: Draft, declaration: Declaration, names: Symbols) -> list[Member]:
-    """Return what an entry declares; report a range that is none.
+    """Return the members that an entry declares; report an invalid range.
 
     Parameters
     ----------
     draft : Draft
     declaration : Declaration
-    names : Names
-        Those that a range may use: the parameters by their values.
+    names : Symbols
+        Names that a range may use: parameters with their values.
 
     Raises
     ------
@@ -207,14 +207,14 @@ def members_of(draft: Draft, declaration: Declaration, names: Symbols) -> list[M
 
 
 def by_name(draft: Draft, found: Iterable[Member], singles_win: bool = False) -> dict[str, Member]:
-    """Return members by their names; report those that two entries declare.
+    """Return members by name; report names declared by two entries.
 
     Parameters
     ----------
     draft : Draft
     found : iterable of Member
     singles_win : bool
-        Whether an entry for a single member replaces the member of a range.
+        Whether the entry of a single member overrides that of a range.
     """
     result: dict[str, Member] = {}
     clashes: set[tuple[int, int]] = set()
@@ -235,7 +235,7 @@ def by_name(draft: Draft, found: Iterable[Member], singles_win: bool = False) ->
             f"`{name}` is declared twice: by `{shorten(others.key.value)}` and by"
             f" `{shorten(mine.key.value)}`",
             mine.key.location,
-            "let the ranges not overlap",
+            "use ranges that do not overlap",
             (("the first one is here", others.key.location),),
         )
     return result

@@ -1,4 +1,4 @@
-"""Indices: whole numbers made of whole numbers, indices and parameters."""
+"""Evaluation of indices: integer expressions of numbers, indices and parameters."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 
 class Indices(NamedTuple):
-    """What an index may be made of.
+    """Evaluator of indices and ranges.
 
     Parameters
     ----------
     values : mapping of str to int
-        The indices that have a value, by name.
+        Values of the indices in scope.
     parameter : callable
-        The value of a parameter that is a whole number; raises ExpressionError for anything else.
+        Returns the value of an integer parameter; raises ExpressionError for other names.
     """
 
     values: Mapping[str, int]
@@ -52,7 +52,7 @@ class Indices(NamedTuple):
         Raises
         ------
         ExpressionError
-            It is no whole number, or made of other things than whole numbers.
+            It is not an integer, or uses something that is not allowed in an index.
         """
         value = self._value(tree)
         if not isinstance(value, int):
@@ -60,11 +60,11 @@ class Indices(NamedTuple):
                 raise _error(tree, f"an index is a whole number, not {float(value):g}")
             value = int(value)
         if abs(value) > _LARGEST:
-            raise _error(tree, "this index is too large to be meant")
+            raise _error(tree, "this index is too large")
         return value
 
     def range(self, tree: Range) -> range:
-        """Return the indices of a range, both ends included; it is empty where it ends before 1.
+        """Return the indices of a range, both ends included; ``1..0`` is empty.
 
         Raises
         ------
@@ -99,13 +99,13 @@ class Indices(NamedTuple):
             case PowerExpr():
                 base, exponent = self._value(tree.base), self.at(tree.exponent)
                 if not 0 <= exponent <= 60 or abs(base) > _LARGEST:
-                    raise _error(tree, "this power cannot be an index")
+                    raise _error(tree, "this power is not a valid index")
                 return base**exponent
             case CallExpr() if tree.function in _FUNCTIONS:
                 arguments = [self._value(a) for a in tree.arguments]
                 single = tree.function in ("floor", "ceil", "abs")
                 if not arguments or (single and len(arguments) > 1):
-                    raise _error(tree, f"`{tree.function}` takes another number of arguments")
+                    raise _error(tree, f"wrong number of arguments for `{tree.function}`")
                 function = _FUNCTIONS[tree.function]
                 return function(*arguments) if single else function(arguments)
         raise _not_whole(tree)
@@ -121,12 +121,12 @@ class Indices(NamedTuple):
             else:
                 result = (Fraction(result) if isinstance(result, int) else result) / value
             if abs(result) > _LARGEST**2:
-                raise _error(tree, "this index is too large to be meant")
+                raise _error(tree, "this index is too large")
         return result
 
 
 def names_in(tree: Tree) -> Iterator[Name]:
-    """Yield the names that an index or a range is made of."""
+    """Yield the names used in an index or a range."""
     for root in (tree.first, tree.last) if isinstance(tree, Range) else (tree,):
         for part in walk(root):
             if isinstance(part, Name):
@@ -134,7 +134,7 @@ def names_in(tree: Tree) -> Iterator[Name]:
 
 
 def form_errors(tree: Tree) -> Iterator[ExpressionError]:
-    """Yield what can be seen to be wrong with an index or a range without any values."""
+    """Yield the errors of an index or a range that do not depend on values."""
     for root in (tree.first, tree.last) if isinstance(tree, Range) else (tree,):
         for part in walk(root):
             good = isinstance(part, (NumberExpr, Name, SumExpr, ProductExpr, PowerExpr)) or (
@@ -148,8 +148,8 @@ def form_errors(tree: Tree) -> Iterator[ExpressionError]:
 def _not_whole(tree: Tree) -> ExpressionError:
     return _error(
         tree,
-        "an index cannot be made of this",
-        "indices are made of whole numbers and pi with + - * / ^, floor, ceil, min, max, abs",
+        "this is not allowed in an index",
+        "an index may use whole numbers, pi, + - * / ^, floor, ceil, min, max and abs",
     )
 
 

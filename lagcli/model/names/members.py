@@ -1,4 +1,4 @@
-"""The members of families: how they are named, and how they are told."""
+"""Names of family members, and their formatting in messages."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ def with_indices(family: str, indices: Iterable[int]) -> str:
 
 
 def index_of(member: str) -> int | None:
-    """Return the index of a member's name; None for the name of no member."""
+    """Return the index in a member's name; None for other names."""
     return int(member[member.index("[") + 1 : -1]) if member.endswith("]") else None
 
 
 def family_of(member: str) -> str:
-    """Return the name of a member's family, ``x[]``; any other name as it is."""
+    """Return the name of a member's family, ``x[]``; other names unchanged."""
     return f"{member[: member.index('[')]}[]" if member.endswith("]") else member
 
 
-def told(base: str, members: Sequence[str]) -> str:
-    """Return the members of a family in few words: x[0], x[1..20]."""
+def format_members(base: str, members: Sequence[str]) -> str:
+    """Return the members of a family as ranges: x[0], x[1..20]."""
     found = sorted({k for k in map(index_of, members) if k is not None})
     runs: list[list[int]] = []
     for k in found:
@@ -37,17 +37,21 @@ def told(base: str, members: Sequence[str]) -> str:
     return ", ".join(shown) + (", …" if len(runs) > 4 else "")
 
 
-def there_is(base: str, members: Sequence[str]) -> str:
-    """Return a clause that says which members a family has."""
-    return f"there is only {told(base, members)}" if members else f"the family `{base}` is empty"
+def members_clause(base: str, members: Sequence[str]) -> str:
+    """Return a clause that lists the members of a family."""
+    return (
+        f"there is only {format_members(base, members)}"
+        if members
+        else f"the family `{base}` is empty"
+    )
 
 
 def descending(tree: Range, span: range) -> ExpressionError:
-    """Return the error of a range that ends before it begins."""
+    """Return the error for a range that ends before it starts."""
     return ExpressionError(
         "bad-range",
-        f"the range {span.start}..{span.stop - 1} runs backwards",
+        f"the range {span.start}..{span.stop - 1} is descending",
         tree.start,
         tree.end,
-        "a range runs upwards: first..last",
+        "write ranges in ascending order: first..last",
     )

@@ -1,4 +1,4 @@
-"""What follows from some parameters and initial values: the others, as expressions of them."""
+"""Propagation of changed values: dependent parameters and initial values as expressions."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _CONTEXT = Context("", coordinates=False, definitions=False, time=False)
 
 
 def dependent_values(model: Model, varied: Collection[str]) -> dict[str, Basic]:
-    """Return the parameters and initial values that vary with some of them.
+    """Return the parameters and initial values that depend on varied ones.
 
     Parameters
     ----------
     model : Model
     varied : collection of str
-        Names of parameters, coordinates and velocities (``phi'``), as the model has them; no
-        structural parameter, on which the very list of names depends.
+        Names of parameters, coordinates and velocities (``phi'``) of the model. Structural
+        parameters are not allowed: the list of names itself depends on them.
 
     Returns
     -------
     dict of str to expression
-        In SI, by name, in symbols of the varied ones; these among them. What is not there keeps
-        the model's value.
+        Values in SI by name, in symbols of the varied quantities, which are included. All other
+        quantities keep the model's values.
     """
     resolver = _Resolver(model, varied)
     for name in model.parameters:
@@ -49,7 +49,7 @@ def dependent_values(model: Model, varied: Collection[str]) -> dict[str, Basic]:
 
 
 class _Resolver:
-    """Expressions of parameters, with everything but the varied ones put in."""
+    """Evaluates expressions of parameters, leaving only the varied ones as symbols."""
 
     def __init__(self, model: Model, varied: Collection[str]):
         self.model = model
@@ -60,7 +60,7 @@ class _Resolver:
     def parameter(self, name: str) -> Basic:
         """Return a parameter's value: a number unless it depends on a varied one."""
         waiting = [name]
-        while waiting:  # by hand: a chain of a thousand parameters is no recursion
+        while waiting:  # iterative: chains may have thousands of parameters
             top = waiting[-1]
             if top in self.known:
                 waiting.pop()
@@ -73,9 +73,9 @@ class _Resolver:
                 if missing:
                     waiting += missing
                     continue
-                inserted = self.inserted(written)
-                if inserted.free_symbols:
-                    value = inserted
+                substituted = self.substituted(written)
+                if substituted.free_symbols:
+                    value = substituted
             self.known[top] = value
             waiting.pop()
         return self.known[name]
@@ -85,14 +85,14 @@ class _Resolver:
         found = self.built(written)
         for symbol in found.free_symbols:
             self.parameter(symbol.name)
-        return self.inserted(found)
+        return self.substituted(found)
 
     def built(self, written: Written) -> Basic:
-        """Return an expression in the symbols of the parameters, in SI."""
+        """Build an expression in the symbols of the parameters, in SI."""
         scope = ModelScope(self.model.names, _CONTEXT, tuple(written.indices))
         scope.values.update(written.indices)
         return build(written.tree, scope).value * constant(float(written.factor))
 
-    def inserted(self, expression: Basic) -> Basic:
-        """Return an expression with what is known in place of the symbols."""
+    def substituted(self, expression: Basic) -> Basic:
+        """Substitute known values for symbols."""
         return expression.xreplace({s: self.known[s.name] for s in expression.free_symbols})

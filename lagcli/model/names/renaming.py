@@ -1,8 +1,8 @@
-"""Expressions that are built for one value of an index after the other.
+"""Expression templates: fast construction for successive values of an index.
 
-The terms of a sum and the members of a family mostly differ in the names of members alone: the
-second one is the first one with x[0], x[1] read as x[1], x[2]. Renaming symbols costs a tenth of
-building an expression from its tree.
+Terms of a sum and members of a family usually differ only in the names of members: the second one
+is the first one with x[0], x[1] renamed to x[1], x[2]. Renaming symbols takes a tenth of the time
+of building an expression from its tree.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
 from lagcli.model.names.scoping import Scope, Sized
 
 
-class Repeated:
-    """A tree, built anew only where its value is not the first one with other names.
+class ExpressionTemplate:
+    """Expression tree whose values are obtained by renaming symbols where possible.
 
     Parameters
     ----------
     tree : Tree
     scope : Scope
-        Knows the values of the indices.
+        Provides the current values of the indices.
     build : callable
         Builds the tree with these values.
     """
@@ -32,16 +32,16 @@ class Repeated:
         self.tree, self.scope, self.build = tree, scope, build
         parts = list(walk(tree))
         self.members = [p for p in parts if isinstance(p, Name) and p.indices]
-        # an index that stands for a number makes another expression of each value
-        self.alike = not any(
+        # if an index is used as a number, each value gives a different expression
+        self.renamable = not any(
             isinstance(p, IndexedSumExpr) or (isinstance(p, Name) and scope.has_value(p.text))
             for p in parts
         )
         self.first: tuple[list[Basic], Sized] | None = None
 
     def value(self) -> Sized:
-        """Return the value for the present values of the indices."""
-        symbols = self._symbols() if self.alike else None
+        """Return the value for the current index values."""
+        symbols = self._symbols() if self.renamable else None
         if symbols is None:
             return self.build(self.tree)
         if self.first is not None:
@@ -64,7 +64,7 @@ class Repeated:
 
 
 def _renaming(old: Sequence[Basic], new: Sequence[Basic]) -> dict[Basic, Basic] | None:
-    """Return what replaces what; None where two would become one, or one two."""
+    """Return the mapping from old to new symbols; None if it is not one-to-one."""
     names: dict[Basic, Basic] = {}
     for a, b in zip(old, new, strict=True):
         if names.setdefault(a, b) != b:

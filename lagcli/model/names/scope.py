@@ -1,4 +1,4 @@
-"""The names of a model as seen from one place in it."""
+"""Scope of an expression: checks and resolves its names."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
 from lagcli.model.names.indices import Indices, form_errors, names_in
-from lagcli.model.names.members import descending, family_of, there_is, with_indices
+from lagcli.model.names.members import descending, family_of, members_clause, with_indices
 from lagcli.model.names.scoping import Sized
 from lagcli.model.names.unknown import as_written, unknown, unknown_index, unknown_part
 from lagcli.model.symbols import MOTION, Context, Symbols
 
 
 class ModelScope:
-    """The names of a model as seen from one place in it.
+    """Scope of one expression in a model.
 
     Parameters
     ----------
-    names : Names
+    names : Symbols
     context : Context
     bound : collection of str
-        The indices that have a value here.
+        Indices that have a value in the expression.
     """
 
     def __init__(self, names: Symbols, context: Context, bound: Collection[str] = ()):
@@ -37,7 +37,7 @@ class ModelScope:
         self.values: dict[str, int] = {}
         self.indices = Indices(self.values, self._whole)
         self.missing: dict[int, ExpressionError] = {}
-        # names without indices, with their primes
+        # names without indices, with their order of derivative
         self._good: set[tuple[str, int]] = set()
         self._known: dict[tuple[str, int], Sized] = {}
 
@@ -45,18 +45,18 @@ class ModelScope:
         """Return the total time derivative."""
         return self.names.derivative(expression)
 
-    def note_kink(self) -> None:
-        """Take notice of a function with kinks or jumps."""
+    def mark_nonsmooth(self) -> None:
+        """Record that a function with kinks or jumps is used."""
         self.names.smooth = False
 
     def declared(self, text: str) -> bool:
         """Whether a name is declared."""
         return self.names.declared(text)
 
-    # before there are values
+    # checks, before indices have values
 
     def check(self, name: Name) -> None:
-        """Raise ExpressionError for a name that is unknown or may not stand here.
+        """Raise ExpressionError for a name that is unknown or not allowed here.
 
         Raises
         ------
@@ -74,7 +74,9 @@ class ModelScope:
         names = self.names
         if name.text in self.bound:
             if name.primes:
-                raise self._error("constant", name, f"`{name.text}` is an index: it has no rate")
+                raise self._error(
+                    "constant", name, f"`{name.text}` is an index and has no time derivative"
+                )
             return
         for tree in name.indices:
             self.check_index(tree)
@@ -98,12 +100,12 @@ class ModelScope:
             if text == "t" and not self.context.time:
                 raise self._not_here(name, "time")
             if primes:
-                raise self._error("constant", name, f"`{text}` has no time derivative to speak of")
+                raise self._error("constant", name, f"`{text}` has no time derivative")
         else:
             raise unknown(names, self.context, name)
 
     def check_index(self, tree: Tree) -> None:
-        """Raise ExpressionError for an index or a range that is made of other things than numbers.
+        """Raise ExpressionError for a name that is not allowed in an index or a range.
 
         Raises
         ------
@@ -124,7 +126,7 @@ class ModelScope:
                 continue
             if text in ("t", "pi") or text in self.bound or names.declared(text):
                 what = "rate" if name.primes else names.lines.get(text, ("value that varies", 0))[0]
-                message = "an index is made of whole numbers and parameters; "
+                message = "an index may use whole numbers and parameters; "
                 shown = text + "'" * name.primes
                 raise self._error("bad-index", name, f"{message}`{shown}` is a {what}")
             raise unknown_index(names, self.context, name)
@@ -135,7 +137,7 @@ class ModelScope:
         Raises
         ------
         ExpressionError
-            The index has a name that something else has, or is not used.
+            The name of the index is already in use, or the index is not used.
         Broken
         """
         self.check_index(tree.range)
@@ -151,11 +153,11 @@ class ModelScope:
         return ModelScope(self.names, self.context, self.bound | {tree.index})
 
     def check_index_name(self, index: str, tree: Tree) -> None:
-        """Raise ExpressionError for an index that would hide another name."""
+        """Raise ExpressionError for an index that would shadow another name."""
         names = self.names
         what = None
         if index in self.bound:
-            what = "the index of what surrounds it"
+            what = "an index of the enclosing expression"
         elif index in ("t", "pi"):
             what = {"t": "the time", "pi": "the number π"}[index]
         elif names.declared(index) or f"{index}[]" in names.families:
@@ -163,22 +165,22 @@ class ModelScope:
         if what is not None:
             raise ExpressionError(
                 "index-hides-name",
-                f"the index `{index}` has the name of something else: `{index}` is {what}",
+                f"the name of the index `{index}` is already in use: `{index}` is {what}",
                 tree.start,
                 tree.end,
                 "choose another name for the index",
                 f"index {index}",
             )
 
-    # with values
+    # evaluation, with index values
 
     def each(self, tree: IndexedSumExpr) -> Iterator[int]:
-        """Give the index of a sum one value after the other.
+        """Iterate over the index of a sum.
 
         Raises
         ------
         ExpressionError
-            The range is too long, or runs backwards.
+            The range is too long or descending.
         """
         span = self.indices.range(tree.range)
         fixed = all(name.text not in self.values for name in names_in(tree.range))
@@ -190,11 +192,11 @@ class ModelScope:
         self.values.pop(tree.index, None)
 
     def has_value(self, index: str) -> bool:
-        """Whether a name is an index."""
+        """Whether a name is an index with a value."""
         return index in self.values
 
     def symbol(self, name: Name) -> Basic | None:
-        """Return the symbol of a member; None for a member that stands for anything else."""
+        """Return the symbol of a member; None if the member is not a symbol."""
         names = self.names
         text, primes = self.named(name)
         if text in names.coordinates:
@@ -207,12 +209,12 @@ class ModelScope:
         return value if isinstance(value, se.Symbol) else None
 
     def at(self) -> str:
-        """Say which values the indices have, for messages: `` for i = 1``; empty without any."""
+        """Return the index values for messages: `` for i = 1``; empty without indices."""
         values = ", ".join(f"{name} = {value}" for name, value in self.values.items())
         return f" for {values}" if values else ""
 
     def lookup(self, name: Name) -> Sized:
-        """Return what a name stands for. A member that is not there is kept in ``missing``.
+        """Return the value of a name; collect members that do not exist in ``missing``.
 
         Raises
         ------
@@ -243,7 +245,7 @@ class ModelScope:
         return Sized(symbols.TIME) if text == "t" else Sized(se.pi, constant=True)
 
     def named(self, name: Name) -> tuple[str, int]:
-        """Return a name with its indices as numbers, and the number of its dots."""
+        """Return a name with evaluated indices, and its order of derivative."""
         text, primes = self.names.resolve(name)
         if name.indices:
             text = with_indices(text, [self.indices.at(tree) for tree in name.indices])
@@ -264,13 +266,12 @@ class ModelScope:
             raise Broken
         if name.start not in self.missing and len(self.missing) <= MAX_DIAGNOSTICS:
             base = text.partition("[")[0]
-            others = there_is(base, names.members(base))
+            others = members_clause(base, names.members(base))
             self.missing[name.start] = self._error(
                 "no-member",
                 name,
                 f"{self.context.where} uses `{text}`{self.at()}, but {others}",
-                "end the range where its neighbours end, or give a fixed member under"
-                f" `definitions`: `{text}: 0`",
+                f"shorten the range, or define the missing member under `definitions`: `{text}: 0`",
             )
         return Sized(se.Symbol(text))
 
@@ -287,7 +288,7 @@ class ModelScope:
         if not isinstance(value, se.Integer):
             raise ExpressionError(
                 "not-whole",
-                f"`{text}` counts members here and must be a whole number, but is {value}",
+                f"`{text}` is used in an index and must be a whole number, but is {value}",
                 name.start,
                 name.end,
                 f"give a whole number, as in `{text}: 10` or --set {text}=10",
@@ -295,7 +296,7 @@ class ModelScope:
             )
         return int(value)
 
-    # complaints
+    # errors
 
     def _error(
         self, kind: str, name: Name, message: str, help_: str | None = None
@@ -316,7 +317,9 @@ class ModelScope:
             raise self._not_here(name, "coordinates", "it may depend on parameters only")
         if primes > 2:
             raise self._error(
-                "too-many-primes", name, "derivatives of coordinates end at accelerations, q''"
+                "too-many-primes",
+                name,
+                "the highest derivative of a coordinate is the acceleration, q''",
             )
         if primes == 2 and not self.context.accelerations:
             raise self._not_here(name, "accelerations", _ACCELERATIONS)
@@ -327,7 +330,9 @@ class ModelScope:
         order = sized.order + primes if sized.order >= 0 else sized.order
         if order > 2:
             raise self._error(
-                "too-many-primes", name, "derivatives of coordinates end at accelerations, q''"
+                "too-many-primes",
+                name,
+                "the highest derivative of a coordinate is the acceleration, q''",
             )
         if order == 2 and not self.context.accelerations:
             raise self._not_here(name, "accelerations", _ACCELERATIONS)
@@ -337,12 +342,12 @@ class ModelScope:
                 if isinstance(value, Tensor)
                 else self.names.derivative(value)
             )
-            size *= 3  # a product rule's worth
+            size *= 3  # estimate for the product rule
         return Sized(value, size, sized.depth + 2 * primes, sized.constant, order)
 
     def _dotted(self, name: Name, text: str) -> Basic:
-        """Return the symbol of a multiplier or constraint force; of a family's before its values
-        are known.
+        """Return the symbol of a multiplier or constraint force; for members of families, before
+        index values are known.
         """
         head, *rest = text.split(".")
         if head in ("lambda", "Qc") and not self.context.multipliers:
@@ -350,7 +355,7 @@ class ModelScope:
                 "not-allowed-here",
                 name,
                 f"{self.context.where} cannot depend on multipliers, but uses `{as_written(name)}`",
-                "multipliers may stand in `outputs` and in the vectors of a `view`",
+                "multipliers may be used in `outputs` and in the vectors of a `view`",
             )
         if head == "lambda" and len(rest) == 1 and not name.primes:
             self._known_part(name, text, rest[0], "constraint")
@@ -381,11 +386,11 @@ class ModelScope:
             )
 
 
-_ACCELERATIONS = "accelerations may stand in `outputs` and in the vectors of a `view`"
+_ACCELERATIONS = "accelerations may be used in `outputs` and in the vectors of a `view`"
 
 
 def uses(tree: Tree, index: str) -> bool:
-    """Whether an index occurs in a term, as a number or in the index of a member."""
+    """Whether a term uses an index, as a number or in the index of a member."""
     for part in walk(tree):
         if isinstance(part, Name):
             inner = [name for i in part.indices for name in names_in(i)]

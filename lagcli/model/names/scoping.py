@@ -1,4 +1,4 @@
-"""What an expression may name, and what a name stands for."""
+"""Scope protocol, and values with their cost."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ Value: TypeAlias = "Basic | Tensor"
 
 
 class Sized(NamedTuple):
-    """A value, and what it costs.
+    """A value with its size, nesting depth and order of derivative.
 
     Parameters
     ----------
     value : expression, vector or matrix
     size : int
-        Number of operations when it is written out.
+        Number of operations when fully expanded.
     depth : int
-        How deep functions, powers and products are nested in it.
+        Nesting depth of functions, powers and products.
     constant : bool
-        Whether no symbol went into it.
+        Whether it contains no symbols.
     order : int
-        The highest derivative of a coordinate that went into it; below 0 without coordinates.
+        Highest derivative of a coordinate in it; negative without coordinates.
     """
 
     value: Value
@@ -37,14 +37,14 @@ class Sized(NamedTuple):
 
 
 class Scope(Protocol):
-    """What an expression may name."""
+    """Interface to the names of an expression."""
 
     def check(self, name: Name) -> None:
-        """Raise ExpressionError for a name that may not stand here."""
+        """Raise ExpressionError for a name that is not allowed here."""
         ...
 
     def lookup(self, name: Name) -> Sized:
-        """Return what a name stands for, or raise ExpressionError."""
+        """Return the value of a name, or raise ExpressionError."""
         ...
 
     def declared(self, text: str) -> bool:
@@ -55,22 +55,22 @@ class Scope(Protocol):
         """Return the total time derivative."""
         ...
 
-    def note_kink(self) -> None:
-        """Take notice of a function with kinks or jumps."""
+    def mark_nonsmooth(self) -> None:
+        """Record that a function with kinks or jumps is used."""
         ...
 
     def check_series(self, tree: IndexedSumExpr) -> Scope:
-        """Return the scope of a sum's term, or raise ExpressionError for its index and range."""
+        """Return the scope of a sum's term, or raise ExpressionError for its index or range."""
         ...
 
     def each(self, tree: IndexedSumExpr) -> Iterator[int]:
-        """Give the index of a sum one value after the other."""
+        """Iterate over the index of a sum."""
         ...
 
     def has_value(self, index: str) -> bool:
-        """Whether a name is an index."""
+        """Whether a name is an index with a value."""
         ...
 
     def symbol(self, name: Name) -> Basic | None:
-        """Return the symbol of a member; None for anything else."""
+        """Return the symbol of a member; None for other names."""
         ...

@@ -1,4 +1,4 @@
-"""Names that are declared nowhere: what may have been meant."""
+"""Errors for undeclared names, with suggestions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from lagcli.model.diagnostics import Broken
 from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.tokens import ExpressionError, is_name
 from lagcli.model.expression.trees import Name, NumberExpr
-from lagcli.model.names.members import there_is, told
+from lagcli.model.names.members import format_members, members_clause
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.symbols import Context, Symbols
 
@@ -20,12 +20,12 @@ _CONSTANTS = {
 
 
 def unknown(names: Symbols, context: Context, name: Name) -> ExpressionError:
-    """Return the error of a name that is not declared, with its nearest neighbours.
+    """Return the error for an undeclared name, with similar names.
 
     Raises
     ------
     Broken
-        Something has been meant to declare it.
+        A malformed declaration may have been meant to declare it.
     """
     text = name.text
     base = text.partition("[")[0]
@@ -43,7 +43,7 @@ def unknown(names: Symbols, context: Context, name: Name) -> ExpressionError:
         )
     if text == base and f"{text}[]" in names.families:
         members = names.members(base)
-        which = f": {there_is(base, members)}" if members else ""
+        which = f": {members_clause(base, members)}" if members else ""
         return ExpressionError(
             "a-family",
             f"{context.where} uses `{text}`, which is a family{which}",
@@ -63,12 +63,12 @@ def unknown(names: Symbols, context: Context, name: Name) -> ExpressionError:
 
 
 def unknown_index(names: Symbols, context: Context, name: Name) -> ExpressionError:
-    """Return the error of a name in an index or a range that is not declared.
+    """Return the error for an undeclared name in an index or a range.
 
     Raises
     ------
     Broken
-        Something has been meant to declare it.
+        A malformed declaration may have been meant to declare it.
     """
     if names.incomplete or name.text in names.suspects:
         raise Broken
@@ -80,14 +80,14 @@ def unknown_index(names: Symbols, context: Context, name: Name) -> ExpressionErr
         name.start,
         name.end,
         did_you_mean(close)
-        or f"an index has its range in the name of its entry, as in `name[{index} = 1..N]: …`, or"
+        or f"declare the index in the name of the entry, as in `name[{index} = 1..N]: …`, or"
         f" in a sum, `sum(…, {index} = 1..N)`",
         f"index {name.text}",
     )
 
 
 def as_written(name: Name) -> str:
-    """Return a name as it stands in the text, long indices shortened."""
+    """Return a name as written in the text, with long indices shortened."""
     text = name.text
     for index in name.indices:
         short = str(index.value) if isinstance(index, NumberExpr) else "…"
@@ -117,7 +117,7 @@ def _help(names: Symbols, context: Context, name: Name, base: str) -> str | None
 
 
 def _close(names: Symbols, context: Context, text: str) -> list[str]:
-    """Return the nearest names that could stand in a place, with what they are."""
+    """Return the most similar names that the context allows, with their kinds."""
     known: list[str] = []
     for mapping, kind, allowed in (
         (names.parameters, "parameter", True),
@@ -130,9 +130,9 @@ def _close(names: Symbols, context: Context, text: str) -> list[str]:
     shown = []
     for other in nearest(text, known):
         what, line = names.lines.get(other, ("", 0))
-        place = f", line {line}" if line else ""
+        location = f", line {line}" if line else ""
         label = _shown(other)
-        shown.append(f"`{label}` ({what}{place})" if what else f"`{label}`")
+        shown.append(f"`{label}` ({what}{location})" if what else f"`{label}`")
     return shown
 
 
@@ -148,22 +148,22 @@ def unknown_part(
     known: list[str],
     what: str,
 ) -> ExpressionError:
-    """Return the error of a name with dots whose constraint or coordinate is not declared.
+    """Return the error for a dotted name whose constraint or coordinate is not declared.
 
     Parameters
     ----------
-    names, context, name : Names, Context, Name
+    names, context, name : Symbols, Context, Name
     used : three of str
-        The whole name, the part that is unknown, and for which indices.
+        The whole name, its unknown part, and the index values for messages.
     known : list of str
         The constraints or coordinates.
     what : str
-        Which of them.
+        "constraint" or "coordinate".
 
     Raises
     ------
     Broken
-        Something has been meant to declare it.
+        A malformed declaration may have been meant to declare it.
     """
     text, part, at = used
     text = as_written(name) if "[]" in text else text
@@ -172,7 +172,7 @@ def unknown_part(
         raise Broken
     members = [k for k in known if k.startswith(f"{base}[")]
     close = nearest(_shown(part), known) or known[:3]
-    help_ = f"the members are {told(base, members)}" if members else did_you_mean(close)
+    help_ = f"the members are {format_members(base, members)}" if members else did_you_mean(close)
     return ExpressionError(
         "unknown-name",
         f"{context.where} uses `{text}`{at}, but there is no {what} `{_shown(part)}`",

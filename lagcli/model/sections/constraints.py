@@ -9,7 +9,7 @@ from symengine import Basic
 from lagcli.model import model as symbols
 from lagcli.model.draft import NO_INDICES, Draft, Formula, Indices, Parsed
 from lagcli.model.expression.grammar import parse_equation
-from lagcli.model.expression.linearity import count_terms, is_zero, nonlinear_in, written_out
+from lagcli.model.expression.linearity import count_terms, expand_terms, is_zero, nonlinear_in
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Comparison, Tree
 from lagcli.model.model import Constraint
@@ -132,7 +132,7 @@ class _ConstraintBuilder:
             return None
         expression = sides[0] if self.right is None else sides[0] - sides[1]
         small = count_terms(expression) <= _EXPANDED
-        shown = written_out(expression) if small else expression  # x = x + 1 leaves no x
+        shown = expand_terms(expression) if small else expression  # x = x + 1 leaves no x
         rates, positions = self.motion_in(shown)
         if not rates and not positions:
             self.without_unknowns(sides, shown, indices)
@@ -141,7 +141,7 @@ class _ConstraintBuilder:
             expression = shown  # the velocities cancel
         if is_zero(expression):
             message = f"{self.what} holds for all values of the coordinates"
-            help_ = "it constrains nothing: fix it, or remove it"
+            help_ = "it constrains nothing: fix or remove it"
             self.fault("no-unknowns", message, help_, indices)
             return None
         bad = nonlinear_in(expression, rates)
@@ -185,8 +185,8 @@ class _ConstraintBuilder:
         self.fault(
             "no-unknowns",
             message,
-            "it constrains nothing: fix it, or remove it"
+            "it constrains nothing: fix or remove it"
             if harmless
-            else "nothing can satisfy it: fix it, or remove it",
+            else "it cannot be satisfied: fix or remove it",
             indices,
         )

@@ -10,7 +10,7 @@ from lagcli.model.diagnostics import Broken
 from lagcli.model.draft import Draft, Formula, Parsed
 from lagcli.model.expression.trees import Name, walk
 from lagcli.model.model import Definition
-from lagcli.model.names.dependencies import Unbuilt, build_on_demand, in_order
+from lagcli.model.names.dependencies import Unbuilt, build_on_demand, topological_order
 from lagcli.model.names.families import Declaration, Member, by_name
 from lagcli.model.names.members import family_of
 from lagcli.model.names.scoping import Sized
@@ -66,11 +66,11 @@ def read_definitions(draft: Draft, members: Mapping[str, Member]) -> dict[str, D
         else:
             built[name] = sized
 
-    def circle(names: list[str]) -> None:
+    def cycle(names: list[str]) -> None:
         report_circle(draft, "definition", names, {n: members[n].declaration.key for n in names})
 
     draft.names.definitions = {name: partial(value, name) for name in members}
-    build_on_demand(_order(draft, members, entries), build, circle)
+    build_on_demand(_order(draft, members, entries), build, cycle)
     found = {}
     for name, member in members.items():
         if name in built:
@@ -115,27 +115,27 @@ def _order(
             tree = entries[id(d)].parsed.tree
             used = [draft.names.resolve(p)[0] for p in walk(tree) if isinstance(p, Name)]
             needs.setdefault(d.family, []).extend(n for n in used if n in below)
-    order, _ = in_order(needs)
+    order, _ = topological_order(needs)
     return [name for family in order for name in below[family]]
 
 
-def report_circle(draft: Draft, what: str, circle: list[str], keys: Mapping[str, YamlNode]) -> None:
+def report_circle(draft: Draft, what: str, cycle: list[str], keys: Mapping[str, YamlNode]) -> None:
     """Report names that are defined by each other."""
-    places = [keys[name].location for name in circle]
-    first = min(range(len(circle)), key=lambda i: places[i].line)
-    circle = circle[first:] + circle[:first]
-    shown = [*circle, circle[0]]
+    places = [keys[name].location for name in cycle]
+    first = min(range(len(cycle)), key=lambda i: places[i].line)
+    cycle = cycle[first:] + cycle[:first]
+    shown = [*cycle, cycle[0]]
     if len(shown) > _SHOWN:
         shown = [*shown[: _SHOWN - 1], "…", shown[-1]]
     arrows = " → ".join(f"`{name}`" for name in shown)
     draft.report.add(
         "circular",
-        f"the {what} `{circle[0]}` is defined by itself: {arrows}",
-        keys[circle[0]].location,
-        "give one of them without the others" if len(circle) > 1 else "give it without itself",
-        tuple((f"`{name}` is defined here", keys[name].location) for name in circle[1:4]),
+        f"the {what} `{cycle[0]}` is defined by itself: {arrows}",
+        keys[cycle[0]].location,
+        "give one of them without the others" if len(cycle) > 1 else "give it without itself",
+        tuple((f"`{name}` is defined here", keys[name].location) for name in cycle[1:4]),
     )
-    draft.names.broken.update(map(family_of, circle))
+    draft.names.broken.update(map(family_of, cycle))
 
 
-_SHOWN = 12  # names of a circle
+_SHOWN = 12  # names of a cycle

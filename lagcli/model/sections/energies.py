@@ -13,7 +13,7 @@ from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.model import Definition
 from lagcli.model.names.families import Declaration, Member, by_name, members_of, read_key
-from lagcli.model.names.members import there_is
+from lagcli.model.names.members import members_clause
 from lagcli.model.names.scoping import Value
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.symbols import Context, Symbols
@@ -131,7 +131,7 @@ def _read_force(
             continue
         if d.span is not None and name not in names.definitions:
             if d.family in names.families and d.family not in names.broken:
-                message = f"`Q` names `{name}`, but {there_is(d.name, names.members(d.name))}"
+                message = f"`Q` names `{name}`, but {members_clause(d.name, names.members(d.name))}"
                 help_ = "let the ranges be the same" if d.several else "name another member"
                 draft.report.add("no-member", message, d.key.location, help_)
                 return

@@ -11,7 +11,7 @@ from lagcli.model.draft import Draft, Indices
 from lagcli.model.expression.quantities import Quantity, evaluate, formula_of, read_quantity
 from lagcli.model.model import InitialValue, Written
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
-from lagcli.model.names.members import family_of, there_is
+from lagcli.model.names.members import family_of, members_clause
 from lagcli.model.names.scope import uses
 from lagcli.model.sections.parameters import override_node
 from lagcli.model.spelling import did_you_mean, nearest, shorten
@@ -89,7 +89,8 @@ def _enter(draft: Draft, attempted: dict[str, Member], member: Member) -> bool:
         if d.family not in names.broken:
             draft.report.add(
                 "no-member",
-                f"`initial` names `{canonical}`, but {there_is(d.name, _members(draft, d.name))}",
+                f"`initial` names `{canonical}`, but"
+                f" {members_clause(d.name, _members(draft, d.name))}",
                 d.key.location,
                 "only coordinates have initial values: let the ranges be the same",
             )

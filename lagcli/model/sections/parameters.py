@@ -25,10 +25,10 @@ from lagcli.model.expression.quantities import (
 from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
 from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, to_si
 from lagcli.model.model import Parameter, Written
-from lagcli.model.names.dependencies import Unbuilt, build_on_demand, in_order
+from lagcli.model.names.dependencies import Unbuilt, build_on_demand, topological_order
 from lagcli.model.names.families import Declaration, Member, bounds, by_name, members_of
 from lagcli.model.names.indices import names_in
-from lagcli.model.names.members import family_of, there_is
+from lagcli.model.names.members import family_of, members_clause
 from lagcli.model.sections.definitions import report_circle
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.symbols import Context, Symbols
@@ -132,7 +132,7 @@ class _ParameterReader:
             try:
                 return members_of(self.draft, d, self.constants)
             except Unbuilt as need:
-                build_on_demand([need.name], self.build, self.circle)
+                build_on_demand([need.name], self.build, self.cycle)
 
     def enter(self, member: Member, entry: _ParameterEntry, place: int) -> None:
         quantity: Quantity | None = None
@@ -213,9 +213,9 @@ class _ParameterReader:
         below: dict[str, list[str]] = {}
         for name in self.jobs:
             below.setdefault(family_of(name), []).append(name)
-        order, _ = in_order(self.needs())
+        order, _ = topological_order(self.needs())
         names = [name for family in order for name in below.get(family, ())]
-        build_on_demand(names, self.build, self.circle)
+        build_on_demand(names, self.build, self.cycle)
 
     def needs(self) -> dict[str, list[str]]:
         """Return the parameters and families that each of them uses."""
@@ -279,14 +279,14 @@ class _ParameterReader:
             location=parsed.node.location,
         )
 
-    def circle(self, circle: list[str]) -> None:
+    def cycle(self, cycle: list[str]) -> None:
         """Report parameters that are defined by each other."""
         keys: dict[str, YamlNode] = {}
-        for name in circle:
+        for name in cycle:
             job = self.jobs[name]
             own = name in self.overrides
             keys[name] = job.quantity.parsed.node if own else job.member.declaration.key
-        report_circle(self.draft, "parameter", circle, keys)
+        report_circle(self.draft, "parameter", cycle, keys)
 
 
 def names_used(tree: Tree) -> list[str]:
@@ -355,7 +355,7 @@ def _report_unknown_override(draft: Draft, name: str, given: object, known: list
     base = name.rstrip("'").removesuffix("_ddot").removesuffix("_dot")
     if f"{name}[]" in names.families and "parameter" in names.families[f"{name}[]"]:
         members = [k for k in known if k.startswith(f"{name}[")]
-        message = f"`{name}` is a family: {there_is(name, members)}"
+        message = f"`{name}` is a family: {members_clause(name, members)}"
         help_ = f"give the members their values one by one: --set '{name}[1]={given}'"
     elif base in names.coordinates or "coordinate" in names.families.get(
         f"{base.partition('[')[0]}[]", ()

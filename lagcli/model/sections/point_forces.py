@@ -13,7 +13,7 @@ from lagcli.model.expression.linearity import is_zero
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Name
 from lagcli.model.model import Constraint, coordinate, velocity
-from lagcli.model.names.members import told
+from lagcli.model.names.members import format_members
 from lagcli.model.names.scope import ModelScope
 from lagcli.model.sections.pointing import member_name
 from lagcli.model.spelling import did_you_mean, nearest
@@ -38,7 +38,7 @@ def constraint_named(draft: Draft, tree: Name, scope: ModelScope) -> str:
     if base in draft.names.suspects or draft.names.incomplete:
         raise Broken
     members = [name for name in known if name.startswith(f"{base}[")]
-    help_ = f"the members are {told(base, members)}" if members else None
+    help_ = f"the members are {format_members(base, members)}" if members else None
     raise ExpressionError(
         "unknown-name",
         f"{scope.context.where} names `{text}`{scope.at()}, which is not a constraint",

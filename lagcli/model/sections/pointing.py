@@ -16,7 +16,7 @@ from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Name, SumExpr, Tree, VectorExpr
 from lagcli.model.model import Definition
 from lagcli.model.names.families import Declaration, members_of
-from lagcli.model.names.members import there_is, with_indices
+from lagcli.model.names.members import members_clause, with_indices
 from lagcli.model.names.scope import ModelScope, uses
 from lagcli.model.names.unknown import as_written
 from lagcli.model.spelling import did_you_mean, nearest
@@ -84,7 +84,7 @@ class Points:
         base = text.partition("[")[0]
         members = [name for name in self.declared if name.startswith(f"{base}[")]
         if members and tree.indices:
-            return there_is(base, members)
+            return members_clause(base, members)
         if members:
             return f"name a member, as in `{members[0]}`"
         close = nearest(text, list(self.declared))
@@ -217,7 +217,7 @@ def each(
     if declaration is not None and path.declaration.span is not None:
         draft.report.add(
             "bad-range",
-            f"{path.what} has a name, whose index belongs into it",
+            f"{path.what} has a name, to which the index belongs",
             path.node.location,
             f"write `{declaration.name}[i = 1..N]: P[i-1]-P[i]`",
         )

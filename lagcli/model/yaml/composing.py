@@ -1,7 +1,7 @@
-"""YAML text → nodes.
+"""YAML composer: text → nodes with source locations.
 
-Nodes are composed from the parser's events, never constructed into Python values: what a scalar
-means is decided by the model language, not by YAML's rules for numbers, booleans and dates.
+Nodes are composed from the parser's events and never converted to Python values: the model language
+interprets scalars, not YAML's rules for numbers, booleans and dates.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ import yaml
 from lagcli.errors import Diagnostic, ModelError
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.error_texts import explain
-from lagcli.model.yaml.source import Mapping, Place, Scalar, Sequence, Source, YamlNode
+from lagcli.model.yaml.source import Mapping, Position, Scalar, Sequence, Source, YamlNode
 
 MAX_DEPTH = 64  # the format needs 4
-MAX_NODES = 300_000  # aliases counted as often as they are used; 5000 bodies need 100 000
+MAX_NODES = 300_000  # each use of an alias counts; 5000 bodies need 100 000
 
-# YAML ends a name inside [ ] and { } at a bracket; in a model file, x[1] is one name everywhere.
-# While YAML reads the text, the brackets after a name are characters that no text contains. An
-# index holds no quotes, and a prime only behind a name: brackets in two quoted texts are no pair.
+# Inside [ ] and { }, YAML ends a name at a bracket; in a model file, x[1] is one name everywhere.
+# While YAML parses the text, placeholders replace the brackets after a name. An index holds no
+# quotes, and a prime only after a name, so that brackets in two quoted texts are not paired.
 _INDEX = re.compile(r"""(?<=\w)\[(?:[^\[\]{}"':#\n]|(?<=\w)')*\]""")
 _BEFORE_VALUE = re.compile(r"(?:\s|&\S*)*")
 _COLON = re.compile(r"\s*:")
@@ -40,13 +40,13 @@ def compose(source: Source) -> tuple[Mapping, list[Diagnostic]]:
     -------
     root : Mapping
     diagnostics : list of Diagnostic
-        Duplicate keys, keys that are not names, values cut by a comma: the root is usable beside
-        them.
+        Duplicate keys, keys that are not names, values split by a comma; the root is usable
+        nevertheless.
 
     Raises
     ------
     ModelError
-        The text is not YAML, is empty, has another root, or exceeds a bound.
+        The text is not YAML, is empty, has another kind of root, or exceeds a bound.
     """
     try:
         return _Composer(source).document()
@@ -58,7 +58,7 @@ def compose(source: Source) -> tuple[Mapping, list[Diagnostic]]:
 class _ComposedEntry:
     key: YamlNode
     value: YamlNode
-    bare: bool  # stands in { } without a colon
+    bare: bool  # inside { }, without a colon
 
 
 class _Composer:
@@ -74,7 +74,7 @@ class _Composer:
         self.diagnostics: list[Diagnostic] = []
 
     def refuse(self, kind: str, message: str, event: yaml.Event, help_: str) -> ModelError:
-        (line, column), (last, end) = self.places(event, event)
+        (line, column), (last, end) = self.positions(event, event)
         location = self.source.location(line, column, end - column if last == line else 1)
         return ModelError([*self.diagnostics, Diagnostic(kind, message, location, help_)])
 
@@ -96,9 +96,11 @@ class _Composer:
                     )
                 root = self.node(next(self.events), 0)
         if root is None or (isinstance(root, Scalar) and root.missing):
-            place = self.source.location(0, 0)
+            location = self.source.location(0, 0)
             help_ = "a model needs at least `coordinates`, `T`, `parameters` and `initial`"
-            raise ModelError([Diagnostic("empty-file", "the file holds no model", place, help_)])
+            raise ModelError(
+                [Diagnostic("empty-file", "the file contains no model", location, help_)]
+            )
         if not isinstance(root, Mapping):
             message = f"a model file is a mapping of keys, but this is {root.what}"
             help_ = "begin with a line such as `coordinates: [x, y]`"
@@ -112,7 +114,7 @@ class _Composer:
                 "too-large",
                 f"the model holds more than {MAX_NODES:,} values",
                 event,
-                "an alias (*name) counts as often as it repeats what it names",
+                "each use of an alias (*name) counts with all the values it repeats",
             )
 
     def node(self, event: yaml.Event, depth: int) -> YamlNode:
@@ -121,7 +123,7 @@ class _Composer:
                 "too-deep",
                 f"nested deeper than {MAX_DEPTH} levels",
                 event,
-                "a model needs no more than four",
+                "models need at most four levels",
             )
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event)
@@ -136,10 +138,10 @@ class _Composer:
         before = self.count
         self.grow(1, event)
         if isinstance(event, yaml.ScalarEvent):
-            start, end = self.places(event, event)
+            start, end = self.positions(event, event)
             value = event.value.translate(_SHOW)
             scalar = Scalar(self.source, start, end, value, event.style or None)
-            node: YamlNode = self.bared(scalar) if anchor else scalar
+            node: YamlNode = self.without_anchor(scalar) if anchor else scalar
         elif isinstance(event, yaml.SequenceStartEvent):
             node = self.sequence(event, depth)
         else:
@@ -150,14 +152,14 @@ class _Composer:
             self.anchors[anchor] = (node, self.count - before)
         return node
 
-    def places(self, first: yaml.Event, last: yaml.Event) -> tuple[Place, Place]:
+    def positions(self, first: yaml.Event, last: yaml.Event) -> tuple[Position, Position]:
         start, end = first.start_mark, last.end_mark
         assert start is not None
         assert end is not None
         return (start.line, start.column), (end.line, end.column)
 
-    def bared(self, node: Scalar) -> Scalar:
-        """Return a scalar that begins after its anchor."""
+    def without_anchor(self, node: Scalar) -> Scalar:
+        """Return a scalar without its anchor."""
         line, column = node.start
         lines = self.source.lines
         while line <= node.end[0] and line < len(lines):
@@ -175,10 +177,10 @@ class _Composer:
         )
         anchor = event.anchor or ""
         if anchor in self.open:
-            message = f"the alias *{shorten(anchor)} stands inside what it names"
+            message = f"the alias *{shorten(anchor)} refers to a value that contains it"
             raise self.refuse("recursive-alias", message, event, help_)
         if anchor not in self.anchors:
-            message = f"the alias *{shorten(anchor)} names nothing"
+            message = f"the alias *{shorten(anchor)} is not defined"
             raise self.refuse("yaml", message, event, help_)
         node, size = self.anchors[anchor]
         self.grow(size, event)
@@ -190,7 +192,7 @@ class _Composer:
         items = []
         while not isinstance(inner := next(self.events), yaml.SequenceEndEvent):
             items.append(self.node(inner, depth + 1))
-        return Sequence(self.source, *self.places(event, inner), items)
+        return Sequence(self.source, *self.positions(event, inner), items)
 
     def mapping(self, event: yaml.MappingStartEvent, depth: int) -> YamlNode:
         found: list[_ComposedEntry] = []
@@ -199,10 +201,11 @@ class _Composer:
             value = self.node(next(self.events), depth + 1)
             bare = bool(event.flow_style) and self.is_bare(key, value)
             found.append(_ComposedEntry(key, value, bare))
-        start, end = self.places(event, inner)
+        start, end = self.positions(event, inner)
         if found and all(entry.bare for entry in found):
             text = self.source.between(start, end)
-            if ":" not in text:  # braces where parentheses are meant: an expression will say so
+            # braces instead of parentheses are reported when the expression is parsed
+            if ":" not in text:
                 return Scalar(self.source, start, end, text)
         return Mapping(self.source, start, end, self.entries(self.rejoined(found)))
 
@@ -213,9 +216,9 @@ class _Composer:
         return not _COLON.match(self.source.lines[line], column)
 
     def rejoined(self, found: list[_ComposedEntry]) -> list[_ComposedEntry]:
-        """Report entries without a colon, and put together what a comma has cut."""
+        """Report entries without a colon, and rejoin values that a comma has split."""
         rejoined: list[_ComposedEntry] = []
-        cut: list[YamlNode] = []  # the keys that commas have made of one value
+        cut: list[YamlNode] = []  # the keys into which commas have split one value
         for entry in found:
             key = entry.key
             if not entry.bare:
@@ -234,7 +237,7 @@ class _Composer:
         return rejoined
 
     def join(self, cut: list[YamlNode], rejoined: list[_ComposedEntry]) -> None:
-        """Put a value together that commas have cut, and report it."""
+        """Rejoin a value that commas have split, and report it."""
         if not cut:
             return
         last, end = rejoined[-1], cut[-1].end
@@ -244,7 +247,7 @@ class _Composer:
         text = last.value.value if isinstance(last.value, Scalar) else "…"
         self.report(
             "comma",
-            f"inside {{ }} a comma ends the value: {cut[0].what} is taken for an entry of its own",
+            f"inside {{ }} a comma ends the value: {cut[0].what} is read as a separate entry",
             cut[0],
             f'put quotes around the whole value: `{name}: "{shorten(text)}"`',
         )
@@ -282,7 +285,7 @@ class _Composer:
             elif key.value in entries:
                 self.report(
                     "duplicate-key",
-                    f"the key `{shorten(key.value)}` stands twice in the same mapping",
+                    f"the key `{shorten(key.value)}` occurs twice in the same mapping",
                     key,
                     "remove or rename one of the two",
                     entries[key.value][0],

@@ -1,4 +1,4 @@
-"""What the YAML parser complains about, in the words of someone who writes models."""
+"""Messages for YAML syntax errors, in terms of model files."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import yaml
 from lagcli.errors import Diagnostic
 from lagcli.model.yaml.source import Source
 
-_LONGEST_KEY = 1000  # YAML reads no longer ones
+_LONGEST_KEY = 1000  # the longest that YAML reads
 
 _INDENT = (
-    "entries of one mapping begin in the same column;\n"
+    "entries of one mapping start in the same column;\n"
     "look at the lines above, too, for a bracket or a quote that is not closed"
 )
 
 
 def explain(source: Source, error: yaml.YAMLError) -> Diagnostic:
-    """Return the diagnostic of an error that the parser raised."""
+    """Return the diagnostic for an error of the YAML parser."""
     problem = str(getattr(error, "problem", None) or getattr(error, "reason", None) or error)
     context = str(getattr(error, "context", None) or "")
     mark = getattr(error, "problem_mark", None)
@@ -28,18 +28,20 @@ def explain(source: Source, error: yaml.YAMLError) -> Diagnostic:
     here = text[column : column + 1]
 
     def at(message: str, help_: str, begin: bool = False) -> Diagnostic:
-        place = (opened.line, opened.column) if begin and opened else (line, column)
-        return Diagnostic("yaml", message, source.location(*place), help_)
+        position = (opened.line, opened.column) if begin and opened else (line, column)
+        return Diagnostic("yaml", message, source.location(*position), help_)
 
     if here == "\t" or (not text[:column].strip() and "\t" in text[:column]):
         return at("a tab cannot indent a line of YAML", "indent with spaces")
     if "cannot start any token" in problem:
         sign = "a backtick" if here == "`" else f"`{here}`"
         return at(
-            f"a value cannot begin with {sign}", "put quotes around it, or remove the character"
+            f"a value cannot start with {sign}", "put quotes around it, or remove the character"
         )
     if here in "]}" and here:
-        return at(f"this `{here}` closes nothing", "remove it, or open the bracket before it")
+        return at(
+            f"this `{here}` has no opening bracket", "remove it, or open the bracket before it"
+        )
     if "quoted scalar" in context and "end of stream" in problem:
         return at("this quote is never closed", "close it, or remove it", begin=True)
     one_line = opened is not None and opened.line == line
@@ -47,7 +49,7 @@ def explain(source: Source, error: yaml.YAMLError) -> Diagnostic:
         return _second_colon(source, line, column)
     if here == "[" and "flow" in context:
         return at(
-            "a bracket cannot stand here",
+            "unexpected bracket",
             "an index follows a name directly and is closed on the same line, as in x[1] or"
             " x[1..N]",
         )
@@ -61,22 +63,22 @@ def explain(source: Source, error: yaml.YAMLError) -> Diagnostic:
         )
     if "could not find expected ':'" in problem:
         return at(
-            "this line is no entry: a colon and a space are missing",
+            "this line is not an entry: a colon and a space are missing",
             "write `name: value`; a value over several lines is indented further than its name",
             begin=True,
         )
     if text[:column].rstrip().endswith(("|", ">")):
-        return at("the text after | or > begins on the next line", "move it there, indented")
+        return at("the text after | or > starts on the next line", "move it there, indented")
     if "block sequence entries are not allowed" in problem:
-        return at("a list entry `-` cannot stand here", "put the list on lines of its own")
+        return at("unexpected list entry `-`", "put each entry of the list on its own line")
     if "escape" in problem or "escape" in context:
         return at(
-            "a backslash has a meaning inside double quotes",
-            "use single quotes: 'a\\b'; or write the backslash twice",
+            "a backslash starts an escape sequence inside double quotes",
+            "use single quotes: 'a\\b', or double the backslash",
         )
     if "anchor" in context or "alias" in context:
         return at(
-            "a value that begins with * or & must be quoted", 'write it in quotes: "*…"', True
+            "a value that starts with * or & must be quoted", 'write it in quotes: "*…"', True
         )
     if text[:column].rstrip().endswith(("]", "}")) and here:
         return at(
@@ -89,25 +91,25 @@ def explain(source: Source, error: yaml.YAMLError) -> Diagnostic:
 
 
 def _second_colon(source: Source, line: int, column: int) -> Diagnostic:
-    """Explain a colon where YAML is still reading a value: on its line, or begun further above."""
+    """Explain a colon inside a value that starts on this line or above."""
     text = source.lines[line]
-    place = source.location(line, column)
+    location = source.location(line, column)
     if ": " in text[:column]:
         message, help_ = "a second colon in one value", "put quotes around the value"
-        return Diagnostic("yaml", message, place, help_)
+        return Diagnostic("yaml", message, location, help_)
     above = next((n for n in range(line - 1, -1, -1) if source.lines[n].strip()), None)
     before = source.lines[above] if above is not None else ""
     if above is not None and (tight := re.match(r"\s*[\w.']+:(?=\S)", before)):
         message, help_ = "a space is missing after this colon", "write `name: value`"
-        place = source.location(above, tight.end() - 1)
-        return Diagnostic("yaml", message, place, help_)
+        location = source.location(above, tight.end() - 1)
+        return Diagnostic("yaml", message, location, help_)
     if above is None or column > _LONGEST_KEY:
-        return Diagnostic("yaml", "this is too long for a name", place, "shorten it")
+        return Diagnostic("yaml", "this name is too long", location, "shorten it")
     where = source.location(line, len(text) - len(text.lstrip()), len(text.strip()))
     return Diagnostic(
         "yaml",
-        f"this line reads as a part of the value that begins in line {above + 1} or above, and a"
+        f"this line continues the value that starts in line {above + 1} or above, and a"
         " value cannot contain a colon and a space",
         where,
-        "begin an entry in the same column as its neighbours, or put quotes around the value",
+        "start an entry in the same column as its neighbors, or put quotes around the value",
     )

@@ -1,4 +1,4 @@
-"""File → text."""
+"""Reading of model files: file → text."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 def read_text(path: str | Path) -> tuple[str, str]:
     """Read a file, or standard input for "-".
 
-    Returns
-    -------
-    text, name : str
-        The name is what messages call the file.
+        Returns
+        -------
+        text, name : str
+    The name identifies the file in messages.
 
-    Raises
-    ------
-    FileError
-        The file cannot be read.
-    ModelError
-        It is not text.
+        Raises
+        ------
+        FileError
+            The file cannot be read.
+        ModelError
+    The content is not text.
     """
     name = "<stdin>" if str(path) == "-" else str(path)
     try:
@@ -40,11 +40,11 @@ def read_text(path: str | Path) -> tuple[str, str]:
             with Path(path).open("rb") as file:
                 data = file.read(MAX_BYTES + 1)
     except IsADirectoryError:
-        raise FileError(f"{name} is a folder; name the model file in it") from None
+        raise FileError(f"{name} is a folder; give the model file in it") from None
     except FileNotFoundError:
         raise FileError(_missing(Path(path))) from None
     except PermissionError:
-        raise FileError(f"{name} may not be read: permission denied") from None
+        raise FileError(f"cannot read {name}: permission denied") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise FileError(f"cannot read {name}: {reason}") from None
@@ -55,18 +55,20 @@ def _missing(path: Path) -> str:
     if not path.parent.is_dir():
         return f"there is no folder {path.parent}"
     try:
-        beside = {p.stem: p for p in path.parent.iterdir() if p.suffix in (".yaml", ".yml")}
+        candidates = {p.stem: p for p in path.parent.iterdir() if p.suffix in (".yaml", ".yml")}
     except OSError:
-        beside = {}
-    # compared without their endings, which would make any two names look alike
-    close = nearest(path.stem, list(beside))
-    guess = f"; did you mean {beside[close[0]]}?" if close else ""
+        candidates = {}
+    # compared without suffixes, which would make any two names look similar
+    close = nearest(path.stem, list(candidates))
+    guess = f"; did you mean {candidates[close[0]]}?" if close else ""
     return f"there is no file {path}{guess}"
 
 
-def _refuse(name: str, message: str, help_: str, place: SourceLocation | None = None) -> ModelError:
-    place = place or SourceLocation(name, 1, 1)
-    return ModelError([Diagnostic("not-text", message, place, help_)])
+def _refuse(
+    name: str, message: str, help_: str, location: SourceLocation | None = None
+) -> ModelError:
+    location = location or SourceLocation(name, 1, 1)
+    return ModelError([Diagnostic("not-text", message, location, help_)])
 
 
 def _decode(data: bytes, name: str) -> str:
@@ -89,7 +91,7 @@ def _decode(data: bytes, name: str) -> str:
 
 
 def check_text(source: Source) -> None:
-    """Refuse characters that no text contains, and that YAML has no room for.
+    """Reject control characters and others that YAML does not allow.
 
     Raises
     ------
@@ -103,7 +105,7 @@ def check_text(source: Source) -> None:
     assert column is not None
     raise _refuse(
         shorten(source.path, 200),
-        f"the file holds the character U+{ord(found[0]):04X}, which is not text",
+        f"the file contains the character U+{ord(found[0]):04X}, which is not text",
         f"remove it; {_IS_IT}",
         source.location(line, column.start()),
     )

@@ -1,4 +1,4 @@
-"""Other values in the text of a model file: written where the file's stand, all else kept."""
+"""Replacement of values in the text of a model file; everything else is preserved."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from lagcli.model.names.members import family_of
 from lagcli.model.sections.initial import GUESS
 from lagcli.model.yaml.composing import compose
 from lagcli.model.yaml.source import Mapping as MappingNode
-from lagcli.model.yaml.source import Place, Scalar, Sequence, Source, YamlNode
+from lagcli.model.yaml.source import Position, Scalar, Sequence, Source, YamlNode
 
-#: What YAML takes for plain text wherever it stands.
+#: Text that needs no quotes in YAML.
 _PLAIN = re.compile(r"[-+]?[\w.(][\w.+*/^()' °µ-]*")
-#: Numbers that are equal but for the rounding of a conversion between units.
+#: Relative tolerance for the rounding of unit conversions.
 _ROUNDING = 4e-16
 
 
-def rewritten(
+def rewrite(
     text: str,
     path: str,
     set: Mapping[str, str],
     set_initial: Mapping[str, str],
     t_end: float | None = None,
 ) -> str:
-    """Return the text of a model file with other values in it.
+    """Return the text of a model file with new values.
 
-    A value is written in the place of the file's, and where an entry stands for many members of a
-    family, as an entry of its own behind it; comments and everything else stay as they are.
+    A value replaces that of the file. If an entry declares several members of a family, the value
+    of one member is written as a separate entry after it. Comments and layout are preserved.
 
     Parameters
     ----------
@@ -43,58 +43,58 @@ def rewritten(
     set, set_initial : mapping of str to str
         As for `load`.
     t_end : float, optional
-        Another end of the simulation, s.
+        End time of the simulation, s.
 
     Returns
     -------
     str
-        It loads as a model with the same values as ``load(path, set, set_initial)``.
+        Text that loads with the same values as ``load(path, set, set_initial)``.
 
     Raises
     ------
     ModelError
-        The file or a value is wrong, or a value cannot be written: an alias stands in its place.
+        The file or a value is invalid, or a value cannot be replaced because it is an alias.
     """
     text = text.removeprefix("\ufeff")
-    wanted = load_text(text, path, set, set_initial)
+    requested = load_text(text, path, set, set_initial)
     before = load_text(text, path)
     source = Source(text, path)
     writer = _Rewriter(source, compose(source)[0])
-    for block, given, old, new in (
-        ("parameters", set, before.parameters, wanted.parameters),
-        ("initial", set_initial, before.initial, wanted.initial),
+    for block, overrides, old, new in (
+        ("parameters", set, before.parameters, requested.parameters),
+        ("initial", set_initial, before.initial, requested.initial),
     ):
-        places = _places(old, new)
-        shared = Counter(places.values())
-        for name, value in _spelled(before, given).items():
-            place = places.get(name) or _relative(places, name)
-            alone = name in places and shared[place] == 1
+        locations = _locations(old, new)
+        shared = Counter(locations.values())
+        for name, value in _canonical_names(before, overrides).items():
+            location = locations.get(name) or _relative(locations, name)
+            alone = name in locations and shared[location] == 1
             if not alone and not name.rstrip("'").endswith("]"):
                 raise _not_written([name])
-            writer.write(block, name, value, new[name].value, place, in_place=alone)
+            writer.write(block, name, value, new[name].value, location, in_place=alone)
     if t_end is not None:
         writer.write_setting("t_end", repr(t_end).removesuffix(".0"))
     result = writer.text()
-    _check(result, wanted, t_end)
+    _check(result, requested, t_end)
     return result
 
 
 _Values = Mapping[str, Parameter] | Mapping[str, InitialValue]
 
 
-def _places(before: _Values, wanted: _Values) -> dict[str, SourceLocation]:
-    """Return where values stand in the file; those that it has with other numbers of members too.
+def _locations(before: _Values, requested: _Values) -> dict[str, SourceLocation]:
+    """Return the locations of values in the file, also for other numbers of family members.
 
-    A value that an option gives stands in no file: its line is 0.
+    A value set by an option has line 0.
     """
-    both: dict[str, Parameter | InitialValue] = {**wanted, **before}
+    both: dict[str, Parameter | InitialValue] = {**requested, **before}
     return {n: x.location for n, x in both.items() if x.location is not None and x.location.line}
 
 
-def _spelled(model: Model, given: Mapping[str, str]) -> dict[str, str]:
-    """Return the given values by the names that the model has for what they are given to."""
+def _canonical_names(model: Model, overrides: Mapping[str, str]) -> dict[str, str]:
+    """Return values by the names that the model uses: ``x_dot`` becomes ``x'``."""
     names = {}
-    for name, value in given.items():
+    for name, value in overrides.items():
         plain = "".join(name.split())
         if plain not in model.parameters and (match := re.fullmatch(r"(.+)_dot(\[.*\])?", plain)):
             plain = f"{match[1]}{match[2] or ''}'"
@@ -102,13 +102,13 @@ def _spelled(model: Model, given: Mapping[str, str]) -> dict[str, str]:
     return names
 
 
-def _relative(places: Mapping[str, SourceLocation], name: str) -> SourceLocation:
-    """Return the place of a member of the same family, for one that the file's own N has not."""
-    same = (p for n, p in places.items() if _family(n) == _family(name))
-    place = next(same, None)
-    if place is None:
+def _relative(locations: Mapping[str, SourceLocation], name: str) -> SourceLocation:
+    """Return the location of another member of the family, for one beyond the file's own N."""
+    same = (p for n, p in locations.items() if _family(n) == _family(name))
+    location = next(same, None)
+    if location is None:
         raise _not_written([name])
-    return place
+    return location
 
 
 def _family(name: str) -> tuple[str, bool]:
@@ -116,7 +116,7 @@ def _family(name: str) -> tuple[str, bool]:
 
 
 class _Rewriter:
-    """Collects changes to a text, and makes them."""
+    """Collects and applies replacements in a text."""
 
     def __init__(self, source: Source, root: MappingNode):
         self.source, self.root = source, root
@@ -124,59 +124,63 @@ class _Rewriter:
         self.lines = _line_starts(source)
 
     def text(self) -> str:
-        """Return the text with all changes made."""
+        """Return the text with all changes applied."""
         text = self.source.text
         for start, end, new in sorted(self.changes, key=lambda c: c[:2])[::-1]:
             text = text[:start] + new + text[end:]
         return text
 
-    def offset(self, place: Place) -> int:
+    def offset(self, position: Position) -> int:
         return (
-            self.lines[place[0]] + place[1] if place[0] < len(self.lines) else len(self.source.text)
+            self.lines[position[0]] + position[1]
+            if position[0] < len(self.lines)
+            else len(self.source.text)
         )
 
     def write(
         self,
         block: str,
         name: str,
-        given: str,
+        value_text: str,
         value: float,
-        place: SourceLocation,
+        location: SourceLocation,
         in_place: bool,
     ) -> None:
-        """Write a value in the place of another, or behind the entry that stands for several."""
+        """Replace a value, or insert an entry after one that declares several members."""
         mapping = self.root.entries[block][1]
         assert isinstance(mapping, MappingNode)
         key, entry, node = next(
             (key, entry, node)
             for _, key, entry in mapping
             for node in _values(entry)
-            if node.location == place
+            if node.location == location
         )
-        given = _with_unit(given, node)
+        value_text = _with_unit(value_text, node)
         if not in_place:
-            self.insert(mapping, key, entry, f"{name}: {_quoted(given)}")
+            self.insert(mapping, key, entry, f"{name}: {_quoted(value_text)}")
             return
         if isinstance(entry, MappingNode) and isinstance(node, Scalar) and "unit" in entry.entries:
-            # the unit stands in a field of its own
+            # the unit is a separate field
             unit = entry.entries["unit"][1]
-            given = _without(given, unit, value)
-        self.replace(node, _quoted(given))
+            value_text = _without(value_text, unit, value)
+        self.replace(node, _quoted(value_text))
 
-    def write_setting(self, name: str, given: str) -> None:
-        """Write a setting, and the block for it where there is none."""
+    def write_setting(self, name: str, value_text: str) -> None:
+        """Write a setting; add the block `simulation` if it is missing."""
         node = self.root.entries["simulation"][1] if "simulation" in self.root.entries else None
         if isinstance(node, MappingNode) and name in node.entries:
-            self.replace(node.entries[name][1], given)
+            self.replace(node.entries[name][1], value_text)
         elif isinstance(node, MappingNode) and node.entries:
             key, last = list(node.entries.values())[-1]
-            self.insert(node, key, last, f"{name}: {given}")
+            self.insert(node, key, last, f"{name}: {value_text}")
         elif node is None:
             text = self.source.text
             newline = "" if text.endswith("\n") else "\n"
-            self.changes.append((len(text), len(text), f"{newline}simulation: {{{name}: {given}}}"))
+            self.changes.append(
+                (len(text), len(text), f"{newline}simulation: {{{name}: {value_text}}}")
+            )
         else:
-            self.replace(node, f"{{{name}: {given}}}")
+            self.replace(node, f"{{{name}: {value_text}}}")
 
     def replace(self, node: YamlNode, new: str) -> None:
         start = self.offset(node.start)
@@ -185,7 +189,7 @@ class _Rewriter:
         self.changes.append((start, self.end(node), space + new))
 
     def insert(self, mapping: MappingNode, key: Scalar, entry: YamlNode, new: str) -> None:
-        """Insert an entry behind another one."""
+        """Insert an entry after another one."""
         end = self.end(entry)
         if self.source.text[self.offset(mapping.start)] == "{":
             self.changes.append((end, end, f", {new}"))
@@ -195,7 +199,7 @@ class _Rewriter:
         self.changes.append((stop.start(), stop.start(), f"\n{' ' * key.start[1]}{new}"))
 
     def end(self, node: YamlNode) -> int:
-        """Return where the text of a node ends, before blanks and comments."""
+        """Return the end offset of a node's text, before blanks and comments."""
         flow = self.source.text[self.offset(node.start) :][:1] in ("{", "[")
         if isinstance(node, MappingNode) and not flow:
             return self.end(list(node.entries.values())[-1][1])
@@ -206,7 +210,7 @@ class _Rewriter:
 
 
 def _line_starts(source: Source) -> list[int]:
-    """Return where in the text each of its lines begins."""
+    """Return the offset of each line of the text."""
     starts, at = [], 0
     for line in source.lines:
         starts.append(at)
@@ -216,7 +220,7 @@ def _line_starts(source: Source) -> list[int]:
 
 
 def _values(entry: YamlNode) -> Iterator[YamlNode]:
-    """Yield an entry and what may be its value, outermost first."""
+    """Yield the nodes that may hold the value of an entry, outermost first."""
     if isinstance(entry, MappingNode):
         yield from (entry.entries[f][1] for f in ("value",) if f in entry.entries)
     yield entry
@@ -225,7 +229,7 @@ def _values(entry: YamlNode) -> Iterator[YamlNode]:
 
 
 def _quoted(text: str) -> str:
-    """Return a value as it may stand in YAML."""
+    """Return a value quoted for YAML if necessary."""
     if match := GUESS.fullmatch(text):
         return f"{{guess: {_quoted(match[2])}}}"
     if _PLAIN.fullmatch(text):
@@ -233,17 +237,17 @@ def _quoted(text: str) -> str:
     return "'" + text.replace("'", "''") + "'"
 
 
-def _with_unit(given: str, node: YamlNode) -> str:
-    """Return a value with the unit of the file's, where it is a bare number of that unit."""
+def _with_unit(value_text: str, node: YamlNode) -> str:
+    """Return a bare number with the unit of the file's value, if that is an SI unit."""
     if isinstance(node, MappingNode) and "guess" in node.entries:
         node = node.entries["guess"][1]
     unit = unit_of(node)
-    match = GUESS.fullmatch(given)
+    match = GUESS.fullmatch(value_text)
     if match is not None:
         return f"{{guess: {_with_unit(match[2].strip(), node)}}}"
-    if unit is None or to_si(unit) != 1 or not _is_number(given):
-        return given
-    return f"{given} {unit}"
+    if unit is None or to_si(unit) != 1 or not _is_number(value_text):
+        return value_text
+    return f"{value_text} {unit}"
 
 
 def _is_number(text: str) -> bool:
@@ -254,21 +258,21 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _without(given: str, unit: YamlNode, value: float) -> str:
-    """Return a value without its unit, which a field of the entry states."""
+def _without(value_text: str, unit: YamlNode, value: float) -> str:
+    """Return a value without its unit, which is a separate field of the entry."""
     assert isinstance(unit, Scalar)
-    bare = given.strip().removesuffix(unit.value.strip()).strip()
+    bare = value_text.strip().removesuffix(unit.value.strip()).strip()
     return bare if _is_number(bare) else repr(value / float(to_si(unit.value)))
 
 
-def _check(text: str, wanted: Model, t_end: float | None) -> None:
-    """Refuse a text whose values are not those that were wanted."""
+def _check(text: str, requested: Model, t_end: float | None) -> None:
+    """Raise ModelError unless the text has the requested values."""
     try:
-        found = load_text(text, wanted.path)
+        found = load_text(text, requested.path)
     except ModelError:
-        raise _not_written([*wanted.set, *wanted.set_initial]) from None
-    wrong = [n for n, p in wanted.parameters.items() if not _same(found.parameters.get(n), p)]
-    for name, x in wanted.initial.items():
+        raise _not_written([*requested.set, *requested.set_initial]) from None
+    wrong = [n for n, p in requested.parameters.items() if not _same(found.parameters.get(n), p)]
+    for name, x in requested.initial.items():
         other = found.initial.get(name)
         if other is None or other.fixed != x.fixed or not _same(other, x):
             wrong.append(name)
@@ -289,9 +293,9 @@ def _not_written(names: list[str]) -> ModelError:
         [
             Diagnostic(
                 "not-written",
-                f"the file's text cannot be given the values of {listed}",
+                f"cannot write the values of {listed} into the file",
                 None,
-                "an alias stands there, or one text for several values: change it by hand",
+                "an alias or a text shared by several values is used there; edit the file by hand",
             )
         ]
     )

@@ -1,4 +1,4 @@
-"""Text that knows its lines: where a node and each character of its value stand in the file."""
+"""Source text, and YAML nodes with the source positions of their characters."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from dataclasses import dataclass, field
 from lagcli.errors import SourceLocation
 from lagcli.model.spelling import shorten
 
-_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")  # what ends a line of YAML 1.1
+_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")  # line breaks of YAML 1.1
 
-Place = tuple[int, int]  # line and column, both from 0
+Position = tuple[int, int]  # line and column, both from 0
 
 
 class Source:
-    """A text with a name, able to say where a place in it lies.
+    """A named text with line and column positions.
 
     Parameters
     ----------
     text : str
     path : str
-        What the reader knows the text by.
+        Name of the text for the reader.
     numbered : bool
-        False for text from the command line, which has no line numbers to show.
+        False for text from the command line, which has no line numbers.
     """
 
     def __init__(self, text: str, path: str, numbered: bool = True):
@@ -33,13 +33,13 @@ class Source:
         self.lines = _BREAK.split(text)
 
     def location(self, line: int, column: int, length: int = 1) -> SourceLocation:
-        """Return the place at a line and column that count from 0."""
+        """Return the location at a 0-based line and column."""
         text = self.lines[line] if line < len(self.lines) else ""
         number = line + 1 if self.numbered else 0
         return SourceLocation(self.path, number, column + 1, max(1, length), text)
 
-    def between(self, start: Place, end: Place) -> str:
-        """Return the text from a place up to another, on one line."""
+    def between(self, start: Position, end: Position) -> str:
+        """Return the text between two positions, joined to one line."""
         (line, column), (last, stop) = start, end
         if line == last:
             return self.lines[line][column:stop]
@@ -50,61 +50,63 @@ class Source:
 
 @dataclass(eq=False, slots=True)
 class YamlNode:
-    """A YAML node with its place: lines and columns count from 0."""
+    """A YAML node with its positions; lines and columns count from 0."""
 
     source: Source
-    start: Place
-    end: Place
+    start: Position
+    end: Position
 
     @property
     def what(self) -> str:
-        """Say what the node is, for messages."""
+        """Description of the node for messages."""
         raise NotImplementedError
 
     @property
     def location(self) -> SourceLocation:
-        """The place of the whole node (of its first line, if it has several)."""
-        return _stretch(self.source, self.start, self.end)
+        """The location of the whole node; of its first line, if it has several."""
+        return _location_of(self.source, self.start, self.end)
 
 
 @dataclass(eq=False, slots=True)
 class Scalar(YamlNode):
-    """A scalar; ``value`` is its text, ``style`` one of YAML's ``' " | >`` or None (plain)."""
+    """A YAML scalar; ``value`` is its text, ``style`` one of ``' " | >`` or None (plain)."""
 
     value: str
     style: str | None = None
-    _places: list[Place] | None = field(default=None, repr=False)
+    _positions: list[Position] | None = field(default=None, repr=False)
 
     @property
     def what(self) -> str:
-        """Say what the scalar is, for messages."""
+        """Description of the scalar for messages."""
         return f"`{shorten(self.value)}`" if self.value.strip() else "nothing"
 
     @property
     def missing(self) -> bool:
-        """Whether nothing stands there, or YAML's word for nothing."""
+        """Whether the value is empty or null."""
         text = self.value.strip()
         return not text or (self.style is None and text in ("~", "null", "Null", "NULL"))
 
     @property
     def location(self) -> SourceLocation:
-        """The place of the value; of its first line, if it has several."""
+        """The location of the value; of its first line, if it has several."""
         if self.style in ("|", ">"):
             return self.span(0, len(self.value))
-        return _stretch(self.source, self.start, self.end)
+        return _location_of(self.source, self.start, self.end)
 
     def span(self, start: int, end: int) -> SourceLocation:
-        """Return the place of ``value[start:end]`` in the file."""
-        if self._places is None:
-            self._places = character_places(self.source.lines, self.start, self.style, self.value)
+        """Return the location of ``value[start:end]`` in the file."""
+        if self._positions is None:
+            self._positions = character_positions(
+                self.source.lines, self.start, self.style, self.value
+            )
         size = len(self.value.rstrip())
-        if not self._places or not size:
-            return _stretch(self.source, self.start, self.end)
+        if not self._positions or not size:
+            return _location_of(self.source, self.start, self.end)
         if start >= size:
-            line, column = self._places[size - 1]
+            line, column = self._positions[size - 1]
             return self.source.location(line, column + 1)
-        last_line, last_column = self._places[max(start, min(end, size) - 1)]
-        return _stretch(self.source, self._places[start], (last_line, last_column + 1))
+        last_line, last_column = self._positions[max(start, min(end, size) - 1)]
+        return _location_of(self.source, self._positions[start], (last_line, last_column + 1))
 
 
 @dataclass(eq=False, slots=True)
@@ -115,7 +117,7 @@ class Sequence(YamlNode):
 
     @property
     def what(self) -> str:
-        """Say what the node is, for messages."""
+        """Description of the node for messages."""
         return "a list"
 
 
@@ -127,7 +129,7 @@ class Mapping(YamlNode):
 
     @property
     def what(self) -> str:
-        """Say what the node is, for messages."""
+        """Description of the node for messages."""
         return "a mapping"
 
     def __iter__(self) -> Iterator[tuple[str, Scalar, YamlNode]]:
@@ -135,7 +137,7 @@ class Mapping(YamlNode):
         return ((name, key, value) for name, (key, value) in self.entries.items())
 
 
-def _stretch(source: Source, start: Place, end: Place) -> SourceLocation:
+def _location_of(source: Source, start: Position, end: Position) -> SourceLocation:
     line, column = start
     width = len(source.lines[line]) if line < len(source.lines) else 0
     last = end[1] if end[0] == line else width
@@ -145,20 +147,22 @@ def _stretch(source: Source, start: Place, end: Place) -> SourceLocation:
 _ESCAPE = {"x": 4, "u": 6, "U": 10}  # characters of a double-quoted escape; all others have 2
 
 
-def character_places(lines: list[str], start: Place, style: str | None, value: str) -> list[Place]:
+def character_positions(
+    lines: list[str], start: Position, style: str | None, value: str
+) -> list[Position]:
     """Return the line and column of each character of a scalar's value.
 
-    Walks through the file along the value. Between the two lie quotes, escapes, indentation and
-    folded line breaks; where the walk loses its way, the list is empty.
+    Walks through the source and the value in parallel, across quotes, escapes, indentation and
+    folded line breaks. The list is empty if the two cannot be matched.
     """
     line, column = start
     if style in ("|", ">"):
         line, column = line + 1, 0
     elif style is not None:
         column += 1
-    places: list[Place] = []
-    while len(places) < len(value):
-        char = value[len(places)]
+    positions: list[Position] = []
+    while len(positions) < len(value):
+        char = value[len(positions)]
         if line >= len(lines):
             return []
         text = lines[line]
@@ -167,31 +171,31 @@ def character_places(lines: list[str], start: Place, style: str | None, value: s
                 line, column = line + 1, 0
                 line, column, _ = _blanks(lines, line, column)
             else:
-                places.append((line, column))
+                positions.append((line, column))
                 column += _ESCAPE.get(text[column + 1], 2)
             continue
-        if char.isspace() or (style in ("|", ">") and not places):
+        if char.isspace() or (style in ("|", ">") and not positions):
             line, column, run = _blanks(lines, line, column)
-            count = len(value) - len(places) - len(value[len(places) :].lstrip())
+            count = len(value) - len(positions) - len(value[len(positions) :].lstrip())
             breaks = sum(at >= len(lines[on]) for on, at in run)
-            if style == '"':  # an escaped blank may follow: count what the file's blanks give
+            if style == '"':  # an escaped blank may follow: count the source's blanks only
                 count = min(count, max(1, breaks - 1) if breaks else len(run))
             if count and not run:
                 return []
-            places.extend(run[min(i, len(run) - 1)] for i in range(count))
+            positions.extend(run[min(i, len(run) - 1)] for i in range(count))
             if char.isspace():
                 continue
             text = lines[line] if line < len(lines) else ""
         if text[column : column + 1] != char:
             return []
-        places.append((line, column))
+        positions.append((line, column))
         column += 2 if style == "'" and char == "'" else 1
-    return places
+    return positions
 
 
-def _blanks(lines: list[str], line: int, column: int) -> tuple[int, int, list[Place]]:
-    """Skip blanks and line ends; return the place after them, and theirs."""
-    run: list[Place] = []
+def _blanks(lines: list[str], line: int, column: int) -> tuple[int, int, list[Position]]:
+    """Skip blanks and line breaks; return the position after them, and their positions."""
+    run: list[Position] = []
     while line < len(lines):
         if column >= len(lines[line]):
             run.append((line, column))

@@ -21,7 +21,7 @@ from lagcli.columns import (
 )
 from lagcli.equations.render.names import GREEK, Notation, split
 from lagcli.errors import LagcliError, UsageError
-from lagcli.model.names.members import told
+from lagcli.model.names.members import format_members
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.pictures.plots.ticks import drawable
 from lagcli.pictures.run_file import RunFile
@@ -326,7 +326,7 @@ def _listed(names: Sequence[str]) -> str:
     for name in names:
         families.setdefault(name.partition("[")[0], []).append(name)
     shown = [
-        told(base, members).replace("`", "") if members[0].endswith("]") else base
+        format_members(base, members).replace("`", "") if members[0].endswith("]") else base
         for base, members in families.items()
     ]
     more = f", … ({len(names)})" if len(shown) > _SHOWN else ""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.columns import ColumnName
-from lagcli.equations.derivation.freedom import Freedom
+from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.formulas import Formulas
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, content_policy, script_data
@@ -64,7 +64,7 @@ def assembled(run: RunFile, title: str | None = None) -> str:
         See `lagcli.pictures.report.report`.
     """
     model = run.model
-    recorded = Freedom.of_mapping(run.record.freedom) if run.record.freedom else None
+    recorded = DegreesOfFreedom.from_mapping(run.record.freedom) if run.record.freedom else None
     system = EquationSystem(run, Formulas(derive(model), freedom=recorded))
     found = sections(run, system.names) if run.count else []
     plots = [plot for section in found for plot in section.plots]

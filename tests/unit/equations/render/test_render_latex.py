@@ -156,7 +156,7 @@ def test_every_sign_is_escaped(char):
         (t.Power(t.Call("sin", (t.Symbol("phi"),)), t.whole(2)), r"\sin^{2} \varphi"),
         (t.Power(t.Quotient(t.ONE, t.Symbol("x")), t.whole(2)), r"\biggl(\frac{1}{x}\biggr)^{2}"),
         (t.Vector((t.Symbol("x"), t.ZERO)), r"\begin{pmatrix} x \\ 0 \end{pmatrix}"),
-        (t.Variation(t.Symbol("delta")), r"\delta \delta"),
+        (t.VirtualDisplacement(t.Symbol("delta")), r"\delta \delta"),
     ],
 )
 def test_nodes(node, shown):

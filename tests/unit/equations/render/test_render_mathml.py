@@ -26,10 +26,10 @@ from lagcli.equations.presentation.typeset import (
 from lagcli.equations.render.formula_mathml import MathmlFormula, width
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.html import equation
-from lagcli.equations.render.mathml_sign import sign_mathml
+from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
-from lagcli.model.names.latex_sign import NotASign
+from lagcli.model.names.latex_symbol import InvalidLatex
 
 APPLY, TIMES = "\u2061", "\u2062"
 
@@ -269,7 +269,7 @@ def test_long_sums_are_cut_between_terms_first() -> None:
     ],
 )
 def test_own_signs(latex: str, text: str, tags: list[str]) -> None:
-    element = ElementTree.fromstring(sign_mathml(latex))
+    element = ElementTree.fromstring(symbol_mathml(latex))
     assert "".join(element.itertext()) == text
     found = {x.tag for x in element.iter()}
     assert set(tags) <= found
@@ -280,8 +280,8 @@ def test_own_signs(latex: str, text: str, tags: list[str]) -> None:
     [r"\href{x}{y}", r"\frac{a}{b}", "a}", "{a", r"x_1_2", "_", r"\mathrm{<b>}", "a" + "{" * 50],
 )
 def test_what_is_more_than_a_sign_is_refused(latex: str) -> None:
-    with pytest.raises(NotASign):
-        sign_mathml(latex)
+    with pytest.raises(InvalidLatex):
+        symbol_mathml(latex)
 
 
 def test_a_coordinate_with_its_own_latex() -> None:

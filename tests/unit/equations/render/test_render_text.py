@@ -129,7 +129,7 @@ def test_a_break_outside_brackets_is_preferred():
 
 def test_lines_of_a_group_are_aligned():
     text = render(equations_of(next(p for p in MODELS if p.stem == "heavy_top")), "text", True)
-    block = text.split("Derivatives by the coordinates\n")[1].split("\n\n")[0]
+    block = text.split("Partial derivatives with respect to the coordinates\n")[1].split("\n\n")[0]
     columns = {line.index("=") for line in block.splitlines() if line.startswith("  ∂")}
     assert len(columns) == 1
 

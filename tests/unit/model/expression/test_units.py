@@ -68,7 +68,7 @@ def test_no_unit(unit: str) -> None:
 
 
 def test_an_offset_is_refused() -> None:
-    with pytest.raises(UnknownUnit, match="begin at zero"):
+    with pytest.raises(UnknownUnit, match="has an offset"):
         to_si("degC")
     assert to_si("delta_degC") == 1
 

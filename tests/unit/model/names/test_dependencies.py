@@ -5,36 +5,36 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lagcli.model.names.dependencies import in_order
+from lagcli.model.names.dependencies import topological_order
 
 
 def test_each_comes_after_what_it_needs() -> None:
-    order, circles = in_order({"a": ["b", "c"], "b": ["c"], "c": ["elsewhere"]})
+    order, cycles = topological_order({"a": ["b", "c"], "b": ["c"], "c": ["elsewhere"]})
     assert order == ["c", "b", "a"]
-    assert circles == []
+    assert cycles == []
 
 
 def test_circles_are_found() -> None:
-    _, circles = in_order({"a": ["b"], "b": ["c"], "c": ["b"], "d": ["d"]})
-    assert circles == [["b", "c"], ["d"]]
+    _, cycles = topological_order({"a": ["b"], "b": ["c"], "c": ["b"], "d": ["d"]})
+    assert cycles == [["b", "c"], ["d"]]
 
 
 def test_long_chains_need_no_recursion() -> None:
     size = 10_000
-    order, circles = in_order({str(i): [str(i + 1)] for i in range(size)})
+    order, cycles = topological_order({str(i): [str(i + 1)] for i in range(size)})
     assert order[0] == str(size - 1)
-    assert circles == []
+    assert cycles == []
 
 
 @given(st.dictionaries(st.integers(0, 9), st.lists(st.integers(0, 12), max_size=4), max_size=10))
 def test_any_graph(graph: dict[int, list[int]]) -> None:
     needs = {str(k): [str(v) for v in vs] for k, vs in graph.items()}
-    order, circles = in_order(needs)
+    order, cycles = topological_order(needs)
     assert sorted(order) == sorted(needs)
-    for circle in circles:
-        for name, following in zip(circle, [*circle[1:], circle[0]], strict=True):
+    for cycle in cycles:
+        for name, following in zip(cycle, [*cycle[1:], cycle[0]], strict=True):
             assert following in needs[name]
-    if not circles:
+    if not cycles:
         place = {name: i for i, name in enumerate(order)}
         for name, others in needs.items():
             assert all(place[o] < place[name] for o in others if o in place)

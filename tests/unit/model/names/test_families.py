@@ -164,8 +164,8 @@ def test_only_parameters_that_count_are_structural() -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ("2.5", "`N` counts members here and must be a whole number, but is 2.5"),
-        ("-2", "the range 1..-2 runs backwards"),
+        ("2.5", "`N` is used in an index and must be a whole number, but is 2.5"),
+        ("-2", "the range 1..-2 is descending"),
         (MAX_MEMBERS + 1, "is too long"),
         ("1e300", "must be a whole number"),
         ("x", "`x`, which is a family"),

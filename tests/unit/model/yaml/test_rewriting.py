@@ -9,7 +9,7 @@ import pytest
 
 from lagcli.errors import ModelError
 from lagcli.model.loader import load_text
-from lagcli.model.yaml.rewriting import rewritten
+from lagcli.model.yaml.rewriting import rewrite
 
 MODELS = Path(__file__).parents[4] / "models"
 
@@ -28,7 +28,7 @@ initial:
 
 def changes(text: str, *values: object) -> list[str]:
     """Return the lines that are new."""
-    found = difflib.ndiff(text.splitlines(), rewritten(text, "model.yaml", *values).splitlines())
+    found = difflib.ndiff(text.splitlines(), rewrite(text, "model.yaml", *values).splitlines())
     return [line[2:].strip() for line in found if line.startswith("+ ")]
 
 
@@ -90,7 +90,7 @@ def test_braces_lists_quotes_and_units_in_fields_of_their_own() -> None:
 
 
 def test_windows_line_ends_stay() -> None:
-    new = rewritten(TEXT.replace("\n", "\r\n"), "model.yaml", {"d": "4"}, {"x": "2"})
+    new = rewrite(TEXT.replace("\n", "\r\n"), "model.yaml", {"d": "4"}, {"x": "2"})
     assert new.count("\r\n") == TEXT.count("\n")
     assert load_text(new).parameters["d"].value == 4
 
@@ -98,14 +98,14 @@ def test_windows_line_ends_stay() -> None:
 def test_what_an_alias_stands_for_is_not_changed_with_it() -> None:
     for name in ("a", "b"):
         with pytest.raises(ModelError, match=f"values of `{name}`"):
-            rewritten(TEXT, "model.yaml", {name: "2"}, {})
+            rewrite(TEXT, "model.yaml", {name: "2"}, {})
 
 
 def test_wrong_values_are_those_of_the_model() -> None:
     with pytest.raises(ModelError, match="no parameter `zz`"):
-        rewritten(TEXT, "model.yaml", {"zz": "1"}, {})
+        rewrite(TEXT, "model.yaml", {"zz": "1"}, {})
     with pytest.raises(ModelError, match="division by zero"):
-        rewritten(TEXT, "model.yaml", {"c": "1/(d - 3)"}, {})
+        rewrite(TEXT, "model.yaml", {"c": "1/(d - 3)"}, {})
 
 
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
@@ -121,8 +121,8 @@ def test_every_value_of_every_model_can_be_written(path: Path) -> None:
         name: f"{{guess: 0.1875 {x.unit or ''}}}".replace(" }", "}")
         for name, x in model.initial.items()
     }
-    # `rewritten` itself holds the result against the model with these options
-    new = rewritten(text, path.name, set_, initial, 1.75)
+    # `rewrite` itself holds the result against the model with these options
+    new = rewrite(text, path.name, set_, initial, 1.75)
     found = load_text(new, path.name)
     wanted = load_text(text, path.name, set_, initial)
     assert found.parameter_values == wanted.parameter_values

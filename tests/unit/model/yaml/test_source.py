@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lagcli.errors import Diagnostic, ModelError, SourceLocation
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.yaml.composing import MAX_DEPTH, compose
-from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source, character_places
+from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source, character_positions
 
 
 def value(text: str, key: str = "a") -> Scalar:
@@ -83,7 +83,7 @@ def test_places_are_right_or_absent(parts: list[str], style: str | None, depth: 
     while isinstance(inner, Mapping):
         inner = inner.entries["k"][1]
     assert isinstance(inner, Scalar)
-    places = character_places(source.lines, inner.start, inner.style, inner.value)
+    places = character_positions(source.lines, inner.start, inner.style, inner.value)
     assert len(places) in (0, len(inner.value))
     if inner.value.strip():
         assert places  # the walk never loses its way in what YAML writes
@@ -131,23 +131,23 @@ def test_tabs_are_one_column() -> None:
         ("a: b: c\n", ["1:5", "second colon", "quotes"]),
         ("a: [1, 2\nb: 3\n", ["1:4", "`[` is never closed"]),
         ("a: {b: 1\nc: 3\n", ["1:4", "`{` is never closed"]),
-        ("a: [1]]\n", ["1:7", "`]` closes nothing"]),
+        ("a: [1]]\n", ["1:7", "`]` has no opening bracket"]),
         ('a: "b\n', ["1:4", "quote", "never closed"]),
-        ("a: @b\n", ["1:4", "cannot begin with `@`"]),
-        ("a: *b\n", ["1:4", "alias *b names nothing", "quotes"]),
+        ("a: @b\n", ["1:4", "cannot start with `@`"]),
+        ("a: *b\n", ["1:4", "alias *b is not defined", "quotes"]),
         ("a: *b*c\n", ["1:4", "must be quoted"]),
         ("a:\n  b:1\n  c: 2\n", ["2:4", "space is missing after this colon"]),
-        ("a: 1\n  b: 2\n", ["2:3", "value that begins in line 1"]),
+        ("a: 1\n  b: 2\n", ["2:3", "value that starts in line 1"]),
         ("a:\n   b: 1\n  c: 2\n", ["3:3", "same column"]),
-        ("a: | b\n", ["1:6", "begins on the next line"]),
+        ("a: | b\n", ["1:6", "starts on the next line"]),
         ('a: "\\d"\n', ["1:5", "backslash"]),
         ("a: !!float 1\n", ["1:4", "tag !!float"]),
         ("a: 1\n---\nb: 2\n", ["2:1", "second document"]),
         ("a: [x] y\n", ["`]` ends the value"]),
-        ("", ["1:1", "holds no model"]),
-        ("# nothing\n", ["holds no model"]),
+        ("", ["1:1", "contains no model"]),
+        ("# nothing\n", ["contains no model"]),
         ("- a\n", ["is a list"]),
-        ("a: &a [*a]\n", ["1:8", "inside what it names"]),
+        ("a: &a [*a]\n", ["1:8", "value that contains it"]),
         ("a: 1\nb: 2\na: 3\n", ["3:1", "twice", "(f:1)"]),
         ("? [x]\n: 1\n", ["key must be a name"]),
         ("a: {b, c: 1}\n", ["`b` has no value"]),

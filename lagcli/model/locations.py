@@ -1,4 +1,4 @@
-"""Where the expressions of a checked model stand in its file."""
+"""Source locations of the expressions of a model."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from lagcli.model.yaml.composing import compose
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source, YamlNode
 
 
-class Places:
-    """The places of a model's entries, found in its text when they are asked for.
+class ExpressionLocations:
+    """Source locations of a model's entries, computed from its text.
 
     Parameters
     ----------
@@ -22,15 +22,15 @@ class Places:
         self._root, _ = compose(Source(model.text, model.path))
 
     def entry(self, block: str, name: str | None = None) -> YamlNode | None:
-        """Return the node of an expression: of a key, or of an entry of a block.
+        """Return the YAML node of the expression of a key, or of an entry in a block.
 
         Parameters
         ----------
         block : str
             ``T``, ``definitions``, …
         name : str, optional
-            Of the entry; a member of a family stands in the entry of its family, unless it has
-            one of its own.
+            Name of the entry. A member of a family belongs to the family's entry unless it has its
+            own.
         """
         found = self._root.entries.get(block)
         node = found[1] if found else None
@@ -44,7 +44,7 @@ class Places:
         return node
 
     def location(self, node: YamlNode | None, tree: Tree | None = None) -> SourceLocation | None:
-        """Return the place of an entry, or of a part of its expression."""
+        """Return the location of an entry, or of a subexpression."""
         if node is None:
             return None
         if tree is None or not (scalar := _text_of(node)):
@@ -52,7 +52,7 @@ class Places:
         return scalar.span(tree.start, tree.end)
 
     def text(self, node: YamlNode | None, tree: Tree) -> str | None:
-        """Return a part of an expression as it is written, shortened."""
+        """Return the source text of a subexpression, shortened."""
         scalar = _text_of(node)
         if scalar is None:
             return None
@@ -60,7 +60,7 @@ class Places:
 
 
 def _text_of(node: YamlNode | None) -> Scalar | None:
-    """Return the text of an expression; of a YAML list, the text of the vector."""
+    """Return the scalar of an expression; a YAML list becomes the text of a vector."""
     if isinstance(node, Sequence):
         text = node.source.between(node.start, node.end)
         return Scalar(node.source, node.start, node.end, text)

@@ -1,9 +1,9 @@
-r"""The LaTeX of a sign: letters, accents, fonts, subscripts and superscripts, and nothing else.
+r"""LaTeX symbols: letters with accents, fonts, subscripts and superscripts.
 
-A model may state how a coordinate is written (``latex: '\vartheta_{1}'``). TeX is a programming
-language that reads and writes files, so what a model says is never passed on as text: it is read
-by the grammar of this module, which lists every command and character that it knows. LaTeX,
-Markdown, MathML and matplotlib's mathtext are all written from the tree that comes out.
+A model may give the LaTeX of a coordinate (``latex: '\vartheta_{1}'``). TeX is a programming
+language that reads and writes files, so the text is never passed through: it is parsed by the
+grammar of this module, which lists every allowed command and character. LaTeX, Markdown, MathML and
+matplotlib's mathtext are all written from the resulting tree.
 
     row   = { atom [ "_" group ] [ "^" group ] }
     group = atom
@@ -31,7 +31,7 @@ _SIGNS = """
 SYMBOLS = frozenset(f"\\{name}" for name in (_GREEK + _SIGNS).split()) | {
     *(r"\,", r"\;", r"\:", r"\ ")
 }
-#: Commands that change one atom: marks above it, and bold.
+#: Commands that modify one atom: accents and bold.
 ACCENTS = frozenset(
     f"\\{name}"
     for name in (
@@ -39,7 +39,7 @@ ACCENTS = frozenset(
         *("widehat", "widetilde", "overline", "boldsymbol"),
     )
 )
-#: Commands of other packages, and what amsmath has in their place.
+#: Commands of other packages, and their equivalents in amsmath.
 SYNONYMS = {r"\bm": r"\boldsymbol"}
 #: Commands that set a word in another font.
 FONTS = frozenset(
@@ -49,22 +49,22 @@ FONTS = frozenset(
         *("text", "textrm", "operatorname"),
     )
 )
-#: Characters that stand for themselves, beside ASCII letters and digits.
+#: Characters that stand for themselves, in addition to ASCII letters and digits.
 MARKS = frozenset("+-*/=,.;:()[]'|")
 
 _DEEPEST = 20
 _LONGEST = 200
 
 
-class NotASign(ValueError):
-    """LaTeX that is not a sign.
+class InvalidLatex(ValueError):
+    """LaTeX that is not a valid symbol.
 
     Parameters
     ----------
     message : str
-        What is wrong with it.
+        Description of the error.
     start, end : int
-        The characters that are.
+        The range of the invalid characters.
     """
 
     def __init__(self, message: str, start: int, end: int):
@@ -73,15 +73,15 @@ class NotASign(ValueError):
 
 
 @dataclass(frozen=True)
-class LatexSymbol:
-    """A letter, a digit, a mark, or a command that stands for itself."""
+class LatexAtom:
+    """A letter, a digit, a mark, or a command without arguments."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Accent:
-    """Something with a mark above, or in bold: ``\\vec{r}``."""
+    """An accented or bold part: ``\\vec{r}``."""
 
     command: str
     base: Part
@@ -97,7 +97,7 @@ class Word:
 
 @dataclass(frozen=True)
 class Scripts:
-    """Something with a subscript, a superscript, or both."""
+    """A part with a subscript, a superscript, or both."""
 
     base: Part
     below: Part | None
@@ -106,16 +106,16 @@ class Scripts:
 
 @dataclass(frozen=True)
 class LatexRow:
-    """What stands side by side."""
+    """Parts side by side."""
 
     parts: tuple[Part, ...]
 
 
-Part = LatexSymbol | Accent | Word | Scripts | LatexRow
+Part = LatexAtom | Accent | Word | Scripts | LatexRow
 
 
 def parse(latex: str) -> Part:
-    """Read the LaTeX of a sign.
+    """Parse the LaTeX of a symbol.
 
     Parameters
     ----------
@@ -129,19 +129,19 @@ def parse(latex: str) -> Part:
 
     Raises
     ------
-    NotASign
-        There is a command or a character in it that is not listed in this module, or a brace too
-        many.
+    InvalidLatex
+        The text has a command or a character that this module does not list, or unbalanced
+        braces.
     """
     if len(latex) > _LONGEST:
-        raise NotASign(f"it is longer than {_LONGEST} characters", 0, len(latex))
+        raise InvalidLatex(f"it is longer than {_LONGEST} characters", 0, len(latex))
     return _Reader(latex).whole()
 
 
 def to_latex(part: Part) -> str:
-    """Return a sign as LaTeX, made of what this module lists and nothing else."""
+    """Return a symbol as LaTeX; only commands listed in this module occur."""
     match part:
-        case LatexSymbol():
+        case LatexAtom():
             return part.text
         case Accent():
             return f"{part.command}{{{to_latex(part.base)}}}"
@@ -157,7 +157,7 @@ def to_latex(part: Part) -> str:
         case LatexRow():
             found = ""
             for text in map(to_latex, part.parts):
-                # a letter behind a command would be read as a part of its name
+                # a letter after a command would be read as part of its name
                 apart = text[:1].isalpha() and _COMMAND_AT_END.search(found)
                 found += f" {text}" if apart else text
             return found
@@ -173,9 +173,9 @@ class _Reader:
         """The next token; empty at the end."""
         return self.tokens[self.at][0] if self.at < len(self.tokens) else ""
 
-    def fail(self, message: str) -> NotASign:
+    def fail(self, message: str) -> InvalidLatex:
         token, start = self.tokens[self.at] if self.token else ("", self.end)
-        return NotASign(message, start, start + len(token))
+        return InvalidLatex(message, start, start + len(token))
 
     def skip_spaces(self) -> None:
         while self.token.isspace():
@@ -184,7 +184,7 @@ class _Reader:
     def whole(self) -> Part:
         row = self.row(0)
         if self.token:
-            raise self.fail("`}` closes nothing")
+            raise self.fail("`}` has no opening brace")
         if row == LatexRow(()):
             raise self.fail("it is empty")
         return row
@@ -208,7 +208,7 @@ class _Reader:
             if kind not in ("_", "^") or not kind:
                 break
             if kind in found:
-                raise self.fail(f"a second `{kind}` needs braces around what stands before it")
+                raise self.fail(f"a second `{kind}` needs braces around the part before it")
             self.at += 1
             found[kind] = self.atom(depth)
         return Scripts(base, found.get("_"), found.get("^")) if found else base
@@ -218,7 +218,7 @@ class _Reader:
         self.skip_spaces()
         token = SYNONYMS.get(self.token, self.token)
         if not token:
-            raise self.fail("something is missing at its end")
+            raise self.fail("it ends too early")
         if token == "{":
             self.at += 1
             row = self.row(depth + 1)
@@ -236,9 +236,9 @@ class _Reader:
             return Word(token, self.word(token))
         if token in SYMBOLS or token in MARKS or (token.isascii() and token.isalnum()):
             self.at += 1
-            return LatexSymbol(token)
+            return LatexAtom(token)
         shown = token if token.isprintable() else f"U+{ord(token[-1]):04X}"
-        raise self.fail(f"`{shown}` is not among the commands and characters of a sign")
+        raise self.fail(f"`{shown}` is not an allowed command or character")
 
     def word(self, font: str) -> str:
         """Read the braces after a change of fonts: letters, digits and spaces."""
@@ -252,7 +252,7 @@ class _Reader:
             token = self.token
             letter = {r"\_": "_", r"\ ": " "}.get(token, " " if token.isspace() else token)
             if len(letter) > 1 or not letter.isascii() or not (letter.isalnum() or letter in " _-"):
-                raise self.fail(f"inside `{font}` stand letters, digits, spaces and `-`")
+                raise self.fail(f"`{font}` may contain letters, digits, spaces and `-`")
             letters.append(letter)
             self.at += 1
         self.at += 1

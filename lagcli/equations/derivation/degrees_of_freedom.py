@@ -1,4 +1,4 @@
-"""The degrees of freedom of a system: coordinates less the rank of the constraints."""
+"""Degrees of freedom: coordinates minus the rank of the constraint Jacobian."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 
-class Redundant(NamedTuple):
-    """Constraints that depend on each other.
+class RedundantSet(NamedTuple):
+    """Set of linearly dependent constraints.
 
     Parameters
     ----------
     constraints : tuple of str
-        Names; each takes part in a dependency of the rows of B.
+        Names of the constraints whose rows of B are linearly dependent.
     surplus : int
-        How many of them follow from the others.
+        Number of redundant constraints in the set.
     """
 
     constraints: tuple[str, ...]
@@ -23,32 +23,32 @@ class Redundant(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Freedom:
-    """What the constraints leave free at one state.
+class DegreesOfFreedom:
+    """Degrees of freedom at one state.
 
     Parameters
     ----------
     coordinates, constraints : int
         k and r.
     rank : int or None
-        Of B at the consistent start; None where there is no such state.
-    redundant : tuple of Redundant
-        The sets of constraints that depend on each other there.
+        Rank of B at the consistent initial state; None if there is no such state.
+    redundant : tuple of RedundantSet
+        Sets of dependent constraints at that state.
     """
 
     coordinates: int
     constraints: int
     rank: int | None = None
-    redundant: tuple[Redundant, ...] = ()
+    redundant: tuple[RedundantSet, ...] = ()
 
     @property
     def degrees(self) -> int:
-        """k − rank B; k − r where the rank is not known."""
+        """k − rank B; k − r if the rank is unknown."""
         return self.coordinates - (self.constraints if self.rank is None else self.rank)
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences on the redundant constraints."""
+        """Sentences about redundant constraints."""
         found = [
             f"Redundant: {x.surplus} of {', '.join(x.constraints)}"
             f" follow{'s' if x.surplus == 1 else ''} from the others."
@@ -62,7 +62,7 @@ class Freedom:
         return found
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return the values for result files and summaries."""
+        """Return a mapping for result files and summaries."""
         return {
             "coordinates": self.coordinates,
             "constraints": self.constraints,
@@ -74,10 +74,10 @@ class Freedom:
         }
 
     @classmethod
-    def of_mapping(cls, values: Mapping[str, Any]) -> Freedom:
-        """Return what `to_mapping` made a mapping of."""
+    def from_mapping(cls, values: Mapping[str, Any]) -> DegreesOfFreedom:
+        """Return an instance from the result of `to_mapping`."""
         redundant = tuple(
-            Redundant(tuple(map(str, x["constraints"])), int(x["surplus"]))
+            RedundantSet(tuple(map(str, x["constraints"])), int(x["surplus"]))
             for x in values["redundant"]
         )
         rank = values["rank"]

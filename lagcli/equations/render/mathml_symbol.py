@@ -1,11 +1,11 @@
-"""One sign in LaTeX, as coordinates and general laws have it, as MathML."""
+"""LaTeX symbols of coordinates and general laws as MathML."""
 
 from __future__ import annotations
 
 from html import escape
 
 from lagcli.equations.render.letters import LATEX_GREEK, dotted
-from lagcli.model.names.latex_sign import Accent, LatexRow, LatexSymbol, Part, Scripts, Word, parse
+from lagcli.model.names.latex_symbol import Accent, LatexAtom, LatexRow, Part, Scripts, Word, parse
 
 _GREEK = {latex: sign for sign, latex in LATEX_GREEK.items() if latex.startswith("\\")}
 _GREEK |= {r"\epsilon": "ϵ", r"\varrho": "ϱ", r"\varpi": "ϖ", r"\varsigma": "ς"}
@@ -22,13 +22,13 @@ _SCRIPT = {"L": "ℒ", "T": "𝒯", "V": "𝒱"}
 _SPACES = {r"\,": "0.17em", r"\ ": "0.33em", r"\;": "0.28em", r"\:": "0.22em", r"\quad": "1em"}
 _STYLES = (r"\textstyle", r"\displaystyle")
 _PLAIN = {"-": "−", "'": "′", "*": "∗"}
-#: Where the bold letters begin in Unicode, upright and italic, by the first of the plain ones.
+#: First bold letter in Unicode, upright and italic, by first plain letter.
 _BOLD = {"A": 0x1D400, "a": 0x1D41A}
 _BOLD_ITALIC = {"A": 0x1D468, "a": 0x1D482, "Α": 0x1D71C, "α": 0x1D736}
 
 
-def sign_mathml(latex: str) -> str:
-    """Return the MathML of a sign: letters, accents, subscripts, superscripts.
+def symbol_mathml(latex: str) -> str:
+    """Return the MathML of a LaTeX symbol: letters, accents, subscripts, superscripts.
 
     Parameters
     ----------
@@ -42,15 +42,15 @@ def sign_mathml(latex: str) -> str:
 
     Raises
     ------
-    NotASign
-        See `lagcli.model.names.latex_sign.parse`.
+    InvalidLatex
+        See `lagcli.model.names.latex_symbol.parse`.
     """
     return _mathml(parse(latex))
 
 
 def _mathml(part: Part) -> str:
     match part:
-        case LatexSymbol():
+        case LatexAtom():
             return _symbol(part.text)
         case Accent():
             return _accent(part)
@@ -69,7 +69,7 @@ def _mathml(part: Part) -> str:
             shown = [
                 _mathml(x)
                 for x in part.parts
-                if not (isinstance(x, LatexSymbol) and x.text in _STYLES)
+                if not (isinstance(x, LatexAtom) and x.text in _STYLES)
             ]
             return shown[0] if len(shown) == 1 else f"<mrow>{''.join(shown)}</mrow>"
 
@@ -80,7 +80,7 @@ def _accent(part: Accent) -> str:
         return dotted(base, len(part.command) - len(r"\dot") + 1)
     if part.command == r"\boldsymbol":
         letter = (
-            _GREEK.get(part.base.text, part.base.text) if isinstance(part.base, LatexSymbol) else ""
+            _GREEK.get(part.base.text, part.base.text) if isinstance(part.base, LatexAtom) else ""
         )
         return base.replace(letter, _shifted(letter, _BOLD_ITALIC)) if letter.isalpha() else base
     mark = f'<mo stretchy="false">{_ACCENTS[part.command]}</mo>'
@@ -103,9 +103,9 @@ def _symbol(text: str) -> str:
 
 
 def _shifted(letter: str, blocks: dict[str, int]) -> str:
-    """Return a letter of another alphabet of Unicode, where it has that letter."""
+    """Return a letter in another Unicode alphabet, if that has the letter."""
     for first, start in blocks.items():
-        place = ord(letter) - ord(first)
-        if 0 <= place < (25 if first > "z" else 26):
-            return chr(start + place)
+        index = ord(letter) - ord(first)
+        if 0 <= index < (25 if first > "z" else 26):
+            return chr(start + index)
     return letter

@@ -13,10 +13,18 @@ import pytest
 
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.render import FORMATS, render
-from lagcli.equations.render.mathml_sign import sign_mathml
-from lagcli.equations.render.names import Notation, refused_signs
+from lagcli.equations.render.mathml_symbol import symbol_mathml
+from lagcli.equations.render.names import Notation, invalid_latex_warnings
 from lagcli.model.loader import load, load_text
-from lagcli.model.names.latex_sign import ACCENTS, FONTS, MARKS, SYMBOLS, NotASign, parse, to_latex
+from lagcli.model.names.latex_symbol import (
+    ACCENTS,
+    FONTS,
+    MARKS,
+    SYMBOLS,
+    InvalidLatex,
+    parse,
+    to_latex,
+)
 
 HOSTILE = sorted((Path(__file__).parents[3] / "found" / "hostile").glob("latex-*.yaml"))
 #: Commands of TeX, LaTeX and pdfTeX that read, write, define, expand, end, or switch the reading.
@@ -110,7 +118,7 @@ def test_no_forbidden_command_reaches_a_sign():
     for attack in attacks():
         try:
             tree = parse(attack)
-        except NotASign:
+        except InvalidLatex:
             continue
         allowed += 1
         latex = to_latex(tree)
@@ -119,7 +127,7 @@ def test_no_forbidden_command_reaches_a_sign():
         assert "^^" not in latex
         assert latex.count("{") == latex.count("}")
         assert to_latex(parse(latex)) == latex  # and reads back
-        ElementTree.fromstring(sign_mathml(latex))
+        ElementTree.fromstring(symbol_mathml(latex))
     assert allowed > 100  # the list is not made of refusals alone
 
 
@@ -136,7 +144,7 @@ def test_no_forbidden_command_reaches_an_output():
 def test_found_attacks(path):
     model = load(path)
     assert not Notation(model).with_own_latex
-    (warning,) = refused_signs(model)
+    (warning,) = invalid_latex_warnings(model)
     assert warning.location.line == 2
     assert warning.location.text[warning.location.column - 1] == '"'
     assert warning.render().startswith(f"{path}:2:")
@@ -153,9 +161,9 @@ def test_found_attacks(path):
         (r"\frac{1}{2}", r"`\frac`"),
         ("x_1_2", "second `_`"),
         ("{x", "`}` is missing"),
-        ("x}", "closes nothing"),
+        ("x}", "no opening brace"),
         ("_", "`_`"),
-        ("x_", "missing"),
+        ("x_", "ends too early"),
         ("", "empty"),
         ("  ", "empty"),
         (r"\mathrm x", "braces"),
@@ -167,7 +175,7 @@ def test_found_attacks(path):
     ],
 )
 def test_what_is_refused_is_said(latex, said):
-    with pytest.raises(NotASign, match=re.escape(said)):
+    with pytest.raises(InvalidLatex, match=re.escape(said)):
         parse(latex)
 
 
@@ -196,7 +204,7 @@ def test_signs_are_written_anew(latex, written):
     [(r"\bm{r}", "𝒓"), (r"\boldsymbol{\omega}", "𝝎"), (r"\mathbf{R2}", "𝐑2"), (r"\bm{ab}", "ab")],
 )
 def test_bold_in_mathml(latex, shown):
-    assert "".join(ElementTree.fromstring(sign_mathml(latex)).itertext()) == shown
+    assert "".join(ElementTree.fromstring(symbol_mathml(latex)).itertext()) == shown
 
 
 def test_matplotlib_draws_signs_or_the_plain_name():

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import lagcli
-from lagcli.equations.derivation.freedom import Freedom, Redundant
+from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom, RedundantSet
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.render import FORMATS, render
 from lagcli.model.loader import load, load_text
@@ -23,7 +23,7 @@ HEAD = "coordinates: [x, y, z]\nT: (x'^2 + y'^2 + z'^2)/2\nV: 0\nconstraints:\n"
 TAIL = "\ninitial: {x: 0, x': 0, y: 0, y': 0, z: 0, z': {guess: 0}}\n"
 
 
-def freedom(constraints: str) -> Freedom:
+def freedom(constraints: str) -> DegreesOfFreedom:
     return degrees_of_freedom(derive(load_text(HEAD + constraints + TAIL)))
 
 
@@ -48,14 +48,14 @@ def freedom(constraints: str) -> Freedom:
 def test_counts_and_sets(constraints, degrees, redundant) -> None:
     found = freedom(constraints)
     assert found.degrees == degrees
-    assert found.redundant == tuple(Redundant(*x) for x in redundant)
-    assert Freedom.of_mapping(json.loads(json.dumps(found.to_mapping()))) == found
+    assert found.redundant == tuple(RedundantSet(*x) for x in redundant)
+    assert DegreesOfFreedom.from_mapping(json.loads(json.dumps(found.to_mapping()))) == found
 
 
 def test_parallelogram_moves_in_every_format() -> None:
     equations = derive(load(PARALLELOGRAM))
     found = degrees_of_freedom(equations)
-    assert (found.rank, found.degrees, found.redundant) == (3, 1, (Redundant(CLOSING, 1),))
+    assert (found.rank, found.degrees, found.redundant) == (3, 1, (RedundantSet(CLOSING, 1),))
     for form in FORMATS:
         shown = render(equations, form, freedom=found)
         if form == "json":
@@ -88,7 +88,9 @@ def test_runs_say_and_keep_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         assert (summary["constraints"], summary["rank"], summary["degrees_of_freedom"]) == (4, 3, 1)
         assert summary["redundant"] == [{"constraints": list(CLOSING), "surplus": 1}]
         kept = lagcli.read(target).freedom
-        assert Freedom.of_mapping(kept) == Freedom(4, 4, 3, (Redundant(CLOSING, 1),))
+        assert DegreesOfFreedom.from_mapping(kept) == DegreesOfFreedom(
+            4, 4, 3, (RedundantSet(CLOSING, 1),)
+        )
     assert run(short) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "1 of 4 redundant (rank of B 3, 1 degree of freedom)" in said
