@@ -22,6 +22,8 @@ class DerivedColumns:
     Parameters
     ----------
     system : System
+    p : tuple of float
+        Values of its parameters.
 
     Attributes
     ----------
@@ -29,8 +31,8 @@ class DerivedColumns:
         How many were completed.
     """
 
-    def __init__(self, system: System):
-        self.system = system
+    def __init__(self, system: System, p: tuple[float, ...]):
+        self.system, self.p = system, p
         self.samples = 0
         shape = (len(system.constraints), len(system.coordinates))
         order = sorted(system.jacobian_pattern)
@@ -57,7 +59,7 @@ class DerivedColumns:
         """Return the next samples with all their columns."""
         system, count = self.system, len(block.time)
         nq, nc = len(system.coordinates), len(system.constraints)
-        batch = Batch(system, block.time, block.q, block.v)
+        batch = Batch(system, self.p, block.time, block.q, block.v)
         e = batch.entries()
         report = batch.report(block.a, block.multipliers)
         reported = dict(zip(REPORTED, report, strict=False))
