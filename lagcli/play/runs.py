@@ -16,7 +16,7 @@ from lagcli.model.model import Model
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.rewriting import rewrite
 from lagcli.pictures.scene.timing import usual_speed
-from lagcli.pictures.scene.view_evaluator import Stage
+from lagcli.pictures.scene.view_evaluator import ViewEvaluator
 from lagcli.play.controls import Control, controls
 from lagcli.play.curves import Curves
 from lagcli.settings.resolve import resolve
@@ -116,7 +116,7 @@ class Played:
         self.curves = Curves(model)
         structural = (model.parameters[name] for name in model.structural_parameters)
         self.members = " ".join(f"{p.name}={p.value:g}" for p in structural)
-        self._stage = Stage(model) if model.view is not None else None
+        self._evaluator = ViewEvaluator(model) if model.view is not None else None
 
     def check(self) -> None:
         """Raise what is wrong with the values that the program was started with.
@@ -234,9 +234,9 @@ class Played:
         }
 
     def _scene(self, model: Model, samples: Samples) -> dict[str, Any] | None:
-        if self._stage is None or not len(samples.time):
+        if self._evaluator is None or not len(samples.time):
             return None
-        scene = self._stage.scene(vars(samples), samples.terms, model.parameter_values)
+        scene = self._evaluator.scene(vars(samples), samples.terms, model.parameter_values)
         return scene.to_json(lambda values: values)
 
     # what is taken away from the page

@@ -205,7 +205,7 @@ def _name_hidden(hidden: str, target: str, force: bool) -> None:
 def sync_folder(folder: str) -> None:
     """Bring new names in a folder to the disk, where the system can."""
     # The file is in place and synced; a folder that cannot be synced (some network file
-    # systems, Windows) is nothing that the reader of a message could mend.
+    # systems, Windows) is nothing that the reader of a message could fix.
     with suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY)
         try:

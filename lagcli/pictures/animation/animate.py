@@ -233,5 +233,5 @@ def _within(times: Array, when: Timing, most: int) -> Any:
 
 
 def _digits(span: float) -> int:
-    """Return the decimals of a time with which a thousandth of the run can be told apart."""
+    """Return the decimals of a time with which a thousandth of the run can be distinguished."""
     return max(0, min(9, math.ceil(2.5 - math.log10(span)))) if span > 0 else 2

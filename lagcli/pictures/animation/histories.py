@@ -14,7 +14,7 @@ from lagcli.pictures.plots.panels import Panel, asked
 from lagcli.pictures.plots.run_plot import PanelDrawing
 from lagcli.pictures.plots.style import PALETTE, ROLES
 from lagcli.pictures.run_file import RunFile
-from lagcli.pictures.scene.raster import Pen
+from lagcli.pictures.scene.raster import Raster
 from lagcli.trajectory.samples import Array
 
 Image = NDArray[np.uint8]
@@ -76,7 +76,7 @@ class HistoriesDrawing:
 
         self.histories = histories
         unit = max(0.6, min(1.6, min(width, height) / 420))
-        self.pen = Pen(width, height, unit, ROLES["paper"])
+        self.raster = Raster(width, height, unit, ROLES["paper"])
         self.strip = 26 * max(1.0, unit)
         size = (width / _DPI, height / _DPI)
         panels = histories.panels
@@ -92,18 +92,18 @@ class HistoriesDrawing:
 
     def frame(self, time: float, note: str = "") -> Image:
         """Return the picture of a time, with a line of text; see `SceneDrawing.frame`."""
-        pen, histories = self.pen, self.histories
-        pen.clear(self.still)
+        raster, histories = self.raster, self.histories
+        raster.clear(self.still)
         for panel, (place, box) in zip(histories.panels, self.axes, strict=True):
             across = place.transform((time, 0.0))[0]
-            pen.line([(across, box.y0), (across, box.y1)], ROLES["point"], 1.2, alpha=0.6)
+            raster.line([(across, box.y0), (across, box.y1)], ROLES["point"], 1.2, alpha=0.6)
             for curve in panel.curves[:_MARKED] if len(panel.curves) <= _MARKED else ():
                 value = np.interp(time, histories.time, histories.values[curve.name])
                 at = place.transform((time, value))
                 if np.isfinite(at).all():
-                    pen.dot(np.asarray(at), 3, ROLES["point"], ROLES["paper"])
-        pen.text(note, (14, pen.height - self.strip / 2), ROLES["label"])
-        return pen.image()
+                    raster.dot(np.asarray(at), 3, ROLES["point"], ROLES["paper"])
+        raster.text(note, (14, raster.height - self.strip / 2), ROLES["label"])
+        return raster.image()
 
 
 def _labels(run: RunFile) -> Any:

@@ -1,4 +1,4 @@
-"""What runs differ in, so that their curves can be told apart."""
+"""What runs differ in, by which a legend distinguishes them."""
 
 from __future__ import annotations
 

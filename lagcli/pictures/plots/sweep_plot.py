@@ -17,7 +17,7 @@ from lagcli.pictures.plots.ticks import drawable, plain_ticks
 from lagcli.trajectory.samples import Array
 
 _WIDTH, _CURVE, _MAP = 6.0, 2.4, 4.0  # inches
-_FAMILIES = 6  # values of a second quantity that are told apart by a legend
+_FAMILIES = 6  # values of a second quantity that a legend distinguishes
 _MARKED = 60  # points of a curve that are marked
 _USUAL = 6  # measures that are drawn where none is named
 _GOOD = 0

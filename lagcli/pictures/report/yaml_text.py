@@ -1,4 +1,4 @@
-"""A model file in HTML, with its keys, numbers and comments told apart."""
+"""A model file in HTML, with its keys, numbers and comments in different colours."""
 
 from __future__ import annotations
 

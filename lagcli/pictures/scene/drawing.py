@@ -9,9 +9,17 @@ from numpy.typing import NDArray
 
 from lagcli.pictures.plots.style import ROLES
 from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
-from lagcli.pictures.scene.raster import Pen
+from lagcli.pictures.scene.raster import Raster
 from lagcli.pictures.scene.scene import DrawnVector, Scene
-from lagcli.pictures.scene.shapes import BODIES, LAYERS, Moment, Stroke, arrow, joints, strokes
+from lagcli.pictures.scene.shapes import (
+    BODIES,
+    LAYERS,
+    DrawCommand,
+    Moment,
+    arrow,
+    commands,
+    joints,
+)
 from lagcli.pictures.scene.timing import TRAIL_PART
 
 Image = NDArray[np.uint8]
@@ -46,7 +54,7 @@ class SceneDrawing:
         span = float(scene.time[-1] - scene.time[0])
         self.trail = TRAIL_PART * span if trail is None else trail
         unit = max(0.6, min(1.6, min(width, height) / 420))
-        self.pen = Pen(width, height, unit, ROLES["paper"])
+        self.raster = Raster(width, height, unit, ROLES["paper"])
         #: The height of the lines of text at the top and at the foot.
         self.strip = 26 * max(1.0, unit)
         camera = PlaneCamera if scene.dimension == 2 else OrbitCamera
@@ -68,25 +76,25 @@ class SceneDrawing:
         -------
         (height, width, 3) array of uint8
         """
-        pen, solid = self.pen, self.scene.dimension == 3
-        pen.clear()
+        raster, solid = self.raster, self.scene.dimension == 3
+        raster.clear()
         if solid:
             self._floor()
-        moment = Moment(self.scene, self.camera, pen, time, self.trail)
+        moment = Moment(self.scene, self.camera, raster, time, self.trail)
 
-        def order(stroke: Stroke) -> tuple[int, float]:
-            layer = "rod" if solid and stroke.layer in BODIES else stroke.layer
-            return LAYERS.index(layer), -stroke.depth if solid else 0.0
+        def order(command: DrawCommand) -> tuple[int, float]:
+            layer = "rod" if solid and command.layer in BODIES else command.layer
+            return LAYERS.index(layer), -command.depth if solid else 0.0
 
-        for stroke in sorted(strokes(moment, self._joints, self.vectors), key=order):
-            stroke.paint()
+        for command in sorted(commands(moment, self._joints, self.vectors), key=order):
+            command.paint()
         if solid:
             self._triad()
         else:
             self._rule()
         self._magnitudes(moment)
-        pen.text(note, (14, pen.height - self.strip / 2), ROLES["label"])
-        return pen.image()
+        raster.text(note, (14, raster.height - self.strip / 2), ROLES["label"])
+        return raster.image()
 
     def _floor(self) -> None:
         """Draw a grid at the foot of the scene, without which depth is hard to see."""
@@ -101,27 +109,27 @@ class SceneDrawing:
         lines = [[(x, ys[0], floor), (x, ys[-1], floor)] for x in xs]
         lines += [[(xs[0], y, floor), (xs[-1], y, floor)] for y in ys]
         for places in self.camera.project(np.array(lines)):
-            self.pen.line(places, ROLES["guide"], 1, alpha=0.4)
+            self.raster.line(places, ROLES["guide"], 1, alpha=0.4)
 
     def _triad(self) -> None:
         """Draw the directions of x, y and z in a corner."""
         assert isinstance(self.camera, OrbitCamera)
-        length = 26 * self.pen.unit
+        length = 26 * self.raster.unit
         corner = np.array([1.6 * length, 1.6 * length])
         for name, seen in zip("xyz", self.camera.axes.T, strict=True):
-            arrow(self.pen, corner, corner + length * seen[:2], ROLES["ground"])
-            self.pen.text(name, corner + 1.35 * length * seen[:2], ROLES["ground"], 12, "center")
+            arrow(self.raster, corner, corner + length * seen[:2], ROLES["ground"])
+            self.raster.text(name, corner + 1.35 * length * seen[:2], ROLES["ground"], 12, "center")
 
     def _rule(self) -> None:
         """Draw a length to measure by in a corner."""
-        pen = self.pen
-        length = round_length(0.2 * pen.width / self.camera.scale)
-        pixels, tick = length * self.camera.scale, 4 * pen.unit
+        raster = self.raster
+        length = round_length(0.2 * raster.width / self.camera.scale)
+        pixels, tick = length * self.camera.scale, 4 * raster.unit
         ends = [(14, 12 + tick), (14, 12), (14 + pixels, 12), (14 + pixels, 12 + tick)]
-        pen.line(ends, ROLES["ground"], 1.2)
-        pen.text(
+        raster.line(ends, ROLES["ground"], 1.2)
+        raster.text(
             f"{length:g} {self.scene.unit}".rstrip(),
-            (14 + pixels / 2, 12 + 11 * pen.unit),
+            (14 + pixels / 2, 12 + 11 * raster.unit),
             ROLES["ground"],
             11,
             "center",
@@ -129,17 +137,17 @@ class SceneDrawing:
 
     def _magnitudes(self, moment: Moment) -> None:
         """List what the arrows are, with their magnitudes now."""
-        pen = self.pen
-        right, space = pen.width - 14.0, 16 * pen.unit
+        raster = self.raster
+        right, space = raster.width - 14.0, 16 * raster.unit
         for vector in reversed(self.vectors[:_LISTED]):
             value = float(np.linalg.norm(moment.vector(vector.components)))
             text = (
                 f"{named(vector, self.scene.vectors)} {three_digits(value)} {vector.unit}".rstrip()
             )
-            if right < 0.4 * pen.width:
+            if right < 0.4 * raster.width:
                 break
             place = (right, self.strip / 2)
-            right -= pen.text(text, place, ROLES[vector.quantity], align="right") + space
+            right -= raster.text(text, place, ROLES[vector.quantity], align="right") + space
 
 
 def named(vector: DrawnVector, among: tuple[DrawnVector, ...]) -> str:

@@ -18,7 +18,7 @@ _LEFT = 1e-6
 _SINGULAR, _NEVER = 1e-9, 1e-6
 
 
-class StandingForce:
+class PointForce:
     """The force of a constraint at points, from their derivatives by the coordinates.
 
     Parameters
@@ -108,7 +108,7 @@ class StandingForce:
         )
 
 
-def standing_force(model: Model, arrow: Arrow) -> StandingForce:
+def point_force(model: Model, arrow: Arrow) -> PointForce:
     """Return the force that an arrow shows, with the derivatives of its points."""
     assert model.view is not None
     points = [(name, model.view.points[name]) for name in dict.fromkeys(arrow.points)]
@@ -123,4 +123,4 @@ def standing_force(model: Model, arrow: Arrow) -> StandingForce:
             if not x.free_symbols.isdisjoint(symbols):
                 rows.append((name, axis))
                 entries += [derivative(x, s) for s in symbols]
-    return StandingForce(model, arrow, rows, columns, entries)
+    return PointForce(model, arrow, rows, columns, entries)

@@ -1,4 +1,4 @@
-"""A pen: lines, areas and text in pixels, drawn by matplotlib's Agg renderer.
+"""A raster image: lines, areas and text in pixels, drawn by matplotlib's Agg renderer.
 
 Frames of an animation are many and alike: drawn in pixels, one takes milliseconds, a tenth of what
 a matplotlib figure takes.
@@ -33,7 +33,7 @@ def _glyph(character: str) -> tuple[Any, float]:
     return outline, float(after.get_extents().x1 - alone.get_extents().x1)
 
 
-class Pen:
+class Raster:
     """Draws on a picture of its own; x to the right and y up, in pixels.
 
     Parameters

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lagcli.pictures.plots.style import ROLES
 from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
-from lagcli.pictures.scene.raster import Pen
+from lagcli.pictures.scene.raster import Raster
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, frames
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ _PIECES, _POINTS = 40, 400
 _TURNS = 7  # of a spring
 
 
-class Stroke(NamedTuple):
+class DrawCommand(NamedTuple):
     """Something to be painted on its layer; what has the larger depth is farther away."""
 
     layer: str
@@ -43,13 +43,13 @@ class Joint(NamedTuple):
 
 
 class Moment:
-    """A scene at a time, seen by a camera, with the pen that paints it.
+    """A scene at a time, seen by a camera, with the raster that paints it.
 
     Parameters
     ----------
     scene : Scene
     camera : PlaneCamera or OrbitCamera
-    pen : Pen
+    raster : Raster
     now : float
         s.
     trail : float
@@ -60,11 +60,17 @@ class Moment:
         self,
         scene: Scene,
         camera: PlaneCamera | OrbitCamera,
-        pen: Pen,
+        raster: Raster,
         now: float,
         trail: float,
     ):
-        self.scene, self.camera, self.pen, self.now, self.trail = scene, camera, pen, now, trail
+        self.scene, self.camera, self.raster, self.now, self.trail = (
+            scene,
+            camera,
+            raster,
+            now,
+            trail,
+        )
         self.points = {name: self.vector(series) for name, series in scene.points.items()}
         self.places = {name: camera.project(point) for name, point in self.points.items()}
 
@@ -83,7 +89,7 @@ class Moment:
         """By how much rods and joints are thinner than usual, where rods are short."""
         rods = [s for s in self.scene.segments if s.kind == "rod"]
         lengths = [math.dist(self.points[s.start], self.points[s.end]) for s in rods]
-        usual = 48 * self.pen.unit
+        usual = 48 * self.raster.unit
         pixels = float(np.median(lengths)) * self.camera.scale if rods else usual
         return min(1.0, max(0.45, pixels / usual))
 
@@ -107,10 +113,10 @@ def joints(scene: Scene) -> dict[str, Joint]:
     return found
 
 
-def strokes(
+def commands(
     moment: Moment, drawn: Mapping[str, Joint], vectors: Sequence[DrawnVector]
-) -> Iterator[Stroke]:
-    """Yield the strokes of all shapes; what is nowhere (not finite) has none.
+) -> Iterator[DrawCommand]:
+    """Yield the commands of all shapes; what is nowhere (not finite) has none.
 
     Parameters
     ----------
@@ -120,7 +126,7 @@ def strokes(
     vectors : sequence of DrawnVector
         Those of the scene that are to be shown.
     """
-    scene, places, pen = moment.scene, moment.places, moment.pen
+    scene, places, raster = moment.scene, moment.places, moment.raster
 
     def there(*names: str) -> bool:
         return all(np.isfinite(places[name]).all() for name in names)
@@ -129,11 +135,11 @@ def strokes(
         if there(segment.start, segment.end):
             ends = np.array([places[segment.start], places[segment.end]])
             paint = partial(_LINES[segment.kind], moment, ends)
-            yield Stroke(segment.kind, float(ends[:, 2].mean()), paint)
+            yield DrawCommand(segment.kind, float(ends[:, 2].mean()), paint)
     for disc in scene.discs:
         yield from _disc(moment, disc)
     for name in filter(there, scene.grounds):
-        yield Stroke("ground", places[name][2], partial(_ground, pen, places[name]))
+        yield DrawCommand("ground", places[name][2], partial(_ground, raster, places[name]))
     for name in scene.trails:
         yield from _trail(moment, name)
     for name, joint in drawn.items():
@@ -141,76 +147,76 @@ def strokes(
             # in front of the rods that end here
             middles = [(places[name][2] + places[o][2]) / 2 for o in joint.others if there(o)]
             depth = min([places[name][2], *middles])
-            yield Stroke("joint", depth, partial(_joint, moment, places[name], joint))
+            yield DrawCommand("joint", depth, partial(_joint, moment, places[name], joint))
     for vector in vectors:
         foot = moment.points[vector.at]
         ends = moment.camera.project(np.array([foot, foot + moment.vector(vector.drawn())]))
         if np.isfinite(ends).all():
-            paint = partial(arrow, pen, ends[0, :2], ends[1, :2], ROLES[vector.quantity])
-            yield Stroke("vector", float(ends[:, 2].mean()), paint)
+            paint = partial(arrow, raster, ends[0, :2], ends[1, :2], ROLES[vector.quantity])
+            yield DrawCommand("vector", float(ends[:, 2].mean()), paint)
     for name, text in (scene.labels or {}).items():
         if there(name):
-            at = places[name][:2] + 11 * pen.unit
-            write = partial(pen.text, text, at, ROLES["label"], 13, halo=True)
-            yield Stroke("label", places[name][2], write)
+            at = places[name][:2] + 11 * raster.unit
+            write = partial(raster.text, text, at, ROLES["label"], 13, halo=True)
+            yield DrawCommand("label", places[name][2], write)
 
 
-def arrow(pen: Pen, start: Array, end: Array, color: str) -> None:
+def arrow(raster: Raster, start: Array, end: Array, color: str) -> None:
     """Draw an arrow between two places."""
     way = end - start
     length = math.hypot(*way)
     if length < 1.5:
         return
-    head = min(11 * pen.unit, 0.6 * length)
+    head = min(11 * raster.unit, 0.6 * length)
     along = way / length
     across = np.array([-along[1], along[0]])
     neck = end - head * along
-    pen.line([start, neck], color, 2.6, cap="butt")
+    raster.line([start, neck], color, 2.6, cap="butt")
     side = 0.42 * head * across
-    pen.area(np.array([end, neck + side, neck - side]), color)
+    raster.area(np.array([end, neck + side, neck - side]), color)
 
 
 def _rod(moment: Moment, ends: Array) -> None:
-    moment.pen.line(ends, ROLES["rod"], 5 * moment.slim)
+    moment.raster.line(ends, ROLES["rod"], 5 * moment.slim)
 
 
 def _spring(moment: Moment, ends: Array) -> None:
     """Draw a coil of as many turns at any length, between two straight ends."""
-    pen = moment.pen
+    raster = moment.raster
     start, end = ends[:, :2]
     length = math.dist(start, end) or 1.0
     along = (end - start) / length
     across = np.array([-along[1], along[0]])
-    radius, lead = 6 * pen.unit, 0.15 * length
+    radius, lead = 6 * raster.unit, 0.15 * length
     phase = np.linspace(0, 2 * np.pi * _TURNS, 16 * _TURNS + 1)
     # seen a little from the side: the turns lean over
     forward = np.linspace(lead, length - lead, len(phase)) + 0.4 * radius * (1 - np.cos(phase))
     coil = start + np.outer(forward, along) + np.outer(radius * np.sin(phase), across)
-    pen.line(np.vstack([start, coil, end]), ROLES["spring"], 2)
+    raster.line(np.vstack([start, coil, end]), ROLES["spring"], 2)
 
 
 def _guide(moment: Moment, ends: Array) -> None:
-    moment.pen.line(ends, ROLES["guide"], 14, alpha=0.18, cap="butt")
-    moment.pen.line(ends, ROLES["guide"], 1, dash=(9, 4, 2, 4))
+    moment.raster.line(ends, ROLES["guide"], 14, alpha=0.18, cap="butt")
+    moment.raster.line(ends, ROLES["guide"], 1, dash=(9, 4, 2, 4))
 
 
 _LINES = {"rod": _rod, "spring": _spring, "guide": _guide}
 
 
-def _ground(pen: Pen, place: Array) -> None:
+def _ground(raster: Raster, place: Array) -> None:
     """Draw a bearing that stands on hatched ground."""
     x, y = place[:2]
-    color, height, half = ROLES["ground"], 15 * pen.unit, 17 * pen.unit
+    color, height, half = ROLES["ground"], 15 * raster.unit, 17 * raster.unit
     foot = y - height
     bearing = np.array([(x, y), (x - 0.6 * half, foot), (x + 0.6 * half, foot)])
-    pen.area(bearing, ROLES["paper"], edge=color, width=1.5)
-    pen.line([(x - half, foot), (x + half, foot)], color, 1.5)
+    raster.area(bearing, ROLES["paper"], edge=color, width=1.5)
+    raster.line([(x - half, foot), (x + half, foot)], color, 1.5)
     for i in range(-2, 4):
         right = x + i * half / 3
-        pen.line([(right, foot), (right - half / 3, foot - half / 3)], color, 1)
+        raster.line([(right, foot), (right - half / 3, foot - half / 3)], color, 1)
 
 
-def _disc(moment: Moment, disc: DrawnDisc) -> Iterator[Stroke]:
+def _disc(moment: Moment, disc: DrawnDisc) -> Iterator[DrawCommand]:
     """Yield a disc with a mark from its centre to its rim, which shows the angle."""
     centre = moment.points[disc.center]
     if disc.normal is not None:
@@ -231,14 +237,14 @@ def _disc(moment: Moment, disc: DrawnDisc) -> Iterator[Stroke]:
 
     def paint() -> None:
         color = ROLES["disc"]
-        moment.pen.area(around, color, 0.2, edge=color, width=2)
+        moment.raster.area(around, color, 0.2, edge=color, width=2)
         if mark is not None:
-            moment.pen.line([at, mark], color, 2.5)
+            moment.raster.line([at, mark], color, 2.5)
 
-    yield Stroke("disc", at[2], paint)
+    yield DrawCommand("disc", at[2], paint)
 
 
-def _trail(moment: Moment, name: str) -> Iterator[Stroke]:
+def _trail(moment: Moment, name: str) -> Iterator[DrawCommand]:
     """Yield the path of a point in the recent past, fading."""
     scene, now, length = moment.scene, moment.now, moment.trail
     first = int(np.searchsorted(scene.time, now - length))
@@ -257,9 +263,9 @@ def _trail(moment: Moment, name: str) -> Iterator[Stroke]:
             continue
         age = (now - times[min(start + step, len(times) - 1)]) / length
         paint = partial(
-            moment.pen.line, piece, ROLES["trail"], 2.5, alpha=0.9 * (1 - age), cap="butt"
+            moment.raster.line, piece, ROLES["trail"], 2.5, alpha=0.9 * (1 - age), cap="butt"
         )
-        yield Stroke("trail", float(piece[[0, -1], 2].mean()), paint)
+        yield DrawCommand("trail", float(piece[[0, -1], 2].mean()), paint)
 
 
 def _joint(moment: Moment, place: Array, joint: Joint) -> None:
@@ -267,4 +273,4 @@ def _joint(moment: Moment, place: Array, joint: Joint) -> None:
     meet = joint.bodies > 1
     radius = (4.5 if meet else 6) * moment.slim
     color = ROLES["point"]
-    moment.pen.dot(place[:2], radius, ROLES["paper"] if meet else color, color)
+    moment.raster.dot(place[:2], radius, ROLES["paper"] if meet else color, color)

@@ -85,7 +85,7 @@ def timing(
     speed: float | None = None,
     duration: float | None = None,
 ) -> Timing:
-    """Return when an animation is, from what is wished for.
+    """Return when an animation is, from what is requested.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def timing(
 
 
 def usual_speed(span: float) -> float:
-    """Return the speed at which a motion of so many seconds is shown unless one is wished for."""
+    """Return the speed at which a motion of so many seconds is shown unless one is requested."""
     if span > _LONG:
         return _round(span / _LONG, up=True)
     if 0 < span < _SHORT:

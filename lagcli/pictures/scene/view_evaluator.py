@@ -25,7 +25,7 @@ from lagcli.model.model import (
     velocity,
 )
 from lagcli.pictures.run_file import RunFile
-from lagcli.pictures.scene.point_force import StandingForce, standing_force
+from lagcli.pictures.scene.point_force import PointForce, point_force
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, extent_of, scaled
 from lagcli.trajectory.samples import Array, Terms
 
@@ -53,11 +53,11 @@ def scene_of(run: RunFile, samples: Indices | None = None) -> Scene | None:
     """
     if run.model.view is None:
         return None
-    stage = Stage(run.model)
-    return stage.scene(run.columns(stage.needs, samples), run.terms)
+    evaluator = ViewEvaluator(run.model)
+    return evaluator.scene(run.columns(evaluator.needs, samples), run.terms)
 
 
-class Stage:
+class ViewEvaluator:
     """Evaluates the view of a model.
 
     Parameters
@@ -86,9 +86,9 @@ class Stage:
             for d in view.discs
         ]
         self._arrows = [self._put(a.components) for a in view.vectors]
-        self._forces: list[tuple[StandingForce, list[int]] | None] = []
+        self._forces: list[tuple[PointForce, list[int]] | None] = []
         for arrow in view.vectors:
-            force = standing_force(model, arrow) if arrow.constraint is not None else None
+            force = point_force(model, arrow) if arrow.constraint is not None else None
             self._forces.append(None if force is None else (force, self._put(force.entries)))
         self._parameters = [se.Symbol(name) for name in model.parameters]
         self._moving = self._inputs()
@@ -168,12 +168,12 @@ class Stage:
                 at = arrow.points[0]
                 vectors.append(DrawnVector(arrow.name, arrow.quantity, at, components, unit))
                 continue
-            standing, slots = force
+            drawn, slots = force
             place = model.constraint_names.index(str(arrow.constraint))
             work = terms.dense(columns["constraint_force_by"], place)
             vectors += [
                 DrawnVector(arrow.name, arrow.quantity, at, components, unit)
-                for at, components in standing.at(work, [values[i] for i in slots])
+                for at, components in drawn.at(work, [values[i] for i in slots])
             ]
         names = Notation(model)
         labels = {at: names.text(at) if t is None else t for at, t in view.labels.items()}

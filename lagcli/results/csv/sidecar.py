@@ -22,7 +22,7 @@ from lagcli.results.metadata import (
 from lagcli.results.reasons import check_readable, read_failure
 from lagcli.trajectory.samples import SCHEMA_VERSION, Record
 
-_MEND = "remove it to read the CSV file alone"
+_REMEDY = "remove it to read the CSV file alone"
 
 
 def sidecar_path(path: str) -> str:
@@ -104,25 +104,25 @@ def read_sidecar(path: str, constraints: int) -> Record:
     check_readable(sidecar)
     try:
         with open(sidecar, encoding="utf-8") as file:
-            about = json.load(file, object_pairs_hook=_without_twins)
+            about = json.load(file, object_pairs_hook=_without_duplicates)
         with open(path, "rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise read_failure(sidecar, error) from error
     except (ValueError, RecursionError) as error:
-        raise FileError(f"cannot read {sidecar}: it is not JSON ({error}); {_MEND}") from error
+        raise FileError(f"cannot read {sidecar}: it is not JSON ({error}); {_REMEDY}") from error
     if not isinstance(about, Mapping) or about.get("kind") != KIND:
-        raise FileError(f"cannot read {sidecar}: it is not the sidecar of a trajectory; {_MEND}")
+        raise FileError(f"cannot read {sidecar}: it is not the sidecar of a trajectory; {_REMEDY}")
     if about.get("schema_version") not in ("1", SCHEMA_VERSION):  # 1 has no checksum of its own
         raise FileError(
             f"cannot read {sidecar}: its layout has version {about.get('schema_version')}, and "
-            f"this lagcli knows {SCHEMA_VERSION}; {_MEND}"
+            f"this lagcli knows {SCHEMA_VERSION}; {_REMEDY}"
         )
     own = about.get("sidecar_sha256")
     if own != _digest(about) and (own is not None or about["schema_version"] == SCHEMA_VERSION):
         raise FileError(
             f"cannot read {sidecar}: it was changed after lagcli wrote it (its checksum does not"
-            f" fit); {_MEND}"
+            f" fit); {_REMEDY}"
         )
     if about.get("csv_sha256") != digest:
         raise FileError(
@@ -139,10 +139,10 @@ def read_sidecar(path: str, constraints: int) -> Record:
                 raise ValueError(f"{name} has {len(values)} values for {constraints} constraints")
         return Record(**scales, **from_metadata(about))
     except (LookupError, ValueError, TypeError, ArithmeticError) as error:
-        raise FileError(f"cannot read {sidecar}: it is damaged ({error!r}); {_MEND}") from error
+        raise FileError(f"cannot read {sidecar}: it is damaged ({error!r}); {_REMEDY}") from error
 
 
-def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return a JSON object, in which each name stands once."""
     found = dict(pairs)
     if len(found) < len(pairs):

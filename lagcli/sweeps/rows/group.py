@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-class Ended(NamedTuple):
+class FinishedRuns(NamedTuple):
     """Runs that ended, or never began.
 
     Parameters
@@ -101,8 +101,13 @@ class RowGroup:
                     f" {end:g} s; take a time in it, or another --t-end"
                 )
 
-    def run(self, table: Array, sink: Callable[[Ended], None], heed: Callable[[], None]) -> None:
-        """Run rows; each is handed over once, in no certain order.
+    def run(
+        self,
+        table: Array,
+        sink: Callable[[FinishedRuns], None],
+        check_cancelled: Callable[[], None],
+    ) -> None:
+        """Run rows; each is passed to ``sink`` once, in any order.
 
         Parameters
         ----------
@@ -110,20 +115,20 @@ class RowGroup:
             The varied values, in SI.
         sink : callable
             Takes the rows that ended, a few dozen at a time at most.
-        heed : callable
+        check_cancelled : callable
             Called several times in 0.1 s; may raise `Interrupted`.
         """
         values = self.variants.values(self.columns, table)
-        rest = self._together(values, sink, heed)
+        rest = self._together(values, sink, check_cancelled)
         for place in rest:
-            sink(self.single(place, table[place], values, heed))
+            sink(self.single(place, table[place], values, check_cancelled))
 
-    def measured(self, ended: Ended) -> tuple[Array, Array]:
+    def measured(self, ended: FinishedRuns) -> tuple[Array, Array]:
         """Return measures (k, m) and kept columns (k, samples reached, columns) of runs.
 
         Parameters
         ----------
-        ended : Ended
+        ended : FinishedRuns
         """
         parameters = ended.parameters
         signals = self.signals(ended.samples, parameters)
@@ -143,7 +148,7 @@ class RowGroup:
         )
         return measures, rows[:, self.grid.samples[self.grid.samples < reached]]
 
-    def warnings(self, ended: Ended, i: int) -> tuple[str, ...]:
+    def warnings(self, ended: FinishedRuns, i: int) -> tuple[str, ...]:
         """Return why the i-th of some runs, a completed one, cannot be trusted."""
         run = ended.runs[i]
         assert isinstance(run, Outcome)
@@ -154,17 +159,17 @@ class RowGroup:
 
     # eight at a time
 
-    def _common(self, heed: Callable[[], None]) -> IntegrationRequest | None:
+    def _common(self, check_cancelled: Callable[[], None]) -> IntegrationRequest | None:
         """Return what all runs have in common; None where the compiled engine does not do them.
 
         What is made ready once comes from the model's own values, so that no row depends on which
         others it is run with. It takes as long as one run.
         """
         if self._request is None:
-            self._request = self._prepare(heed)
+            self._request = self._prepare(check_cancelled)
         return self._request or None
 
-    def _prepare(self, heed: Callable[[], None]) -> IntegrationRequest | Literal[False]:
+    def _prepare(self, check_cancelled: Callable[[], None]) -> IntegrationRequest | Literal[False]:
         variants = self.variants
         if variants.settings.engine != "compiled":
             return False
@@ -175,7 +180,7 @@ class RowGroup:
         except (ModelError, NumericalError):
             return False
         request = dataclasses.replace(simulation.request, times=self.grid.all)
-        prepared = prepare_batch(variants.system, request, heed)
+        prepared = prepare_batch(variants.system, request, check_cancelled)
         return dataclasses.replace(request, prepared=prepared)
 
     @cached_property
@@ -186,10 +191,13 @@ class RowGroup:
         return StartSearch(self.variants.system)
 
     def _together(
-        self, values: Values, sink: Callable[[Ended], None], heed: Callable[[], None]
+        self,
+        values: Values,
+        sink: Callable[[FinishedRuns], None],
+        check_cancelled: Callable[[], None],
     ) -> NDArray[np.intp]:
         """Run what can be run in lanes; return the places of the other rows."""
-        request, system = self._common(heed), self.variants.system
+        request, system = self._common(check_cancelled), self.variants.system
         if request is None:
             return np.arange(len(values.q))
         from lagcli.engine.integrate.batch import Finished, run_batch, suits_batch
@@ -202,10 +210,14 @@ class RowGroup:
         def take(finished: Finished) -> None:
             places = ordinary[finished.rows]
             runs = [self._said(run) for run in finished.runs]
-            sink(Ended(places, finished.samples, [*runs], values.parameters[places], request.rank))
+            sink(
+                FinishedRuns(
+                    places, finished.samples, [*runs], values.parameters[places], request.rank
+                )
+            )
 
         parameters, q, v = (x[ordinary] for x in (values.parameters, starts.q, starts.v))
-        run_batch(system, request, parameters, q, v, take, heed)
+        run_batch(system, request, parameters, q, v, take, check_cancelled)
         return np.flatnonzero(~starts.found)
 
     def _said(self, run: Outcome) -> Outcome:
@@ -217,7 +229,9 @@ class RowGroup:
 
     # one by one
 
-    def single(self, place: int, given: Array, values: Values, heed: Callable[[], None]) -> Ended:
+    def single(
+        self, place: int, given: Array, values: Values, check_cancelled: Callable[[], None]
+    ) -> FinishedRuns:
         """Run one row by itself.
 
         Parameters
@@ -228,7 +242,7 @@ class RowGroup:
             Its varied values, in SI.
         values : Values
             Of all rows.
-        heed : callable
+        check_cancelled : callable
             As for `run`.
         """
         places = np.array([place])
@@ -236,7 +250,9 @@ class RowGroup:
         try:
             simulation = self._simulation(place, given, values)
         except LagcliError as error:
-            return Ended(places, np.empty((1, 0, width)), [error], values.parameters[places], 0)
+            return FinishedRuns(
+                places, np.empty((1, 0, width)), [error], values.parameters[places], 0
+            )
         request = dataclasses.replace(simulation.request, times=self.grid.all)
         rows = [np.empty((0, width))]
 
@@ -244,12 +260,12 @@ class RowGroup:
             rows.append(np.column_stack([b.time, b.q, b.v, b.a, b.multipliers, b.work]))
 
         engine = engine_named(simulation.settings.engine)
-        run = engine(simulation.system, request, take, lambda t: heed())
+        run = engine(simulation.system, request, take, lambda t: check_cancelled())
         if run.status == "interrupted":
             raise Interrupted
         said = self._said(run)
         parameters = values.parameters[places]
-        return Ended(places, np.concatenate(rows)[None], [said], parameters, request.rank)
+        return FinishedRuns(places, np.concatenate(rows)[None], [said], parameters, request.rank)
 
     def _simulation(self, place: int, given: Array, values: Values) -> Simulation:
         """Return the simulation of one row; raises what keeps it from beginning."""

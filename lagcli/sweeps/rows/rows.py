@@ -16,7 +16,7 @@ from lagcli.simulations.threads import one_thread
 from lagcli.simulations.variants import Variants
 from lagcli.sweeps.plan.spec import Spec
 from lagcli.sweeps.row_results import COMPLETED, ERROR, FAILED, MISSING, Numbers, Results
-from lagcli.sweeps.rows.group import Ended, RowGroup
+from lagcli.sweeps.rows.group import FinishedRuns, RowGroup
 from lagcli.trajectory.samples import ENDED
 
 _MOST_GROUPS = 16  # structures that are kept derived
@@ -156,7 +156,7 @@ class _Collected:
             shape = len(self.numbers), len(group.grid.times), len(group.kept_names)
             self.kept = np.full(shape, np.nan)
 
-    def enter(self, group: RowGroup, places: NDArray[np.intp], ended: Ended) -> None:
+    def enter(self, group: RowGroup, places: NDArray[np.intp], ended: FinishedRuns) -> None:
         """Enter rows of a group that ended; ``places`` are those of all of its rows."""
         rows = places[ended.places]
         for row, run in zip(rows, ended.runs, strict=True):
@@ -173,7 +173,7 @@ class _Collected:
         if group.kept_names:
             self.kept[rows, : kept.shape[1]] = kept
 
-    def _distrust(self, group: RowGroup, rows: NDArray[np.intp], ended: Ended) -> None:
+    def _distrust(self, group: RowGroup, rows: NDArray[np.intp], ended: FinishedRuns) -> None:
         """Let completed rows fail that cannot be trusted."""
         for i in np.flatnonzero(self.status[rows] == COMPLETED).tolist():
             warnings = group.warnings(ended, i)

@@ -14,7 +14,7 @@ import lagcli
 from lagcli.errors import UsageError
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.scene import MARGIN, DrawnVector, Scene, frames, scaled
-from lagcli.pictures.scene.view_evaluator import Stage, scene_of
+from lagcli.pictures.scene.view_evaluator import ViewEvaluator, scene_of
 from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[4] / "models"
@@ -133,9 +133,9 @@ def test_without_a_view_there_is_no_scene() -> None:
 
 def test_one_stage_for_many_values() -> None:
     model = lagcli.load(MODELS / "slider_crank.yaml")
-    stage = Stage(model)
-    assert set(stage.needs) == {"time", "q", "v", "constraint_force_by"}
-    scene = stage.scene(
+    evaluator = ViewEvaluator(model)
+    assert set(evaluator.needs) == {"time", "q", "v", "constraint_force_by"}
+    scene = evaluator.scene(
         {
             "time": np.zeros(1),
             "q": np.array([[np.pi / 2, 0.0]]),
@@ -154,7 +154,7 @@ def test_a_force_at_a_dead_centre_is_that_beside_it() -> None:
     model = lagcli.load(MODELS / "slider_crank.yaml")
     phi, psi = np.array([0.0, 1e-7, 0.5]), np.array([0.0, 1e-7 / 3, np.arcsin(np.sin(0.5) / 3)])
     work = 2.0 * np.stack((0.1 * np.cos(phi), -0.3 * np.cos(psi)), axis=1)  # lambda = 2
-    scene = Stage(model).scene(
+    scene = ViewEvaluator(model).scene(
         {
             "time": np.arange(3.0),
             "q": np.stack((phi, psi), axis=1),
