@@ -38,7 +38,7 @@ class Draft:
     names : Symbols
         trees : dict of str to Tree
             Syntax trees of the expressions, by key: ``T``, ``Q.phi``, ``outputs.rod_force``.
-        meant : set of str
+        misspelled_keys : set of str
             Keys that the file misspells, whose error has been reported.
         members : int
             Number of family members so far.
@@ -51,7 +51,7 @@ class Draft:
     report: Diagnostics
     names: Symbols = field(default_factory=Symbols)
     trees: dict[str, Tree] = field(default_factory=dict)
-    meant: set[str] = field(default_factory=set)
+    misspelled_keys: set[str] = field(default_factory=set)
     members: int = 0
     parameter_needs: MappingOf[str, list[str]] = field(default_factory=dict)
 

@@ -158,6 +158,6 @@ def _model(
 def _declarations(draft: Draft, key: str, what: str) -> list[Declaration]:
     """Return the declarations of a block; an unreadable block may declare any name."""
     entries = draft.entries(key)
-    if entries is None or key in draft.meant:
+    if entries is None or key in draft.misspelled_keys:
         draft.names.incomplete = True
     return declarations(draft, entries or [], what)

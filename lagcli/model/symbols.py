@@ -49,7 +49,7 @@ class Symbols:
         Families of constraints.
     lines : mapping of str to (str, int)
         Kind of each name, and the line of its declaration.
-    places : dict of str to SourceLocation
+    locations : dict of str to SourceLocation
         Location of the first declaration of each name.
     broken : set of str
         Names whose declaration is in error; their uses are not reported.
@@ -71,7 +71,7 @@ class Symbols:
     families: dict[str, set[str]] = field(default_factory=dict)
     constraint_families: set[str] = field(default_factory=set)
     lines: dict[str, tuple[str, int]] = field(default_factory=dict)
-    places: dict[str, SourceLocation] = field(default_factory=dict)
+    locations: dict[str, SourceLocation] = field(default_factory=dict)
     broken: set[str] = field(default_factory=set)
     suspects: set[str] = field(default_factory=set)
     structural: set[str] = field(default_factory=set)

@@ -45,7 +45,7 @@ def check_keys(draft: Draft, keys: tuple[str, ...], later: tuple[str, ...]) -> N
             )
             continue
         close = [_OTHER_KEYS[name]] if name in _OTHER_KEYS else nearest(name, keys, 1)
-        draft.meant.update(close)
+        draft.misspelled_keys.update(close)
         draft.report.add(
             "unknown-key",
             f"there is no key `{shorten(name)}` in a model file",
@@ -65,7 +65,7 @@ def read_coordinates(draft: Draft) -> list[CoordinateEntry]:
     """Return the coordinates' entries; where they cannot be read, any name may be one."""
     node = draft.get("coordinates")
     found: list[CoordinateEntry] = []
-    if node is None and "coordinates" in draft.meant:
+    if node is None and "coordinates" in draft.misspelled_keys:
         pass
     elif node is None or (isinstance(node, Scalar) and node.missing):
         draft.report.add(
@@ -225,7 +225,7 @@ def declare(
     names.lines = {
         name: (what, place.line) for name, (what, place) in places.items() if " " not in what
     }
-    names.places = {name: place for name, (_, place) in places.items()}
+    names.locations = {name: place for name, (_, place) in places.items()}
 
 
 def expand_coordinates(
@@ -272,7 +272,7 @@ def report_overlaps(draft: Draft) -> None:
                     draft.report.add(
                         "duplicate-name",
                         f"`{name}` is declared twice: as {other} and as {kind}",
-                        names.places[family],
+                        names.locations[family],
                         "let the ranges not overlap",
                     )
                     names.broken.add(family)

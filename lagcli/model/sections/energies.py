@@ -37,7 +37,7 @@ def read_energies(draft: Draft) -> tuple[Basic | None, Basic | None]:
                 read_scalar(draft, name)
         lagrangian = read_scalar(draft, "L")
         return None, None if lagrangian is None else -lagrangian
-    if "T" not in given and draft.meant.isdisjoint("TL"):
+    if "T" not in given and draft.misspelled_keys.isdisjoint("TL"):
         draft.report.add(
             "missing-key",
             "the model has no kinetic energy `T`",

@@ -51,7 +51,7 @@ def read_initial(
         node = override_node("--set-initial", option, overrides[option])
         declaration = Declaration(canonical, node, _guess_or(node))
         _InitialReader(draft, declaration, constants).read(canonical, {}, values)
-    if entries is not None and not names.incomplete and "initial" not in draft.meant:
+    if entries is not None and not names.incomplete and "initial" not in draft.misspelled_keys:
         _report_missing(draft, {*attempted, *given})
     positions = {q: values[q] for q in names.coordinates if q in values}
     velocities = {q: values[f"{q}'"] for q in names.coordinates if f"{q}'" in values}

@@ -73,7 +73,7 @@ class _Composer:
         self.count = 0
         self.diagnostics: list[Diagnostic] = []
 
-    def refuse(self, kind: str, message: str, event: yaml.Event, help_: str) -> ModelError:
+    def error(self, kind: str, message: str, event: yaml.Event, help_: str) -> ModelError:
         (line, column), (last, end) = self.positions(event, event)
         location = self.source.location(line, column, end - column if last == line else 1)
         return ModelError([*self.diagnostics, Diagnostic(kind, message, location, help_)])
@@ -91,7 +91,7 @@ class _Composer:
         for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent):
                 if root is not None:
-                    raise self.refuse(
+                    raise self.error(
                         "yaml", "a second document begins here", event, "one file holds one model"
                     )
                 root = self.node(next(self.events), 0)
@@ -110,7 +110,7 @@ class _Composer:
     def grow(self, by: int, event: yaml.Event) -> None:
         self.count += by
         if self.count > MAX_NODES:
-            raise self.refuse(
+            raise self.error(
                 "too-large",
                 f"the model holds more than {MAX_NODES:,} values",
                 event,
@@ -119,7 +119,7 @@ class _Composer:
 
     def node(self, event: yaml.Event, depth: int) -> YamlNode:
         if depth > MAX_DEPTH:
-            raise self.refuse(
+            raise self.error(
                 "too-deep",
                 f"nested deeper than {MAX_DEPTH} levels",
                 event,
@@ -131,7 +131,7 @@ class _Composer:
         if event.tag:
             tag = event.tag.replace("tag:yaml.org,2002:", "!!")
             message = f"the tag {shorten(tag)} has no meaning in a model file"
-            raise self.refuse("yaml", message, event, "remove it")
+            raise self.error("yaml", message, event, "remove it")
         anchor = event.anchor
         if anchor:
             self.open.add(anchor)
@@ -178,10 +178,10 @@ class _Composer:
         anchor = event.anchor or ""
         if anchor in self.open:
             message = f"the alias *{shorten(anchor)} refers to a value that contains it"
-            raise self.refuse("recursive-alias", message, event, help_)
+            raise self.error("recursive-alias", message, event, help_)
         if anchor not in self.anchors:
             message = f"the alias *{shorten(anchor)} is not defined"
-            raise self.refuse("yaml", message, event, help_)
+            raise self.error("yaml", message, event, help_)
         node, size = self.anchors[anchor]
         self.grow(size, event)
         return node

@@ -64,7 +64,7 @@ def _missing(path: Path) -> str:
     return f"there is no file {path}{guess}"
 
 
-def _refuse(
+def _not_text(
     name: str, message: str, help_: str, location: SourceLocation | None = None
 ) -> ModelError:
     location = location or SourceLocation(name, 1, 1)
@@ -73,16 +73,18 @@ def _refuse(
 
 def _decode(data: bytes, name: str) -> str:
     if len(data) > MAX_BYTES:
-        raise _refuse(name, f"the file is larger than {MAX_BYTES // 10**6} MB", _IS_IT)
+        raise _not_text(name, f"the file is larger than {MAX_BYTES // 10**6} MB", _IS_IT)
     even, odd = any(data[:8:2]), any(data[1:8:2])
     if data.startswith(_UTF16) or (len(data) >= 8 and even != odd):
-        raise _refuse(name, "the file is UTF-16 text, not UTF-8", "save it as UTF-8 in your editor")
+        raise _not_text(
+            name, "the file is UTF-16 text, not UTF-8", "save it as UTF-8 in your editor"
+        )
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = Source(error.object[: error.start].decode("utf-8"), name).lines
         source = Source(error.object.decode("utf-8", errors="replace"), name)
-        raise _refuse(
+        raise _not_text(
             name,
             f"the file is not UTF-8 text: byte 0x{error.object[error.start]:02X}",
             f"save it as UTF-8 in your editor; {_IS_IT}",
@@ -103,7 +105,7 @@ def check_text(source: Source) -> None:
     line = next(i for i, text in enumerate(source.lines) if _NOT_TEXT.search(text))
     column = _NOT_TEXT.search(source.lines[line])
     assert column is not None
-    raise _refuse(
+    raise _not_text(
         shorten(source.path, 200),
         f"the file contains the character U+{ord(found[0]):04X}, which is not text",
         f"remove it; {_IS_IT}",
