@@ -13,9 +13,9 @@ WORKERS ?= 2
 FUZZ_COUNT ?= 1000
 
 #: What runs the core: its own tests and those of both engines.
-CORE_TESTS := tests/unit/engine/integrate/test_compiled_engine.py tests/unit/engine/integrate/test_engines.py tests/unit/engine/tape/test_tape.py \
+CORE_TESTS := tests/unit/engine/integrate/test_compiled_engine.py tests/unit/engine/integrate/test_engines.py tests/unit/engine/tape/test_compiler.py \
               tests/unit/engine/integrate/test_batch.py tests/unit/engine/taylor/test_layers.py tests/unit/engine/program/test_vectorize.py \
-              tests/unit/engine/constraints/test_initial_batch.py tests/unit/engine/integrate/test_events.py tests/property/test_property_elimination.py \
+              tests/unit/engine/constraints/test_initial_batch.py tests/unit/engine/integrate/test_events.py tests/property/test_property_elimination.py tests/property/test_property_tapes.py \
               tests/physics/test_stiff.py
 
 .PHONY: help install demo test fuzz lint coverage docs docs-check gallery dist bench sanitize valgrind clean

@@ -11,22 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from integration_requests import changed
+from pendulum_by_hand import pendulum
 from scipy.integrate import quad
-from scipy.special import ellipj, ellipk
 
 import lagcli
-from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
-from lagcli.engine.integrate import scipy_engine
-from lagcli.engine.state import State
-from lagcli.engine.system import System
-from lagcli.engine.tape.operations import Op
-from lagcli.engine.tape.tape import Tape
+from lagcli.engine.contract import Interrupted
 from lagcli.model.model import Model
 from lagcli.settings import resolve as resolving
 from lagcli.settings.methods import METHOD_NAMES, methods_of
-from lagcli.settings.resolve import resolve
-from lagcli.settings.settings import SettingsOverrides
 from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[4] / "models"
@@ -67,13 +59,6 @@ initial: {x: 1, y: 0, x': 0, y': 0}
 """)
 
 
-def pendulum(t: np.ndarray) -> np.ndarray:
-    """Return x and y of the pendulum released at the horizontal."""
-    sn, _, _, _ = ellipj(ellipk(0.5) - math.sqrt(9.81) * t, 0.5)
-    theta = 2 * np.arcsin(math.sqrt(0.5) * sn)
-    return np.column_stack([np.sin(theta), -np.cos(theta)])
-
-
 def completed(model: Model, **options: Any) -> Trajectory:
     trajectory = lagcli.simulate(model, **options)
     assert trajectory.status == "completed", trajectory.message
@@ -84,99 +69,6 @@ def failed(model: Model, **options: Any) -> Trajectory:
     trajectory = lagcli.simulate(model, **options)
     assert trajectory.status == "failed"
     return trajectory
-
-
-# a System without symbols
-
-G = 9.81
-
-
-def pendulum_system(tapes: type[Tape] = Tape) -> System:
-    """Return x² + y² = 1 in a uniform field, as operations on registers: t x y u v [a b λ] g."""
-    one, two, zero = 6, 7, 8  # constants, after t x y u v g
-    at = 9
-    dynamics = tapes(
-        6,
-        (1.0, 2.0, 0.0),
-        (
-            (Op.NEG, at, 5, 0, 0),  # f_y = −g
-            (Op.MUL, at + 1, two, 1, 0),  # 2 x
-            (Op.MUL, at + 2, two, 2, 0),  # 2 y
-            (Op.MUL, at + 3, 3, 3, 0),
-            (Op.MUL, at + 4, 4, 4, 0),
-            (Op.ADD, at + 5, at + 3, at + 4, 0),
-            (Op.MUL, at + 6, two, at + 5, 0),
-            (Op.NEG, at + 7, at + 6, 0, 0),  # γ = −2 (u² + v²)
-        ),
-        (one, one, zero, at, at + 1, at + 2, at + 7, zero),
-    )
-    constraint = tapes(
-        6,
-        (1.0, 2.0, 0.0),
-        (
-            (Op.MUL, at, 1, 1, 0),
-            (Op.MUL, at + 1, 2, 2, 0),
-            (Op.ADD, at + 2, at, at + 1, 0),
-            (Op.SUB, at + 3, at + 2, one, 0),  # φ
-            (Op.MUL, at + 4, two, 1, 0),
-            (Op.MUL, at + 5, two, 2, 0),
-            (Op.ADD, at + 6, at + 2, one, 0),  # scale of φ
-            (Op.MUL, at + 7, at + 4, 3, 0),
-            (Op.MUL, at + 8, at + 5, 4, 0),
-            (Op.ABS, at + 9, at + 7, 0, 0),
-            (Op.ABS, at + 10, at + 8, 0, 0),
-            (Op.ADD, at + 11, at + 9, at + 10, 0),  # scale of ψ
-        ),
-        (at + 3, at + 4, at + 5, zero, at + 6, at + 11),
-    )
-    return System(
-        coordinates=("x", "y"),
-        constraints=("rod",),
-        holonomic=(0,),
-        parameters=("g",),
-        mass_pattern=((0, 0), (1, 1)),
-        jacobian_pattern=((0, 0), (0, 1)),
-        dynamics=dynamics,
-        constraint=constraint,
-        report=tapes(9, (), (), ()),
-    )
-
-
-def request(**changes: Any) -> IntegrationRequest:
-    base = IntegrationRequest(
-        state=State(0.0, np.array([1.0, 0.0]), np.zeros(2), (G,)),
-        rank=1,
-        settings=resolve(SettingsOverrides(t_end=2.0, rtol=1e-10, method="DOP853")),
-        times=np.linspace(0, 2, 21),
-        atol=1e-11,
-    )
-    return changed(base, **changes)
-
-
-def integrated(**changes: Any) -> tuple[Outcome, list[Block]]:
-    blocks: list[Block] = []
-    return scipy_engine.run(pendulum_system(), request(**changes), blocks.append), blocks
-
-
-def test_system_written_by_hand() -> None:
-    run, blocks = integrated()
-    assert run.status == "completed"
-    assert run.undefined is None
-    assert run.steps > 10
-    assert run.evaluations > 12 * run.steps
-    (block,) = blocks
-    np.testing.assert_allclose(block.q, pendulum(block.time), rtol=0, atol=1e-8)
-    # λ = −(m g cos θ + m v²/l)/(2 l), v² = 2 g (−y)
-    np.testing.assert_allclose(block.multipliers[:, 0], 3 * G * block.q[:, 1] / 2, atol=1e-7)
-    np.testing.assert_allclose(block.work, 0, atol=1e-9)  # like the other errors
-
-
-def test_run_reports_its_progress() -> None:
-    seen: list[float] = []
-    run = scipy_engine.run(pendulum_system(), request(), lambda block: None, seen.append)
-    assert len(seen) >= run.steps
-    assert seen == sorted(seen)
-    assert seen[-1] == 2.0
 
 
 # methods and formulations

@@ -11,7 +11,6 @@ import symengine as se
 
 from lagcli.engine.program.nodes import VECTOR
 from lagcli.engine.program.program import assemble
-from lagcli.engine.program.progressions import LONGEST, pieces, progressions
 from lagcli.engine.program.subprograms import unpacked
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
@@ -183,37 +182,3 @@ def test_what_is_asked_for_apart_goes_on_from_what_is_alone() -> None:
     np.testing.assert_array_equal(found[list(later)], expected[list(later)])
     program = assemble(tape, families)
     assert sum(operations(program.alone[0])) <= 3 * BODIES < sum(operations(program.main))
-
-
-def test_progressions_are_found_between_others() -> None:
-    one = [(10 + 3 * i, 500 - i) for i in range(40)]
-    other = [(11 + 3 * i, 900 + 2 * i) for i in range(25)]
-    single = [(7, 7), (1000, 3), (1001, 77)]
-    points = [*one, *other, *single]
-    random.Random(1).shuffle(points)
-    found, rest = progressions(points)
-    runs = sorted([points[i] for i in run] for run in found)
-    assert runs == [one, other]
-    assert sorted(points[i] for i in rest) == sorted(single)
-
-
-def test_one_operand_may_lie_anywhere() -> None:
-    draw = random.Random(2)
-    points = [(100 + 2 * i, draw.randrange(10**6), 50) for i in range(64)]
-    found, rest = progressions(points)
-    assert [[points[i] for i in run] for run in found] == [points]
-    assert rest == []
-
-
-def test_equal_points_are_no_progression() -> None:
-    found, rest = progressions([(3, 4)] * 2000)
-    assert found == []
-    assert sorted(rest) == [*range(2000)]
-
-
-@pytest.mark.parametrize("length", [1, 8, LONGEST, LONGEST + 1, 5 * LONGEST - 3])
-def test_pieces_are_no_longer_than_vectors(length: int) -> None:
-    found = list(pieces(range(length)))
-    assert [*itertools.chain.from_iterable(found)] == [*range(length)]
-    assert max(map(len, found)) <= LONGEST
-    assert min(map(len, found)) >= min(length, LONGEST // 2)

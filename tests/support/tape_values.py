@@ -1,0 +1,56 @@
+"""Values of expressions, by tapes and exactly."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import symengine as se
+
+from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
+from lagcli.model.expression.functions import FUNCTIONS
+
+try:
+    from lagcli.engine.core import binding
+except ImportError:
+    binding = None
+
+VARIABLES = se.symbols("x y z")
+
+
+def value(expression: se.Basic, *point: float) -> float:
+    """Evaluate by a tape, one state at a time: by Python and by the compiled engine, alike."""
+    inputs = (*point, *[0.0] * (3 - len(point)))
+    # which inputs stay the same along a run decides the order of the operations
+    tapes = [compile_tape([expression], VARIABLES[: 3 - k], VARIABLES[3 - k :]) for k in (0, 2)]
+    found = [ScalarTape(tape)(inputs)[0] for tape in tapes]
+    if binding is not None:
+        for tape, expected in zip(tapes, found, strict=True):
+            np.testing.assert_array_equal(binding.run_tape(tape, inputs), [expected])
+    return found[0]
+
+
+def batch(expression: se.Basic, *points: tuple[float, float, float]) -> np.ndarray:
+    """Evaluate by a tape, all states at once."""
+    columns = np.array(points, dtype=float).T
+    return run_arrays(compile_tape([expression], VARIABLES), columns, len(points))[0]
+
+
+def exactly(expression: se.Basic, point: tuple[float, ...]) -> float:
+    """Evaluate by substitution of exact numbers; NaN where that is not a real number."""
+    values = {
+        s: se.Rational(*Fraction(x).as_integer_ratio())
+        for s, x in zip(VARIABLES, point, strict=True)
+    }
+    try:
+        return float(expression.subs(values).n(200, real=True))
+    except RuntimeError:  # not a real number
+        return math.nan
+
+
+def applied(name: str, *arguments: se.Basic) -> se.Basic:
+    function = FUNCTIONS[name]
+    most = len(arguments) if function.most is None else function.most
+    return function.apply(*arguments[: max(function.fewest, most)])

@@ -1,0 +1,141 @@
+"""The watch for singular configurations, on a motion whose configurations are known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from lowered import lowered
+
+import lagcli
+from lagcli.engine.constraints.index1 import Index1
+from lagcli.engine.constraints.projection import Projection
+from lagcli.engine.constraints.singular import RankWatch
+from lagcli.engine.contract import Stop
+from lagcli.engine.evaluator import Evaluator
+
+START, SPEED = 0.5, 2.0
+#: Both angles turn at 2 rad/s, and both cosines vanish at π/2.
+SINGULAR_TIME = (math.pi / 2 - START) / SPEED
+
+
+def motion(constraint: str = "sin(phi) = sin(psi)", rank: int = 1) -> Index1:
+    system, p = lowered(
+        lagcli.load_text(f"""
+coordinates: [phi, psi]
+T: (phi'^2 + psi'^2)/2
+constraints: {{guide: "{constraint}"}}
+initial: {{phi: 0.5, phi': 2, psi: {{guess: 0.5}}, psi': {{guess: 2}}}}
+""")
+    )
+    found = Index1(Evaluator(system, p), rank)
+    found.measure(0.0, np.full(2, START), np.full(2, SPEED))
+    return found
+
+
+def y(t: float) -> np.ndarray:
+    """Return the exact motion: no force acts."""
+    angle = START + SPEED * t
+    return np.array([angle, angle, SPEED, SPEED, 0.0])
+
+
+@pytest.fixture
+def watch() -> RankWatch:
+    return RankWatch(motion())
+
+
+@pytest.mark.parametrize("t", [0.0, 0.2, SINGULAR_TIME, 1.0])
+def test_the_weakest_value_is_the_cosine(watch: RankWatch, t: float) -> None:
+    expected = abs(math.cos(START + SPEED * t)) / math.cos(START)
+    assert watch.weakest(t, y(t)) == pytest.approx(expected, abs=1e-15)
+
+
+def test_the_singular_time_is_found_between_two(watch: RankWatch) -> None:
+    found = watch.singular_time(y, SINGULAR_TIME - 0.1, SINGULAR_TIME + 0.2)
+    assert found == pytest.approx(SINGULAR_TIME, abs=1e-7)
+    assert watch.singular_time(y, 0.0, SINGULAR_TIME - 0.1) is None
+
+
+@pytest.mark.parametrize("part", [0.1, 0.25, 0.5, 0.9])
+def test_a_singular_configuration_inside_a_step_is_seen(watch: RankWatch, part: float) -> None:
+    t_old = SINGULAR_TIME - part * 0.4
+    watch.add(t_old, y(t_old))
+    found = watch.stepped_over(y, t_old, y(t_old), t_old + 0.4, y(t_old + 0.4))
+    assert found == pytest.approx(SINGULAR_TIME, abs=1e-7)
+
+
+def test_steps_beside_it_are_not_suspected(watch: RankWatch) -> None:
+    paths = []
+
+    def path(t: float) -> np.ndarray:
+        paths.append(t)
+        return y(t)
+
+    watch.add(0.0, y(0.0))
+    assert watch.stepped_over(path, 0.0, y(0.0), 0.1, y(0.1)) is None
+    assert paths == []  # the dense output costs evaluations
+
+
+def test_steps_become_short_next_to_it(watch: RankWatch) -> None:
+    assert watch.largest_step() == math.inf
+    for distance in (0.4, 0.2, 0.06, 0.05):
+        t = SINGULAR_TIME - distance
+        watch.add(t, y(t))
+    # cosines of 0.717 and 0.1
+    assert not watch.near(0.0, y(SINGULAR_TIME - 0.4))
+    assert watch.near(t, y(t))
+    # a few steps are left until then, at least
+    assert 0 < watch.largest_step() < 0.05
+    watch.restart()
+    assert watch.largest_step() == math.inf
+
+
+def test_what_the_path_leads_to_is_found_before(watch: RankWatch) -> None:
+    watch.add(0.0, y(0.0))
+    assert watch.ahead() is None
+    for distance in (0.03, 0.02, 0.015, 0.01):
+        t = SINGULAR_TIME - distance
+        watch.add(t, y(t))
+    ahead = watch.ahead()
+    assert ahead is not None
+    assert ahead.time == pytest.approx(SINGULAR_TIME, abs=1e-7)
+    q, v = ahead.path(ahead.time)
+    np.testing.assert_allclose(q, math.pi / 2, atol=1e-7)
+    np.testing.assert_allclose(v, SPEED, atol=1e-5)
+    assert [t for t, _ in ahead.before][-1] == SINGULAR_TIME - 0.01
+
+
+def test_messages_name_constraints_and_ways_out(watch: RankWatch) -> None:
+    q, v = watch.motion.split(y(SINGULAR_TIME))
+    text = str(watch.stop(0.5, q, v))
+    assert "singular configuration at t = 0.5 s" in text
+    assert "`guide` has no gradient there" in text
+    assert "--through-singular" in text
+    fast = np.array([0.5, 0.5, 1.0, -7.0, 0.0])
+    text = str(watch.floor(0.25, fast, "DOP853", " (remark)"))
+    assert "fell to the floor at t = 0.25 s, where `psi` changes fastest (7 per second)" in text
+    assert "try --method Radau (remark)" in text
+    assert "Radau" not in str(watch.floor(0.25, fast, "auto"))
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+def test_a_singular_start_is_told_from_redundant_constraints(speed: float) -> None:
+    q, v = np.zeros(2), np.full(2, speed)
+    found = motion("cos(phi) = cos(psi)", rank=0)
+    found.lengths[:] = 0.0
+    found.measure(0.0, q, v)
+    project = Projection(found.evaluator, 0)
+    with pytest.raises(Stop, match=r"the start is a singular configuration: .*`guide`"):
+        RankWatch(found).check_start(0.0, q, v, project)
+    system, p = lowered(
+        lagcli.load_text("""
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+constraints: {one: x + y = 0, two: 2*x + 2*y = 0}
+initial: {x: 0, y: 0, x': 0, y': 0}
+""")
+    )
+    found = Index1(Evaluator(system, p), 1)
+    found.measure(0.0, q, v)
+    RankWatch(found).check_start(0.0, q, 0 * v, Projection(found.evaluator, 1))

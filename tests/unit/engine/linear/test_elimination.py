@@ -1,0 +1,170 @@
+"""Static orders of elimination: LDLᵀ in them, by NumPy, is the matrix."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from kkt_systems import hand_written, whole
+
+from lagcli.engine.linear.elimination import Elimination, NoElimination, find_order, order_at
+
+
+def pattern(matrix: np.ndarray) -> tuple[tuple[int, int], ...]:
+    return tuple((int(i), int(j)) for i, j in np.argwhere(matrix))
+
+
+def found(mass: np.ndarray, jacobian: np.ndarray) -> Elimination:
+    """Return the order for one state."""
+    m, b = pattern(mass), pattern(jacobian)
+    values = [mass[i, j] for i, j in m], [jacobian[i, j] for i, j in b]
+    columns = [np.array(x)[:, None] for x in values]
+    return find_order(len(mass), len(jacobian), m, b, *columns)
+
+
+def random_parts(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a sparse M > 0 but for a coordinate without inertia, and a sparse B."""
+    rng = np.random.default_rng(seed)
+    nq, nc = 8, 4
+    root = rng.normal(size=(nq, nq)) * (rng.random((nq, nq)) < 0.3) + np.eye(nq)
+    mass = root.T @ root
+    mass[0, :] = mass[:, 0] = 0.0
+    jacobian = rng.normal(size=(nc, nq)) * (rng.random((nc, nq)) < 0.5)
+    jacobian[:, :nc] += 2 * np.eye(nc)
+    return mass, jacobian
+
+
+def factors(plan: Elimination, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return L and D in the order, by dense elimination."""
+    rest = matrix[np.ix_(plan.order, plan.order)].copy()
+    n = len(rest)
+    lower, middle = np.eye(n), np.zeros((n, n))
+    k = 0
+    while k < n:
+        width = 2 if plan.paired[k] else 1
+        now, after = slice(k, k + width), slice(k + width, n)
+        middle[now, now] = rest[now, now]
+        lower[after, now] = rest[after, now] @ np.linalg.inv(rest[now, now])
+        rest[after, after] -= lower[after, now] @ rest[now, after]
+        k += width
+    return lower, middle
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_factors_are_zero_outside_the_columns(seed: int) -> None:
+    matrix = whole(*random_parts(seed))
+    plan = found(*random_parts(seed))
+    n = len(matrix)
+    assert sorted(plan.order) == [*range(n)]
+    lower, middle = factors(plan, matrix)
+    permuted = matrix[np.ix_(plan.order, plan.order)]
+    np.testing.assert_allclose(lower @ middle @ lower.T, permuted, atol=1e-9)
+    inside = np.eye(n, dtype=bool)
+    for k, column in enumerate(plan.columns):
+        inside[list(column), k] = True
+    assert np.abs(np.where(inside, 0.0, lower)).max() < 1e-12
+    # pivots are large enough
+    assert np.abs(lower).max() < 100
+    assert 0 < plan.smallest <= 1
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rows_of_l_are_its_columns(seed: int) -> None:
+    plan = found(*random_parts(seed))
+    entries = [(i, k) for k, column in enumerate(plan.columns) for i in column]
+    assert plan.starts == [0, *np.cumsum([len(c) for c in plan.columns]).tolist()]
+    starts, columns, numbers = plan.left
+    for i in range(len(plan.order)):
+        row = range(starts[i], starts[i + 1])
+        assert [entries[numbers[x]] for x in row] == [(i, columns[x]) for x in row]
+    assert sorted(numbers) == [*range(len(entries))]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_targets_are_the_places_of_the_lower_half(seed: int) -> None:
+    plan = found(*random_parts(seed))
+    matrix = whole(*random_parts(seed))
+    n, place = len(plan.order), np.argsort(plan.order)
+    entries = [(i, k) for k, column in enumerate(plan.columns) for i in column]
+    for (row, column), target in zip(pattern(matrix), plan.targets(pattern(matrix)), strict=True):
+        i, k = int(place[row]), int(place[column])
+        if i == k:
+            assert target == i
+        elif i < k:
+            assert target == -1
+        elif plan.paired[k] and i == k + 1:
+            assert target == n + k
+        else:
+            assert entries[target - 2 * n] == (i, k)
+
+
+def test_updates_are_those_of_symmetric_columns() -> None:
+    plan = Elimination((0, 1, 2), (False,) * 3, ((1, 2), (2,), ()), 1.0)
+    assert plan.updates == 3 + 1
+    assert plan.same_as(Elimination((0, 1, 2), (False,) * 3, ((1, 2), (2,), ()), 0.5))
+    assert not plan.same_as(Elimination((0, 2, 1), (False,) * 3, ((1, 2), (2,), ()), 1.0))
+
+
+def test_pivots_are_large_at_every_state() -> None:
+    """The first diagonal entry is large at one state and small at the other."""
+    mass = np.array([[1.0, 1e-9], [0.5, 0.5], [0.5, 0.5], [1.0, 1.0]])
+    plan = find_order(2, 0, ((0, 0), (0, 1), (1, 0), (1, 1)), (), mass, np.empty((0, 2)))
+    assert plan.order == (1, 0)
+    assert plan.paired == (False, False)
+
+
+def test_states_that_are_not_finite_say_nothing() -> None:
+    system, _ = hand_written(np.diag([2.0, 3.0]), np.array([[1.0, 1.0]]), np.zeros(3))
+    given = (2.0, 3.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0)
+    undefined = (math.nan, *given[1:])
+    assert order_at(system, [undefined, given]).same_as(order_at(system, [given]))
+    with pytest.raises(NoElimination):
+        order_at(system, [undefined])
+
+
+def test_an_entry_that_vanishes_at_the_state_is_not_taken_for_zero() -> None:
+    """B = (0, 1) at the state, but its first entry is in the pattern."""
+    mass, jacobian = np.diag([0.0, 1.0]), np.array([[1.0, 1.0]])
+    system, _ = hand_written(mass, jacobian, np.zeros(3))
+    # with the entry, the coordinate without inertia is held; B is changed by what is in its row
+    plan = order_at(system, [(1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0)])
+    assert sorted(plan.order) == [0, 1, 2]
+
+
+@pytest.mark.parametrize("n", [20, 200])
+def test_a_chain_is_eliminated_from_many_places(n: int) -> None:
+    """None of the pivots waits for more than a few others."""
+    mass = tuple((i, i) for i in range(2 * n))  # x, y of each body
+    jacobian = tuple(
+        (i, 2 * j + along)
+        for i in range(n)
+        for j in range(max(i - 1, 0), i + 1)
+        for along in (0, 1)
+    )
+    values = np.array([[1.0 if j // 2 == i else -1.0] for i, j in jacobian])
+    plan = find_order(2 * n, n, mass, jacobian, np.ones((2 * n, 1)), values)
+    depth = [1] * (3 * n)
+    for k, column in enumerate(plan.columns):
+        for i in column:
+            depth[i] = max(depth[i], depth[k] + 1)
+    assert max(depth) <= 3 + 1.5 * math.log2(n)
+
+
+def test_a_singular_matrix_has_no_order() -> None:
+    mass, jacobian = np.diag([2.0, 0.0]), np.array([[3.0, 0.0]])
+    system = hand_written(mass, jacobian, np.zeros(3)).system
+    with pytest.raises(NoElimination):
+        order_at(system, [(2.0, 0.0, 0.0, 3.0, 0.0, 0.0)])
+
+
+def test_a_chain_fills_in_nothing() -> None:
+    n = 200
+    mass = tuple((i, i) for i in range(n))
+    jacobian = tuple(
+        place for i in range(n) for place in ((i, max(i - 1, 0)), (i, i)) if i or place == (0, 0)
+    )
+    ones = np.ones((len(mass), 1))
+    values = np.array([[1.0 if j == i else -1.0] for i, j in jacobian])
+    plan = find_order(n, n, mass, jacobian, ones, values)
+    assert sum(map(len, plan.columns)) <= 2 * 2 * n

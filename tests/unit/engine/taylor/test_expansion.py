@@ -1,0 +1,149 @@
+"""Operations on numbers → operations on series, run in Python, against Taylor coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mpmath
+import numpy as np
+import pytest
+
+from lagcli.engine.tape.arithmetic import Arithmetic
+from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.engine.tape.operations import Op
+from lagcli.engine.taylor.expansion import NotAnalytic, SeriesExpansion
+from lagcli.engine.taylor.series_nodes import BEFORE, NUMBER, ZERO, SeriesOp
+
+ORDER = 6
+#: x(t) and y(t), which are given, and a number.
+X = [0.4, 0.7, -0.3, 0.2, 0.1, -0.05, 0.02]
+Y = [1.3, -0.2, 0.5, 0.1, -0.3, 0.07, 0.01]
+S = 0.6
+
+
+def series(build: Callable[[Arithmetic], int]) -> np.ndarray:
+    """Return the coefficients of a result of x, y and a number s: registers 0, 1 and 2."""
+    builder = Arithmetic(3, parameters=1)
+    register = build(builder)
+    expansion = SeriesExpansion(builder, (0, 1))
+    expansion.expand([register])
+    result = expansion.result(register)
+    nodes = expansion.wanted([result])
+    numbers = {y - NUMBER for _, _, operands in nodes for y in operands if y < 0}
+    names = [to for _, (to,), _ in nodes]
+    begins = {x: expansion.begin(x) for x in names}
+    wanted = [*numbers, *begins.values(), register]
+    tape = builder.finish(wanted)
+    values = dict(zip(wanted, ScalarTape(tape)((X[0], Y[0], S)), strict=True))
+    found: dict[int, list[float]] = {0: list(X), 1: list(Y), ZERO: [0.0] * (ORDER + 1)}
+    found |= {x: [values[begin]] for x, begin in begins.items()}
+    for k in range(1, ORDER + 1):
+        for op, (to,), operands in nodes:
+            found[to].append(coefficient(SeriesOp(op), k, operands, found, values))
+    # what is added to a series changes its first coefficient alone
+    return np.array([values[register], *found[result][1:]])
+
+
+def coefficient(
+    op: SeriesOp,
+    k: int,
+    operands: tuple[int, ...],
+    found: dict[int, list[float]],
+    values: dict[int, float],
+) -> float:
+    """Return coefficient k by the definition of the operation."""
+    o = [values[x - NUMBER] if x < 0 else found[x - BEFORE if x >= BEFORE else x] for x in operands]
+    if op is SeriesOp.SUM:
+        return o[0] * o[1][k] + o[2] * o[3][k]
+    if op is SeriesOp.SCALE:
+        return o[0] * o[1][k]
+    if op is SeriesOp.RATE:
+        return k * o[0][k]
+    if op is SeriesOp.MUL:
+        return sum(o[0][i] * o[1][k - i] for i in range(k + 1))
+    if op is SeriesOp.INVERSE:  # a c = 1
+        return -sum(o[0][i] * o[1][k - i] for i in range(1, k + 1)) / o[0][0]
+    assert op is SeriesOp.CHAIN, op  # t c′ = s g (t a′)
+    return o[0] * sum(o[1][i] * o[2][k - i] for i in range(1, k + 1)) / k
+
+
+def expected(function: Callable[..., mpmath.mpf]) -> np.ndarray:
+    """Return the Taylor coefficients of a function of x(t) and y(t) by mpmath."""
+    with mpmath.workdps(40):
+
+        def composed(t: mpmath.mpf) -> mpmath.mpf:
+            return function(*(mpmath.polyval([mpmath.mpf(c) for c in p[::-1]], t) for p in (X, Y)))
+
+        return np.array([float(c) for c in mpmath.taylor(composed, 0, ORDER)])
+
+
+FUNCTIONS = {
+    Op.SQRT: mpmath.sqrt,
+    Op.SIN: mpmath.sin,
+    Op.COS: mpmath.cos,
+    Op.TAN: mpmath.tan,
+    Op.ASIN: mpmath.asin,
+    Op.ACOS: mpmath.acos,
+    Op.ATAN: mpmath.atan,
+    Op.SINH: mpmath.sinh,
+    Op.COSH: mpmath.cosh,
+    Op.TANH: mpmath.tanh,
+    Op.ASINH: mpmath.asinh,
+    Op.ATANH: mpmath.atanh,
+    Op.EXP: mpmath.exp,
+    Op.LOG: mpmath.log,
+    Op.ERF: mpmath.erf,
+    Op.ERFC: mpmath.erfc,
+}
+
+
+@pytest.mark.parametrize("op", FUNCTIONS, ids=lambda op: op.name)
+def test_functions_of_series(op: Op) -> None:
+    found = series(lambda b: b.emit(op, 0))
+    np.testing.assert_allclose(found, expected(lambda x, y: FUNCTIONS[op](x)), rtol=1e-11)
+
+
+CASES: dict[str, tuple[Callable[[Arithmetic], int], Callable[..., mpmath.mpf]]] = {
+    "acosh": (lambda b: b.emit(Op.ACOSH, 1), lambda x, y: mpmath.acosh(y)),
+    "sum": (lambda b: b.emit(Op.ADD, 0, 1), lambda x, y: x + y),
+    "difference": (lambda b: b.emit(Op.SUB, 0, 1), lambda x, y: x - y),
+    "with a number": (lambda b: b.emit(Op.SUB, 2, 0), lambda x, y: S - x),
+    "product": (lambda b: b.emit(Op.MUL, 0, 1), lambda x, y: x * y),
+    "multiple": (lambda b: b.emit(Op.NEG, b.emit(Op.MUL, 2, 0)), lambda x, y: -S * x),
+    "quotient": (lambda b: b.emit(Op.DIV, 0, 1), lambda x, y: x / y),
+    "inverse": (lambda b: b.emit(Op.DIV, 2, 1), lambda x, y: S / y),
+    "over a number": (lambda b: b.emit(Op.DIV, 0, 2), lambda x, y: x / S),
+    "power": (lambda b: b.emit(Op.POW, 0, 2), lambda x, y: x**S),
+    "exponential": (lambda b: b.emit(Op.POW, 2, 0), lambda x, y: mpmath.mpf(S) ** x),
+    "both": (lambda b: b.emit(Op.POW, 0, 1), lambda x, y: x**y),
+    "angle": (lambda b: b.emit(Op.ATAN2, 0, 1), lambda x, y: mpmath.atan2(x, y)),
+    "angle to a number": (lambda b: b.emit(Op.ATAN2, 2, 0), lambda x, y: mpmath.atan2(S, x)),
+    "nested": (
+        lambda b: b.emit(Op.MUL, b.emit(Op.SIN, b.emit(Op.MUL, 0, 1)), b.emit(Op.EXP, 1)),
+        lambda x, y: mpmath.sin(x * y) * mpmath.exp(y),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_operations_on_series(case: str) -> None:
+    build, function = CASES[case]
+    np.testing.assert_allclose(series(build), expected(function), rtol=1e-11, atol=1e-14)
+
+
+@pytest.mark.parametrize("op", [Op.ABS, Op.FLOOR, Op.LT, Op.SELECT], ids=lambda op: op.name)
+def test_kinks_and_jumps_have_no_series(op: Op) -> None:
+    builder = Arithmetic(3)
+    register = builder.emit(op, *range(op.arity))
+    with pytest.raises(NotAnalytic, match=op.name.lower()):
+        SeriesExpansion(builder, (0,)).operation(op, register, 0, 1)
+
+
+def test_what_does_not_move_is_a_number() -> None:
+    builder = Arithmetic(2)
+    register = builder.emit(Op.ABS, 1)  # which has no series
+    expansion = SeriesExpansion(builder, (0,))
+    expansion.expand([register])
+    assert expansion.steady(register)
+    assert expansion.result(register) == ZERO
+    assert expansion.wanted([ZERO]) == []
