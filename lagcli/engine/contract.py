@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.engine.layout import SampleLayout
+from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.settings.settings import Settings
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from lagcli.engine.linear.elimination import Elimination
 
 Array = NDArray[np.float64]
-State = tuple[float, Array, Array]  # t, q, v
 Status = Literal["completed", "stopped-by-event", "failed", "interrupted"]
 
 
@@ -55,8 +55,8 @@ class IntegrationRequest:
 
     Parameters
     ----------
-    q, v : (nq,) arrays
-        A consistent state at ``settings.t_start``.
+    state : State
+        The consistent state at the start, ``settings.t_start``.
     rank : int
         Rank of B there; below nc, the constraints are redundant.
     settings : Settings
@@ -79,8 +79,7 @@ class IntegrationRequest:
         Event → Reaction; without it, events are not looked for.
     """
 
-    q: Array
-    v: Array
+    state: State
     rank: int
     settings: Settings
     times: Array
@@ -94,12 +93,12 @@ class IntegrationRequest:
     @property
     def tolerances(self) -> Array:
         """The given absolute tolerances on q, v and the work, (2 nq + 1,)."""
-        return np.full(2 * len(self.q) + 1, 1.0) * self.atol
+        return np.full(2 * len(self.state.q) + 1, 1.0) * self.atol
 
     @property
     def kind_of(self) -> tuple[int, ...]:
         """The kind of each coordinate."""
-        return self.kinds or (0,) * len(self.q)
+        return self.kinds or (0,) * len(self.state.q)
 
 
 class Block(NamedTuple):
@@ -138,7 +137,7 @@ class Block(NamedTuple):
 class Outcome:
     """What an engine returns: how it ended, and what it took.
 
-    ``undefined`` is the state (t, q, v) at which the equations had no finite value, where that
+    ``undefined`` is the state at which the equations had no finite value, where that
     ended the run. ``methods`` are those that took steps, where the engine chose. ``tolerances``
     are the absolute ones on q, v and the work at the end, (2 nq + 1,).
     """
@@ -160,7 +159,7 @@ class Stop(Exception):
     ----------
     message : str
         For the user: what, when, and how to mend it.
-    undefined : (t, q, v), optional
+    undefined : State, optional
         As in Run.
     """
 
@@ -172,9 +171,8 @@ class Stop(Exception):
 class Undefined(Stop):
     """Ends a run at a state where the equations have no finite value."""
 
-    def __init__(self, t: float, q: Array, v: Array):
-        state = (t, np.array(q), np.array(v))
-        super().__init__(f"the equations have no finite value at t = {t:.9g} s", state)
+    def __init__(self, state: State):
+        super().__init__(f"the equations have no finite value at t = {state.t:.9g} s", state)
 
 
 class Stopped(Exception):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lagcli.engine.layout import ConstraintLayout, DynamicsLayout
 from lagcli.engine.scales import coordinate_sizes, row_lengths
+from lagcli.engine.state import State
 from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 
@@ -105,18 +106,29 @@ class _Matrices:
 
 
 class Evaluator:
-    """Evaluates a System at single states."""
+    """Evaluates a System at single states.
 
-    def __init__(self, system: System):
-        self.system = system
+    Parameters
+    ----------
+    system : System
+    p : tuple of float
+        Values of its parameters.
+    """
+
+    def __init__(self, system: System, p: tuple[float, ...]):
+        self.system, self.p = system, p
         self._dynamics = ScalarTape(system.dynamics)
         self._constraint = ScalarTape(system.constraint)
         self._matrices = _Matrices(system)
         self._holonomic = list(system.holonomic)
 
+    def state(self, t: float, q: Array, v: Array) -> State:
+        """Return a state with these values of the parameters; it keeps copies of q and v."""
+        return State(t, q.copy(), v.copy(), self.p)
+
     def entries(self, t: float, q: Array, v: Array) -> list[float]:
         """Return the outputs of the dynamics tape."""
-        return self._dynamics((t, *q.tolist(), *v.tolist(), *self.system.parameters))
+        return self._dynamics((t, *q.tolist(), *v.tolist(), *self.p))
 
     def dynamics(self, t: float, q: Array, v: Array) -> Dynamics:
         """Return M, f, B, γ and the external power."""
@@ -126,7 +138,7 @@ class Evaluator:
 
     def constraints(self, t: float, q: Array, v: Array) -> Constraints:
         """Return φ, B, b_0 and scales."""
-        numbers = self._constraint((t, *q.tolist(), *v.tolist(), *self.system.parameters))
+        numbers = self._constraint((t, *q.tolist(), *v.tolist(), *self.p))
         return self._matrices.constraints(np.array(numbers))
 
     def sizes(self, t: float, q: Array, v: Array) -> Array:
@@ -149,25 +161,27 @@ class Batch:
     Parameters
     ----------
     system : System
+    p : tuple of float
+        Values of its parameters.
     t : (n,) array
     q, v : (n, nq) arrays
     """
 
-    def __init__(self, system: System, t: Array, q: Array, v: Array):
-        self.system, self.count = system, len(t)
+    def __init__(self, system: System, p: tuple[float, ...], t: Array, q: Array, v: Array):
+        self.system, self.p, self.count = system, p, len(t)
         self._state = [t, *q.T, *v.T]
         self._matrices = _Matrices(system)
 
     def dynamics(self) -> Dynamics:
         """Return M (nq, nq, n), f (nq, n), B (nc, nq, n), γ (nc, n) and the power (n,)."""
         s = self.system
-        out = run_arrays(s.dynamics, [*self._state, *s.parameters], self.count)
+        out = run_arrays(s.dynamics, [*self._state, *self.p], self.count)
         return self._matrices.dynamics(out, bool(np.isfinite(out).all()))
 
     def entries(self) -> Entries:
         """Return M, f, B and the constraints without the zeros."""
         s = self.system
-        inputs = [*self._state, *s.parameters]
+        inputs = [*self._state, *self.p]
         out, at = run_arrays(s.dynamics, inputs, self.count), self._matrices.of_dynamics
         own, of = run_arrays(s.constraint, inputs, self.count), self._matrices.of_constraint
         return Entries(
@@ -183,5 +197,5 @@ class Batch:
     def report(self, a: Array, multipliers: Array) -> Array:
         """Return the report tape's outputs, (outputs, n); a is (n, nq) and λ (n, nc)."""
         s = self.system
-        inputs = [*self._state, *a.T, *multipliers.T, *s.parameters]
+        inputs = [*self._state, *a.T, *multipliers.T, *self.p]
         return run_arrays(s.report, inputs, self.count)

@@ -25,7 +25,6 @@ def lower(equations: Equations) -> System:
     Returns
     -------
     System
-        With the model's parameter values.
     """
     from lagcli.model.model import TIME
 
@@ -45,7 +44,7 @@ def lower(equations: Equations) -> System:
         coordinates=model.coordinate_names,
         constraints=model.constraint_names,
         holonomic=holonomic,
-        parameters=tuple(model.parameter_values.values()),
+        parameters=tuple(model.parameters),
         mass_pattern=mass_pattern,
         jacobian_pattern=jacobian_pattern,
         dynamics=compile_tape(

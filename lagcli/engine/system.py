@@ -59,8 +59,8 @@ class System:
         Names, in the model's order.
     holonomic : tuple of nh int
         Indices of the holonomic constraints.
-    parameters : tuple of float
-        Values of the tapes' last inputs.
+    parameters : tuple of str
+        Names of the tapes' last inputs. Their values are part of a `State`.
     mass_pattern : tuple of (row, column)
         Places of the nonzero entries of M, both triangles.
     jacobian_pattern : tuple of (constraint, coordinate)
@@ -86,7 +86,7 @@ class System:
     coordinates: tuple[str, ...]
     constraints: tuple[str, ...]
     holonomic: tuple[int, ...]
-    parameters: tuple[float, ...]
+    parameters: tuple[str, ...]
     mass_pattern: Pattern
     jacobian_pattern: Pattern
     dynamics: Tape

@@ -203,7 +203,7 @@ class Played:
     def _answer(
         self, request: PlayRequest, simulation: Simulation, samples: Samples, record: Record
     ) -> dict[str, Any]:
-        model, start = simulation.model, simulation.start
+        model, start = simulation.model, simulation.start.state
         values = {**model.parameter_values, **{n: x.value for n, x in model.initial.items()}}
         states = zip(model.coordinate_names, start.q.tolist(), start.v.tolist(), strict=True)
         begun = {

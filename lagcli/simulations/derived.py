@@ -21,6 +21,8 @@ class DerivedColumns:
     Parameters
     ----------
     system : System
+    p : tuple of float
+        Values of its parameters.
 
     Attributes
     ----------
@@ -28,8 +30,8 @@ class DerivedColumns:
         How many were completed.
     """
 
-    def __init__(self, system: System):
-        self.system = system
+    def __init__(self, system: System, p: tuple[float, ...]):
+        self.system, self.p = system, p
         self.samples = 0
         shape = (len(system.constraints), len(system.coordinates))
         order = sorted(system.jacobian_pattern)
@@ -56,7 +58,7 @@ class DerivedColumns:
         """Return the next samples with all their columns."""
         system, count = self.system, len(block.time)
         nq, nc = len(system.coordinates), len(system.constraints)
-        batch = Batch(system, block.time, block.q, block.v)
+        batch = Batch(system, self.p, block.time, block.q, block.v)
         e = batch.entries()
         kinetic, potential, total, applied, explicit, *outputs = batch.report(
             block.a, block.multipliers

@@ -15,6 +15,7 @@ from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block, Event, IntegrationRequest, Interrupted, Reaction
 from lagcli.engine.integrate.engines import engine_named
 from lagcli.engine.lowering import lower
+from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.equations.derivation.freedom import Freedom
 from lagcli.equations.derivation.lagrange import Equations, derive
@@ -176,8 +177,7 @@ class Simulation:
     def request(self) -> IntegrationRequest:
         """What the engine is asked for."""
         return IntegrationRequest(
-            q=self.start.q,
-            v=self.start.v,
+            state=self.start.state,
             rank=self.start.rank,
             settings=self.settings,
             times=sample_times(self.settings),
@@ -193,13 +193,13 @@ class Simulation:
     def initial(self) -> dict[str, float]:
         """Values of the coordinates, and of the velocities (x'), that the run starts from."""
         names = self.model.coordinate_names
-        state = [*self.start.q.tolist(), *self.start.v.tolist()]
+        state = [*self.start.state.q.tolist(), *self.start.state.v.tolist()]
         return dict(zip([*names, *(f"{q}'" for q in names)], state, strict=True))
 
     @cached_property
     def freedom(self) -> Freedom:
         """The degrees of freedom at the start."""
-        return freedom_at(self.equations, self.system, self.settings.t_start, self.start)
+        return freedom_at(self.equations, self.system, self.start)
 
     def check_memory(self, kept: bool = False) -> None:
         """Raise NumericalError if the run would take more memory than there is.
@@ -244,8 +244,8 @@ class Simulation:
             As in `Trajectory`; the run's status among it.
         """
         began = time.perf_counter()
-        columns = DerivedColumns(self.system)
-        trust = Trust(self.system)
+        columns = DerivedColumns(self.system, self.start.state.p)
+        trust = Trust(self.system, self.start.state.p)
         elsewhere = 0.0  # seconds that are not the engine's
 
         def take(block: Block) -> None:
@@ -271,7 +271,7 @@ class Simulation:
         if not columns.samples:
             take(_no_samples(self.system))
         if run.undefined is not None:
-            run.message += "; " + undefined_at(self.equations, *run.undefined).with_line
+            run.message += "; " + undefined_at(self.equations, run.undefined).with_line
         options = self.settings.as_dict()
         if run.methods:
             options["method"] = ", ".join(run.methods)  # what `auto` was
@@ -281,13 +281,7 @@ class Simulation:
         return Record(
             tolerances=tolerances,
             warnings=(
-                *negative_inertia(
-                    self.system,
-                    self.settings.t_start,
-                    self.start.q,
-                    self.start.v,
-                    self.start.rank,
-                ),
+                *negative_inertia(self.system, self.start.state, self.start.rank),
                 *_distrust(trust, columns, self.settings, run.steps),
             ),
             scale_position=columns.scale_position,
@@ -312,14 +306,20 @@ class Simulation:
 
 
 def warnings_of(
-    system: System, settings: Settings, rank: int, samples: NDArray[np.float64], steps: int
+    system: System,
+    p: tuple[float, ...],
+    settings: Settings,
+    rank: int,
+    samples: NDArray[np.float64],
+    steps: int,
 ) -> tuple[str, ...]:
     """Return why a completed run cannot be trusted, from its samples alone.
 
     Parameters
     ----------
     system : System
-        With the run's parameters.
+    p : tuple of float
+        Values of its parameters.
     settings : Settings
         Complete ones.
     rank : int
@@ -329,12 +329,12 @@ def warnings_of(
     steps : int
     """
     layout, held = system.sample_layout, _block_rows(system)
-    columns, trust = DerivedColumns(system), Trust(system)
+    columns, trust = DerivedColumns(system, p), Trust(system, p)
     for start in range(0, len(samples), held):
         trust.add(columns(Block.of_rows(samples[start : start + held], layout)))
     first = Block.of_rows(samples[:1], layout)
     return (
-        *negative_inertia(system, float(first.time[0]), first.q[0], first.v[0], rank),
+        *negative_inertia(system, State(float(first.time[0]), first.q[0], first.v[0], p), rank),
         *_distrust(trust, columns, settings, steps),
     )
 

@@ -16,6 +16,7 @@ from lagcli.engine.constraints.initial import (
 from lagcli.engine.constraints.redundancy import dependent_sets
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.lowering import lower
+from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.equations.derivation.freedom import Freedom, Redundant
 from lagcli.equations.derivation.lagrange import Equations
@@ -42,20 +43,21 @@ def find_start(equations: Equations, system: System, t: float) -> ConsistentStat
     model = equations.model
     q, fixed_q = _initial(model, model.initial_positions)
     v, fixed_v = _initial(model, model.initial_velocities)
+    given = State(t, q, v, tuple(model.parameter_values.values()))
     try:
-        start = consistent_state(system, t, q, v, fixed_q, fixed_v)
+        start = consistent_state(system, given, fixed_q, fixed_v)
     except UndefinedStart as error:
-        raise _undefined_start(equations, *error.state) from None
+        raise _undefined_start(equations, error.state) from None
     except NoConsistentState as error:
         raise _no_start(model, error) from None
     if not start.elimination:
-        _check_inertia(equations, system, t, start)
+        _check_inertia(equations, system, start)
     return start
 
 
-def freedom_at(equations: Equations, system: System, t: float, start: ConsistentState) -> Freedom:
+def freedom_at(equations: Equations, system: System, start: ConsistentState) -> Freedom:
     """Return the degrees of freedom at a consistent state."""
-    sets = dependent_sets(system, t, start.q, start.v, start.rank)
+    sets = dependent_sets(system, start.state, start.rank)
     names = system.constraints
     redundant = (Redundant(tuple(names[i] for i in found), surplus) for found, surplus in sets)
     return Freedom(len(equations.q), len(names), start.rank, tuple(redundant))
@@ -82,7 +84,7 @@ def degrees_of_freedom(equations: Equations) -> Freedom:
         start = find_start(equations, system, t)
     except LagcliError:
         return Freedom(k, r)
-    return freedom_at(equations, system, t, start)
+    return freedom_at(equations, system, start)
 
 
 def _initial(model: Model, table: Any) -> tuple[Array, Flags]:
@@ -90,15 +92,15 @@ def _initial(model: Model, table: Any) -> tuple[Array, Flags]:
     return np.array([e.value for e in entries]), np.array([e.fixed for e in entries])
 
 
-def undefined_at(equations: Equations, t: float, q: Array, v: Array) -> UndefinedExpression:
+def undefined_at(equations: Equations, state: State) -> UndefinedExpression:
     """Say which expression of the model has no finite value at a state."""
     from lagcli.simulations.undefined import undefined_expression
 
-    return undefined_expression(equations, t, q.tolist(), v.tolist())
+    return undefined_expression(equations, state)
 
 
-def _undefined_start(equations: Equations, t: float, q: Array, v: Array) -> NumericalError:
-    found = undefined_at(equations, t, q, v)
+def _undefined_start(equations: Equations, state: State) -> NumericalError:
+    found = undefined_at(equations, state)
     return NumericalError(
         Diagnostic(
             "undefined-start",
@@ -158,12 +160,13 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
     )
 
 
-def _check_inertia(equations: Equations, system: System, t: float, start: ConsistentState) -> None:
+def _check_inertia(equations: Equations, system: System, start: ConsistentState) -> None:
     """Refuse a motion that the constraints allow and no inertia resists."""
-    d = Evaluator(system).dynamics(t, start.q, start.v)
+    state = start.state
+    d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
     if not d.finite:
-        raise _undefined_start(equations, t, start.q, start.v)
-    nq = len(start.q)
+        raise _undefined_start(equations, state)
+    nq = len(state.q)
     free = np.eye(nq)
     if len(d.jacobian):
         from lagcli.engine.linear.dense import decompose
@@ -212,7 +215,7 @@ def _no_inertia(model: Model, coordinates: list[str]) -> NumericalError:
     )
 
 
-def negative_inertia(system: System, t: float, q: Array, v: Array, rank: int) -> list[str]:
+def negative_inertia(system: System, state: State, rank: int) -> list[str]:
     """Return a warning where T falls with the velocities that the constraints allow.
 
     Equations with negative masses can be solved, but no body has one: a sign is wrong.
@@ -220,14 +223,13 @@ def negative_inertia(system: System, t: float, q: Array, v: Array, rank: int) ->
     Parameters
     ----------
     system : System
-    t : float
-    q, v : (nq,) arrays
-        A consistent state.
+    state : State
+        A consistent one.
     rank : int
         Of B there.
     """
-    d = Evaluator(system).dynamics(t, q, v)
-    mass, nq = d.mass_matrix, len(q)
+    d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
+    mass, nq = d.mass_matrix, len(state.q)
     if not nq or not np.isfinite(mass).all():
         return []
     size = np.sqrt(np.abs(np.diag(mass)))

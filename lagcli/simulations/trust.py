@@ -29,10 +29,12 @@ class Trust:
     Parameters
     ----------
     system : System
-        With the run's parameters.
+    p : tuple of float
+        Values of its parameters.
     """
 
-    def __init__(self, system: System):
+    def __init__(self, system: System, p: tuple[float, ...]):
+        self.p = p
         self.system, self.constraints = system, system.constraints
         self.balance = self.energy = self.flow = self.parts = 0.0
         self._potential = (math.inf, -math.inf)
@@ -77,7 +79,7 @@ class Trust:
             # no two entries alike, lest their changes cancel too
             change = 1 + sign * _CHANGE * np.cos(1.0 + np.arange(2 * q.shape[1]))
             at, rate = q * change[: q.shape[1]], v * change[q.shape[1] :]
-            kinetic, potential, *_ = Batch(self.system, t, at, rate).report(
+            kinetic, potential, *_ = Batch(self.system, self.p, t, at, rate).report(
                 a, samples.multipliers[some]
             )
             with np.errstate(invalid="ignore"):

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import symengine as se
 from symengine import Basic
 
+from lagcli.engine.state import State
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations
@@ -50,17 +51,13 @@ class _Written(NamedTuple):
     indices: Mapping[str, int] = NO_INDICES
 
 
-def undefined_expression(
-    equations: Equations, t: float, q: list[float], v: list[float]
-) -> UndefinedExpression:
+def undefined_expression(equations: Equations, state: State) -> UndefinedExpression:
     """Say which expression of the model is not finite at a state, and what the state is.
 
     Parameters
     ----------
     equations : Equations
-    t : float
-        s.
-    q, v : lists of nq float
+    state : State
 
     Returns
     -------
@@ -68,17 +65,17 @@ def undefined_expression(
         A clause such as "`log(x)` in `V` has no finite value at x = -0.2", and its place. Where
         all expressions have one, it names the smallest whose first or second derivatives do not.
     """
-    return _ExpressionSearch(equations, t, q, v).found()
+    return _ExpressionSearch(equations, state).found()
 
 
 class _ExpressionSearch:
-    def __init__(self, equations: Equations, t: float, q: list[float], v: list[float]):
+    def __init__(self, equations: Equations, state: State):
         self.equations, self.model = equations, equations.model
-        self.state: dict[Basic, float] = {TIME: t}
-        self.state.update(zip(equations.q, q, strict=True))
-        self.state.update(zip(equations.v, v, strict=True))
-        parameters = {se.Symbol(n): p.value for n, p in self.model.parameters.items()}
-        self.values = {**self.state, **parameters}
+        self.state: dict[Basic, float] = {TIME: state.t}
+        self.state.update(zip(equations.q, state.q.tolist(), strict=True))
+        self.state.update(zip(equations.v, state.v.tolist(), strict=True))
+        parameters = map(se.Symbol, self.model.parameters)
+        self.values = {**self.state, **dict(zip(parameters, state.p, strict=True))}
         self.scope = scope_of(self.model)
 
     @cached_property

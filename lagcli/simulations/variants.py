@@ -82,7 +82,7 @@ class Variants:
 
     @cached_property
     def system(self) -> System:
-        """Their System, with the model's values."""
+        """Their System."""
         return lower(self.equations)
 
     @cached_property
@@ -95,13 +95,12 @@ class Variants:
             return None
         from lagcli.engine.integrate.prepared import find_elimination, prepare, unrolled
 
-        t = self.settings.t_start
         try:
-            start = find_start(self.equations, self.system, t)
+            start = find_start(self.equations, self.system, self.settings.t_start)
         except (ModelError, NumericalError):
             return None
-        states = [(t, start.q, start.v)]
-        order = start.elimination or find_elimination(Evaluator(self.system), states)
+        evaluator = Evaluator(self.system, start.state.p)
+        order = start.elimination or find_elimination(evaluator, [start.state])
         return unrolled(self.system, prepare(self.system, order))
 
     def varied(
@@ -130,11 +129,10 @@ class Variants:
             {**self.model.set_initial, **(set_initial or {})},
         )
         settings = resolve(self._given, model.settings)
-        values = tuple(model.parameter_values.values())
         prepared = None
         if model.coordinate_names == self.model.coordinate_names and self._same_structure(model):
             equations = dataclasses.replace(self.equations, model=model)
-            system = dataclasses.replace(self.system, parameters=values)
+            system = self.system
             prepared = self.prepared
         else:
             equations = derive(model)

@@ -38,13 +38,14 @@ def test_the_others_get_the_same_equations(name: str) -> None:
     import sympy as sp
 
     case = CASES[name]
-    system = lower(lagcli.derive(case.load()))
+    model = case.load()
+    system = lower(lagcli.derive(model))
     start, rng = case.start, np.random.default_rng(0)
     q = start.q + 0.1 * rng.standard_normal(len(start.q))
     v = rng.standard_normal(len(q))
     symbolic = SymbolicCase(case)
     kinetics = symbolic.kinetics
-    ours = Evaluator(system).dynamics(0.0, q, v)
+    ours = Evaluator(system, tuple(model.parameter_values.values())).dynamics(0.0, q, v)
 
     def numbers(expressions: list) -> np.ndarray:
         evaluate = sp.lambdify([symbolic.states], [sp.sympify(x) for x in expressions])

@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lowered import Lowered, lowered
 from random_models import FUNCTIONS, EveryKey, Meaning, NoValue, RandomModel, State
 
-from lagcli.engine.lowering import lower
-from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.equations.derivation.lagrange import derive
 from lagcli.errors import ModelError
 from lagcli.model.expression.functions import FUNCTIONS as KNOWN
 from lagcli.model.loader import load_text
@@ -27,13 +25,14 @@ LARGEST = 1e8  # of values that are compared
 SMALL = 1e-13  # relative change of a state, to see how much rounding can do
 
 
-def found(system: System, inputs: list[float], a: list[float], multipliers: list[float]) -> dict:
-    """Return what the tapes of a system give at one state."""
+def found(case: Lowered, inputs: list[float], a: list[float], multipliers: list[float]) -> dict:
+    """Return what the tapes of a System give at one state."""
+    system, p = case
     nq, nc, nh = len(system.coordinates), len(system.constraints), len(system.holonomic)
-    values = [*inputs, *system.parameters]
+    values = [*inputs, *p]
     dynamics = ScalarTape(system.dynamics)(values)
     constraint = ScalarTape(system.constraint)(values)
-    report = ScalarTape(system.report)([*inputs, *a, *multipliers, *system.parameters])
+    report = ScalarTape(system.report)([*inputs, *a, *multipliers, *p])
     mass, jacobian = np.zeros((nq, nq)), np.zeros((nc, nq))
     nm, nb = len(system.mass_pattern), len(system.jacobian_pattern)
     for (i, j), x in zip(system.mass_pattern, dynamics[:nm], strict=True):
@@ -100,13 +99,13 @@ def compare(model: RandomModel, seed: int) -> str:
         return "refused"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        system = lower(derive(loaded))
+        case = lowered(loaded)
         chance = random.Random(seed)
         k, r = len(model.coordinates), len(model.constraints)
         sizes = (1, k, k, k, r)
         numbers = [[chance.uniform(-1.9, 1.9) for _ in range(n)] for n in sizes]
         (t,), q, v, a, multipliers = numbers
-        given = found(system, [t, *q, *v], a, multipliers)
+        given = found(case, [t, *q, *v], a, multipliers)
         try:
             wanted = expected(model, State(t, q, v, a, multipliers))
         except NoValue:

@@ -60,7 +60,9 @@ def test_kinetic_energy_is_half_v_m_v(name: str) -> None:
     loaded = lagcli.load_text(shipped(name))
     trajectory = run(loaded, t_end=0.2, samples=11)
     system = lower(lagcli.derive(loaded))
-    mass = Batch(system, trajectory.time, trajectory.q, trajectory.v).dynamics().mass_matrix
+    values = tuple(loaded.parameter_values.values())
+    batch = Batch(system, values, trajectory.time, trajectory.q, trajectory.v)
+    mass = batch.dynamics().mass_matrix
     half = np.einsum("ti,ijt,tj->t", trajectory.v, mass, trajectory.v) / 2
     np.testing.assert_allclose(half, trajectory.energy_kinetic, rtol=1e-12)
     np.testing.assert_allclose(mass, mass.transpose(1, 0, 2), rtol=0, atol=0)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from lowered import Lowered
 
 from lagcli.engine.integrate.prepared import Prepared
 from lagcli.engine.linear.elimination import Elimination, NoElimination, find_order, order_at
@@ -35,7 +36,7 @@ def matrices(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray]:
     return mass, jacobian
 
 
-def hand_written(mass: np.ndarray, jacobian: np.ndarray, rhs: np.ndarray) -> System:
+def hand_written(mass: np.ndarray, jacobian: np.ndarray, rhs: np.ndarray) -> Lowered:
     """Return a System whose dynamics tape yields the given numbers."""
     nq, nc = len(mass), len(jacobian)
     m = tuple((int(i), int(j)) for i, j in np.argwhere(mass))
@@ -46,17 +47,18 @@ def hand_written(mass: np.ndarray, jacobian: np.ndarray, rhs: np.ndarray) -> Sys
     dynamics = builder.finish(range(1 + 2 * nq, 1 + 2 * nq + len(values)))
     empty = Tape(1 + 2 * nq, (), (), ())
     names = tuple(map(str, range(nq)))
-    return System(
+    system = System(
         coordinates=names,
         constraints=tuple(map(str, range(nc))),
         holonomic=(),
-        parameters=tuple(map(float, values)),
+        parameters=tuple(map(str, range(len(values)))),
         mass_pattern=m,
         jacobian_pattern=b,
         dynamics=dynamics,
         constraint=empty,
         report=empty,
     )
+    return Lowered(system, tuple(map(float, values)))
 
 
 def whole(mass: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
@@ -65,14 +67,15 @@ def whole(mass: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
 
 
 def eliminated(
-    system: System, plan: Elimination, rhs: np.ndarray
+    case: Lowered, plan: Elimination, rhs: np.ndarray
 ) -> tuple[list[np.ndarray], np.ndarray]:
     """Return [a; −λ] by the unrolled tape, for another right side too, and by sparse factors; and
     the first nq unknowns for a right side without its first nq entries.
     """
+    system, p = case
     nq = len(system.coordinates)
     tape = unroll(system, plan)
-    inputs = [0.0] * (1 + 2 * nq) + [*system.parameters, *rhs, *rhs[nq:]]
+    inputs = [0.0] * (1 + 2 * nq) + [*p, *rhs, *rhs[nq:]]
     out = binding.run_tape(tape, inputs)
     first = len(system.dynamics.outputs)
     x = out[first : first + len(rhs)].copy()
@@ -85,7 +88,7 @@ def eliminated(
         *((j, nq + i) for i, j in system.jacobian_pattern),
     ]
     nm, nb = len(system.mass_pattern), len(system.jacobian_pattern)
-    m, b = system.parameters[:nm], system.parameters[nm + nq : nm + nq + nb]
+    m, b = p[:nm], p[nm + nq : nm + nq + nb]
     looped = binding.solve_ldl(plan, places, [*m, *b, *b], rhs)
     return [x, other, looped], out[-nq:]
 
@@ -101,15 +104,11 @@ def test_solves_what_lapack_solves(parts: tuple[np.ndarray, np.ndarray], seed: i
         np.linalg.cond(matrix * np.outer(scale, scale)) if matrix.any(axis=1).all() else np.inf
     )
     rhs = matrix @ np.random.default_rng(seed).normal(size=len(matrix))
-    system = hand_written(mass, jacobian, rhs)
+    case = system, p = hand_written(mass, jacobian, rhs)
     try:
         plan = order_at(
             system,
-            [
-                binding.run_tape(
-                    system.dynamics, [0.0] * (1 + 2 * len(mass)) + list(system.parameters)
-                )
-            ],
+            [binding.run_tape(system.dynamics, [0.0] * (1 + 2 * len(mass)) + list(p))],
         )
     except NoElimination:
         assert condition > 1e6, "a regular matrix has an order"
@@ -119,7 +118,7 @@ def test_solves_what_lapack_solves(parts: tuple[np.ndarray, np.ndarray], seed: i
         return
     nq = len(mass)
     expected = np.linalg.solve(matrix, rhs)
-    found, correction = eliminated(system, plan, rhs)
+    found, correction = eliminated(case, plan, rhs)
     for x in found:
         assert (
             np.abs((x - expected) / scale).max()
@@ -143,10 +142,8 @@ def test_an_order_serves_other_numbers_in_the_same_places(
     rng = np.random.default_rng(seed)
     if not matrix.any(axis=1).all():
         return
-    system = hand_written(mass, jacobian, rng.normal(size=len(matrix)))
-    states = [
-        binding.run_tape(system.dynamics, [0.0] * (1 + 2 * len(mass)) + list(system.parameters))
-    ]
+    system, p = hand_written(mass, jacobian, rng.normal(size=len(matrix)))
+    states = [binding.run_tape(system.dynamics, [0.0] * (1 + 2 * len(mass)) + list(p))]
     try:
         plan = order_at(system, states)
     except NoElimination:
@@ -165,10 +162,10 @@ def test_an_order_serves_other_numbers_in_the_same_places(
 def test_a_coordinate_without_inertia_is_eliminated_with_its_constraint() -> None:
     mass, jacobian = np.diag([2.0, 0.0]), np.array([[0.0, 3.0]])
     rhs = np.array([4.0, 5.0, 6.0])
-    system = hand_written(mass, jacobian, rhs)
-    plan = order_at(system, [(2.0, 4.0, 5.0, 3.0, 6.0, 0.0)])
+    case = hand_written(mass, jacobian, rhs)
+    plan = order_at(case.system, [(2.0, 4.0, 5.0, 3.0, 6.0, 0.0)])
     assert any(plan.paired)
-    for x in eliminated(system, plan, rhs)[0]:
+    for x in eliminated(case, plan, rhs)[0]:
         np.testing.assert_allclose(x, [2.0, 2.0, 5.0 / 3.0])
 
 
@@ -177,9 +174,9 @@ def test_what_touches_nothing_ends_no_long_elimination() -> None:
     mass, jacobian = np.eye(250), np.zeros((2, 250))
     jacobian[:, :3] = [[3.0, 4.0, 5.0], [1.0, -2.0, 1.0]]
     rhs = np.arange(1.0, 253.0)
-    system = hand_written(mass, jacobian, rhs)
-    plan = order_at(system, [system.parameters])
-    for x in eliminated(system, plan, rhs)[0]:
+    case = system, p = hand_written(mass, jacobian, rhs)
+    plan = order_at(system, [p])
+    for x in eliminated(case, plan, rhs)[0]:
         np.testing.assert_allclose(x, np.linalg.solve(whole(mass, jacobian), rhs), rtol=1e-12)
 
 
@@ -187,9 +184,9 @@ def test_a_pair_that_touches_all_others_ends_no_round() -> None:
     """A pivot of order two whose neighbours are all that is left."""
     mass, jacobian = np.diag([0.01, 0.01]), np.array([[1.0, 2.0]])
     rhs = np.array([4.0, 5.0, 6.0])
-    system = hand_written(mass, jacobian, rhs)
-    plan = order_at(system, [system.parameters])
-    for x in eliminated(system, plan, rhs)[0]:
+    case = system, p = hand_written(mass, jacobian, rhs)
+    plan = order_at(system, [p])
+    for x in eliminated(case, plan, rhs)[0]:
         np.testing.assert_allclose(x, np.linalg.solve(whole(mass, jacobian), rhs), rtol=1e-12)
 
 
@@ -214,7 +211,7 @@ def test_a_chain_is_eliminated_from_many_places(n: int) -> None:
 
 def test_a_singular_matrix_has_no_order() -> None:
     mass, jacobian = np.diag([2.0, 0.0]), np.array([[3.0, 0.0]])
-    system = hand_written(mass, jacobian, np.zeros(3))
+    system = hand_written(mass, jacobian, np.zeros(3)).system
     with pytest.raises(NoElimination):
         order_at(system, [(2.0, 0.0, 0.0, 3.0, 0.0, 0.0)])
 
@@ -232,6 +229,6 @@ def test_a_chain_fills_in_nothing() -> None:
     full = dataclasses.replace(
         plan, columns=tuple(tuple(range(k + 1, 2 * n)) for k in range(2 * n))
     )
-    program = assemble(hand_written(np.eye(1), np.ones((1, 1)), np.zeros(2)).dynamics)
+    program = assemble(hand_written(np.eye(1), np.ones((1, 1)), np.zeros(2)).system.dynamics)
     assert Prepared(plan, program, program, None).worth_unrolling
     assert not Prepared(full, program, program, None).worth_unrolling

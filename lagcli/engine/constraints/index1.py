@@ -10,9 +10,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.engine.contract import State
 from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.linear import dense
+from lagcli.engine.state import State
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class Index1:
     damping : (float, float) or None
         Baumgarte's α and β: φ̈ + 2α φ̇ + β² φ = 0, and ψ̇ + α ψ = 0 where nonholonomic.
     evaluations : int
-    undefined : (t, q, v) or None
+    undefined : State or None
         The last (finite) state without finite accelerations.
     """
 
@@ -57,6 +57,10 @@ class Index1:
     def split(self, y: Array) -> tuple[Array, Array]:
         """Return q and v."""
         return y[: self.nq], y[self.nq : 2 * self.nq]
+
+    def state(self, t: float, y: Array) -> State:
+        """Return the state at y."""
+        return self.evaluator.state(t, *self.split(y))
 
     def measure(self, t: float, q: Array, v: Array) -> None:
         """Keep the largest length that each row of B times sizes has had."""
@@ -96,7 +100,7 @@ class Index1:
                 if math.isfinite(a.sum()) and math.isfinite(power):
                     return a, multipliers, power
         if np.isfinite(q).all() and np.isfinite(v).all():  # not what follows from it
-            self.undefined = (t, q.copy(), v.copy())
+            self.undefined = self.evaluator.state(t, q, v)
         return np.full(self.nq, math.nan), np.full(self.nc, math.nan), math.nan
 
     def _solve(self, d: Dynamics, rhs: Array) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at
 from lagcli.engine.scales import least_scales, usable
+from lagcli.engine.state import State
 from lagcli.engine.system import System
 
 Array = NDArray[np.float64]
@@ -37,7 +38,7 @@ class ConsistentState(NamedTuple):
 
     Parameters
     ----------
-    q, v : (nq,) arrays
+    state : State
     rank : int
         Rank of B.
     elimination : Elimination or None
@@ -47,8 +48,7 @@ class ConsistentState(NamedTuple):
         What was moved, coordinate or velocity (``phi'``), from where to where.
     """
 
-    q: Array
-    v: Array
+    state: State
     rank: int
     elimination: Elimination | None
     moved: Mapping[str, tuple[float, float]]
@@ -85,15 +85,15 @@ class NoConsistentState(Exception):
 
 
 class UndefinedStart(Exception):
-    """The equations have no finite value at the initial state (t, q, v)."""
+    """The equations have no finite value at the initial state."""
 
-    def __init__(self, t: float, q: Array, v: Array):
+    def __init__(self, state: State):
         super().__init__("undefined")
-        self.state = (t, q, v)
+        self.state = state
 
 
 def consistent_state(
-    system: System, t: float, q: Array, v: Array, fixed_q: Flags, fixed_v: Flags
+    system: System, given: State, fixed_q: Flags, fixed_v: Flags
 ) -> ConsistentState:
     """Solve for an initial state that satisfies φ = 0 and ψ = 0.
 
@@ -103,10 +103,8 @@ def consistent_state(
     Parameters
     ----------
     system : System
-    t : float
-        s.
-    q, v : (nq,) arrays
-        Fixed values and guesses.
+    given : State
+        Its q and v are fixed values and guesses.
     fixed_q, fixed_v : (nq,) arrays of bool
 
     Returns
@@ -120,15 +118,15 @@ def consistent_state(
     UndefinedStart
         The equations have no finite value there.
     """
-    return _Start(system, t, fixed_q, fixed_v).solve(q, v)
+    return _Start(system, given, fixed_q, fixed_v).solve(given.q, given.v)
 
 
 class _Start:
     """The search for one start."""
 
-    def __init__(self, system: System, t: float, fixed_q: Flags, fixed_v: Flags):
-        self.system, self.t = system, t
-        self.evaluator = Evaluator(system)
+    def __init__(self, system: System, given: State, fixed_q: Flags, fixed_v: Flags):
+        self.system, self.t = system, given.t
+        self.evaluator = Evaluator(system, given.p)
         self.fixed_q, self.fixed_v = np.asarray(fixed_q, bool), np.asarray(fixed_v, bool)
         self.holonomic = list(system.holonomic)
         self.of_guess: Array | None = None  # a part of the first scales of positions
@@ -152,7 +150,7 @@ class _Start:
             for label, x, y in zip(labels, before, after, strict=True):
                 if x != y:
                     moved[label] = (float(x), float(y))
-        return ConsistentState(new_q, new_v, rank, elimination, moved)
+        return ConsistentState(self.evaluator.state(self.t, new_q, new_v), rank, elimination, moved)
 
     def elimination(self, q: Array, v: Array) -> Elimination | None:
         """Return a sparse elimination that shows a large system to be regular, if there is one.
@@ -175,7 +173,7 @@ class _Start:
         c = self.evaluator.constraints(self.t, q, v)
         jacobian = c.jacobian[self.holonomic]
         if not (np.isfinite(c.position).all() and np.isfinite(jacobian).all()):
-            raise UndefinedStart(self.t, q, v)
+            raise UndefinedStart(self.evaluator.state(self.t, q, v))
         inertia = self.inertia(q, v)
         scale = np.maximum(c.position_scale, least_scales(inertia, jacobian, q))
         if self.of_guess is None:
@@ -273,7 +271,7 @@ class _Start:
         for left in reversed(range(4)):  # linear: the later steps remove rounding
             c = self.evaluator.constraints(self.t, q, v)
             if not c.finite:
-                raise UndefinedStart(self.t, q, v)
+                raise UndefinedStart(self.evaluator.state(self.t, q, v))
             psi = c.velocity(v)
             inertia = self.inertia(q, v)
             scale = np.maximum(c.velocity_scale, least_scales(inertia, c.jacobian, v))

@@ -51,7 +51,7 @@ class StartSearch:
     Parameters
     ----------
     system : System
-        Its parameters' values are not read. Its tapes are assembled here, for all calls.
+        Its tapes are assembled here, for all calls.
     """
 
     def __init__(self, system: System):

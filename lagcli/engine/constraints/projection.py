@@ -66,7 +66,7 @@ class Projection:
             return q, v
         mass = self.evaluator.dynamics(t, q, v).mass_matrix
         if not np.isfinite(mass).all():
-            raise Undefined(t, q, v)
+            raise Undefined(self.evaluator.state(t, q, v))
         q, c = self._positions(t, q, v, mass)
         for _ in range(2):  # linear: the second removes rounding
             residual = c.velocity(v)
@@ -81,7 +81,7 @@ class Projection:
         for _ in range(_ITERATIONS):
             c = self.evaluator.constraints(t, q, v)
             if not c.finite:
-                raise Undefined(t, q, v)
+                raise Undefined(self.evaluator.state(t, q, v))
             self._measure(t, q, v, c, mass)
             if not self.holonomic:
                 return q, c

@@ -6,7 +6,7 @@ import numpy as np
 
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
-from lagcli.engine.linear.dense import Array
+from lagcli.engine.state import State
 from lagcli.engine.system import System
 
 #: Entries of the projection onto the dependencies that count: those that vanish are some 1e-8,
@@ -14,9 +14,7 @@ from lagcli.engine.system import System
 _TAKES_PART = 1e-6
 
 
-def dependent_sets(
-    system: System, t: float, q: Array, v: Array, rank: int
-) -> list[tuple[list[int], int]]:
+def dependent_sets(system: System, state: State, rank: int) -> list[tuple[list[int], int]]:
     """Return the sets of constraints whose rows of B depend on each other at a state.
 
     The projection P onto the combinations of rows that vanish does not depend on how they are
@@ -26,9 +24,7 @@ def dependent_sets(
     Parameters
     ----------
     system : System
-    t : float
-        s.
-    q, v : (nq,) arrays
+    state : State
         On the constraints.
     rank : int
         Of B.
@@ -40,7 +36,7 @@ def dependent_sets(
     """
     if rank == len(system.constraints):
         return []
-    evaluator = Evaluator(system)
+    evaluator, t, q, v = Evaluator(system, state.p), state.t, state.q, state.v
     c = evaluator.constraints(t, q, v)
     sizes = evaluator.sizes(t, q, v)
     lengths = evaluator.row_lengths(c, q, v, sizes)

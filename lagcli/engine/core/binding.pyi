@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.linear.sparse import MatrixPattern, PivotOrder
 from lagcli.engine.program.program import Program
+from lagcli.engine.state import State
 from lagcli.engine.system import JacobianTapes, System
 from lagcli.engine.tape.tape import Tape
 from lagcli.engine.taylor.series import SeriesProgram
@@ -37,9 +38,8 @@ class Integrator:
         self,
         system: System,
         constraint: Program,
-        t: float,
+        state: State,
         t_end: float,
-        y: ArrayLike,
         times: ArrayLike,
         sizes: ArrayLike,
         lengths: ArrayLike,

@@ -236,8 +236,9 @@ cdef class Integrator:
     system : System
     constraint : Program
         Of ``system.constraint``.
-    t, t_end : float
-    y : (2 nq + 1,) array
+    state : State
+        At the start.
+    t_end : float
     times : (nt,) array
     sizes : (nq,) array
         As in core/run.h.
@@ -260,7 +261,7 @@ cdef class Integrator:
     cdef long times
 
     def __init__(
-        self, system, constraint, double t, double t_end, y, times, sizes, lengths,
+        self, system, constraint, state, double t_end, times, sizes, lengths,
         plain_lengths, int rank, double rtol, atol, kinds, double h_max, bint projecting,
         int watching, double alpha, double beta, bint baumgarte, bint detecting, bint refinable,
         long block_rows,
@@ -270,9 +271,9 @@ cdef class Integrator:
         cdef lag_settings s
         self.system, self.times = system, len(times)
         self.nq, self.nc, self.n = equations.nq, equations.nc, 2 * equations.nq + 1
-        s.t_start, s.t_end, s.h_max, s.rtol = t, t_end, h_max, rtol
-        s.y, s.atol = arguments.doubles(y), arguments.doubles(atol)
-        s.parameters = arguments.doubles(system.parameters)
+        s.t_start, s.t_end, s.h_max, s.rtol = state.t, t_end, h_max, rtol
+        s.y, s.atol = arguments.doubles(state.y), arguments.doubles(atol)
+        s.parameters = arguments.doubles(state.p)
         s.kind, s.rank = arguments.integers(kinds), rank
         s.sizes, s.lengths = arguments.doubles(sizes), arguments.doubles(lengths)
         s.plain_lengths = arguments.doubles(plain_lengths)

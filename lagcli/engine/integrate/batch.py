@@ -25,6 +25,7 @@ from lagcli.engine.core.status import LaneStatus, Status
 from lagcli.engine.integrate import compiled_engine
 from lagcli.engine.integrate.prepared import Prepared, unrolled
 from lagcli.engine.program.program import assemble
+from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.engine.tape.tape import Tape
 
@@ -97,10 +98,9 @@ def run_batch(
     Parameters
     ----------
     system : System
-        Its parameters' values are not read.
     request : Request
-        What all runs have in common. Its ``q`` and ``v`` are not read; its ``rank`` must be that of
-        all runs. Without ``prepared``, from `prepare_batch`, there are no lanes: an order of
+        What all runs have in common: of its ``state``, the time alone. Its ``rank`` must be that
+        of all runs. Without ``prepared``, from `prepare_batch`, there are no lanes: an order of
         elimination that comes from elsewhere makes what a run gives depend on itself alone.
     parameters : (n, np) array
         Of each run.
@@ -116,7 +116,7 @@ def run_batch(
     rest: Iterable[int] = range(len(parameters))
     check_cancelled = progress or (lambda: None)
     if len(parameters) and suits_batch(system, request):
-        batch = _Batch(system, request, parameters, q, v)
+        batch = _BatchRuns(system, request, parameters, q, v)
         batch.run(sink, check_cancelled)
         rest = batch.left()
     for row in rest:
@@ -141,7 +141,7 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
     )
 
 
-class _Batch:
+class _BatchRuns:
     """The core, with the runs that it is to do."""
 
     def __init__(
@@ -150,10 +150,10 @@ class _Batch:
         prepared = request.prepared
         assert prepared is not None
         self.request, self.steps = request, ("DOP853",) if request.settings.method == "auto" else ()
-        first, values = _of_row(system, request, parameters, q, v, 0)
+        first = _of_row(request, parameters, q, v, 0)
         # in the order of all, whatever that of the first one is
-        values = dataclasses.replace(values, elimination=prepared.elimination)
-        single = compiled_engine.Integration(first, values, lambda block: None, None)
+        first = dataclasses.replace(first, elimination=prepared.elimination)
+        single = compiled_engine.Integration(system, first, lambda block: None, None)
         width = system.sample_layout.size
         held = min(_HELD, _MOST_NUMBERS // (width * max(1, len(request.times))) - binding.LANES)
         self.core = binding.Batch(
@@ -206,14 +206,11 @@ class _Batch:
 
 
 def _of_row(
-    system: System, request: IntegrationRequest, parameters: Array, q: Array, v: Array, row: int
-) -> tuple[System, IntegrationRequest]:
-    """Return the System and the Request of one run."""
-    values = tuple(parameters[row].tolist())
-    return (
-        dataclasses.replace(system, parameters=values),
-        dataclasses.replace(request, q=q[row].copy(), v=v[row].copy(), elimination=None),
-    )
+    request: IntegrationRequest, parameters: Array, q: Array, v: Array, row: int
+) -> IntegrationRequest:
+    """Return the request of one run."""
+    state = State(request.state.t, q[row].copy(), v[row].copy(), tuple(parameters[row].tolist()))
+    return dataclasses.replace(request, state=state, elimination=None)
 
 
 def _singly(
@@ -228,7 +225,7 @@ def _singly(
     """Do one run by itself."""
     blocks: list[Block] = []
     run = compiled_engine.run(
-        *_of_row(system, request, parameters, q, v, row), blocks.append, lambda t: check_cancelled()
+        system, _of_row(request, parameters, q, v, row), blocks.append, lambda t: check_cancelled()
     )
     if run.status == "interrupted":
         raise Interrupted

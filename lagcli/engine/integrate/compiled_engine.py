@@ -23,7 +23,6 @@ from lagcli.engine.contract import (
     IntegrationRequest,
     Limits,
     Outcome,
-    State,
     Stop,
     Stopped,
     Undefined,
@@ -41,6 +40,7 @@ from lagcli.engine.integrate.prepared import (
     unrolled,
 )
 from lagcli.engine.linear.unrolling import unroll
+from lagcli.engine.state import State
 from lagcli.engine.system import System
 
 if TYPE_CHECKING:
@@ -99,27 +99,27 @@ class Integration:
         self.system, self.request, self.sink = system, request, sink
         self.settings = request.settings
         self.progress = progress or (lambda t: None)
-        self.evaluator = Evaluator(system)
+        self.evaluator = Evaluator(system, request.state.p)
         self.nq = len(system.coordinates)
         self.redundant = request.rank < len(system.constraints)
         self.last_near = -1
-        self.states: list[State] = [(self.settings.t_start, request.q, request.v)]
+        self.states: list[State] = [request.state]
         prepared = self.prepared()
         projecting = self.settings.formulation == "projection"
-        c = self.evaluator.constraints(self.settings.t_start, request.q, request.v)
-        sizes = self.evaluator.sizes(self.settings.t_start, request.q, request.v)
+        start = request.state
+        c = self.evaluator.constraints(start.t, start.q, start.v)
+        sizes = self.evaluator.sizes(start.t, start.q, start.v)
         # a negative damping asks the core for that of the step
         alpha = -1.0 if self.settings.alpha is None else self.settings.alpha
         self.core = binding.Integrator(
             system,
             prepared.constraint,
-            self.settings.t_start,
+            start,
             self.settings.t_end,
-            np.concatenate([request.q, request.v, [0.0]]),
             request.times,
             sizes,
-            self.evaluator.row_lengths(c, request.q, request.v, sizes),
-            self.evaluator.row_lengths(c, request.q, request.v, np.ones(self.nq)),
+            self.evaluator.row_lengths(c, start.q, start.v, sizes),
+            self.evaluator.row_lengths(c, start.q, start.v, np.ones(self.nq)),
             request.rank,
             self.settings.rtol,
             request.tolerances,
@@ -195,8 +195,8 @@ class Integration:
         core = self.core
         again, self.reordered = self.reordered == core.t, core.t
         if not again and len(self.states) <= _MOST_STATES:
-            self.states.append((core.t, *self.split(core.state)))
-            self.states.append((core.t_bad, *self.split(core.y_bad.copy())))
+            self.states.append(self.evaluator.state(core.t, *self.split(core.state)))
+            self.states.append(self.evaluator.state(core.t_bad, *self.split(core.y_bad)))
             found = find_elimination(self.evaluator, self.states)
             if not self.in_use.serves(found):
                 self.use(self.ready(found, self.in_use))
@@ -213,7 +213,8 @@ class Integration:
         from lagcli.engine.constraints.index1 import Index1
 
         motion = Index1(self.evaluator, self.request.rank)
-        motion.measure(self.settings.t_start, self.request.q, self.request.v)
+        start = self.request.state
+        motion.measure(start.t, start.q, start.v)
         return motion
 
     @cached_property
@@ -229,7 +230,7 @@ class Integration:
         from lagcli.engine.constraints.singular import RankWatch
 
         watch = RankWatch(self.motion)
-        watch.add(self.settings.t_start, np.concatenate([self.request.q, self.request.v, [0.0]]))
+        watch.add(self.request.state.t, self.request.state.y)
         return watch
 
     def split(self, y: Array) -> tuple[Array, Array]:
@@ -260,7 +261,8 @@ class Integration:
         request, core = self.request, self.core
         limits = Limits(self.settings)
         if self.redundant:
-            self.watch.check_start(self.settings.t_start, request.q, request.v, self.projection)
+            start = request.state
+            self.watch.check_start(start.t, start.q, start.v, self.projection)
             self.check_redundancy()
         self.handle_status(core.start())
         # a step of a large model may take as long as a slice should
@@ -290,12 +292,13 @@ class Integration:
         """Do what a status of the core asks for; return whether the run is complete."""
         core = self.core
         if status == Status.UNDEFINED:
-            state = core.t_bad, *self.split(core.y_bad)
-            if self.reordered != core.t and self.evaluator.dynamics(*state).finite:
+            state = self.evaluator.state(core.t_bad, *self.split(core.y_bad))
+            defined = self.evaluator.dynamics(state.t, state.q, state.v).finite
+            if self.reordered != core.t and defined:
                 # the equations are defined: a pivot of the static order vanished
                 self.reorder()
                 return self.handle_status(core.start())
-            raise Undefined(*state)
+            raise Undefined(state)
         if status == Status.OFF:
             self.projection(core.t_bad, *self.split(core.y_bad))
             raise Stop(

@@ -35,11 +35,13 @@ class EventSearch:
     ----------
     system : System
         Without ``events``, there are none.
+    p : tuple of float
+        Values of its parameters.
     """
 
-    def __init__(self, system: System):
+    def __init__(self, system: System, p: tuple[float, ...]):
         self._tape = None if system.events is None else ScalarTape(system.events)
-        self._parameters = system.parameters
+        self._parameters = p
         self._signs: list[int] = []  # at `_since`; 0 where not known yet
         self._since = math.nan
         self._last: EventCrossing | None = None

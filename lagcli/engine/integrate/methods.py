@@ -153,7 +153,7 @@ class Methods:
         derivatives for an implicit method takes longer than many explicit steps.
         """
         (t0, y0), (t1, y1), (t2, y2) = self._path
-        nq = len(self.request.q)
+        nq = len(self.request.state.q)
         h, x = t2 - t0, (t1 - t0) / (t2 - t0)
         q0, v0, q2, v2 = y0[:nq], h * y0[nq:-1], y2[:nq], h * y2[nq:-1]
         rise = q2 - q0

@@ -12,11 +12,11 @@ from collections.abc import Iterable
 from typing import NamedTuple, TypeGuard
 
 from lagcli.engine.constraints.rates import with_rates
-from lagcli.engine.contract import State
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at
 from lagcli.engine.linear.unrolling import unroll
 from lagcli.engine.program.program import Program, assemble
+from lagcli.engine.state import State
 from lagcli.engine.system import System, without_numbers
 
 #: Operations of the dynamics and updates of an elimination up to which it is unrolled at once.
@@ -123,6 +123,6 @@ def _with(system: System, elimination: Elimination) -> Program:
 def find_elimination(evaluator: Evaluator, states: Iterable[State]) -> Elimination | None:
     """Find an order of elimination that suits states; None where there is none."""
     try:
-        return order_at(evaluator.system, [evaluator.entries(*state) for state in states])
+        return order_at(evaluator.system, [evaluator.entries(s.t, s.q, s.v) for s in states])
     except NoElimination:
         return None

@@ -82,11 +82,11 @@ class _Integration:
         self.system, self.request, self.sink = system, request, sink
         self.settings = request.settings
         self.progress = progress or (lambda t: None)
-        evaluator = Evaluator(system)
+        evaluator = Evaluator(system, request.state.p)
         self.motion = Index1(evaluator, request.rank)
         self.projection = Projection(evaluator, request.rank)
         self.watch = RankWatch(self.motion)
-        self.events = EventSearch(system) if request.on_event is not None else None
+        self.events = EventSearch(system, request.state.p) if request.on_event is not None else None
         self.steps = self.rejected = 0
         self.rows: list[Array] = []  # t, q, v, a, λ, W
         self.sizes: Sizes | None = None
@@ -101,8 +101,8 @@ class _Integration:
 
     def integrate(self) -> None:
         request, watch = self.request, self.watch
-        t = self.settings.t_start
-        y = self.begin(t, np.concatenate([request.q, request.v, [0.0]]))
+        t = request.state.t
+        y = self.begin(t, request.state.y)
         watch.check_start(t, *self.motion.split(y), self.projection)
         self.check_redundancy(t, y)
         for at in self.due(t):
@@ -146,7 +146,7 @@ class _Integration:
         self.motion.measure(t, *self.motion.split(y))
         y = self.project(t, y)
         if not np.isfinite(self.motion.rate(t, y)).all():
-            raise Undefined(t, *self.motion.split(y))
+            raise Undefined(self.motion.state(t, y))
         if self.events is not None:
             self.events.start(t, y)
         return y
@@ -171,7 +171,7 @@ class _Integration:
                 first_step=self.sizes.first_step(t, y, method.error_order + 1.0),
             )
         except ValueError as error:  # SciPy's word for NaN in a Jacobian
-            raise Undefined(t, *self.motion.split(y)) from error
+            raise Undefined(self.motion.state(t, y)) from error
 
     def step(self, solver: OdeSolver, t: float) -> None:
         """Take one step, or say why there is none."""
@@ -180,7 +180,7 @@ class _Integration:
         try:
             message = solver.step()
         except (ValueError, np.linalg.LinAlgError):  # NaN in a Jacobian
-            raise Undefined(*(motion.undefined or (t, *motion.split(solver.y)))) from None
+            raise Undefined(motion.undefined or motion.state(t, solver.y)) from None
         if solver.status != "failed" and np.isfinite(solver.y).all():
             self.steps += 1
             stages = getattr(solver, "n_stages", None)
@@ -188,7 +188,7 @@ class _Integration:
                 self.rejected += max(0, (solver.nfev - evaluations) // stages - 1)
             return
         if motion.undefined is not None:
-            raise Undefined(*motion.undefined)
+            raise Undefined(motion.undefined)
         remark = f" ({message})" if message else ""
         raise self.watch.floor(t, solver.y, self.settings.method, remark)
 
@@ -303,7 +303,7 @@ class _Integration:
         q, v = self.motion.split(self.project(t, y))
         a, multipliers, _ = self.motion.accelerations(t, q, v)
         if not np.isfinite(a).all():
-            raise Undefined(t, q, v)
+            raise Undefined(self.motion.evaluator.state(t, q, v))
         self.keep(t, q, v, a, multipliers, float(y[-1]))
 
     def keep(self, t: float, q: Array, v: Array, a: Array, multipliers: Array, work: float) -> None:

@@ -47,18 +47,18 @@ class Sizes:
     def __init__(self, motion: Index1, request: IntegrationRequest, y: Array):
         self.motion, self.settings = motion, request.settings
         self.given, self.kind = request.tolerances, np.array(request.kind_of, dtype=int)
-        self.nq = len(request.q)
+        self.start, self.nq = request.state.t, len(request.state.q)
         self.size = np.zeros(len(y))
-        self.length = self.settings.t_end - self.settings.t_start
-        rate = motion.rate(self.settings.t_start, y)
+        self.length = self.settings.t_end - self.start
+        rate = motion.rate(self.start, y)
         self.gross = self._gross(y, rate)
         self.later = self._later(y, rate)
         self.tolerances = self.given
-        self.update(self.settings.t_start, y, self.first_step(self.settings.t_start, y, 8.0))
+        self.update(self.start, y, self.first_step(self.start, y, 8.0))
 
     def _gross(self, y: Array, rate: Array) -> Array:
         """Return what accelerations are made of, the largest of each kind: A."""
-        nq, t = self.nq, self.settings.t_start
+        nq, t = self.nq, self.start
         found = np.abs(rate[nq:-1])
         for sign in (-1, 1):
             part = sign * _PERTURBATION * np.cos(1.0 + np.arange(len(y)))
@@ -85,7 +85,7 @@ class Sizes:
         resting = (y[:nq] == 0) & (y[nq:-1] == 0) & (rate[nq:-1] == 0)
         found = np.zeros(nq)
         for k in range(_LOOKS if resting.any() else 0):
-            t = self.settings.t_start + (k + 0.5) / _LOOKS * self.length
+            t = self.start + (k + 0.5) / _LOOKS * self.length
             a = np.abs(self.motion.rate(t, y)[nq:-1])
             found = np.fmax(found, np.where(resting & np.isfinite(a), a, 0.0))
         return found

@@ -147,10 +147,10 @@ class RowGroup:
         """Return why the i-th of some runs, a completed one, cannot be trusted."""
         run = ended.runs[i]
         assert isinstance(run, Outcome)
-        system = self.variants.system
-        parameters = tuple(ended.parameters[i].tolist())
-        system = dataclasses.replace(system, parameters=parameters)
-        return warnings_of(system, self.variants.settings, ended.rank, ended.samples[i], run.steps)
+        variants, p = self.variants, tuple(ended.parameters[i].tolist())
+        return warnings_of(
+            variants.system, p, variants.settings, ended.rank, ended.samples[i], run.steps
+        )
 
     # eight at a time
 
@@ -201,23 +201,18 @@ class RowGroup:
 
         def take(finished: Finished) -> None:
             places = ordinary[finished.rows]
-            runs = [
-                self._said(place, run, values)
-                for place, run in zip(places, finished.runs, strict=True)
-            ]
+            runs = [self._said(run) for run in finished.runs]
             sink(Ended(places, finished.samples, [*runs], values.parameters[places], request.rank))
 
         parameters, q, v = (x[ordinary] for x in (values.parameters, starts.q, starts.v))
         run_batch(system, request, parameters, q, v, take, heed)
         return np.flatnonzero(~starts.found)
 
-    def _said(self, place: int, run: Outcome, values: Values) -> Outcome:
+    def _said(self, run: Outcome) -> Outcome:
         """Return a run whose message says what was undefined, if that ended it."""
         if run.undefined is not None:
-            equations = dataclasses.replace(
-                self.variants.equations, model=self._model(place, values)
-            )
-            run.message += "; " + undefined_at(equations, *run.undefined).with_line
+            found = undefined_at(self.variants.equations, run.undefined)
+            run.message += "; " + found.with_line
         return run
 
     # one by one
@@ -252,7 +247,7 @@ class RowGroup:
         run = engine(simulation.system, request, take, lambda t: heed())
         if run.status == "interrupted":
             raise Interrupted
-        said = self._said(place, run, values)
+        said = self._said(run)
         parameters = values.parameters[places]
         return Ended(places, np.concatenate(rows)[None], [said], parameters, request.rank)
 
@@ -264,9 +259,8 @@ class RowGroup:
             return self._explained(given)
         model = self._model(place, values)
         equations = dataclasses.replace(variants.equations, model=model)
-        system = dataclasses.replace(variants.system, parameters=tuple(parameters.tolist()))
         prepared = self._request.prepared if self._request else None
-        return ready(equations, system, variants.settings, {}, prepared)
+        return ready(equations, variants.system, variants.settings, {}, prepared)
 
     def _model(self, place: int, values: Values) -> Model:
         """Return the model with the values of one row."""

@@ -71,7 +71,7 @@ class Case:
         """The consistent start, as lagcli finds it."""
         model = self.load()
         found = prepare(model, SettingsOverrides(t_end=self.t_end)).start
-        return Start(found.q, found.v, model.parameter_values)
+        return Start(found.state.q, found.state.v, model.parameter_values)
 
 
 def _shipped(name: str) -> str:

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lowered import Lowered, lowered
 
 import lagcli
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.lowering import lower
-from lagcli.engine.system import JacobianTapes, System
+from lagcli.engine.system import JacobianTapes
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.equations.derivation.lagrange import derive
 
 MODELS = sorted((Path(__file__).parents[3] / "models").glob("*.yaml"))
 DRIVEN = """
@@ -51,12 +50,13 @@ initial: {x: 1.1, y: 0.5, z: 0.3, x': 0, y': 0, z': 0}
 class Defects:
     """G, Γ and the power at fixed a and λ, and their derivatives."""
 
-    def __init__(self, system: System, seed: int):
+    def __init__(self, case: Lowered, seed: int):
+        system = case.system
         rng = np.random.default_rng(seed)
         assert system.variation is not None
         self.system, self.variation = system, system.variation()
         self.nq, self.nc = len(system.coordinates), len(system.constraints)
-        self.evaluator = Evaluator(system)
+        self.evaluator = Evaluator(system, case.p)
         self.tape = ScalarTape(self.variation.tape)
         self.t = 0.37
         self.state = rng.uniform(0.3, 1.2, 2 * self.nq)
@@ -72,7 +72,7 @@ class Defects:
     def derivatives(self) -> tuple[np.ndarray, np.ndarray]:
         """Return ∂(G, Γ, power)/∂(q, v) and ∂/∂t from the tape."""
         nq, nc, w = self.nq, self.nc, self.variation
-        inputs = (self.t, *self.state, *self.a, *self.multipliers, *self.system.parameters)
+        inputs = (self.t, *self.state, *self.a, *self.multipliers, *self.evaluator.p)
         out = iter(self.tape(inputs))
         jacobian = np.zeros((nq + nc + 1, 2 * nq))
         for row, column, pattern in (
@@ -101,9 +101,9 @@ class Defects:
         return np.array(columns).T, slope(lambda h: self.values(self.t + h, self.state))
 
 
-def compiled(text_or_path: str | Path) -> System:
+def compiled(text_or_path: str | Path) -> Lowered:
     load = lagcli.load if isinstance(text_or_path, Path) else lagcli.load_text
-    return lower(derive(load(text_or_path)))
+    return lowered(load(text_or_path))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -142,7 +142,7 @@ initial: {{{initial}}}
 
 def test_cost_grows_like_the_number_of_bodies() -> None:
     def measure(n: int) -> tuple[float, JacobianTapes]:
-        system = compiled(chain(n))
+        system = compiled(chain(n)).system
         assert system.variation is not None
         began = time.perf_counter()
         variation = system.variation()

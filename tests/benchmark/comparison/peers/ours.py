@@ -43,8 +43,8 @@ class Ours:
         ready = replace(self.prepared, settings=settings)
         system, request = ready.system, ready.request
         # unrolled from the beginning, as for many runs: what that takes is no part of a run
-        state = settings.t_start, request.q, request.v
-        order = request.elimination or find_elimination(Evaluator(system), [state])
+        evaluator = Evaluator(system, request.state.p)
+        order = request.elimination or find_elimination(evaluator, [request.state])
         prepared = unrolled(system, prepare(system, order))
         return _Ready(system, replace(request, prepared=prepared))
 

@@ -49,9 +49,9 @@ def free(**guesses: float) -> str:
 
 def test_fixed_values_stay_and_guesses_move() -> None:
     found = start(ROD, "x: 0.6, y: {guess: 0.7}, x': 4, y': {guess: 1}")
-    assert found.q[0] == 0.6
-    assert found.v[0] == 4
-    np.testing.assert_allclose([found.q[1], found.v[1]], [0.8, -3], rtol=CLOSE)
+    assert found.state.q[0] == 0.6
+    assert found.state.v[0] == 4
+    np.testing.assert_allclose([found.state.q[1], found.state.v[1]], [0.8, -3], rtol=CLOSE)
     assert found.moved == {
         "y": (0.7, pytest.approx(0.8)),
         "y'": (1.0, pytest.approx(-3)),
@@ -67,62 +67,62 @@ def test_consistent_guesses_do_not_move() -> None:
 @pytest.mark.parametrize(("guess", "root"), [(0.1, 0.8), (-0.1, -0.8), (3, 0.8), (-40, -0.8)])
 def test_branch_is_the_one_nearest_the_guess(guess: float, root: float) -> None:
     found = start(ROD, f"x: 0.6, y: {{guess: {guess}}}, x': 0, y': {{guess: 0}}")
-    assert found.q[1] == pytest.approx(root, rel=CLOSE)
+    assert found.state.q[1] == pytest.approx(root, rel=CLOSE)
 
 
 def test_change_is_least_in_the_metric_of_the_mass() -> None:
     found = start("sum: x + y = 4", free(x=0, y=0), T="3*x'^2/2 + y'^2/2")
-    np.testing.assert_allclose(found.q, [1, 3], rtol=CLOSE)  # the light one moves more
+    np.testing.assert_allclose(found.state.q, [1, 3], rtol=CLOSE)  # the light one moves more
     found = start(
         "sum: x + y = 4",
         "x: {guess: 1}, y: {guess: 3}, x': {guess: 4}, y': {guess: 0}",
         T="3*x'^2/2 + y'^2/2",
     )
-    np.testing.assert_allclose(found.v, [3, -3], rtol=CLOSE)
+    np.testing.assert_allclose(found.state.v, [3, -3], rtol=CLOSE)
 
 
 @pytest.mark.parametrize("guess", [1e3, 1e6, -1e4])
 def test_guess_far_away_is_damped(guess: float) -> None:
     found = start(ROD, free(x=guess, y=1))
-    np.testing.assert_allclose(found.q @ found.q, 1, rtol=CLOSE)
+    np.testing.assert_allclose(found.state.q @ found.state.q, 1, rtol=CLOSE)
 
 
 def test_newton_would_diverge_without_damping() -> None:
     # full Newton steps on atan run away from guesses beyond 1.39
     found = start("c: atan(x) = 0", free(x=3, y=0))
-    assert found.q[0] == pytest.approx(0, abs=1e-12)
+    assert found.state.q[0] == pytest.approx(0, abs=1e-12)
 
 
 def test_singular_guess_is_left() -> None:
     # at the origin the rod's gradient vanishes and no direction is better than another
     found = start(ROD, free(x=0, y=0))
-    np.testing.assert_allclose(found.q @ found.q, 1, rtol=CLOSE)
+    np.testing.assert_allclose(found.state.q @ found.state.q, 1, rtol=CLOSE)
     found = start(ROD, "x: 0, y: {guess: 0}, x': 0, y': {guess: 0}")
-    assert abs(found.q[1]) == pytest.approx(1, rel=CLOSE)
+    assert abs(found.state.q[1]) == pytest.approx(1, rel=CLOSE)
 
 
 def test_rheonomic_start_is_that_of_its_time() -> None:
     found = start("drive: x = sin(2*t)", free(x=0, y=0), t_start=0.7)
-    np.testing.assert_allclose(found.q[0], math.sin(1.4), rtol=CLOSE)
-    np.testing.assert_allclose(found.v[0], 2 * math.cos(1.4), rtol=CLOSE)
+    np.testing.assert_allclose(found.state.q[0], math.sin(1.4), rtol=CLOSE)
+    np.testing.assert_allclose(found.state.v[0], 2 * math.cos(1.4), rtol=CLOSE)
 
 
 def test_nonholonomic_start_moves_velocities_alone() -> None:
     initial = "x: 1, y: 2, x': 1, y': {guess: 0}"
     found = start("blade: y' = x*x' + 3", initial)
-    np.testing.assert_allclose(found.v, [1, 4], rtol=CLOSE)
+    np.testing.assert_allclose(found.state.v, [1, 4], rtol=CLOSE)
     assert list(found.moved) == ["y'"]
 
 
 def test_redundant_constraints_are_met_and_counted() -> None:
     found = start(f"{ROD}; again: 3*x^2 = 3 - 3*y^2", free(x=1, y=1))
-    np.testing.assert_allclose(found.q, [0.5**0.5] * 2, rtol=CLOSE)
+    np.testing.assert_allclose(found.state.q, [0.5**0.5] * 2, rtol=CLOSE)
     assert found.rank == 1
 
 
 def test_values_written_with_ten_digits_are_accepted() -> None:
     found = start(ROD, "x: 0.7071067812, y: 0.7071067812, x': 0, y': 0")
-    assert list(found.q) == [0.7071067812] * 2
+    assert list(found.state.q) == [0.7071067812] * 2
     with pytest.raises(ModelError):
         start(ROD, "x: 0.70710678, y: 0.70710678, x': 0, y': 0")
 
@@ -195,4 +195,4 @@ def test_coordinate_without_inertia_is_named(T: str, constraint: str, names: str
 
 def test_coordinate_without_inertia_may_be_held_by_a_constraint() -> None:
     found = start("c: y = x^2", free(x=2, y=3), T="x'^2/2")
-    assert found.q[1] == pytest.approx(found.q[0] ** 2, rel=CLOSE)
+    assert found.state.q[1] == pytest.approx(found.state.q[0] ** 2, rel=CLOSE)

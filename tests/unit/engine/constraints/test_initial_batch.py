@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 import lagcli
 from lagcli.engine.constraints.initial import NoConsistentState, consistent_state
 from lagcli.engine.constraints.initial_batch import StartSearch
+from lagcli.engine.state import State
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
 from lagcli.simulations.variants import Variants
@@ -49,7 +49,7 @@ def alone(system, t, parameters, q, v, fixed_q, fixed_v):
     for values, q0, v0 in zip(parameters, q, v, strict=True):
         try:
             yield consistent_state(
-                dataclasses.replace(system, parameters=tuple(values)), t, q0, v0, fixed_q, fixed_v
+                system, State(t, q0, v0, tuple(values.tolist())), fixed_q, fixed_v
             )
         except NoConsistentState:
             yield None
@@ -62,8 +62,8 @@ def test_the_model_itself_starts_as_it_does_alone(path):
     [expected, *_] = alone(*arguments)
     # what is redundant or singular is not ordinary
     assert list(starts.found) == [path.stem != "parallelogram"] * 3
-    np.testing.assert_allclose(starts.q, [expected.q] * 3, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(starts.v, [expected.v] * 3, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(starts.q, [expected.state.q] * 3, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(starts.v, [expected.state.v] * 3, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -78,9 +78,9 @@ def test_other_values_start_as_they_do_alone(name, size):
     assert starts.found.any()
     for row, expected in enumerate(alone(*arguments)):
         if starts.found[row]:
-            scale = 1 + np.abs(expected.v).max()
-            np.testing.assert_allclose(starts.q[row], expected.q, rtol=0, atol=1e-12)
-            np.testing.assert_allclose(starts.v[row], expected.v, rtol=0, atol=1e-11 * scale)
+            scale = 1 + np.abs(expected.state.v).max()
+            np.testing.assert_allclose(starts.q[row], expected.state.q, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(starts.v[row], expected.state.v, rtol=0, atol=1e-11 * scale)
 
 
 @pytest.mark.parametrize("name", ["slider_crank", "andrews_squeezer", "rolling_disk"])

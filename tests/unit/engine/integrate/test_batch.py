@@ -18,6 +18,7 @@ from lagcli.engine.core.status import LaneStatus
 from lagcli.engine.integrate import compiled_engine
 from lagcli.engine.integrate.batch import SampleTape, prepare_batch, run_batch, suits_batch
 from lagcli.engine.program.program import assemble
+from lagcli.engine.state import State
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 from lagcli.engine.tape.operations import ARITY, Op
 from lagcli.engine.tape.tape import Tape
@@ -51,10 +52,10 @@ class Runs:
         self.system = first.system
         request = first.request
         self.request = dataclasses.replace(request, prepared=prepare_batch(self.system, request))
-        systems = [s.system for s in self.simulations]
-        self.parameters = np.array([s.parameters for s in systems]).reshape(len(rows), -1)
-        self.q = np.array([s.start.q for s in self.simulations])
-        self.v = np.array([s.start.v for s in self.simulations])
+        values = [s.start.state.p for s in self.simulations]
+        self.parameters = np.array(values).reshape(len(rows), -1)
+        self.q = np.array([s.start.state.q for s in self.simulations])
+        self.v = np.array([s.start.state.v for s in self.simulations])
 
     def at(self, *rows):
         """Return these runs alone."""
@@ -80,11 +81,13 @@ class Runs:
     def single(self, row, *, kept=False, **changes):
         """Return the same for one run, from the single-run engine; with what another one kept."""
         blocks: list[Block] = []
-        system = dataclasses.replace(self.system, parameters=tuple(self.parameters[row].tolist()))
-        changes |= {"q": self.q[row], "v": self.v[row], "elimination": None}
+        state = State(
+            self.request.state.t, self.q[row], self.v[row], tuple(self.parameters[row].tolist())
+        )
+        changes |= {"state": state, "elimination": None}
         changes["prepared"] = self.request.prepared if kept else None
         request = changed(self.request, **changes)
-        run = compiled_engine.run(system, request, blocks.append)
+        run = compiled_engine.run(self.system, request, blocks.append)
         rows = [np.column_stack([b.time, b.q, b.v, b.a, b.multipliers, b.work]) for b in blocks]
         return np.concatenate(rows) if rows else np.empty((0, 0)), run
 
@@ -192,7 +195,7 @@ def _residuals(runs, rows):
     """Return φ, ψ and M a − f − Bᵀλ of samples, over the sizes of their terms."""
     from lagcli.simulations.derived import DerivedColumns
 
-    columns = DerivedColumns(runs.system)
+    columns = DerivedColumns(runs.system, tuple(runs.parameters[0].tolist()))
     samples = columns(Block.of_rows(rows, runs.system.sample_layout))
     return (
         np.nan_to_num(np.abs(samples.residual_position) / columns.scale_position),
@@ -452,8 +455,8 @@ def test_an_interrupt_is_heeded_at_once(leaving):
         if len(calls) > 5:
             raise Interrupted
 
-    values = np.tile(system.parameters, (9, 1))
-    q, v = np.tile(request.q, (9, 1)), np.tile(request.v, (9, 1))
+    values = np.tile(request.state.p, (9, 1))
+    q, v = np.tile(request.state.q, (9, 1)), np.tile(request.state.v, (9, 1))
     with pytest.raises(Interrupted):
         run_batch(system, request, values, q, v, lambda finished: None, heed)
     assert np.diff(calls).max() < 0.5

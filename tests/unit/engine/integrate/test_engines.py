@@ -18,6 +18,7 @@ from scipy.special import ellipj, ellipk
 import lagcli
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.integrate import scipy_engine
+from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
@@ -132,7 +133,7 @@ def pendulum_system(tapes: type[Tape] = Tape) -> System:
         coordinates=("x", "y"),
         constraints=("rod",),
         holonomic=(0,),
-        parameters=(G,),
+        parameters=("g",),
         mass_pattern=((0, 0), (1, 1)),
         jacobian_pattern=((0, 0), (0, 1)),
         dynamics=dynamics,
@@ -143,8 +144,7 @@ def pendulum_system(tapes: type[Tape] = Tape) -> System:
 
 def request(**changes: Any) -> IntegrationRequest:
     base = IntegrationRequest(
-        q=np.array([1.0, 0.0]),
-        v=np.zeros(2),
+        state=State(0.0, np.array([1.0, 0.0]), np.zeros(2), (G,)),
         rank=1,
         settings=resolve(SettingsOverrides(t_end=2.0, rtol=1e-10, method="DOP853")),
         times=np.linspace(0, 2, 21),

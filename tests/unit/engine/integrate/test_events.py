@@ -12,17 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from integration_requests import changed
+from lowered import Lowered, lowered
 from scipy.special import ellipk, ellipkinc
 
 import lagcli
 from lagcli.cli.app import run as main
 from lagcli.engine.contract import Block, Event, IntegrationRequest, Outcome, Reaction
 from lagcli.engine.integrate import compiled_engine, scipy_engine
-from lagcli.engine.lowering import lower
-from lagcli.engine.system import System
+from lagcli.engine.state import State
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
-from lagcli.equations.derivation.lagrange import derive
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations import simulation
@@ -36,8 +35,9 @@ METHODS = [
 both_engines = pytest.mark.parametrize("engine", ENGINES)
 
 
-def system(text: str, events: Tape) -> System:
-    return replace(lower(derive(lagcli.load_text(text))), events=events)
+def system(text: str, events: Tape) -> Lowered:
+    case = lowered(lagcli.load_text(text))
+    return case._replace(system=replace(case.system, events=events))
 
 
 BALL_TEXT = """
@@ -75,7 +75,7 @@ class Found(NamedTuple):
 
 
 def run(
-    what: System,
+    what: Lowered,
     q: list[float],
     v: list[float],
     on_event: Callable[[Event], Reaction],
@@ -83,16 +83,15 @@ def run(
     **changes: Any,
 ) -> Found:
     request = IntegrationRequest(
-        q=np.array(q),
-        v=np.array(v),
-        rank=len(what.constraints),
+        state=State(0.0, np.array(q), np.array(v), what.p),
+        rank=len(what.system.constraints),
         settings=resolve(SettingsOverrides(t_end=3.0, rtol=1e-12, method="DOP853")),
         times=np.linspace(0, 3, 31),
         atol=1e-13,
         on_event=on_event,
     )
     blocks: list[Block] = []
-    ended = ENGINES[engine](what, changed(request, **changes), blocks.append)
+    ended = ENGINES[engine](what.system, changed(request, **changes), blocks.append)
     columns = zip(*((b.time, b.q) for b in blocks), strict=True)
     return Found(ended, *map(np.concatenate, columns))
 
@@ -163,7 +162,11 @@ def test_pendulum_passes_a_line(engine: str, method: str) -> None:
 def test_events_do_not_change_the_motion(engine: str) -> None:
     options: dict[str, Any] = {"q": [1, 0], "v": [0, 0], "engine": engine}
     watched = run(PENDULUM, on_event=lambda event: "go on", **options)
-    plain = run(replace(PENDULUM, events=None), on_event=lambda event: "stop", **options)
+    plain = run(
+        PENDULUM._replace(system=replace(PENDULUM.system, events=None)),
+        on_event=lambda event: "stop",
+        **options,
+    )
     np.testing.assert_array_equal(watched.q, plain.q)
     assert watched.run.steps == plain.run.steps
 
@@ -239,7 +242,7 @@ def test_a_stop_is_told_to_the_user(
         made = prepare(*arguments)
         return replace(
             made,
-            system=replace(made.system, events=BALL.events),
+            system=replace(made.system, events=BALL.system.events),
             on_event=lambda event: "go on" if event.number else "stop",
         )
 

@@ -10,22 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 import symengine as se
+from lowered import Lowered, lowered
 from test_series import coefficients
 
 import lagcli
-from lagcli.engine.lowering import lower
 from lagcli.engine.program import progressions
 from lagcli.engine.program.progressions import pieces
-from lagcli.engine.system import System
 from lagcli.engine.taylor import layers, series
 from lagcli.engine.taylor.series import SeriesProgram
-from lagcli.equations.derivation.lagrange import derive
 
 BODIES = 110
 
 
-def compiled(text: str) -> System:
-    return lower(derive(lagcli.load_text(text)))
+def compiled(text: str) -> Lowered:
+    return lowered(lagcli.load_text(text))
 
 
 @pytest.fixture

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 import symengine as se
+from lowered import Lowered, lowered
 
 import lagcli
 from lagcli.engine.contract import IntegrationRequest
 from lagcli.engine.integrate.compiled_engine import Integration
 from lagcli.engine.linear.elimination import order_at
 from lagcli.engine.linear.unrolling import unroll
-from lagcli.engine.lowering import lower
 from lagcli.engine.program.vectorize import LINE
-from lagcli.engine.system import System
+from lagcli.engine.state import State
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.taylor import series
 from lagcli.engine.taylor.expansion import NotAnalytic
@@ -39,30 +39,29 @@ initial: {{x: 0.4, x': 0.2}}
 """
 
 
-def system_of(text: str) -> System:
-    return lower(derive(lagcli.load_text(text)))
+def system_of(text: str) -> Lowered:
+    return lowered(lagcli.load_text(text))
 
 
-def system(force: str) -> System:
+def system(force: str) -> Lowered:
     return system_of(TEXT.format(force=force))
 
 
-def core_at(what: System, q: list[float], v: list[float]) -> Any:
+def core_at(what: Lowered, q: list[float], v: list[float]) -> Any:
     """Return the core at a state, ready for Taylor's method."""
     request = IntegrationRequest(
-        q=np.array(q),
-        v=np.array(v),
-        rank=len(what.constraints),
+        state=State(START, np.array(q), np.array(v), what.p),
+        rank=len(what.system.constraints),
         settings=resolve(SettingsOverrides(t_start=START, t_end=1.0, method="Taylor")),
         times=np.array([1.0]),
         atol=1e-10,
     )
-    integration = Integration(what, request, lambda block: None, None)
+    integration = Integration(what.system, request, lambda block: None, None)
     assert not integration.methods.refused
     return integration.core
 
 
-def coefficients(what: System, q: list[float], v: list[float]) -> np.ndarray:
+def coefficients(what: Lowered, q: list[float], v: list[float]) -> np.ndarray:
     return core_at(what, q, v).series()
 
 
@@ -294,10 +293,11 @@ initial: {x: 0.4, y: 0.16, x': 0, y': 0}
     np.testing.assert_allclose(found[1], square, rtol=1e-12, atol=1e-17)
 
 
-def program(what: System, q: list[float], v: list[float]) -> SeriesProgram:
+def program(what: Lowered, q: list[float], v: list[float]) -> SeriesProgram:
     """Return the program for a model, eliminated as at a state."""
-    plan = order_at(what, [ScalarTape(what.dynamics)((START, *q, *v, *what.parameters))])
-    return expand(what, unroll(what, plan), 10, ())
+    system, p = what
+    plan = order_at(system, [ScalarTape(system.dynamics)((START, *q, *v, *p))])
+    return expand(system, unroll(system, plan), 10, ())
 
 
 def test_numbers_that_stay_the_same_are_found_once() -> None:
@@ -350,7 +350,7 @@ def test_kinks_and_jumps_have_no_series(force: str) -> None:
 def test_constraints_that_work_are_those_that_move() -> None:
     def of(constraint: str) -> Any:
         text = PENDULUM.replace("x^2 + y^2 = 1", constraint)
-        return depending_on_time(system_of(text))
+        return depending_on_time(system_of(text).system)
 
     assert of("x^2 + y^2 = 1") == []
     assert of("x^2 + y^2 = (1 + t/10)^2") == [0]

@@ -76,7 +76,7 @@ def test_named_entries_have_the_engine_s_values(path, monkeypatch) -> None:
     equations = system(path)
     content = json.loads(render(equations, "json"))
     assert content["form"] == "matrices"
-    evaluator = Evaluator(lower(equations))
+    evaluator = Evaluator(lower(equations), tuple(equations.model.parameter_values.values()))
     source = random.Random(9)
     for _ in range(2):
         q, v = (np.array([source.uniform(-0.6, 0.6) for _ in equations.q]) for _ in "qv")

@@ -1,0 +1,34 @@
+"""State: where a System is, and with which values of its parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Time, coordinates, velocities and parameters.
+
+    Parameters
+    ----------
+    t : float
+        s.
+    q, v : (nq,) arrays
+    p : tuple of float
+        Values of the System's parameters, in their order.
+    """
+
+    t: float
+    q: Array
+    v: Array
+    p: tuple[float, ...] = ()
+
+    @property
+    def y(self) -> Array:
+        """(q, v, 0), (2 nq + 1,): the state of a run that has done no work yet."""
+        return np.concatenate([self.q, self.v, [0.0]])
