@@ -72,14 +72,6 @@ METHODS = {
             formulations={"compiled": _NO_BAUMGARTE},
         ),
         Method(
-            name="Heun",
-            description="Heun",
-            order="2",
-            implicit=False,
-            dense="linear",
-            formulations={"compiled": _NO_BAUMGARTE},
-        ),
-        Method(
             name="RK45",
             description="Dormand-Prince",
             order="5",

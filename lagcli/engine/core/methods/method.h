@@ -22,7 +22,7 @@ struct lag_method {
 };
 
 /* All methods; the first is the one that runs begin with. */
-#define LAG_METHODS(X) X(lag_dop853) X(lag_rodas5p) X(lag_radau5) X(lag_taylor) X(lag_heun)
+#define LAG_METHODS(X) X(lag_dop853) X(lag_rodas5p) X(lag_radau5) X(lag_taylor)
 
 #define DECLARE(method) extern const lag_method method;
 LAG_METHODS(DECLARE)
