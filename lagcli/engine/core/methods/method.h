@@ -21,6 +21,11 @@ struct lag_method {
     void (*restart)(lag_run *run);
 };
 
-extern const lag_method lag_dop853, lag_rodas5p, lag_radau5, lag_taylor;
+/* All methods; the first is the one that runs begin with. */
+#define LAG_METHODS(X) X(lag_dop853) X(lag_rodas5p) X(lag_radau5) X(lag_taylor)
+
+#define DECLARE(method) extern const lag_method method;
+LAG_METHODS(DECLARE)
+#undef DECLARE
 
 #endif

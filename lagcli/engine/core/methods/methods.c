@@ -2,8 +2,8 @@
 
 #include <stddef.h>
 
-/* All methods. */
-static const lag_method *const methods[] = {&lag_dop853, &lag_rodas5p, &lag_radau5, &lag_taylor};
+#define POINTER(method) &method,
+static const lag_method *const methods[] = {LAG_METHODS(POINTER)};
 
 const lag_method *lag_method_at(int i)
 {

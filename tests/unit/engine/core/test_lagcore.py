@@ -13,13 +13,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lowered import lowered
 
 import lagcli
 from lagcli.engine.contract import Block, IntegrationRequest
 from lagcli.engine.core.headers import headers
-from lagcli.engine.lowering import lower
 from lagcli.engine.program.program import Program
+from lagcli.engine.state import State
 from lagcli.engine.system import System
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import SettingsOverrides
 
 binding = pytest.importorskip("lagcli.engine.core.binding")
 compiled_engine = pytest.importorskip("lagcli.engine.integrate.compiled_engine")
@@ -149,13 +152,14 @@ class Emitter:
             }
         )
 
-    def settings(self, system: System, arguments: tuple[Any, ...]) -> str:
+    def settings(self, arguments: tuple[Any, ...]) -> str:
         """Write what the binding's Integrator is given."""
-        names = ("t_start", "t_end", "y", "times", "sizes", "lengths", "plain_lengths", "rank")
+        names = ("state", "t_end", "times", "sizes", "lengths", "plain_lengths", "rank")
         names += ("rtol", "atol", "kind", "h_max", "projecting", "watching", "alpha", "beta")
         names += ("baumgarte", "detecting", "refinable")
         given = dict(zip(names, arguments, strict=True))
-        given["parameters"] = system.parameters
+        state = given.pop("state")
+        given |= {"t_start": state.t, "y": state.y, "parameters": state.p}
         given["times_count"] = len(given["times"])
         for name in ("y", "times", "sizes", "lengths", "plain_lengths", "atol", "parameters"):
             given[name] = self.doubles(name, given[name])
@@ -174,13 +178,16 @@ def test_a_c_program_integrates_as_the_binding_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, objects: list[Path]
 ) -> None:
     """The pendulum of the developer guide's program, bit by bit and against its energy."""
-    system = lower(lagcli.derive(lagcli.load(ROOT / "models" / "pendulum_cartesian.yaml")))
+    what = lowered(lagcli.load(ROOT / "models" / "pendulum_cartesian.yaml"))
+    system, start = what.system, State(0.0, np.array([0.0, -1.0]), np.array([1.5, 0.0]), what.p)
+    overrides = SettingsOverrides(t_end=5.0, method="DOP853", rtol=1e-10, atol=1e-12)
     request = IntegrationRequest(
-        q=np.array([0.0, -1.0]), v=np.array([1.5, 0.0]), rank=1, t_start=0.0, t_end=5.0,
-        times=np.linspace(0.0, 5.0, 51), rtol=1e-10, atol=1e-12, method="DOP853",
-        formulation="projection", alpha=None, beta=None, max_step=math.inf, max_steps=10_000,
-        timeout=None, through_singular=False,
-    )  # fmt: skip
+        state=start,
+        rank=1,
+        settings=resolve(overrides),
+        times=np.linspace(0.0, 5.0, 51),
+        atol=1e-12,
+    )
     made: list[tuple[Any, ...]] = []
     original = binding.Integrator
 
@@ -200,7 +207,7 @@ def test_a_c_program_integrates_as_the_binding_does(
     constants = {
         "lag_equations equations": emitter.equations(system, made[0][1]),
         "lag_program dynamics": emitter.program("dynamics", integration.in_use.dynamics),
-        "lag_settings settings": emitter.settings(system, made[0][2:-1]),
+        "lag_settings settings": emitter.settings(made[0][2:-1]),
     }
     text = "#include <math.h>\n\n" + emitter.text
     text += "".join(f"static {name} = {value};\n" for name, value in constants.items())
