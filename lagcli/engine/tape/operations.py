@@ -104,10 +104,6 @@ class Op(IntEnum):
     OR = 2, Kind.BATCH, "LARGER(A, B)", max, "numpy.maximum", "Or"
     NOT = 1, Kind.BATCH, "1.0 - A", lambda a: 1.0 - a, "", "Not"
     SELECT = 3, Kind.BATCH, "CHOOSE(A != 0.0, B, C)", lambda a, b, c: b if a else c, "numpy.where"
-    SIGN = (
-        *(1, Kind.LIBRARY, "A > 0.0 ? 1.0 : A < 0.0 ? -1.0 : A"),
-        *(lambda a: 1.0 if a > 0.0 else -1.0 if a < 0.0 else a, "numpy.sign", "sign"),
-    )
     # what programs alone have
     MULADD = 3, Kind.VECTOR, "A * B + C"
     MULSUB = 3, Kind.VECTOR, "A * B - C"

@@ -50,13 +50,6 @@ def test_classes_of_symengine_become_operations(op: Op) -> None:
     assert tape.code[-1][0] == op
 
 
-def test_sign_is_one_operation() -> None:
-    x = se.Symbol("x")
-    tape = compile_tape([se.sign(x)], (x,))
-    assert [ScalarTape(tape)([value])[0] for value in (-2.0, 0.0, 3.0)] == [-1.0, 0.0, 1.0]
-    assert len(tape.code) == 1
-
-
 def test_table() -> None:
     assert list(Op) == list(range(len(Op)))
     assert (ARITY[Op.SELECT], PLACES[Op.SELECT]) == (3, 4)
