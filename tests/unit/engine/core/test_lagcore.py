@@ -178,13 +178,11 @@ def test_a_c_program_integrates_as_the_binding_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, objects: list[Path]
 ) -> None:
     """The pendulum of the developer guide's program, bit by bit and against its energy."""
-    what = lowered(lagcli.load(ROOT / "models" / "pendulum_cartesian.yaml"))
-    system, start = what.system, State(0.0, np.array([0.0, -1.0]), np.array([1.5, 0.0]), what.p)
-    overrides = SettingsOverrides(t_end=5.0, method="DOP853", rtol=1e-10, atol=1e-12)
+    system, p = lowered(lagcli.load(ROOT / "models" / "pendulum_cartesian.yaml"))
     request = IntegrationRequest(
-        state=start,
+        state=State(0.0, np.array([0.0, -1.0]), np.array([1.5, 0.0]), p),
         rank=1,
-        settings=resolve(overrides),
+        settings=resolve(SettingsOverrides(t_end=5.0, rtol=1e-10, method="DOP853")),
         times=np.linspace(0.0, 5.0, 51),
         atol=1e-12,
     )
