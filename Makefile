@@ -106,7 +106,7 @@ sanitize: install ## Run the core's tests with the address and undefined-behavio
 
 # The interpreter and NumPy give valgrind a lot to say about themselves: what counts is what it says
 # about the core, whose frames show its library's name or, with debug information, its files'.
-CORE_FILES := $(shell ls lagcli/engine/core | sed -n 's/\.c$$//p' | paste -sd '|')
+CORE_FILES := $(shell find lagcli/engine/core -name '*.c' | sed 's|.*/||; s/\.c$$//' | paste -sd '|')
 valgrind: install ## Run tests of the core under valgrind (Debian: valgrind); takes minutes
 	@mkdir -p build
 	PYTHONMALLOC=malloc valgrind --leak-check=no --error-limit=no --log-file=build/valgrind.log \

@@ -21,22 +21,21 @@ core = Extension(
     "lagcli.engine.core.binding",
     sources=[
         str(CORE / "binding.pyx"),
-        *(str(path) for path in sorted(CORE.glob("*.c")) if path.stem != "binding"),
+        *(str(path) for path in sorted(CORE.rglob("*.c")) if path.stem != "binding"),
     ],
     depends=[
-        str(path) for suffix in ("h", "pxi", "pxd") for path in sorted(CORE.glob(f"*.{suffix}"))
+        str(path) for suffix in ("h", "pxi", "pxd") for path in sorted(CORE.rglob(f"*.{suffix}"))
     ],
+    include_dirs=[str(CORE)],
     # no -ffast-math: NaN and the order of operations mean something here; nor may a processor that
     # multiplies and adds at once change them. Nobody reads errno, and with it no root is a vector's
-    # Jumps through tables cost the evaluator dearly where they cannot be predicted. How vectors are
-    # handed on is of no concern: it happens within a file alone. What is hidden from outside is
-    # called without a detour
+    # Jumps through tables cost the evaluator dearly where they cannot be predicted. What is
+    # hidden from outside is called without a detour
     extra_compile_args=[
         "-O3",
         "-ffp-contract=off",
         "-fno-math-errno",
         "-fno-jump-tables",
-        "-Wno-psabi",
         "-fvisibility=hidden",
     ],
 )

@@ -8,6 +8,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -18,12 +19,10 @@ from lagcli.simulations.memory import check_address_space
 from lagcli.simulations.threads import limit_process
 from lagcli.version import __version__
 
-#: The commands, in the order of the help; each is a function in the module of its name.
-COMMANDS = (
-    *("derive", "simulate", "sweep"),
-    *("plot", "animate", "report", "play"),
-    *("info", "export-csv"),
-)
+_FIRST = ("derive", "simulate", "sweep")
+_MODULES = sorted((Path(__file__).parent / "commands").glob("[!_]*.py"))
+#: The commands, in the order of the help; each is the function in the module of its name.
+COMMANDS = (*_FIRST, *(name for m in _MODULES if (name := m.stem.replace("_", "-")) not in _FIRST))
 
 BUG_STATUS = 1
 INTERRUPTED_STATUS = 130

@@ -97,7 +97,7 @@ class UnrolledLayout(DynamicsLayout):
 
     solution: Unknowns
     total_power: One
-    kept: Rest
+    cancellation: Rest
 
 
 class ConstraintLayout(Layout):

@@ -18,14 +18,14 @@ GRACE = 0.25
 
 
 class _Superseded(Interruption):
-    """The wish to end a run: the client has left, or has waited for a newer one."""
+    """Cancels a run whose client has left, or has waited long enough for a newer one."""
 
     def __init__(self) -> None:
         super().__init__()
         self.began = time.monotonic()
         self.closed = self.newer = False
 
-    def wished(self) -> bool:
+    def requested(self) -> bool:
         """Return whether the run is to end."""
         return self.closed or (self.newer and time.monotonic() - self.began > GRACE)
 

@@ -165,14 +165,14 @@ class Server:
                     break
                 try:
                     asked = json.loads(message.data)
-                    wish = PlayRequest.parsed(asked)
+                    wanted = PlayRequest.parsed(asked)
                 except (ValueError, AttributeError, RecursionError):
                     await ws.close(code=WSCloseCode.POLICY_VIOLATION)
                     break
                 if asked.get("save"):
-                    outbox.put_nowait(encode(await asyncio.to_thread(_saved, played, wish)))
+                    outbox.put_nowait(encode(await asyncio.to_thread(_saved, played, wanted)))
                 else:
-                    client.ask(wish)
+                    client.ask(wanted)
         finally:
             client.close()
             sending.cancel()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import pairwise
-from numbers import Integral, Real
 from typing import Any, ClassVar, Generic, Self, TypeVar, overload
 
 from lagcli.errors import UsageError
@@ -95,7 +94,8 @@ class Setting(Generic[T]):
 class RealNumber(Setting[T]):
     """A number."""
 
-    type_: type[Any] = Real
+    #: What a value of this kind converts itself by; NumPy's numbers have it too.
+    conversion = "__float__"
     what = "a number"
 
     def problems(self, value: Any) -> Iterator[SettingError]:
@@ -104,19 +104,19 @@ class RealNumber(Setting[T]):
 
     def number_problems(self, what: str, value: Any) -> Iterator[SettingError]:
         """Yield what is wrong with a number that a message calls ``what``."""
-        if not isinstance(value, self.type_) or isinstance(value, bool):
+        if isinstance(value, bool) or not hasattr(value, self.conversion):
             yield self.error(f"{what} must be {self.what}, not {value!r}")
         elif not math.isfinite(value):
             yield self.error(f"{what} must be a finite number, not {value}")
         elif self.check is not None and (found := self.check(value)) is not None:
-            shown = value if isinstance(value, Integral) else f"{value:g}"
+            shown = value if hasattr(value, "__index__") else f"{value:g}"
             yield self.error(f"{what} {found[0]}, not {shown}", found[1])
 
 
 class WholeNumber(RealNumber[T]):
     """A whole number."""
 
-    type_ = Integral
+    conversion = "__index__"
     what = "a whole number"
 
 

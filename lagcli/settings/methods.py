@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 FORMULATIONS = ("projection", "baumgarte", "index1")
 ENGINES = ("compiled", "scipy")
@@ -11,8 +11,7 @@ ENGINES = ("compiled", "scipy")
 _NO_BAUMGARTE = ("projection", "index1")
 
 
-@dataclass(frozen=True)
-class Method:
+class Method(NamedTuple):
     """An integration method.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Ctrl-C during a run: heeded between two pieces of work, so that the samples so far are kept."""
+"""Cancellation by a signal: checked between two pieces of work, so that samples so far are kept."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 
 
 class Interruption:
-    """While it is entered, a signal is a wish that is noted; a second one is ``KeyboardInterrupt``.
+    """Record signals as requests for cancellation, as a context manager.
 
-    So is a first one until somebody asks for wishes: what lasts long before a run has samples need
-    not ask.
+    A first signal is recorded, a second one raises ``KeyboardInterrupt``. Until `requested` has
+    been called, the first one raises it too: long work before a run has samples need not check.
 
-    Signals that are ignored, or that the program around handles in its own way, are left alone,
-    and so are all outside the main thread, where Python allows no handlers.
+    Signals that are ignored, or that the calling program handles itself, are left alone. So are
+    all signals outside the main thread, where Python allows no handlers.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class Interruption:
     """
 
     def __init__(self, *signals: signal.Signals):
-        self._wished = self._asked = False
+        self._requested = self._asked = False
         self._signals = signals or (signal.SIGINT,)
         self._before: dict[signal.Signals, Any] = {}
 
@@ -44,12 +44,12 @@ class Interruption:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    def wished(self) -> bool:
+    def requested(self) -> bool:
         """Return whether a signal has come."""
         self._asked = True
-        return self._wished
+        return self._requested
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self._wished or not self._asked:
+        if self._requested or not self._asked:
             raise KeyboardInterrupt
-        self._wished = True
+        self._requested = True

@@ -256,8 +256,8 @@ class Simulation:
             sink(samples)
             elsewhere += time.perf_counter() - entered
 
-        def heed(t: float) -> None:
-            if interruption is not None and interruption.wished():
+        def check_cancelled(t: float) -> None:
+            if interruption is not None and interruption.requested():
                 raise Interrupted
             if progress is not None:
                 progress(t)
@@ -266,7 +266,7 @@ class Simulation:
             self.settings.engine
         )  # loads what it needs before threads are limited
         with one_thread():
-            run = engine(self.system, self.request, take, heed)
+            run = engine(self.system, self.request, take, check_cancelled)
         integrating = time.perf_counter() - began - elsewhere
         if not columns.samples:
             take(_no_samples(self.system))

@@ -17,7 +17,7 @@ from lagcli.results.formats import format_of
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
 from lagcli.sweeps.file.layout import named_measure
-from lagcli.sweeps.file.resume import State, opened
+from lagcli.sweeps.file.resume import OpenedSweep, opened
 from lagcli.sweeps.file.row_status import Missing
 from lagcli.sweeps.file.table_csv import export_csv
 from lagcli.sweeps.plan.spec import Spec
@@ -167,7 +167,7 @@ class _Sweep:
     def __init__(
         self,
         ready: Ready,
-        state: State,
+        state: OpenedSweep,
         path: str,
         jobs: int | None,
         progress: Callable[[int, int], None] | None,
@@ -193,7 +193,7 @@ class _Sweep:
         with Interruption(*_signals()) as interruption:
 
             def heed() -> None:
-                if interruption.wished():
+                if interruption.requested():
                     raise Interrupted
 
             try:
@@ -292,7 +292,7 @@ def _signals() -> list[Any]:
 
 
 def _summary(
-    ready: Ready, state: State, status: str, output: str | None, run: int, began: float
+    ready: Ready, state: OpenedSweep, status: str, output: str | None, run: int, began: float
 ) -> Summary:
     ledger = state.ledger
     seconds = time.monotonic() - began

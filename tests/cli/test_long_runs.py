@@ -172,7 +172,7 @@ TWICE = """
 import os, signal
 from lagcli.results.hdf5 import trajectories
 
-describe = hdf5.Hdf5Writer._describe
+describe = trajectories.Hdf5Writer._describe
 
 def interrupted(*arguments):
     os.kill(os.getpid(), signal.SIGINT)  # noted: all samples are there
@@ -180,7 +180,7 @@ def interrupted(*arguments):
         os.kill(os.getpid(), signal.SIGINT)
     describe(*arguments)
 
-hdf5.Hdf5Writer._describe = interrupted
+trajectories.Hdf5Writer._describe = interrupted
 from lagcli.cli.app import main
 main()
 """

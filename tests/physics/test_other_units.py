@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import lagcli
-from lagcli.engine.integrate.batch import Finished, prepare_lanes, run_lanes, suits_lanes
+from lagcli.engine.integrate.batch import Finished, prepare_batch, run_batch, suits_batch
 from lagcli.model.model import Model
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
@@ -231,8 +231,8 @@ initial: {x: 1, x': 0}
 """)
     simulation = prepare(model, SettingsOverrides(t_end=5, samples=11))
     request = simulation.request
-    request = replace(request, prepared=prepare_lanes(simulation.system, request))
-    assert suits_lanes(simulation.system, request)
+    request = replace(request, prepared=prepare_batch(simulation.system, request))
+    assert suits_batch(simulation.system, request)
     sizes = np.array([1.0, 1e-9, 1e6, 1e-3, 1.0, 1e-9, 1e3, 1e-12, 5.0, 1e-7])
     found: dict[int, tuple[np.ndarray, int]] = {}
 
@@ -240,7 +240,7 @@ initial: {x: 1, x': 0}
         for row, samples, run in zip(*finished, strict=True):
             found[int(row)] = samples, run.steps
 
-    run_lanes(
+    run_batch(
         simulation.system,
         request,
         np.full((10, 1), 3.0),

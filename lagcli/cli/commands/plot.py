@@ -42,7 +42,7 @@ def plot(
 ) -> None:
     """Plot time histories and phase portraits of results, and measures of a sweep.
 
-    Several results are drawn over each other and told apart by the parameters that differ. Of a
+    Several results are drawn over each other and labelled by the parameters that differ. Of a
     sweep: peak over what was varied, m:peak over m, m:l:peak as a map; phi of all its rows.
     """
     from lagcli.pictures.plots.figure_file import size_of

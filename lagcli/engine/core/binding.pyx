@@ -12,11 +12,11 @@ from libc.stdlib cimport free, malloc
 from lagcli.engine.core.lagcore cimport *
 
 
-cdef extern from "tape.h":
+cdef extern from "tape/tape.h":
     void lag_stream_run(const int32_t *stream, double *registers) nogil
 
 
-cdef extern from "ldl.h":
+cdef extern from "linear/ldl.h":
     void lag_ldl_factor(
         const lag_elimination *plan, double *diagonal, double *beside, double *lower,
         double *product, double *work,
@@ -27,7 +27,7 @@ cdef extern from "ldl.h":
     ) nogil
 
 
-cdef extern from "rodas5p_tableau.h":
+cdef extern from "methods/rodas5p_tableau.h":
     const double rodas_gamma
     const double rodas_c[8]
     const double rodas_d[8]
@@ -36,7 +36,7 @@ cdef extern from "rodas5p_tableau.h":
     const double rodas_h[3][8]
 
 
-cdef extern from "radau5_tableau.h":
+cdef extern from "methods/radau5_tableau.h":
     const double radau_c[3]
     const double radau_t[3][3]
     const double radau_t_inverse[3][3]

@@ -64,8 +64,8 @@ def _layouts() -> str:
 
 
 def _offset(name: str, terms: Iterable[str]) -> str:
-    total = " + ".join(terms) or "0"
-    return f"static inline int {name}(const lag_system *s)\n{{\n    return {total};\n}}\n"
+    body = f"    (void)s;\n    return {' + '.join(terms) or '0'};"
+    return f"static inline int {name}(const lag_system *s)\n{{\n{body}\n}}\n"
 
 
 def _tables() -> str:

@@ -3,9 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "ldl.h"
-#include "linear.h"
-#include "vectors.h"
+#include "linear/ldl.h"
+#include "linear/dense.h"
+#include "tape/vectors.h"
 
 
 /* Which factors of the matrix are at hand for the state that the dynamics tape holds. */
@@ -233,7 +233,7 @@ static void turn(double *x, int n)
 /* Where the tape's solution for another right side begins; the one for the constraints alone follows. */
 static int first_other(const lag_run *run)
 {
-    return lag_first_kept(&run->system) + run->solver.cancellation_count;
+    return lag_first_cancellation(&run->system) + run->solver.cancellation_count;
 }
 
 /* Solve with the last factors in place of the right side; not by the dense solution. */
@@ -319,12 +319,13 @@ static void right_side(lag_run *run)
     lag_vectors()->pick(nc, d->registers, d->outputs + lag_first_rhs(s), right + nq);
     if (!run->baumgarte.active)
         return;
+    const double alpha = run->baumgarte.alpha, beta = run->baumgarte.beta;
     const int psi = lag_constraint_velocity(s);
     for (int i = 0; i < nc; ++i)
-        right[nq + i] -= run->baumgarte.alpha * OUT(c, psi + i);
+        right[nq + i] -= alpha * OUT(c, psi + i);
     for (int i = 0; i < s->nh; ++i) {
         const int k = s->holonomic[i];
-        right[nq + k] -= run->baumgarte.alpha * OUT(c, psi + k) + run->baumgarte.beta * run->baumgarte.beta * OUT(c, i);
+        right[nq + k] -= alpha * OUT(c, psi + k) + beta * beta * OUT(c, i);
     }
 }
 
@@ -449,5 +450,7 @@ double lag_allowed_inaccuracy(const lag_run *run)
 
 double lag_scaled_norm(const lag_run *run, const double *x, const double *y, const double *z)
 {
-    return sqrt(lag_vectors()->scaled_square(lag_size(&run->system), x, y, z, run->tolerances.atol, run->tolerances.rtol));
+    const lag_tolerances *tolerances = &run->tolerances;
+    const int n = lag_size(&run->system);
+    return sqrt(lag_vectors()->scaled_square(n, x, y, z, tolerances->atol, tolerances->rtol));
 }

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "motion.h"
-#include "vectors.h"
+#include "tape/vectors.h"
 
 
 /* Raise the scales of phi to the least ones at y. Changes run->step.work beyond the right side, phi and its

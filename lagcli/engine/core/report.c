@@ -1,7 +1,7 @@
 /* What a program that drives a run asks of it, and sets, between its steps. */
 #include <string.h>
 
-#include "implicit.h"
+#include "methods/implicit.h"
 #include "run.h"
 
 const double *lag_matrix(const lag_run *run)

@@ -3,10 +3,10 @@
 #include <math.h>
 #include <string.h>
 
-#include "control.h"
+#include "methods/control.h"
 #include "events.h"
-#include "dop853.h"
-#include "method.h"
+#include "methods/dop853.h"
+#include "methods/method.h"
 #include "motion.h"
 #include "project.h"
 #include "sample.h"
@@ -49,7 +49,7 @@ int lag_start(lag_run *run)
     }
     if (lag_switch(run, run->method) != LAG_RUNNING)
         return LAG_UNDEFINED;
-    run->watch.pivot = lag_weakest(run, run->step.t, run->step.y);
+    run->watch.pivot = lag_least_pivot(run, run->step.t, run->step.y);
     run->watch.largest_pivot = fmax(run->watch.largest_pivot, run->watch.pivot);
     run->step.finishing = 0;
     run->watch.cancellation.last = 0.0;
@@ -129,7 +129,8 @@ static int accurate(lag_run *run)
  * the elimination lacks. Returns whether it does. */
 static int refine(lag_run *run)
 {
-    if (!run->solver.refinable || run->solver.refining || run->stepped->uses_series || run->solver.inaccuracy > SOUND
+    if (!run->solver.refinable || run->solver.refining || run->stepped->uses_series
+        || run->solver.inaccuracy > SOUND
         || lag_inaccuracy(run, run->failure.t, run->failure.y, 1) > lag_allowed_inaccuracy(run))
         return 0;
     run->solver.refining = 1;
@@ -173,7 +174,7 @@ int lag_advance(lag_run *run, long slice)
         }
         run->rows.contradicted = run->projection.active
                             && lag_contradiction(run, run->step.t, run->step.y_new) > CONTRADICTION;
-        const int over = run->watch.mode && lag_goes_over(run);
+        const int over = run->watch.mode && lag_stepped_over(run);
         if (over && run->watch.mode == 1) {
             take_back(run, SHORTER);
             continue;

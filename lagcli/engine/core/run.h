@@ -8,7 +8,7 @@
 #define LAGCLI_RUN_H
 
 #include "memory.h"
-#include "series.h"
+#include "methods/series.h"
 #include "system.h"
 
 /* step.c, and the methods: the state and the last step. */

@@ -20,7 +20,8 @@ static int sample(lag_run *run, double t, double *y)
         if (status != LAG_RUNNING)
             return status;
     }
-    const int refined = run->solver.refining || lag_solving_by(run) == LAG_BY_LU || run->solver.inaccuracy > FINE * run->tolerances.rtol;
+    const int refined = run->solver.refining || lag_solving_by(run) == LAG_BY_LU
+                        || run->solver.inaccuracy > FINE * run->tolerances.rtol;
     if (lag_accelerate(run, t, y, refined, &power))
         return LAG_UNDEFINED;
     row[0] = t;

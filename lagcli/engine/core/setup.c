@@ -2,11 +2,11 @@
 #include <math.h>
 #include <string.h>
 
-#include "implicit.h"
+#include "methods/implicit.h"
 #include "memory.h"
-#include "method.h"
+#include "methods/method.h"
 #include "run.h"
-#include "tape.h"
+#include "tape/tape.h"
 
 static const int32_t *copy_stream(lag_pool *pool, const lag_stream *stream)
 {
@@ -197,7 +197,7 @@ int lag_use_unrolled(lag_run *run, const lag_program *dynamics)
     run->solver.refining = 0;
     run->solver.other_right = dynamics->inputs;
     run->solver.cancellation_count =
-        (int)dynamics->output_count - lag_first_kept(s) - 2 * s->nq - s->nc;
+        (int)dynamics->output_count - lag_first_cancellation(s) - 2 * s->nq - s->nc;
     return replace_dynamics(run, dynamics, LAG_BY_TAPE);
 }
 

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "control.h"
+#include "methods/control.h"
 #include "motion.h"
 
 /* The kinetic energy of velocities v, or of what they may be h later, with the dynamics tape's M. */
@@ -93,8 +93,10 @@ void lag_sizes_start(lag_run *run)
         run->tolerances.gross[i] = fmax(run->tolerances.gross[i], a);
     }
     memset(run->tolerances.largest, 0, (size_t)run->tolerances.kinds * sizeof(double));
-    for (int i = 0; i < nq; ++i)
-        run->tolerances.largest[run->tolerances.kind[i]] = fmax(run->tolerances.largest[run->tolerances.kind[i]], run->tolerances.gross[i]);
+    for (int i = 0; i < nq; ++i) {
+        double *largest = run->tolerances.largest + run->tolerances.kind[i];
+        *largest = fmax(*largest, run->tolerances.gross[i]);
+    }
     count_forces(run, run->tolerances.largest);
     for (int i = 0; i < nq; ++i)
         run->tolerances.gross[i] = run->tolerances.largest[run->tolerances.kind[i]];
@@ -129,11 +131,13 @@ void lag_sizes_update(lag_run *run)
     for (int part = 0; part < 2; ++part)
         for (int i = 0; i < nq; ++i) {
             const int m = part * nq + i;
-            const double noise = (h * run->tolerances.gross[i] + length * run->tolerances.later[i]) * (part ? 1.0 : run->step.h);
+            const double noise = (h * run->tolerances.gross[i] + length * run->tolerances.later[i])
+                                 * (part ? 1.0 : run->step.h);
             const double all = largest[part * run->tolerances.kinds + run->tolerances.kind[i]];
             run->tolerances.atol[m] = run->tolerances.given[m] > 0.0
                                ? run->tolerances.given[m]
-                               : FOLLOWING * run->tolerances.rtol * size[m] + ROUNDING * all + noise + NO_SIZE;
+                               : FOLLOWING * run->tolerances.rtol * size[m] + ROUNDING * all
+                                         + noise + NO_SIZE;
         }
     size[2 * nq] = fmax(size[2 * nq], fabs(run->step.y[2 * nq]));
     run->tolerances.atol[2 * nq] = run->tolerances.given[2 * nq] > 0.0 ? run->tolerances.given[2 * nq]
@@ -147,7 +151,8 @@ void lag_first_step(lag_run *run, double order)
     double *change = run->step.stages;
     lag_first_step_rule rule = {
         .nq = nq, .stride = 1, .kinds = run->tolerances.kinds, .kind = run->tolerances.kind, .y = y, .f = f,
-        .gross = run->tolerances.gross, .later = run->tolerances.later, .largest = run->tolerances.largest, .weight = run->step.trial,
+        .gross = run->tolerances.gross, .later = run->tolerances.later, .largest = run->tolerances.largest,
+        .weight = run->step.trial,
         .length = run->step.t_end - run->step.t, .h_max = run->step.h_max,
     };
     lag_sizes_update(run);
@@ -159,7 +164,7 @@ void lag_first_step(lag_run *run, double order)
     } else {
         for (int i = 0; i < n; ++i)
             change[i] -= f[i];
-        run->step.h = lag_first_size(&rule, change, h, run->tolerances.rtol, order);
+        run->step.h = lag_chosen_step(&rule, change, h, run->tolerances.rtol, order);
     }
     /* M at the start, where velocities may be zero: what they will be after the step counts */
     lag_evaluate(&run->system.dynamics, &run->system, run->step.t, y, LAG_ALL);

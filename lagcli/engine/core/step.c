@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "method.h"
+#include "methods/method.h"
 #include "motion.h"
 
 double lag_step_size(const lag_run *run)

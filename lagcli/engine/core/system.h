@@ -2,7 +2,7 @@
 #ifndef LAGCLI_SYSTEM_H
 #define LAGCLI_SYSTEM_H
 
-#include "tape.h"
+#include "tape/tape.h"
 
 /* M a = f + B' lambda, B a = gamma, phi = 0, psi = 0. */
 typedef struct {

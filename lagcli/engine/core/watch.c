@@ -4,14 +4,14 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "linear.h"
-#include "method.h"
+#include "linear/dense.h"
+#include "methods/method.h"
 #include "motion.h"
 #include "step.h"
-#include "vectors.h"
+#include "tape/vectors.h"
 
 #define LARGE 20000.0       /* operations beyond which the rows of B are not orthogonalized */
-#define OVER 0.05           /* of its largest value: the weakest pivot that is looked at again */
+#define OVER 0.05           /* of its largest value: the least pivot that is looked at again */
 #define ASIDE 0.1           /* of all rows, in what inverse iteration begins with */
 #define ITERATIONS 8        /* of it at most ... */
 #define SETTLED 0.9         /* ... and the part of the last value that the next one keeps at the end */
@@ -22,7 +22,7 @@
  * scaled so that a multiplier's pivot without cancellation counts one. 0 where the matrix is
  * singular. The square root, because pivots are quadratic in B.
  */
-static double least_kept(lag_run *run)
+static double least_part_of_factors(lag_run *run)
 {
     const lag_elimination *ldl = &run->factors.plan;
     const int n = ldl->n;
@@ -57,13 +57,13 @@ static double least_kept(lag_run *run)
 }
 
 /* The same, or what the shortest row of B keeps of its largest length, if that is less. */
-static double least_kept_of_all(lag_run *run)
+static double least_part(lag_run *run)
 {
     const lag_system *s = &run->system;
     const lag_tape *d = &s->dynamics;
     if (run->solver.by == LAG_BY_TAPE) { /* the tape finds both */
         const int pivots = run->solver.cancellation_count - s->nc;
-        const int32_t *places = d->outputs + lag_first_kept(s);
+        const int32_t *places = d->outputs + lag_first_cancellation(s);
         const lag_vector_kernel *vectors = lag_vectors();
         lag_stream_run(d->later[0], d->registers);
         return sqrt(fmin(vectors->least(pivots, d->registers, places, NULL),
@@ -73,7 +73,7 @@ static double least_kept_of_all(lag_run *run)
     lag_row_squares(s, d, lag_first_jacobian(s), NULL, sum);
     for (int i = 0; i < s->nc; ++i)
         shortest = fmin(shortest, sum[i] / (run->rows.plain_lengths[i] * run->rows.plain_lengths[i]));
-    return fmin(least_kept(run), sqrt(shortest));
+    return fmin(least_part_of_factors(run), sqrt(shortest));
 }
 
 /* Bring x to unit length; returns the length that it had. */
@@ -118,7 +118,7 @@ static double least_singular(lag_run *run)
     return value;
 }
 
-double lag_weakest(lag_run *run, double t, const double *y)
+double lag_least_pivot(lag_run *run, double t, const double *y)
 {
     const lag_system *s = &run->system;
     const lag_tape *c = &s->constraint;
@@ -143,11 +143,12 @@ void lag_watch_step(lag_run *run)
 void lag_watch_stage(lag_run *run)
 {
     /* without a static elimination every step is looked at */
-    const double kept = lag_solving_by(run) != LAG_BY_LU ? least_kept_of_all(run) : 0.0;
-    run->watch.cancellation.last = kept;
-    run->watch.cancellation.least = fmin(run->watch.cancellation.least, kept);
-    run->watch.cancellation.most = fmax(run->watch.cancellation.most, kept);
-    run->watch.cancellation.largest = fmax(run->watch.cancellation.largest, kept);
+    const double part = lag_solving_by(run) != LAG_BY_LU ? least_part(run) : 0.0;
+    lag_cancellation *c = &run->watch.cancellation;
+    c->last = part;
+    c->least = fmin(c->least, part);
+    c->most = fmax(c->most, part);
+    c->largest = fmax(c->largest, part);
 }
 
 int lag_stage(lag_run *run, double t, const double *y, double *f)
@@ -180,11 +181,12 @@ void lag_measure(lag_run *run)
 /* Whether the stages of the last step may have come near to a singular configuration. */
 static int alarmed(const lag_run *run)
 {
-    return run->watch.cancellation.least <= NEAR * run->watch.cancellation.largest || run->watch.cancellation.least < STEADY * run->watch.cancellation.most;
+    const lag_cancellation *c = &run->watch.cancellation;
+    return c->least <= NEAR * c->largest || c->least < STEADY * c->most;
 }
 
-/* The weakest pivot inside the last step, on the cubic through its ends: B depends on q and t alone. */
-static double weakest_inside(lag_run *run, double x)
+/* The least pivot inside the last step, on the cubic through its ends: B depends on q and t alone. */
+static double least_pivot_inside(lag_run *run, double x)
 {
     const int nq = run->system.nq;
     const double h = run->step.h_old, z = 1.0 - x;
@@ -192,16 +194,16 @@ static double weakest_inside(lag_run *run, double x)
     double *y = run->samples.y;
     if (run->stepped->uses_series) { /* its steps are too long for a cubic, and have all at hand */
         lag_dense(run, run->step.t_old + x * h, y);
-        return lag_weakest(run, run->step.t_old + x * h, y);
+        return lag_least_pivot(run, run->step.t_old + x * h, y);
     }
     for (int m = 0; m < nq; ++m)
         y[m] = z * z * ((1.0 + 2.0 * x) * q0[m] + x * h * v0[m])
                + x * x * ((1.0 + 2.0 * z) * q1[m] - z * h * v1[m]);
     memcpy(y + nq, v1, (size_t)nq * sizeof(double));
-    return lag_weakest(run, run->step.t_old + x * h, y);
+    return lag_least_pivot(run, run->step.t_old + x * h, y);
 }
 
-int lag_goes_over(lag_run *run)
+int lag_stepped_over(lag_run *run)
 {
     if (!alarmed(run))
         return 0;
@@ -209,21 +211,21 @@ int lag_goes_over(lag_run *run)
     static const double place[] = {0.0, 0.001, 0.25, 0.5, 0.75, 0.999, 1.0};
     double value[7];
     for (int i = 0; i < 7; ++i)
-        value[i] = weakest_inside(run, place[i]);
+        value[i] = least_pivot_inside(run, place[i]);
     for (int i = 1; i < 6; ++i) {
         if (value[i] > value[i - 1] || value[i] > value[i + 1])
             continue;
         /* golden section, until the bracket is short against what a cubic can say */
         double low = place[i - 1], high = place[i + 1], least = value[i];
         double a = high - GOLDEN * (high - low), b = low + GOLDEN * (high - low);
-        double fa = weakest_inside(run, a), fb = weakest_inside(run, b);
+        double fa = least_pivot_inside(run, a), fb = least_pivot_inside(run, b);
         for (int k = 0; k < 12; ++k) {
             if (fa < fb) {
                 high = b, b = a, fb = fa;
-                fa = weakest_inside(run, a = high - GOLDEN * (high - low));
+                fa = least_pivot_inside(run, a = high - GOLDEN * (high - low));
             } else {
                 low = a, a = b, fa = fb;
-                fb = weakest_inside(run, b = low + GOLDEN * (high - low));
+                fb = least_pivot_inside(run, b = low + GOLDEN * (high - low));
             }
             least = fmin(least, fmin(fa, fb));
         }
@@ -239,7 +241,7 @@ int lag_approaches(lag_run *run)
     run->watch.pivot = run->watch.largest_pivot;
     if (!alarmed(run))
         return 0;
-    run->watch.pivot = lag_weakest(run, run->step.t, run->step.y);
+    run->watch.pivot = lag_least_pivot(run, run->step.t, run->step.y);
     run->watch.largest_pivot = fmax(run->watch.largest_pivot, run->watch.pivot);
     return run->watch.pivot < fmin(before, NEAR * run->watch.largest_pivot);
 }

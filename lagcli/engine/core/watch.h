@@ -4,12 +4,12 @@
 
 #include "run.h"
 
-#define NEAR 0.3            /* of its largest value: the weakest pivot next to a singular place */
+#define NEAR 0.3            /* of its largest value: the least pivot next to a singular place */
 #define STEADY 0.7          /* of the most that pivots kept during a step: less needs a closer look */
 
-/* The weakest pivot of the row-scaled B, at most about 1, or its least singular value where B is large;
+/* The least pivot of the row-scaled B, at most about 1, or its least singular value where B is large;
  * near 0 in a singular configuration. */
-double lag_weakest(lag_run *run, double t, const double *y);
+double lag_least_pivot(lag_run *run, double t, const double *y);
 
 /* Begin to watch a step. */
 void lag_watch_step(lag_run *run);
@@ -24,8 +24,8 @@ int lag_stage(lag_run *run, double t, const double *y, double *f);
 /* Keep the largest length that each row of B has had; the constraint tape holds the state. */
 void lag_measure(lag_run *run);
 
-/* Whether the weakest pivot passes a small minimum inside the last step. */
-int lag_goes_over(lag_run *run);
+/* Whether the least pivot passes a small minimum inside the last step. */
+int lag_stepped_over(lag_run *run);
 
 /* Whether the state after the last step is nearer to a singular configuration than the one before. */
 int lag_approaches(lag_run *run);

@@ -1,11 +1,11 @@
-"""Many runs of one System, eight at once: the compiled engine's lanes.
+"""Batches: many runs of one System, eight at a time, by the compiled engine.
 
-The core integrates eight runs through one stream of operations, each with its own parameters,
-state, time and step size; a lane whose run ends takes the next. What needs thought in a run
-(undefined values, a singular configuration ahead, stiffness, an inaccurate elimination, limits)
-makes it leave the lanes; it is then done again from its start by
-`lagcli.engine.integrate.compiled_engine`, which explains. What a run gives does not depend, not
-even in its last bit, on which other runs share its lanes.
+The core integrates eight runs through one stream of operations, each in a lane (one slot of the
+vector registers) with its own parameters, state, time and step size; a lane whose run ends takes
+the next. A run that needs a decision (undefined values, a singular configuration ahead, stiffness,
+an inaccurate elimination, limits) leaves its lane; `lagcli.engine.integrate.compiled_engine` then
+repeats it from its start. The numbers of a run do not depend, not even in the last bit, on the
+other runs of the batch.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Finished(NamedTuple):
     runs: list[Outcome]
 
 
-def prepare_lanes(
+def prepare_batch(
     system: System, request: IntegrationRequest, progress: Callable[[], None] | None = None
 ) -> Prepared:
     """Return what the lanes need: an order of elimination that suits one run from end to end.
@@ -70,19 +70,19 @@ def prepare_lanes(
     system, request
         Of a run like those that are to come. It is done for this, without its samples.
     progress : callable, optional
-        As for `run_lanes`.
+        As for `run_batch`.
     """
-    heed = progress or (lambda: None)
+    check_cancelled = progress or (lambda: None)
     request = dataclasses.replace(request, times=np.empty(0))
     integration = compiled_engine.Integration(
-        system, request, lambda block: None, lambda t: heed(), for_lanes=True
+        system, request, lambda block: None, lambda t: check_cancelled(), for_batch=True
     )
     if integration.run().status == "interrupted":
         raise Interrupted
     return unrolled(system, integration.in_use)
 
 
-def run_lanes(
+def run_batch(
     system: System,
     request: IntegrationRequest,
     parameters: Array,
@@ -100,7 +100,7 @@ def run_lanes(
     system : System
     request : Request
         What all runs have in common: of its ``state``, the time alone. Its ``rank`` must be that
-        of all runs. Without ``prepared``, from `prepare_lanes`, there are no lanes: an order of
+        of all runs. Without ``prepared``, from `prepare_batch`, there are no lanes: an order of
         elimination that comes from elsewhere makes what a run gives depend on itself alone.
     parameters : (n, np) array
         Of each run.
@@ -114,16 +114,16 @@ def run_lanes(
         goes on to the caller; runs under way are lost.
     """
     rest: Iterable[int] = range(len(parameters))
-    heed = progress or (lambda: None)
-    if len(parameters) and suits_lanes(system, request):
-        lanes = _Lanes(system, request, parameters, q, v)
-        lanes.run(sink, heed)
-        rest = lanes.left()
+    check_cancelled = progress or (lambda: None)
+    if len(parameters) and suits_batch(system, request):
+        batch = _Batch(system, request, parameters, q, v)
+        batch.run(sink, check_cancelled)
+        rest = batch.left()
     for row in rest:
-        sink(_singly(system, request, parameters, q, v, row, heed))
+        sink(_singly(system, request, parameters, q, v, row, check_cancelled))
 
 
-def suits_lanes(system: System, request: IntegrationRequest) -> bool:
+def suits_batch(system: System, request: IntegrationRequest) -> bool:
     """Return whether there are lanes for runs of a kind; otherwise they are done one by one.
 
     There are none for implicit methods, Baumgarte's stabilization, redundant constraints, events,
@@ -141,7 +141,7 @@ def suits_lanes(system: System, request: IntegrationRequest) -> bool:
     )
 
 
-class _Lanes:
+class _Batch:
     """The core, with the runs that it is to do."""
 
     def __init__(
@@ -168,12 +168,12 @@ class _Lanes:
         )
         self.began: dict[int, float] = {}
 
-    def run(self, sink: Callable[[Finished], None], heed: Callable[[], None]) -> None:
+    def run(self, sink: Callable[[Finished], None], check_cancelled: Callable[[], None]) -> None:
         """Do the runs, but for those that leave."""
         core, tries = self.core, _FIRST_SLICE
         status: int = Status.RUNNING
         while status != Status.DONE:
-            heed()
+            check_cancelled()
             started = time.monotonic()
             status = core.advance(tries)
             taken = time.monotonic() - started
@@ -220,12 +220,12 @@ def _singly(
     q: Array,
     v: Array,
     row: int,
-    heed: Callable[[], None],
+    check_cancelled: Callable[[], None],
 ) -> Finished:
     """Do one run by itself."""
     blocks: list[Block] = []
     run = compiled_engine.run(
-        system, _of_row(request, parameters, q, v, row), blocks.append, lambda t: heed()
+        system, _of_row(request, parameters, q, v, row), blocks.append, lambda t: check_cancelled()
     )
     if run.status == "interrupted":
         raise Interrupted

@@ -1,7 +1,7 @@
-"""The compiled engine: steps with projection in C, steered from here.
+"""The compiled engine: steps with projection in C, driven from here.
 
 The core runs in slices and comes back when it is done, when its sample block is full, when a slice
-is over (for interrupts, progress and limits), and when something needs thought: a singular
+is over (for interrupts, progress and limits), and when something needs a decision: a singular
 configuration ahead or inside the last step, a state without finite values, a step size at its
 floor. What is then done is the same code as the reference engine's.
 """
@@ -72,13 +72,13 @@ def run(
 
 
 class Integration:
-    """One run: the core, made ready for it, where its samples go, and what thinks for it.
+    """One run: the core, made ready for it, where its samples go, and what decides for it.
 
     Parameters
     ----------
     system, request, sink, progress
         As in the contract.
-    for_lanes : bool
+    for_batch : bool
         Whether what is in use after the run is for lanes, which refine no solutions.
 
     Attributes
@@ -94,7 +94,7 @@ class Integration:
         sink: Callable[[Block], None],
         progress: Callable[[float], None] | None,
         *,
-        for_lanes: bool = False,
+        for_batch: bool = False,
     ):
         self.system, self.request, self.sink = system, request, sink
         self.settings = request.settings
@@ -131,7 +131,7 @@ class Integration:
             alpha if self.settings.beta is None else self.settings.beta,
             self.settings.formulation == "baumgarte",
             self.settings.method == "auto" and system.variation is not None,
-            not for_lanes,
+            not for_batch,
             max(1, min(request.block_rows, len(request.times))),
         )
         self.use(prepared)
@@ -205,7 +205,7 @@ class Integration:
         core.allow_dense(1)
         core.size_again()
 
-    # what thinks, made when it is needed: most runs need none of it
+    # made when needed: most runs need none of it
 
     @cached_property
     def motion(self) -> Index1:
@@ -264,7 +264,7 @@ class Integration:
             start = request.state
             self.watch.check_start(start.t, start.q, start.v, self.projection)
             self.check_redundancy()
-        self.heed(core.start())
+        self.handle_status(core.start())
         # a step of a large model may take as long as a slice should
         most_seconds = _MOST_SECONDS * (1 + len(self.system.dynamics.code))
         slice_ = min(max(1, int(_SLICE / most_seconds)), _GROWTH)
@@ -277,7 +277,7 @@ class Integration:
             status = core.advance(most)
             taken = time.monotonic() - started
             self.methods.count()
-            if self.heed(status):
+            if self.handle_status(status):
                 return
             if status == Status.RUNNING:
                 slice_ = max(1, min(_GROWTH * slice_, int(most * _SLICE / max(taken, 1e-6))))
@@ -288,7 +288,7 @@ class Integration:
                 slice_ = 1
             self.progress(core.t)
 
-    def heed(self, status: int) -> bool:
+    def handle_status(self, status: int) -> bool:
         """Do what a status of the core asks for; return whether the run is complete."""
         core = self.core
         if status == Status.UNDEFINED:
@@ -297,7 +297,7 @@ class Integration:
             if self.reordered != core.t and defined:
                 # the equations are defined: a pivot of the static order vanished
                 self.reorder()
-                return self.heed(core.start())
+                return self.handle_status(core.start())
             raise Undefined(state)
         if status == Status.OFF:
             self.projection(core.t_bad, *self.split(core.y_bad))
@@ -319,9 +319,9 @@ class Integration:
             self.collect()
             return False  # in the midst of a step: nothing else changes
         if status == Status.NEAR:
-            return self.approach()
+            return self.check_ahead()
         if status == Status.OVER:
-            self.look_over()
+            self.check_stepped_over()
         elif status == Status.INACCURATE:
             self.reorder()
         elif status == Status.CONTRADICTED:
@@ -335,7 +335,7 @@ class Integration:
         core.limit(self.settings.max_step)
         return bool(status == Status.DONE)
 
-    def approach(self) -> bool:
+    def check_ahead(self) -> bool:
         """Look along the path of the last steps, which go towards a singular configuration."""
         core, watch = self.core, self.watch
         t, y, steps = core.t, core.state, core.counts[0]
@@ -367,12 +367,12 @@ class Integration:
             for at in due[first : first + self.request.block_rows]:
                 q, v, a, multipliers, work = crossing(at)
                 rows.append(np.concatenate([[at], q, v, a, multipliers, [work]]))
-            self.hand_over(np.array(rows))
+            self.emit(np.array(rows))
             self.progress(float(rows[-1][0]))
         watch.restart()
         core.limit(self.settings.max_step)
         core.move(crossing.end, crossing.state, upto)
-        return crossing.end >= self.settings.t_end or self.heed(core.start())
+        return crossing.end >= self.settings.t_end or self.handle_status(core.start())
 
     def measure(self) -> None:
         """Measure B here, and take over the largest lengths of its rows from the core."""
@@ -391,10 +391,10 @@ class Integration:
             raise Stopped(event)
         if reaction != "go on":
             core.move(at, np.concatenate([*reaction, y[-1:]]), core.times_next)
-            return self.heed(core.start())
+            return self.handle_status(core.start())
         return False
 
-    def look_over(self) -> None:
+    def check_stepped_over(self) -> None:
         """Stop where the last step went over a singular configuration."""
         core = self.core
         t_old, t = core.step
@@ -404,7 +404,7 @@ class Integration:
             while (status := core.sample_until(found)) == Status.BLOCK_FULL:
                 self.collect()
                 self.progress(core.t)
-            self.heed(status)
+            self.handle_status(status)
             raise self.watch.stop(found, *self.split(core.dense(found)))
 
     def check_redundancy(self) -> None:
@@ -420,8 +420,8 @@ class Integration:
         """Hand over the samples that the core holds."""
         rows = self.core.take()
         if len(rows):
-            self.hand_over(rows)
+            self.emit(rows)
 
-    def hand_over(self, rows: Array) -> None:
+    def emit(self, rows: Array) -> None:
         """Hand over samples: t, q, v, a, λ, W by row."""
         self.sink(Block.of_rows(rows, self.system.sample_layout))

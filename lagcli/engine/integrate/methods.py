@@ -160,7 +160,7 @@ class Methods:
         q = q0 + x * (v0 + x * (3 * rise - 2 * v0 - v2 + x * (v0 + v2 - 2 * rise)))
         v = (v0 + x * (2 * (3 * rise - 2 * v0 - v2) + 3 * x * (v0 + v2 - 2 * rise))) / h
         rtol, y = self.settings.rtol, y1[:-1]
-        looser = 1.0 if rtol >= _LOOSE else 0.1 * rtol ** (-1 / 3)  # as core/radau5.c
+        looser = 1.0 if rtol >= _LOOSE else 0.1 * rtol ** (-1 / 3)  # as core/methods/radau5.c
         allowed = looser * (self.core.absolute_tolerances[:-1] + rtol * np.abs(y))
         return bool(np.linalg.norm((np.concatenate([q, v]) - y) / allowed) <= _ROUGH)
 

@@ -79,7 +79,7 @@ class PivotOrder:
 
 
 def matrix_pattern(system: System, variation: JacobianTapes, rank: int) -> MatrixPattern:
-    """Return the pattern of the matrix in core/implicit.h, bordered where B's rank is deficient."""
+    """Return the pattern of the matrix in core/methods/implicit.h, bordered if B lacks rank."""
     nq, nc = len(system.coordinates), len(system.constraints)
     jacobian = [(nq + i, j) for i, j in system.jacobian_pattern]
     border = [(nq + i, nq + nc + j) for j in range(nc - rank) for i in range(nc)]

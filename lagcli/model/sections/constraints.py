@@ -141,7 +141,7 @@ class _ConstraintBuilder:
             expression = shown  # the velocities cancel
         if is_zero(expression):
             message = f"{self.what} holds for all values of the coordinates"
-            help_ = "it constrains nothing: mend it, or remove it"
+            help_ = "it constrains nothing: fix it, or remove it"
             self.fault("no-unknowns", message, help_, indices)
             return None
         bad = nonlinear_in(expression, rates)
@@ -185,8 +185,8 @@ class _ConstraintBuilder:
         self.fault(
             "no-unknowns",
             message,
-            "it constrains nothing: mend it, or remove it"
+            "it constrains nothing: fix it, or remove it"
             if harmless
-            else "nothing can satisfy it: mend it, or remove it",
+            else "nothing can satisfy it: fix it, or remove it",
             indices,
         )

@@ -16,7 +16,7 @@ from lagcli.sweeps.plan.validate import Ready
 from lagcli.sweeps.rows.rows import COMPLETED
 
 
-class State(NamedTuple):
+class OpenedSweep(NamedTuple):
     """An open journal (none where nothing is left to do), and what is done."""
 
     journal: Journal | None
@@ -28,7 +28,7 @@ class State(NamedTuple):
 @contextmanager
 def opened(
     ready: Ready, path: str, resume: bool, retry_failed: bool, force: bool
-) -> Iterator[State]:
+) -> Iterator[OpenedSweep]:
     """Find or make the journal, and read what is done."""
     if retry_failed and not resume:
         raise UsageError("--retry-failed goes with --resume")
@@ -36,7 +36,7 @@ def opened(
     ledger = Ledger(ready.spec.plan.length)
     described = ready.spec.described()
     if resume and not os.path.exists(journal_path) and os.path.exists(path):
-        yield State(_reopened(ready, path, ledger, retry_failed), ledger, True, [])
+        yield OpenedSweep(_reopened(ready, path, ledger, retry_failed), ledger, True, [])
         return
     going_on = resume and os.path.exists(journal_path)
     if not going_on:
@@ -56,7 +56,7 @@ def opened(
             if retry_failed:
                 ledger.forget_failures()
         replace = force or bool(journal.header.get("replace"))
-        yield State(journal, ledger, replace, notes)
+        yield OpenedSweep(journal, ledger, replace, notes)
     except BaseException:
         journal.close()
         raise

@@ -168,14 +168,14 @@ class RowGroup:
         variants = self.variants
         if variants.settings.engine != "compiled":
             return False
-        from lagcli.engine.integrate.batch import prepare_lanes
+        from lagcli.engine.integrate.batch import prepare_batch
 
         try:
             simulation = ready(variants.equations, variants.system, variants.settings, {})
         except (ModelError, NumericalError):
             return False
         request = dataclasses.replace(simulation.request, times=self.grid.all)
-        prepared = prepare_lanes(variants.system, request, heed)
+        prepared = prepare_batch(variants.system, request, heed)
         return dataclasses.replace(request, prepared=prepared)
 
     @cached_property
@@ -192,9 +192,9 @@ class RowGroup:
         request, system = self._common(heed), self.variants.system
         if request is None:
             return np.arange(len(values.q))
-        from lagcli.engine.integrate.batch import Finished, run_lanes, suits_lanes
+        from lagcli.engine.integrate.batch import Finished, run_batch, suits_batch
 
-        if not suits_lanes(system, request):
+        if not suits_batch(system, request):
             return np.arange(len(values.q))
         starts = self._search(request.settings.t_start, *values)
         ordinary = np.flatnonzero(starts.found)
@@ -205,7 +205,7 @@ class RowGroup:
             sink(Ended(places, finished.samples, [*runs], values.parameters[places], request.rank))
 
         parameters, q, v = (x[ordinary] for x in (values.parameters, starts.q, starts.v))
-        run_lanes(system, request, parameters, q, v, take, heed)
+        run_batch(system, request, parameters, q, v, take, heed)
         return np.flatnonzero(~starts.found)
 
     def _said(self, run: Outcome) -> Outcome:

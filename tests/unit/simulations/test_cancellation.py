@@ -13,9 +13,9 @@ from lagcli.simulations.cancellation import Interruption
 def test_a_signal_is_noted_once_somebody_asks() -> None:
     before = signal.getsignal(signal.SIGINT)
     with Interruption() as interruption:
-        assert not interruption.wished()
+        assert not interruption.requested()
         signal.raise_signal(signal.SIGINT)
-        assert interruption.wished()
+        assert interruption.requested()
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
@@ -28,12 +28,12 @@ def test_a_signal_before_is_as_usual() -> None:
 
 def test_only_the_named_signals_are_noted() -> None:
     with Interruption(signal.SIGTERM) as interruption:
-        assert not interruption.wished()
+        assert not interruption.requested()
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
-        assert not interruption.wished()
+        assert not interruption.requested()
         signal.raise_signal(signal.SIGTERM)
-        assert interruption.wished()
+        assert interruption.requested()
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
@@ -43,9 +43,9 @@ def test_what_the_program_around_does_with_a_signal_stays(handler: object) -> No
     try:
         with Interruption() as interruption:
             assert signal.getsignal(signal.SIGINT) is handler
-            assert not interruption.wished()
+            assert not interruption.requested()
             signal.raise_signal(signal.SIGINT)
-            assert not interruption.wished()
+            assert not interruption.requested()
     finally:
         signal.signal(signal.SIGINT, before)
 
@@ -55,7 +55,7 @@ def test_another_thread_may_enter_it() -> None:
 
     def enter() -> None:
         with Interruption() as interruption:
-            found.append(interruption.wished())
+            found.append(interruption.requested())
 
     thread = threading.Thread(target=enter)
     thread.start()

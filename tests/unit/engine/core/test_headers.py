@@ -32,5 +32,7 @@ def test_statuses_are_numbered_in_order() -> None:
 
 def test_layouts_become_c() -> None:
     text = headers()["layout.h"]
-    assert "int lag_first_rhs(const lag_system *s)\n{\n    return s->nm + s->nq + s->nb;\n" in text
-    assert "int lag_sample_size(const lag_system *s)\n{\n    return 1 + s->nq +" in text
+    offset = "int lag_first_{}(const lag_system *s)\n{{\n    (void)s;\n    return {};\n"
+    assert offset.format("rhs", "s->nm + s->nq + s->nb") in text
+    offset = offset.replace("first", "sample")
+    assert offset.format("multipliers", "1 + s->nq + s->nq + s->nq") in text

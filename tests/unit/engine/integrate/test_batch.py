@@ -16,7 +16,7 @@ from lagcli.engine.contract import Block, Interrupted
 from lagcli.engine.core import binding
 from lagcli.engine.core.status import LaneStatus
 from lagcli.engine.integrate import compiled_engine
-from lagcli.engine.integrate.batch import SampleTape, prepare_lanes, run_lanes, suits_lanes
+from lagcli.engine.integrate.batch import SampleTape, prepare_batch, run_batch, suits_batch
 from lagcli.engine.program.program import assemble
 from lagcli.engine.state import State
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
@@ -51,7 +51,7 @@ class Runs:
         first = self.simulations[0]
         self.system = first.system
         request = first.request
-        self.request = dataclasses.replace(request, prepared=prepare_lanes(self.system, request))
+        self.request = dataclasses.replace(request, prepared=prepare_batch(self.system, request))
         values = [s.start.state.p for s in self.simulations]
         self.parameters = np.array(values).reshape(len(rows), -1)
         self.q = np.array([s.start.state.q for s in self.simulations])
@@ -74,7 +74,7 @@ class Runs:
                 assert row not in found
                 found[int(row)] = samples, run
 
-        run_lanes(self.system, request, self.parameters, self.q, self.v, take)
+        run_batch(self.system, request, self.parameters, self.q, self.v, take)
         assert sorted(found) == list(range(len(self.q)))
         return [found[row] for row in range(len(self.q))]
 
@@ -419,7 +419,7 @@ initial: {x: 0.6, z: -0.8, x': 0, z': 0}
 
 def test_redundant_constraints_run_one_by_one():
     runs = Runs(lagcli.load(MODELS[NAMES.index("parallelogram")]), t_end=0.1, samples=3)
-    assert not suits_lanes(runs.system, runs.request)
+    assert not suits_batch(runs.system, runs.request)
     [(samples, run)] = runs()
     np.testing.assert_array_equal(samples, runs.single(0)[0])
     assert run.status == "completed"
@@ -437,8 +437,8 @@ def test_redundant_constraints_run_one_by_one():
 )
 def test_what_has_no_lanes(changes):
     runs = slider_cranks(1)
-    assert suits_lanes(runs.system, runs.request)
-    assert not suits_lanes(runs.system, changed(runs.request, **changes))
+    assert suits_batch(runs.system, runs.request)
+    assert not suits_batch(runs.system, changed(runs.request, **changes))
 
 
 @pytest.mark.parametrize("leaving", [False, True])
@@ -447,7 +447,7 @@ def test_an_interrupt_is_heeded_at_once(leaving):
     system, request = simulation.system, simulation.request
     if not leaving:
         short = changed(request, t_end=1.0, times=np.array([1.0]))
-        request = dataclasses.replace(request, prepared=prepare_lanes(system, short))
+        request = dataclasses.replace(request, prepared=prepare_batch(system, short))
     calls = []
 
     def heed():
@@ -458,5 +458,5 @@ def test_an_interrupt_is_heeded_at_once(leaving):
     values = np.tile(request.state.p, (9, 1))
     q, v = np.tile(request.state.q, (9, 1)), np.tile(request.state.v, (9, 1))
     with pytest.raises(Interrupted):
-        run_lanes(system, request, values, q, v, lambda finished: None, heed)
+        run_batch(system, request, values, q, v, lambda finished: None, heed)
     assert np.diff(calls).max() < 0.5

@@ -1,4 +1,4 @@
-#include "linear.h"
+#include "linear/dense.h"
 
 #include <math.h>
 

@@ -1,14 +1,14 @@
-#include "dop853.h"
+#include "methods/dop853.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "control.h"
-#include "dop853_tableau.h"
-#include "method.h"
+#include "methods/control.h"
+#include "methods/dop853_tableau.h"
+#include "methods/method.h"
 #include "motion.h"
 #include "step.h"
-#include "vectors.h"
+#include "tape/vectors.h"
 #include "watch.h"
 
 
@@ -32,8 +32,10 @@ static void look_for_stiffness(lag_run *run, double h, const double *before)
     }
     /* over the tolerances: coordinates and velocities of different units count alike */
     const lag_vector_kernel *v = lag_vectors();
-    const double rise = v->scaled_square(moving, df, run->step.y, run->step.y_new, run->tolerances.atol, run->tolerances.rtol);
-    const double length = v->scaled_square(moving, dy, run->step.y, run->step.y_new, run->tolerances.atol, run->tolerances.rtol);
+    const double *y = run->step.y, *z = run->step.y_new;
+    const double *atol = run->tolerances.atol, rtol = run->tolerances.rtol;
+    const double rise = v->scaled_square(moving, df, y, z, atol, rtol);
+    const double length = v->scaled_square(moving, dy, y, z, atol, rtol);
     if (length > 0.0 && h * sqrt(rise / length) > STABLE) {
         run->stiffness.not_stiff = 0;
         ++run->stiffness.stiff;
@@ -65,7 +67,8 @@ static double error_by(lag_run *run, const double *weight)
     double *error = run->step.work;
     memset(error, 0, (size_t)n * sizeof(double));
     add_stages(run, error, run->step.stages, weight, DOP_STAGES + 1, 1.0, error);
-    return lag_vectors()->scaled_square(n, error, run->step.y, run->step.y_new, run->tolerances.atol, run->tolerances.rtol);
+    return lag_vectors()->scaled_square(n, error, run->step.y, run->step.y_new,
+                                        run->tolerances.atol, run->tolerances.rtol);
 }
 
 static int step(lag_run *run)

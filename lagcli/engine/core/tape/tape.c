@@ -1,6 +1,6 @@
-#include "tape.h"
+#include "tape/tape.h"
 
-#include "vectors.h"
+#include "tape/vectors.h"
 
 void lag_stream_run(const int32_t *stream, double *registers)
 {

@@ -119,7 +119,7 @@ static void batch_first_steps(lag_batch *s, int lanes)
             AT(change + m) -= READ(f + m);
     EACH_LANE (l)
         if (HAS(lanes, l))
-            s->h[l] = lag_first_size(&rule[l], change + l, h[l], s->rtol, lag_dop853.order);
+            s->h[l] = lag_chosen_step(&rule[l], change + l, h[l], s->rtol, lag_dop853.order);
     batch_evaluate(&s->moving.dynamics, s->system, s->t, s->y, LAG_ALL);
     batch_sizes_energy(s, lanes, s->y, s->h);
     batch_sizes_update(s, lanes);

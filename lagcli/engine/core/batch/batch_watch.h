@@ -6,7 +6,8 @@ static void batch_watch_stage(lag_batch *s)
 {
     const lag_system *system = s->system;
     const lag_batch_tape *d = &s->moving.dynamics;
-    const int first = lag_first_kept(system), rows = first + s->single->solver.cancellation_count - system->nc;
+    const int first = lag_first_cancellation(system);
+    const int rows = first + s->single->solver.cancellation_count - system->nc;
     batch_run(d->later[0], d->registers);
     EACH_PART (k) {
         vec least = all(1.0);
@@ -64,12 +65,12 @@ static lag_run *batch_single(const lag_batch *s, int l, const double *y)
     return run;
 }
 
-/* Measure the weakest pivot at the state of a lane from which its run begins. */
+/* Measure the least pivot at the state of a lane from which its run begins. */
 static void batch_watch_start(lag_batch *s, int l)
 {
     s->pivot[l] = s->largest_pivot[l] = s->cancellation_largest[l] = 0.0;
     lag_run *run = batch_single(s, l, s->y);
-    s->pivot[l] = s->largest_pivot[l] = lag_weakest(run, run->step.t, run->step.y);
+    s->pivot[l] = s->largest_pivot[l] = lag_least_pivot(run, run->step.t, run->step.y);
 }
 
 /* Whether the step of size h that a lane takes, to y_new and projected, goes over or towards a
@@ -89,7 +90,7 @@ static int batch_singular(lag_batch *s, int l, double h, int alarmed)
         run->step.y_old[i] = s->y[i * LAG_LANES + l];
         run->step.y_new[i] = s->y_new[i * LAG_LANES + l];
     }
-    if (lag_goes_over(run) || lag_approaches(run))
+    if (lag_stepped_over(run) || lag_approaches(run))
         return 1;
     s->pivot[l] = run->watch.pivot;
     s->largest_pivot[l] = run->watch.largest_pivot;

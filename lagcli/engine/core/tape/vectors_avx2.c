@@ -6,7 +6,7 @@
 #pragma GCC target("avx2")
 #endif
 #define NAME lag_vectors_avx2
-#include "vectors_kernel.h"
+#include "tape/vectors_kernel.h"
 #if defined(__clang__)
 #pragma clang attribute pop
 #endif

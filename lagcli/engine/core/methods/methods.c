@@ -1,4 +1,4 @@
-#include "method.h"
+#include "methods/method.h"
 
 #include <stddef.h>
 

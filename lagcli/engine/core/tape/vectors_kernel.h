@@ -1,8 +1,8 @@
 /* What is done on vectors, for one instruction set: its file defines NAME and includes this. */
 #define _GNU_SOURCE /* sincos */
-#include "vectors.h"
+#include "tape/vectors.h"
 
-#include "tape_run.h"
+#include "tape/tape_run.h"
 
 static void combine(int n, const double *base, int terms, const double *const *x,
                     const double *weight, double *y)

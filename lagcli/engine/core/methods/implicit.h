@@ -16,7 +16,7 @@
 #define LAGCLI_IMPLICIT_H
 
 #include "run.h"
-#include "sparse.h"
+#include "linear/sparse.h"
 
 /* A block of derivatives: places are row * nq + column, values begin at an output. */
 typedef struct {

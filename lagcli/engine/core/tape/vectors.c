@@ -1,4 +1,4 @@
-#include "vectors.h"
+#include "tape/vectors.h"
 
 const lag_vector_kernel *lag_vectors(void)
 {

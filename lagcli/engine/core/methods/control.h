@@ -81,7 +81,7 @@ static inline double lag_trial_step(lag_first_step_rule *s)
 }
 
 /* The first step, from the change of f in the trial step; h where that is undefined. */
-static inline double lag_first_size(const lag_first_step_rule *s, const double *change, double h,
+static inline double lag_chosen_step(const lag_first_step_rule *s, const double *change, double h,
                                     double rtol, double order)
 {
     const double second = lag_rate(s, change) / h;

@@ -1,4 +1,4 @@
-#include "ldl.h"
+#include "linear/ldl.h"
 
 #include <string.h>
 

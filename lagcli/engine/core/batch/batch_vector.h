@@ -4,7 +4,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#include "batch.h"
+#include "batch/batch.h"
 
 #define VEC (VEC_BYTES / 8)
 typedef double vec __attribute__((vector_size(VEC_BYTES)));

@@ -3,11 +3,11 @@
 #include <math.h>
 #include <string.h>
 
-#include "control.h"
-#include "implicit.h"
-#include "method.h"
+#include "methods/control.h"
+#include "methods/implicit.h"
+#include "methods/method.h"
 #include "motion.h"
-#include "radau5_tableau.h"
+#include "methods/radau5_tableau.h"
 #include "step.h"
 #include "watch.h"
 

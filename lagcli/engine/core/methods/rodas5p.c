@@ -2,11 +2,11 @@
 #include <math.h>
 #include <string.h>
 
-#include "control.h"
-#include "implicit.h"
-#include "method.h"
+#include "methods/control.h"
+#include "methods/implicit.h"
+#include "methods/method.h"
 #include "motion.h"
-#include "rodas5p_tableau.h"
+#include "methods/rodas5p_tableau.h"
 #include "step.h"
 #include "watch.h"
 

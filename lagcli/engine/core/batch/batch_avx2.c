@@ -8,7 +8,7 @@
 #endif
 #define VEC_BYTES 32
 #define NAME lag_batch_avx2
-#include "batch_kernel.h"
+#include "batch/batch_kernel.h"
 #if defined(__clang__)
 #pragma clang attribute pop
 #endif

@@ -1,3 +1,3 @@
 /* What is done on vectors, for any processor. */
 #define NAME lag_vectors_default
-#include "vectors_kernel.h"
+#include "tape/vectors_kernel.h"

@@ -3,7 +3,11 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "tape.h"
+#include "tape/tape.h"
+
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wpsabi" /* vectors are passed within this file alone */
+#endif
 
 #if defined(__GLIBC__)
 #define SINCOS(x, s, c) sincos(x, s, c)

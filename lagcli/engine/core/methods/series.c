@@ -1,10 +1,14 @@
-#include "series.h"
+#include "methods/series.h"
 
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
 
-#include "vectors.h"
+#include "tape/vectors.h"
+
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wpsabi" /* vectors are passed within this file alone */
+#endif
 
 /* Wider registers give the same numbers: the widest there are is chosen when the program is loaded. */
 #if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)

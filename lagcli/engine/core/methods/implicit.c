@@ -1,4 +1,4 @@
-#include "implicit.h"
+#include "methods/implicit.h"
 
 #include <math.h>
 #include <string.h>

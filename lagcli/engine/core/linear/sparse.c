@@ -1,4 +1,4 @@
-#include "sparse.h"
+#include "linear/sparse.h"
 
 #include <math.h>
 #include <string.h>

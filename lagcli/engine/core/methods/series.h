@@ -2,7 +2,7 @@
 #ifndef LAGCLI_SERIES_H
 #define LAGCLI_SERIES_H
 
-#include "tape.h"
+#include "tape/tape.h"
 
 /* A program bound to its file. Orders begin at `origin` and are `layer` numbers apart; the state's
  * series, t, q, v, W, have their offsets there. */

@@ -1,8 +1,8 @@
-#include "batch.h"
+#include "batch/batch.h"
 
 #include <string.h>
 
-#include "method.h"
+#include "methods/method.h"
 
 /* The functions for this processor, or, `portable`, those for any. */
 static const lag_batch_kernel *kernel_for(int portable)

@@ -2,12 +2,12 @@
 #include <math.h>
 #include <string.h>
 
-#include "method.h"
+#include "methods/method.h"
 #include "motion.h"
-#include "series.h"
+#include "methods/series.h"
 #include "sizes.h"
 #include "step.h"
-#include "vectors.h"
+#include "tape/vectors.h"
 #include "watch.h"
 
 #define SAFETY 0.9          /* of the step at which the last terms are at the tolerance */
@@ -100,11 +100,11 @@ static double turned(lag_run *run)
  * larger; LAG_UNDEFINED where y' is undefined; or LAG_INACCURATE and a smaller factor by which this
  * one must be shorter, where the series is off or B turns too far.
  */
-static int try_step(lag_run *run, double h, double kept_before, double *factor)
+static int try_step(lag_run *run, double h, double cancellation_before, double *factor)
 {
     static const double place[] = {0.5, 1.0, 0.2, 0.4, 0.6, 0.8};
     const int n = lag_size(&run->system);
-    double kept_at_end = 0.0;
+    double cancellation_at_end = 0.0;
     lag_watch_step(run);
     *factor = 0.5;
     for (int i = run->watch.mode ? 0 : 1; i < 6; ++i) {
@@ -123,13 +123,15 @@ static int try_step(lag_run *run, double h, double kept_before, double *factor)
         *factor = turn > 0.0 ? 0.9 * TURN / turn : LARGEST;
         if (turn > TURN)
             return LAG_INACCURATE;
-        const double least = fmin(run->watch.cancellation.least, kept_before), most = fmax(run->watch.cancellation.most, kept_before);
-        kept_at_end = run->watch.cancellation.last;
+        const lag_cancellation *c = &run->watch.cancellation;
+        const double least = fmin(c->least, cancellation_before);
+        const double most = fmax(c->most, cancellation_before);
+        cancellation_at_end = run->watch.cancellation.last;
         if (least > EVEN * most && least > FAR * run->watch.cancellation.largest)
             break;
     }
     *factor = run->watch.mode ? fmin(*factor, LARGEST) : LARGEST;
-    run->watch.cancellation.last = kept_at_end;
+    run->watch.cancellation.last = cancellation_at_end;
     return LAG_RUNNING;
 }
 
@@ -137,13 +139,13 @@ static int try_step(lag_run *run, double h, double kept_before, double *factor)
 static int step(lag_run *run)
 {
     const lag_system *s = &run->system;
-    const double kept_before = run->watch.cancellation.last;
+    const double cancellation_before = run->watch.cancellation.last;
     ++run->step.evaluations;
     if (lag_solving_by(run) != LAG_BY_TAPE || run->series.order == 0
         || lag_series_expand(&run->series, s->nq, run->step.t, run->step.y))
         return explicit_step(run);
     run->stepped = &lag_taylor;
-    if (run->watch.mode && kept_before == 0.0) {
+    if (run->watch.mode && cancellation_before == 0.0) {
         lag_evaluate(&s->dynamics, s, run->step.t, run->step.y, LAG_ALL);
         note_jacobian(run, 0);
     }
@@ -154,7 +156,7 @@ static int step(lag_run *run)
         const double h = lag_step_size(run);
         if (h == 0.0) /* whether the equations end there, a small step shows */
             return undefined ? LAG_UNDEFINED : explicit_step(run);
-        const int status = try_step(run, h, kept_before, &factor);
+        const int status = try_step(run, h, cancellation_before, &factor);
         if (status == LAG_RUNNING) {
             memcpy(run->watch.jacobian, run->watch.jacobian + s->nb, (size_t)s->nb * sizeof(double));
             lag_accept(run, h, factor);

@@ -1,0 +1,31 @@
+/* All of the lanes for one instruction set: its file defines VEC_BYTES and NAME, and includes this. */
+#include "methods/control.h"
+#include "methods/dop853.h"
+#include "methods/dop853_tableau.h"
+#include "batch/batch_vector.h"
+#include "methods/method.h"
+#include "motion.h"
+#include "project.h"
+#include "sizes.h"
+#include "watch.h"
+
+/* each needs those before it */
+#include "batch/batch_sincos.h"
+
+#include "batch/batch_tape.h"
+
+#include "batch/batch_solve.h"
+
+#include "batch/batch_project.h"
+
+#include "batch/batch_watch.h"
+
+#include "batch/batch_dop853.h"
+
+#include "batch/batch_sample.h"
+
+#include "batch/batch_sizes.h"
+
+#include "batch/batch_advance.h"
+
+const lag_batch_kernel NAME = {batch_advance, batch_table, batch_sincos};

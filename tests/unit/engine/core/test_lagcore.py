@@ -1,0 +1,253 @@
+"""The core as a library of its own: a C program on it, its symbols, and its headers."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from lowered import lowered
+
+import lagcli
+from lagcli.engine.contract import Block, IntegrationRequest
+from lagcli.engine.core.headers import headers
+from lagcli.engine.program.program import Program
+from lagcli.engine.state import State
+from lagcli.engine.system import System
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import SettingsOverrides
+
+binding = pytest.importorskip("lagcli.engine.core.binding")
+compiled_engine = pytest.importorskip("lagcli.engine.integrate.compiled_engine")
+
+ROOT = Path(__file__).parents[4]
+CORE = ROOT / "lagcli" / "engine" / "core"
+SOURCES = sorted(f for f in CORE.rglob("*.c") if f.name != "binding.c")
+COMPILER = os.environ.get("CC", "cc").split()
+STRICT = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+
+needs_compiler = pytest.mark.skipif(
+    shutil.which(COMPILER[0]) is None, reason=f"no C compiler: {COMPILER[0]}"
+)
+
+#: What the core may need from outside: functions of libm, memcpy and memset, and what GCC finds the
+#: processor's instruction set with.
+ALLOWED = {
+    *(
+        "acos",
+        "acosh",
+        "asin",
+        "asinh",
+        "atan",
+        "atan2",
+        "atanh",
+        "ceil",
+        "copysign",
+        "cos",
+        "cosh",
+    ),
+    *(
+        "erf",
+        "erfc",
+        "exp",
+        "fegetround",
+        "fesetround",
+        "floor",
+        "fmax",
+        "fmin",
+        "log",
+        "pow",
+        "sin",
+    ),
+    *("sincos", "sinh", "sqrt", "tan", "tanh", "memcpy", "memset"),
+    *("__cpu_indicator_init", "__cpu_model"),
+}
+
+
+@pytest.fixture(scope="module")
+def headers_written() -> None:
+    """Headers that are generated are there after every build; without one they are written."""
+    for name, text in headers().items():
+        if not (CORE / name).exists():
+            (CORE / name).write_text(text, encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def objects(tmp_path_factory: pytest.TempPathFactory, headers_written: None) -> list[Path]:
+    """The objects of the core, compiled without Python's headers."""
+    folder = tmp_path_factory.mktemp("objects")
+    found = []
+    for source in SOURCES:
+        found.append(folder / ("_".join(source.relative_to(CORE).parts) + ".o"))
+        # tables of pointers are constant data only in code that is not moved
+        flags = [*STRICT, "-O0", "-fno-pic", "-fno-pie", "-fno-stack-protector", f"-I{CORE}"]
+        subprocess.run([*COMPILER, *flags, "-c", source, "-o", found[-1]], check=True)
+    return found
+
+
+class Emitter:
+    """Writes a System's programs and settings as C."""
+
+    def __init__(self) -> None:
+        self.text = ""
+
+    def integers(self, name: str, values: Iterable[int]) -> str:
+        return self.array("int32_t", name, [str(int(x)) for x in values])
+
+    def doubles(self, name: str, values: Iterable[float]) -> str:
+        return self.array("double", name, [float(x).hex() for x in values])
+
+    def array(self, kind: str, name: str, texts: list[str]) -> str:
+        self.text += f"static const {kind} {name}_[] = {{{', '.join(texts or ['0'])}}};\n"
+        return f"{name}_"
+
+    def stream(self, name: str, code: np.ndarray) -> str:
+        return f"{{{self.integers(name, code)}, {len(code)}}}"
+
+    def program(self, name: str, program: Program) -> str:
+        later = [self.stream(f"{name}_later_{i}", code) for i, code in enumerate(program.later)]
+        alone = [self.stream(f"{name}_alone_{i}", code) for i, code in enumerate(program.alone)]
+        fields = {
+            "prelude": self.stream(f"{name}_prelude", program.prelude),
+            "main": self.stream(f"{name}_main", program.main),
+            **({"later": f"{{{', '.join(later)}}}"} if later else {}),
+            **({"alone": f"{{{', '.join(alone)}}}"} if alone else {}),
+            "inputs": program.inputs,
+            "registers": self.doubles(f"{name}_registers", program.registers),
+            "register_count": len(program.registers),
+            "outputs": self.integers(f"{name}_outputs", program.outputs),
+            "output_count": len(program.outputs),
+        }
+        return self.structure(fields)
+
+    def structure(self, fields: dict[str, object]) -> str:
+        return "{" + ", ".join(f".{name} = {value}" for name, value in fields.items()) + "}"
+
+    def equations(self, system: System, constraint: Program) -> str:
+        mass, jacobian = system.mass_pattern, system.jacobian_pattern
+        first = {j: group[0] for group in system.alike for j in group}
+        count = len(system.coordinates)
+        return self.structure(
+            {
+                "nq": count,
+                "nc": len(system.constraints),
+                "nh": len(system.holonomic),
+                "np": len(system.parameters),
+                "holonomic": self.integers("holonomic", system.holonomic),
+                "nm": len(mass),
+                "nb": len(jacobian),
+                "mass_row": self.integers("mass_row", [i for i, _ in mass]),
+                "mass_column": self.integers("mass_column", [j for _, j in mass]),
+                "jacobian_row": self.integers("jacobian_row", [i for i, _ in jacobian]),
+                "jacobian_column": self.integers("jacobian_column", [j for _, j in jacobian]),
+                "unit": self.integers("unit", [first.get(j, j) for j in range(count)]),
+                "constraint": self.program("constraint", constraint),
+            }
+        )
+
+    def settings(self, arguments: tuple[Any, ...]) -> str:
+        """Write what the binding's Integrator is given."""
+        names = ("state", "t_end", "times", "sizes", "lengths", "plain_lengths", "rank")
+        names += ("rtol", "atol", "kind", "h_max", "projecting", "watching", "alpha", "beta")
+        names += ("baumgarte", "detecting", "refinable")
+        given = dict(zip(names, arguments, strict=True))
+        state = given.pop("state")
+        given |= {"t_start": state.t, "y": state.y, "parameters": state.p}
+        given["times_count"] = len(given["times"])
+        for name in ("y", "times", "sizes", "lengths", "plain_lengths", "atol", "parameters"):
+            given[name] = self.doubles(name, given[name])
+        given["kind"] = self.integers("kind", given["kind"])
+        for name in ("t_start", "t_end", "rtol", "alpha", "beta"):
+            given[name] = float(given[name]).hex()
+        assert given["h_max"] == math.inf
+        given["h_max"] = "INFINITY"
+        return self.structure(
+            {k: int(x) if x is True or x is False else x for k, x in given.items()}
+        )
+
+
+@needs_compiler
+def test_a_c_program_integrates_as_the_binding_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, objects: list[Path]
+) -> None:
+    """The pendulum of the developer guide's program, bit by bit and against its energy."""
+    system, p = lowered(lagcli.load(ROOT / "models" / "pendulum_cartesian.yaml"))
+    request = IntegrationRequest(
+        state=State(0.0, np.array([0.0, -1.0]), np.array([1.5, 0.0]), p),
+        rank=1,
+        settings=resolve(SettingsOverrides(t_end=5.0, rtol=1e-10, method="DOP853")),
+        times=np.linspace(0.0, 5.0, 51),
+        atol=1e-12,
+    )
+    made: list[tuple[Any, ...]] = []
+    original = binding.Integrator
+
+    def recorded(*arguments: Any) -> Any:
+        made.append(arguments)
+        return original(*arguments)
+
+    monkeypatch.setattr(binding, "Integrator", recorded)
+    blocks: list[Block] = []
+    integration = compiled_engine.Integration(system, request, blocks.append, None)
+    assert integration.run().status == "completed"
+    [block] = blocks
+    parts = [block.time, block.q, block.v, block.a, block.multipliers, block.work]
+    expected = np.column_stack(parts)
+
+    emitter = Emitter()
+    constants = {
+        "lag_equations equations": emitter.equations(system, made[0][1]),
+        "lag_program dynamics": emitter.program("dynamics", integration.in_use.dynamics),
+        "lag_settings settings": emitter.settings(made[0][2:-1]),
+    }
+    text = "#include <math.h>\n\n" + emitter.text
+    text += "".join(f"static {name} = {value};\n" for name, value in constants.items())
+    text += f"enum {{ SAMPLES = {len(expected)}, WIDTH = {expected.shape[1]} }};\n"
+    (tmp_path / "pendulum.h").write_text(text, encoding="utf-8")
+    program = tmp_path / "pendulum"
+    own = Path(__file__).with_name("pendulum.c")
+    flags = [*STRICT, "-no-pie", f"-I{CORE}", f"-I{tmp_path}"]
+    subprocess.run([*COMPILER, *flags, own, *objects, "-lm", "-o", program], check=True)
+    printed = subprocess.run([program], check=True, capture_output=True, text=True).stdout
+    found = np.array([[float.fromhex(x) for x in row.split()] for row in printed.splitlines()])
+    np.testing.assert_array_equal(found, expected)
+
+    y, v = found[:, 2], found[:, 3:5]
+    length = np.hypot(found[:, 1], y)
+    np.testing.assert_allclose(length, 1.0, rtol=1e-14)
+    energy = 0.5 * (v**2).sum(axis=1) + 9.81 * y
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
+
+
+@needs_compiler
+def test_the_core_needs_nothing_but_libm_and_two_functions_of_memory(objects: list[Path]) -> None:
+    if shutil.which("nm") is None:
+        pytest.skip("no nm")
+    listed = subprocess.run(["nm", *objects], check=True, capture_output=True, text=True).stdout
+    symbols = re.findall(r"^[0-9a-f ]+ ([A-Za-z]) (\w+)$", listed, re.M)
+    own = {name for kind, name in symbols if kind in "TR"}
+    assert {name for kind, name in symbols if kind == "U"} - own <= ALLOWED
+    assert [name for kind, name in symbols if kind in "DdBbC"] == [], "variables"
+
+
+def test_no_header_of_the_core_needs_itself() -> None:
+    """Headers include each other in no circle."""
+    included = {
+        str(f.relative_to(CORE)): re.findall(r'#include "(.*)"', f.read_text(encoding="utf-8"))
+        for f in CORE.rglob("*.h")
+    }
+
+    def below(header: str, path: tuple[str, ...]) -> None:
+        assert header not in path, " → ".join((*path, header))
+        for other in included.get(header, ()):
+            below(other, (*path, header))
+
+    for header in included:
+        below(header, ())
