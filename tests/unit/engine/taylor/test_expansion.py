@@ -7,12 +7,12 @@ from collections.abc import Callable
 import mpmath
 import numpy as np
 import pytest
+from series_values import coefficients
 
 from lagcli.engine.tape.arithmetic import Arithmetic
-from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.taylor.expansion import NotAnalytic, SeriesExpansion
-from lagcli.engine.taylor.series_nodes import BEFORE, NUMBER, ZERO, SeriesOp
+from lagcli.engine.taylor.series_nodes import ZERO
 
 ORDER = 6
 #: x(t) and y(t), which are given, and a number.
@@ -27,44 +27,8 @@ def series(build: Callable[[Arithmetic], int]) -> np.ndarray:
     register = build(builder)
     expansion = SeriesExpansion(builder, (0, 1))
     expansion.expand([register])
-    result = expansion.result(register)
-    nodes = expansion.wanted([result])
-    numbers = {y - NUMBER for _, _, operands in nodes for y in operands if y < 0}
-    names = [to for _, (to,), _ in nodes]
-    begins = {x: expansion.begin(x) for x in names}
-    wanted = [*numbers, *begins.values(), register]
-    tape = builder.finish(wanted)
-    values = dict(zip(wanted, ScalarTape(tape)((X[0], Y[0], S)), strict=True))
-    found: dict[int, list[float]] = {0: list(X), 1: list(Y), ZERO: [0.0] * (ORDER + 1)}
-    found |= {x: [values[begin]] for x, begin in begins.items()}
-    for k in range(1, ORDER + 1):
-        for op, (to,), operands in nodes:
-            found[to].append(coefficient(SeriesOp(op), k, operands, found, values))
-    # what is added to a series changes its first coefficient alone
-    return np.array([values[register], *found[result][1:]])
-
-
-def coefficient(
-    op: SeriesOp,
-    k: int,
-    operands: tuple[int, ...],
-    found: dict[int, list[float]],
-    values: dict[int, float],
-) -> float:
-    """Return coefficient k by the definition of the operation."""
-    o = [values[x - NUMBER] if x < 0 else found[x - BEFORE if x >= BEFORE else x] for x in operands]
-    if op is SeriesOp.SUM:
-        return o[0] * o[1][k] + o[2] * o[3][k]
-    if op is SeriesOp.SCALE:
-        return o[0] * o[1][k]
-    if op is SeriesOp.RATE:
-        return k * o[0][k]
-    if op is SeriesOp.MUL:
-        return sum(o[0][i] * o[1][k - i] for i in range(k + 1))
-    if op is SeriesOp.INVERSE:  # a c = 1
-        return -sum(o[0][i] * o[1][k - i] for i in range(1, k + 1)) / o[0][0]
-    assert op is SeriesOp.CHAIN, op  # t c′ = s g (t a′)
-    return o[0] * sum(o[1][i] * o[2][k - i] for i in range(1, k + 1)) / k
+    (found,) = coefficients(expansion, [register], {0: X, 1: Y}, (X[0], Y[0], S))
+    return found
 
 
 def expected(function: Callable[..., mpmath.mpf]) -> np.ndarray:
