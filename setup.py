@@ -1,5 +1,6 @@
 """Builds the compiled engine's core; without a C compiler, lagcli runs on its reference engine."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -42,6 +43,7 @@ core = Extension(
 extensions = cythonize([core], language_level=3)
 for extension in extensions:
     # set here because cythonize does not hand it on
-    extension.optional = True
+    # where the compiled engine must be there, a failed build is an error
+    extension.optional = "LAGCLI_REQUIRE_CORE" not in os.environ
 
 setup(ext_modules=extensions)
