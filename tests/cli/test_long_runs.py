@@ -170,7 +170,7 @@ def test_a_signal_to_a_run_without_a_file() -> None:
 
 TWICE = """
 import os, signal
-from lagcli.results.hdf5 import trajectories as hdf5
+from lagcli.results.hdf5 import trajectories
 
 describe = trajectories.Hdf5Writer._describe
 

@@ -7,6 +7,7 @@ from lowered import Lowered, lowered
 
 import lagcli
 from lagcli.engine.layout import ConstraintLayout, DynamicsLayout
+from lagcli.engine.lowering import lower
 from lagcli.engine.tape.interpreter import ScalarTape
 
 
@@ -14,6 +15,13 @@ def model(text: str) -> Lowered:
     return lowered(lagcli.load_text(text))
 
 
+PENDULUM = """
+coordinates: [x, y]
+T: (x'^2 + y'^2)/2
+V: 9.81*y
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: 1, y: 0, x': 0, y': 0}
+"""
 TWO = model("""
 coordinates: [x, y, z]
 parameters: {m: 2.0, k: 5.0}
@@ -26,6 +34,16 @@ constraints:
 initial: {x: {guess: 1}, y: {guess: 0}, z: 0, x': {guess: 0}, y': {guess: 0}, z': 0}
 outputs: {pull: 2*lambda.bar, push: x''}
 """)
+
+
+def test_a_model_is_lowered_alike_each_time() -> None:
+    equations = lagcli.derive(lagcli.load_text(PENDULUM))
+    one, other = lower(equations), lower(equations)
+    assert (one.dynamics, one.constraint, one.report) == (
+        other.dynamics,
+        other.constraint,
+        other.report,
+    )
 
 
 def test_names_and_patterns_are_those_of_the_model() -> None:

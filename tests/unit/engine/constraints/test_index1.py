@@ -90,6 +90,15 @@ def test_contradictions_are_found_where_constraints_hold() -> None:
     assert apart.contradicting(0.0, *start) in (0, 1)
 
 
+@pytest.mark.parametrize(("defect", "found"), [(1e-7, False), (1e-4, True)])
+def test_contradictions_are_judged_by_the_accelerations(defect: float, found: bool) -> None:
+    """Gravity's is 9.81: defects up to 1e-6 of it may be rounding in what is differentiated."""
+    start = np.array([0.0, 0.0]), np.array([1.0, 0.0])
+    both = of(f'{{one: "x = sin(t)", two: "x = sin(t) + {defect}*t^2"}}', 1)
+    both.measure(0.0, *start)
+    assert (both.contradicting(0.0, *start) is not None) is found
+
+
 def test_lengths_are_the_largest_so_far() -> None:
     system = motion()
     for size in (1.0, 3.0, 0.1):

@@ -16,6 +16,7 @@ from scipy.integrate import quad
 
 import lagcli
 from lagcli.engine.contract import Interrupted
+from lagcli.engine.integrate.engines import engine_named
 from lagcli.model.model import Model
 from lagcli.settings import resolve as resolving
 from lagcli.settings.methods import METHOD_NAMES, methods_of
@@ -69,6 +70,10 @@ def failed(model: Model, **options: Any) -> Trajectory:
     trajectory = lagcli.simulate(model, **options)
     assert trajectory.status == "failed"
     return trajectory
+
+
+def test_engines_are_found_by_their_names(engine: str) -> None:
+    assert engine_named(engine).__module__ == f"lagcli.engine.integrate.{engine}_engine"
 
 
 # methods and formulations

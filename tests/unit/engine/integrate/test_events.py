@@ -19,6 +19,7 @@ import lagcli
 from lagcli.cli.app import run as main
 from lagcli.engine.contract import Block, Event, IntegrationRequest, Outcome, Reaction
 from lagcli.engine.integrate import compiled_engine, scipy_engine
+from lagcli.engine.integrate.events import EventCrossing, EventSearch
 from lagcli.engine.state import State
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
@@ -271,3 +272,69 @@ def test_a_stop_is_told_to_the_user(
     assert "The run was stopped by an event." in report.read_text(encoding="utf-8")
     assert main(["animate", str(tmp_path / "run.h5"), "-o", str(animation), "-q"]) == 0
     assert "the run was stopped by an event at t = 0.45" in capsys.readouterr().err
+
+
+# the reference engine's search, along a path that is given
+
+
+def path(t: float) -> np.ndarray:
+    """Return x, y, u, v and W: x falls through zero at 0.3 and rises at 0.7."""
+    return np.array([10 * (t - 0.3) * (t - 0.7), 0.0, 0.0, 0.0, 0.0])
+
+
+def search(*outputs: int) -> EventSearch:
+    """Return a search, begun at 0, for sign changes of inputs t x y u v."""
+    tape = Tape(5, (), (), outputs)
+    found = EventSearch(replace(BALL.system, events=tape), ())
+    found.start(0.0, path(0.0))
+    return found
+
+
+def test_sign_changes_come_one_after_the_other() -> None:
+    events = search(1)
+    falling, rising = events.first(path, 0.0, 1.0, 1.0), events.first(path, 0.0, 1.0, 1.0)
+    assert (falling, rising) == (
+        EventCrossing(0, -1, pytest.approx(0.3, rel=1e-13)),
+        EventCrossing(0, 1, pytest.approx(0.7, rel=1e-13)),
+    )
+    assert events.first(path, 0.0, 1.0, 1.0) is None
+    # the time returned has the new sign already
+    assert path(falling.time)[0] <= 0.0 <= path(rising.time)[0]
+
+
+def test_a_step_is_searched_up_to_where_it_is_valid() -> None:
+    events = search(1)
+    assert events.first(path, 0.0, 1.0, 0.25) is None
+    assert events.first(path, 0.0, 1.0, 0.5) is not None
+    assert events.first(path, 0.0, 1.0, 0.5) is None
+
+
+def test_the_first_of_several_functions_is_returned_first() -> None:
+    # both within one part of the step
+    events = search(2, 1)
+
+    def close(t: float) -> np.ndarray:
+        return np.array([t - 0.51, 0.52 - t, 0.0, 0.0, 0.0])
+
+    events.start(0.5, close(0.5))
+    found = [events.first(close, 0.5, 1.0, 1.0) for _ in range(3)]
+    assert [crossing and crossing.number for crossing in found] == [1, 0, None]
+
+
+def test_what_has_just_happened_does_not_happen_again() -> None:
+    events = search(1)
+    crossing = events.first(path, 0.0, 1.0, 1.0)
+    assert crossing is not None
+
+    def bounced(t: float) -> np.ndarray:
+        return np.array([1e-17 + (t - crossing.time), 0.0, 0.0, 0.0, 0.0])
+
+    # it lies on the old side by rounding, and leaves to the new one
+    events.start(crossing.time, -bounced(crossing.time))
+    assert events.first(bounced, crossing.time, 0.5, 0.5) is None
+
+
+def test_without_functions_nothing_happens() -> None:
+    events = EventSearch(replace(BALL.system, events=None), ())
+    events.start(0.0, path(0.0))
+    assert events.first(path, 0.0, 1.0, 1.0) is None

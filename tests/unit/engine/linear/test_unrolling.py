@@ -56,7 +56,7 @@ def test_accelerations_multipliers_and_the_power_of_all_forces() -> None:
 
 def test_what_is_asked_for_apart() -> None:
     layout, found, other = outputs()
-    *kept, first, second = found[layout.kept][: -len(RHS) - len(V)]
+    *kept, first, second = found[layout.cancellation][: -len(RHS) - len(V)]
     assert (first, second) == (5.0, 2.0)  # squares of the lengths of B's rows
     assert kept
     assert all(0 < x <= 2 for x in kept)  # 2 where nothing is taken off; 0 where nothing is left
@@ -71,7 +71,7 @@ def test_pivots_that_cancel_keep_little() -> None:
     system, p = hand_written(mass, np.empty((0, 2)), np.zeros(2))
     tape = unroll(system, order_at(system, [p]))
     found = ScalarTape(tape)((*[0.0] * 5, *p, 0.0, 0.0))
-    (kept,) = found[UnrolledLayout(system.counts).kept][:-4]
+    (kept,) = found[UnrolledLayout(system.counts).cancellation][:-4]
     assert kept == pytest.approx(2e-6 / (1 + 1e-6), rel=1e-9)
 
 

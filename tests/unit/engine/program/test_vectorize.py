@@ -12,6 +12,7 @@ import symengine as se
 from lagcli.engine.program.nodes import VECTOR
 from lagcli.engine.program.program import assemble
 from lagcli.engine.program.subprograms import unpacked
+from lagcli.engine.program.vectorize import Packing
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.operations import PLACES, Op
@@ -182,3 +183,23 @@ def test_what_is_asked_for_apart_goes_on_from_what_is_alone() -> None:
     np.testing.assert_array_equal(found[list(later)], expected[list(later)])
     program = assemble(tape, families)
     assert sum(operations(program.alone[0])) <= 3 * BODIES < sum(operations(program.main))
+
+
+def test_operations_on_places_in_progression_are_one() -> None:
+    count = 64
+    place = {i: i for i in range(2 * count)}
+    packing = Packing(place, 2 * count)
+    results = {1000 + i for i in range(count)}
+    # x_i + y_(63 − i), in any order
+    nodes = [(Op.ADD, (1000 + i,), (i, 2 * count - 1 - i)) for i in range(count)]
+    random.Random(1).shuffle(nodes)
+    (stream,) = packing.streams([nodes], [results])
+    assert stream.tolist()[:2] == [VECTOR + Op.ADD, count]
+    assert packing.packed == count
+    at = [packing.place[1000 + i] for i in range(count)]
+    first = stream.tolist()[2]
+    assert sorted(at) == [*range(first, first + count)]
+    assert first >= 2 * count
+    # one by one they are the same operations, with the places that were given
+    numbers = np.array(unpacked(stream).tolist()[2:-2]).reshape(count, 3).tolist()
+    assert sorted(numbers) == sorted([at[i], i, 2 * count - 1 - i] for i in range(count))

@@ -207,7 +207,7 @@ def test_limits_end_a_row_and_keep_what_was_reached() -> None:
         ("at(phi)", "at(EXPRESSION, TIME)"),
         ("max(residual_position.rod)", "its constraints are guide"),
         ("max(lambda.rod)", "rod"),
-        ("max(phi", "never closed"),
+        ("max(phi", "`(` is not closed"),
         ("", "missing"),
         ("mean(1/0)", "division by zero"),
         ("max([phi, psi])", "not a vector"),
