@@ -1,4 +1,4 @@
-"""The engine's contract: what an engine is asked for, hands over on the way, and returns."""
+"""The engine's contract: requests, blocks of samples, and outcomes."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class IntegrationRequest:
     kinds : tuple of int, optional
         By coordinate, a number that those of the same unit share, from 0 on; all alike without.
     block_rows : int
-        The most samples to hand over at once.
+        The largest number of samples in a block.
     elimination : Elimination, optional
         The order of elimination that is found at this state, where that was done already.
     prepared : Prepared, optional

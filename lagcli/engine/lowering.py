@@ -76,7 +76,7 @@ def lower(equations: Equations) -> System:
         ),
         outputs=tuple(eq.outputs),
         variation=partial(lower_jacobians, eq),
-        alike=_alike([x for x in positions if x is not None], eq.q),
+        same_unit=_same_unit([x for x in positions if x is not None], eq.q),
     )
 
 
@@ -121,8 +121,10 @@ def lower_jacobians(equations: Equations) -> JacobianTapes:
     )
 
 
-def _alike(expressions: Sequence[se.Basic], q: Sequence[se.Basic]) -> tuple[tuple[int, ...], ...]:
-    """Return coordinates with the same unit: those that a sum has alike, c x² + c y² + ...
+def _same_unit(
+    expressions: Sequence[se.Basic], q: Sequence[se.Basic]
+) -> tuple[tuple[int, ...], ...]:
+    """Return coordinates that certainly have the same unit: those of a sum c x² + c y² + ...
 
     Without units in the model this is all that is certain, and enough for quaternions.
     """

@@ -79,7 +79,7 @@ class System:
         (t, q, v, parameters) → functions whose sign changes are events.
     variation : callable, optional
         Returns the derivatives that stiff methods need; called when one is going to run.
-    alike : tuple of tuples of int
+    same_unit : tuple of tuples of int
         Coordinates that certainly have the same unit, such as those of a quaternion.
     """
 
@@ -95,7 +95,7 @@ class System:
     outputs: tuple[str, ...] = ()
     events: Tape | None = None
     variation: Callable[[], JacobianTapes] | None = None
-    alike: tuple[tuple[int, ...], ...] = ()
+    same_unit: tuple[tuple[int, ...], ...] = ()
 
     @cached_property
     def counts(self) -> Counts:
@@ -120,9 +120,9 @@ class System:
         itself.
         """
         inertia = mass_diagonal
-        if self.alike:
+        if self.same_unit:
             inertia = mass_diagonal.copy()
-            for group in map(list, self.alike):
+            for group in map(list, self.same_unit):
                 inertia[..., group] = mass_diagonal[..., group].max(axis=-1)[..., None]
         return inertia
 

@@ -27,4 +27,4 @@ def with_rates(system: System) -> Tape:
         *places[layout.velocity_scale],
         *places[extended.velocity],
     )
-    return builder.finish([*outputs, *rates], alone=(positions, velocities))
+    return builder.finish([*outputs, *rates], output_subsets=(positions, velocities))

@@ -10,8 +10,8 @@ def _scalar(program):
     return program._replace(
         prelude=unpacked(program.prelude),
         main=unpacked(program.main),
-        later=tuple(map(unpacked, program.later)),
-        alone=tuple(map(unpacked, program.alone)),
+        deferred=tuple(map(unpacked, program.deferred)),
+        output_subsets=tuple(map(unpacked, program.output_subsets)),
     )
 
 

@@ -67,7 +67,7 @@ def radau5_coefficients():
     return *map(np.array, lists), eigenvalues, np.array(list(radau_error))
 
 
-def run_tape(tape, inputs, families=(), alone=-1):
+def run_tape(tape, inputs, families=(), output_subset=-1):
     """Run a tape once, with all that is asked for apart, as the engine does.
 
     Parameters
@@ -76,8 +76,8 @@ def run_tape(tape, inputs, families=(), alone=-1):
     inputs : sequence of float
     families : sequence of str or None
         Labels of the inputs.
-    alone : int
-        Which of the sets that are asked for alone to yield, if any; other outputs have no meaning
+    output_subset : int
+        Which of the subsets of outputs to evaluate, if any; other outputs have no meaning
         then.
 
     Returns
@@ -89,10 +89,10 @@ def run_tape(tape, inputs, families=(), alone=-1):
     registers[: tape.inputs] = inputs
     cdef double[::1] r = registers
     cdef int32_t[::1] prelude = program.prelude
-    cdef int32_t[::1] main = program.main if alone < 0 else program.alone[alone]
+    cdef int32_t[::1] main = program.main if output_subset < 0 else program.output_subsets[output_subset]
     lag_stream_run(&prelude[0], &r[0])
     lag_stream_run(&main[0], &r[0])
-    for stream in program.later:
+    for stream in program.deferred:
         main = stream
         lag_stream_run(&main[0], &r[0])
     return registers[program.outputs]
@@ -175,13 +175,13 @@ cdef class _Arguments:
         cdef int i
         p.prelude, p.main = self.stream(program.prelude), self.stream(program.main)
         for i in range(3):
-            p.later[i] = lag_stream(NULL, 0)
+            p.deferred[i] = lag_stream(NULL, 0)
         for i in range(2):
-            p.alone[i] = lag_stream(NULL, 0)
-        for i, code in enumerate(program.later):
-            p.later[i] = self.stream(code)
-        for i, code in enumerate(program.alone):
-            p.alone[i] = self.stream(code)
+            p.output_subsets[i] = lag_stream(NULL, 0)
+        for i, code in enumerate(program.deferred):
+            p.deferred[i] = self.stream(code)
+        for i, code in enumerate(program.output_subsets):
+            p.output_subsets[i] = self.stream(code)
         p.inputs = program.inputs
         p.registers, p.register_count = self.doubles(program.registers), len(program.registers)
         p.outputs, p.output_count = self.integers(program.outputs), len(program.outputs)
@@ -197,7 +197,7 @@ cdef class _Arguments:
         e.mass_column = self.integers([j for _, j in system.mass_pattern])
         e.jacobian_row = self.integers([i for i, _ in system.jacobian_pattern])
         e.jacobian_column = self.integers([j for _, j in system.jacobian_pattern])
-        first = {j: group[0] for group in system.alike for j in group}
+        first = {j: group[0] for group in system.same_unit for j in group}
         e.unit = self.integers([first.get(j, j) for j in range(e.nq)])
         e.constraint = self.program(constraint)
         return e
@@ -336,7 +336,7 @@ cdef class Integrator:
         s.values = arguments.program(assemble(program.values))
         s.stream = arguments.stream(program.stream)
         s.convolutions, s.order = program.convolutions, program.order
-        s.steady, s.numbers = program.steady, program.numbers
+        s.invariant, s.numbers = program.invariant, program.numbers
         s.begins, s.begun = arguments.integers(program.begins), len(program.begins)
         s.origin, s.layer = program.origin, program.layer
         s.state, s.size = arguments.integers(program.state), program.size

@@ -32,8 +32,8 @@ typedef struct {
 /* A function in operations on a file of registers: engine/program/program.py. */
 typedef struct {
     lag_stream prelude, main;
-    lag_stream later[3];               /* for outputs that are evaluated on request */
-    lag_stream alone[2];               /* for subsets of the outputs; empty where there are none */
+    lag_stream deferred[3];               /* for outputs that are evaluated on request */
+    lag_stream output_subsets[2];               /* for subsets of the outputs; empty where there are none */
     int inputs;                        /* the first registers; the last of them hold the parameters */
     const double *registers;           /* their values before the prelude */
     long register_count;
@@ -99,7 +99,7 @@ typedef struct {
     lag_program values;
     lag_stream stream;
     int convolutions, order;
-    int steady, numbers;
+    int invariant, numbers;
     const int32_t *begins;             /* begun */
     int begun;
     int origin, layer;

@@ -15,8 +15,8 @@ cdef extern from "lagcore.h" nogil:
 
     ctypedef struct lag_program:
         lag_stream prelude, main
-        lag_stream later[3]
-        lag_stream alone[2]
+        lag_stream deferred[3]
+        lag_stream output_subsets[2]
         int inputs
         const double *registers
         long register_count
@@ -68,7 +68,7 @@ cdef extern from "lagcore.h" nogil:
     ctypedef struct lag_series_program:
         lag_program values
         lag_stream stream
-        int convolutions, order, steady, numbers
+        int convolutions, order, invariant, numbers
         const int32_t *begins
         int begun, origin, layer
         const int32_t *state

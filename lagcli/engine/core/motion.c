@@ -32,7 +32,7 @@ static int same(int n, const double *x, const double *y)
 void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const double *y, int part)
 {
     double *r = tape->registers;
-    if (part && !tape->alone[part - 1])
+    if (part && !tape->output_subsets[part - 1])
         part = LAG_ALL;
     if (r[0] == t && same(2 * s->nq, r + 1, y)) {
         if (tape->held[0] == LAG_ALL || tape->held[0] == part)
@@ -43,7 +43,7 @@ void lag_evaluate(const lag_tape *tape, const lag_system *s, double t, const dou
     }
     tape->held[0] = part;
     tape->held[1] = NOT_FACTORED;
-    lag_stream_run(part ? tape->alone[part - 1] : tape->stream, r);
+    lag_stream_run(part ? tape->output_subsets[part - 1] : tape->stream, r);
 }
 
 /* Order of the dense linear system. */
@@ -245,7 +245,7 @@ static void substitute(lag_run *run, double *x)
     const double *f = run->factors.factors;
     if (run->solver.by == LAG_BY_TAPE) {
         memcpy(d->registers + run->solver.other_right, x, (size_t)n * sizeof(double));
-        lag_stream_run(d->later[1], d->registers);
+        lag_stream_run(d->deferred[1], d->registers);
         lag_vectors()->pick(n, d->registers, d->outputs + first_other(run), x);
         turn(x + run->system.nq, run->system.nc);
     } else {
@@ -285,7 +285,7 @@ double lag_correction(lag_run *run, const double *rhs, double *x)
     double sum = 0.0;
     if (lag_solving_by(run) == LAG_BY_TAPE) {
         memcpy(d->registers + run->solver.other_right + nq + nc, rhs, (size_t)nc * sizeof(double));
-        lag_stream_run(d->later[2], d->registers);
+        lag_stream_run(d->deferred[2], d->registers);
         return lag_vectors()->pick(nq, d->registers, d->outputs + first_other(run) + nq + nc, x);
     }
     double *right = run->solver.right, *all = run->solver.a;

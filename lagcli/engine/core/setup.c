@@ -21,9 +21,9 @@ static int bind(lag_run *run, lag_pool *pool, lag_tape *tape, const lag_program 
     tape->prelude = copy_stream(pool, &program->prelude);
     tape->stream = copy_stream(pool, &program->main);
     for (int i = 0; i < 3; ++i)
-        tape->later[i] = copy_stream(pool, &program->later[i]);
+        tape->deferred[i] = copy_stream(pool, &program->deferred[i]);
     for (int i = 0; i < 2; ++i)
-        tape->alone[i] = program->alone[i].code ? copy_stream(pool, &program->alone[i]) : NULL;
+        tape->output_subsets[i] = program->output_subsets[i].code ? copy_stream(pool, &program->output_subsets[i]) : NULL;
     tape->held = lag_copy_integers(pool, NULL, 2);
     tape->outputs = lag_copy_integers(pool, program->outputs, program->output_count);
     if (pool->failed)
@@ -236,7 +236,7 @@ int lag_use_series(lag_run *run, const lag_series_program *given)
         .count = given->convolutions,
         .file = lag_doubles(pool, given->size),
         .order = given->order,
-        .steady = given->steady,
+        .invariant = given->invariant,
         .numbers = given->numbers,
         .begun = given->begun,
         .begins = lag_copy_integers(pool, given->begins, given->begun),
@@ -246,7 +246,7 @@ int lag_use_series(lag_run *run, const lag_series_program *given)
     };
     if (bind(run, pool, &series->values, &given->values))
         return 1;
-    for (int i = 0; i < series->steady; ++i)
+    for (int i = 0; i < series->invariant; ++i)
         series->file[i] = OUT(&series->values, i);
     return 0;
 }

@@ -65,7 +65,7 @@ static double least_part(lag_run *run)
         const int pivots = run->solver.cancellation_count - s->nc;
         const int32_t *places = d->outputs + lag_first_cancellation(s);
         const lag_vector_kernel *vectors = lag_vectors();
-        lag_stream_run(d->later[0], d->registers);
+        lag_stream_run(d->deferred[0], d->registers);
         return sqrt(fmin(vectors->least(pivots, d->registers, places, NULL),
                          vectors->least(s->nc, d->registers, places + pivots, run->rows.plain_lengths)));
     }

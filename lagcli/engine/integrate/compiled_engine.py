@@ -417,11 +417,11 @@ class Integration:
     # samples
 
     def collect(self) -> None:
-        """Hand over the samples that the core holds."""
+        """Emit the samples that the core holds."""
         rows = self.core.take()
         if len(rows):
             self.emit(rows)
 
     def emit(self, rows: Array) -> None:
-        """Hand over samples: t, q, v, a, λ, W by row."""
+        """Emit samples: t, q, v, a, λ, W by row."""
         self.sink(Block.of_rows(rows, self.system.sample_layout))

@@ -313,7 +313,7 @@ class _Integration:
             self.hand_over()
 
     def hand_over(self) -> None:
-        """Hand over the samples that wait."""
+        """Emit the samples that are complete."""
         rows, self.rows = self.rows, []
         if rows:
             self.sink(Block.of_rows(np.array(rows), self.system.sample_layout))

@@ -42,8 +42,8 @@ class _Unrolling(Arithmetic):
     def __init__(self, system: System, elimination: Elimination):
         size, given = len(elimination.order), system.dynamics
         mass, jacobian, nq = system.mass_pattern, system.jacobian_pattern, len(system.coordinates)
-        other = size + len(system.constraints)
-        super().__init__(given.inputs + other, given.parameters, other)
+        rhs_inputs = size + len(system.constraints)
+        super().__init__(given.inputs + rhs_inputs, given.parameters, rhs_inputs)
         self.outputs = outputs = self.extend(given)
         self.nq, self.plan = nq, elimination
         place = {unknown: k for k, unknown in enumerate(elimination.order)}
@@ -73,7 +73,7 @@ class _Unrolling(Arithmetic):
         self.lower: list[dict[int, int]] = [{} for _ in range(size)]
         self.kept: list[int] = []
         self.taken: list[list[int]] = [[] for _ in range(size)]
-        self.alike: list[list[int]] = []
+        self.isomorphic: list[list[int]] = []
 
     def tape(self) -> Tape:
         for k in self.pivots():
@@ -81,13 +81,16 @@ class _Unrolling(Arithmetic):
         solution = self.solution(self.right)
         main = [*self.outputs, *solution, self.power(solution[self.nq :])]
         watched = [*self.kept, *map(self.square, self.rows)]
-        other, moved = self.solution(self.other_right), self.solution(self.other_rhs)[: self.nq]
-        outputs = [*main, *watched, *other, *moved]
+        rhs_inputs, moved = (
+            self.solution(self.other_right),
+            self.solution(self.other_rhs)[: self.nq],
+        )
+        outputs = [*main, *watched, *rhs_inputs, *moved]
         return self.finish(
             outputs,
-            later=(len(watched), len(other), len(moved)),
-            alone=(tuple(range(len(main) + len(watched), len(outputs))),),
-            alike=self.alike,
+            deferred=(len(watched), len(rhs_inputs), len(moved)),
+            output_subsets=(tuple(range(len(main) + len(watched), len(outputs))),),
+            isomorphic=self.isomorphic,
         )
 
     def diagonal_entry(self, k: int) -> int:
@@ -211,5 +214,5 @@ class _Unrolling(Arithmetic):
                 self.opposite.pop(multipliers[k], None)
         a = [x[self.place[unknown]] for unknown in range(self.nq)]
         found = [multipliers[self.place[unknown]] for unknown in range(self.nq, len(z))]
-        self.alike.append([y for y in found if y != self.zero])
+        self.isomorphic.append([y for y in found if y != self.zero])
         return [*a, *found]

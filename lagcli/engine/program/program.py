@@ -36,11 +36,11 @@ class Program(NamedTuple):
     ----------
     prelude, main : int32 arrays
         Streams; the prelude is run once.
-    later : tuple of int32 arrays
+    deferred : tuple of int32 arrays
         Streams for the outputs that are asked for apart, run after ``main`` when they are needed.
-    alone : tuple of int32 arrays
+    output_subsets : tuple of int32 arrays
         Streams for the outputs that are asked for without the rest, run in place of ``main``; for
-        those that are in ``later``, what these go on from.
+        those that are in ``deferred``, what these go on from.
     registers : (n,) array
         The register file before the prelude: inputs (zero), constants.
     outputs : int32 array
@@ -53,8 +53,8 @@ class Program(NamedTuple):
 
     prelude: NDArray[np.int32]
     main: NDArray[np.int32]
-    later: tuple[NDArray[np.int32], ...]
-    alone: tuple[NDArray[np.int32], ...]
+    deferred: tuple[NDArray[np.int32], ...]
+    output_subsets: tuple[NDArray[np.int32], ...]
     registers: NDArray[np.float64]
     outputs: NDArray[np.int32]
     size: int
@@ -82,28 +82,28 @@ def assemble(tape: Tape, families: Sequence[str | None] = ()) -> Program:
         _sines_with_cosines(_products_with_sums(nodes, keep))
         for nodes, keep in zip(parts, needed, strict=True)
     ]
-    streams, count = _arranged(parts, needed, place, families, tape.alike)
+    streams, count = _arranged(parts, needed, place, families, tape.isomorphic)
     registers = np.zeros(count)
     registers[tape.inputs : fixed] = tape.constants
     outputs = np.array([place[x] for x in tape.outputs], dtype=np.int32)
     return Program(
         prelude=stream(prelude),
         main=streams[0],
-        later=tuple(streams[1:]),
-        alone=tuple(
+        deferred=tuple(streams[1:]),
+        output_subsets=tuple(
             excerpt(streams[0], count, [place[x] for x in _asked_of_main(tape, some, of, parts)])
-            for some in tape.alone
+            for some in tape.output_subsets
         ),
         registers=registers,
         outputs=outputs,
         size=len(parts[0]),
-        inputs=tape.inputs - tape.other,
+        inputs=tape.inputs - tape.rhs_inputs,
     )
 
 
 def _part_of_outputs(tape: Tape) -> list[int]:
     """Return the part that each output belongs to: 0, or that which it is asked for with."""
-    counts = [len(tape.outputs) - sum(tape.later), *tape.later]
+    counts = [len(tape.outputs) - sum(tape.deferred), *tape.deferred]
     return [part for part, count in enumerate(counts) for _ in range(count)]
 
 
@@ -123,21 +123,21 @@ def _parts(tape: Tape, part_of_outputs: Sequence[int]) -> list[list[Node]]:
     An operation belongs to the first part that needs it; what none needs is left out.
     """
     fixed = tape.inputs + len(tape.constants)
-    first = tape.inputs - tape.other
-    steady = {*range(first - tape.parameters, first), *range(tape.inputs, fixed)}
+    first = tape.inputs - tape.rhs_inputs
+    invariant = {*range(first - tape.parameters, first), *range(tape.inputs, fixed)}
     of: dict[int, int] = {}  # the part of each register
     for x, part in zip(tape.outputs, part_of_outputs, strict=True):
         of[x] = min(of.get(x, part), part)
     for _, to, a, b, c in reversed(tape.code):
         if to in of:
             of.update((x, min(of.get(x, of[to]), of[to])) for x in (a, b, c))
-    parts: list[list[Node]] = [[] for _ in range(2 + len(tape.later))]
+    parts: list[list[Node]] = [[] for _ in range(2 + len(tape.deferred))]
     for op, to, a, b, c in tape.code:
         if to not in of:
             continue
         operands = (a, b, c)[: ARITY[op]]
-        if steady.issuperset(operands):
-            steady.add(to)
+        if invariant.issuperset(operands):
+            invariant.add(to)
             parts[0].append((op, (to,), operands))
         else:
             parts[1 + of[to]].append((op, (to,), operands))
@@ -153,14 +153,14 @@ def _arranged(
     needed: Sequence[set[int]],
     place: dict[int, int],
     families: Sequence[str | None],
-    alike: Sequence[Sequence[int]],
+    isomorphic: Sequence[Sequence[int]],
 ) -> tuple[list[NDArray[np.int32]], int]:
     """Return the streams of successive parts, whose needed results are kept, and how many places
     there are; complete ``place``.
     """
     count, operations = len(place), sum(map(len, parts))
     if operations >= LONG:
-        packing = Packing(dict(place), count, families, alike)
+        packing = Packing(dict(place), count, families, isomorphic)
         streams = packing.streams(parts, needed)
         if packing.packed >= WORTH * operations:
             place.update(packing.place)

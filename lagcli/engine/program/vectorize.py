@@ -61,7 +61,7 @@ class Packing:
     families : sequence of str or None
         Labels of the inputs: those of the same family are treated alike, so they are brought side
         by side first.
-    alike : sequence of sequences of int
+    isomorphic : sequence of sequences of int
         Results that are brought side by side when they are all there.
     """
 
@@ -70,9 +70,9 @@ class Packing:
         place: dict[int, int],
         count: int,
         families: Sequence[str | None] = (),
-        alike: Sequence[Sequence[int]] = (),
+        isomorphic: Sequence[Sequence[int]] = (),
     ):
-        self.place, self.memory, self.alike = place, Memory(count), alike
+        self.place, self.memory, self.isomorphic = place, Memory(count), isomorphic
         self.packed = 0
         self.families: dict[str, list[int]] = {}
         for x, family in enumerate(families):
@@ -98,13 +98,13 @@ class Packing:
         """
         main = self._stream(parts[0], needed[0])
         families, inputs = self.families, dict(self.place)
-        later = []
+        deferred = []
         for nodes, kept in zip(parts[1:], needed[1:], strict=True):
             # what one of them moves is not there for the others
             self.families = dict(families)
-            later.append(self._stream(nodes, kept))
+            deferred.append(self._stream(nodes, kept))
             self.place.update(inputs)
-        return [main, *later]
+        return [main, *deferred]
 
     def _stream(self, nodes: Sequence[Node], kept: set[int]) -> NDArray[np.int32]:
         """Return the stream of operations.
@@ -201,7 +201,7 @@ class Packing:
         """
         made = {x: at for at, group in enumerate(sets) for i in group for x in nodes[i][1]}
         found: dict[int, list[list[int]]] = {}
-        for values in self.alike:
+        for values in self.isomorphic:
             own = [x for x in values if x in made]
             if len(own) >= SHORTEST:
                 found.setdefault(max(made[x] for x in own), []).append(own)

@@ -71,7 +71,7 @@ class _Compiler(Builder):
             firsts, lasts = zip(*spans, strict=True)
             self.span[register] = min(firsts), max(lasts)
         else:
-            self.steady.add(register)
+            self.invariant.add(register)
 
     def order(self, register: int) -> tuple[int, ...]:
         """Return what terms and factors are ordered by: those first that stay the same."""

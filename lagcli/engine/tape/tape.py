@@ -27,14 +27,14 @@ class Tape(NamedTuple):
         The registers to read at the end.
     parameters : int
         Number of inputs that stay the same along a run: the last ones, but for these:
-    other : int
+    rhs_inputs : int
         Number of inputs at the end that only outputs asked for apart depend on.
-    later : tuple of int
+    deferred : tuple of int
         Numbers of outputs, the last ones, that are asked for apart from the others and from each
         other: only when they are needed.
-    alone : tuple of tuples of int
+    output_subsets : tuple of tuples of int
         Sets of outputs that are also asked for without the rest.
-    alike : tuple of tuples of int
+    isomorphic : tuple of tuples of int
         Sets of results that are likely used alike, such as one of each body.
     """
 
@@ -43,10 +43,10 @@ class Tape(NamedTuple):
     code: tuple[tuple[int, int, int, int, int], ...]
     outputs: tuple[int, ...]
     parameters: int = 0
-    other: int = 0
-    later: tuple[int, ...] = ()
-    alone: tuple[tuple[int, ...], ...] = ()
-    alike: tuple[tuple[int, ...], ...] = ()
+    rhs_inputs: int = 0
+    deferred: tuple[int, ...] = ()
+    output_subsets: tuple[tuple[int, ...], ...] = ()
+    isomorphic: tuple[tuple[int, ...], ...] = ()
 
     @property
     def registers(self) -> int:
@@ -66,15 +66,15 @@ class Builder:
     Parameters
     ----------
     inputs : int
-    parameters, other : int
+    parameters, rhs_inputs : int
         Numbers of inputs that stay the same along a run, and of those after them; see Tape.
     """
 
-    def __init__(self, inputs: int, parameters: int = 0, other: int = 0):
-        self.inputs, self.parameters, self.other = inputs, parameters, other
+    def __init__(self, inputs: int, parameters: int = 0, rhs_inputs: int = 0):
+        self.inputs, self.parameters, self.rhs_inputs = inputs, parameters, rhs_inputs
         self.constants: dict[float, int] = {}
         self.operations: dict[tuple[int, ...], int] = {}
-        self.steady = set(range(inputs - other - parameters, inputs - other))
+        self.invariant = set(range(inputs - rhs_inputs - parameters, inputs - rhs_inputs))
 
     def extend(self, tape: Tape) -> list[int]:
         """Take over a tape's operations, its inputs being the first here; return its outputs."""
@@ -105,8 +105,8 @@ class Builder:
 
     def note(self, op: int, register: int, operands: tuple[int, ...]) -> None:
         """Note what a new register depends on."""
-        if all(x < 0 or x in self.steady for x in operands):
-            self.steady.add(register)
+        if all(x < 0 or x in self.invariant for x in operands):
+            self.invariant.add(register)
 
     def order(self, register: int) -> tuple[int, ...]:
         """Return what the operands of commutative operations are ordered by."""
@@ -115,9 +115,9 @@ class Builder:
     def finish(
         self,
         outputs: Iterable[int],
-        later: tuple[int, ...] = (),
-        alone: tuple[tuple[int, ...], ...] = (),
-        alike: Iterable[Iterable[int]] = (),
+        deferred: tuple[int, ...] = (),
+        output_subsets: tuple[tuple[int, ...], ...] = (),
+        isomorphic: Iterable[Iterable[int]] = (),
     ) -> Tape:
         """Return the tape."""
         first, shift = self.inputs, len(self.constants)
@@ -133,8 +133,8 @@ class Builder:
             tuple(code),
             tuple([place[x] for x in outputs]),
             self.parameters,
-            self.other,
-            later,
-            alone,
-            tuple([tuple([place[x] for x in some]) for some in alike]),
+            self.rhs_inputs,
+            deferred,
+            output_subsets,
+            tuple([tuple([place[x] for x in some]) for some in isomorphic]),
         )

@@ -43,7 +43,7 @@ class SeriesExpansion(SeriesForms):
         self.rates: dict[int, int] = {}
         self.sums: dict[tuple[int, ...], int] = {}
 
-    def steady(self, x: int) -> bool:
+    def is_invariant(self, x: int) -> bool:
         """Return whether a register is a number, not a series."""
         return x not in self.moving
 
@@ -76,9 +76,9 @@ class SeriesExpansion(SeriesForms):
         negative = self.builder.negative
         t, y = self.tail(b)
         t = negative(t) if op == Op.SUB else t
-        if self.steady(a):
+        if self.is_invariant(a):
             self.tails[to] = t, y
-        elif self.steady(b):
+        elif self.is_invariant(b):
             self.tails[to] = self.tail(a)
         else:
             s, x = self.tail(a)
@@ -91,8 +91,8 @@ class SeriesExpansion(SeriesForms):
 
     def product(self, to: int, a: int, b: int) -> None:
         """a b: numbers are multiplied, bases convolved."""
-        if self.steady(a) or self.steady(b):
-            number, x = (a, b) if self.steady(a) else (b, a)
+        if self.is_invariant(a) or self.is_invariant(b):
+            number, x = (a, b) if self.is_invariant(a) else (b, a)
             self.scaled(to, partial(self.builder.times, number), x)
             return
         (s, x), (t, y) = self.form(a), self.form(b)
@@ -103,13 +103,13 @@ class SeriesExpansion(SeriesForms):
 
     def quotient(self, to: int, a: int, b: int) -> None:
         """a / b: the inverse of b's base is shared."""
-        if self.steady(b):
+        if self.is_invariant(b):
             self.scaled(to, partial(self.builder.times, self.builder.inverse(b)), a)
             return
         t, y = self.form(b)
         inverse = self.inverse(y)
         self.nodes[inverse] = SeriesOp.INVERSE, (inverse,), (y,)
-        if self.steady(a):
+        if self.is_invariant(a):
             if inverse != to:
                 self.whole[to] = self.builder.times(a, self.builder.inverse(t)), inverse
             return
@@ -120,9 +120,9 @@ class SeriesExpansion(SeriesForms):
 
     def power_of(self, to: int, a: int, b: int) -> None:
         """a^b."""
-        if self.steady(b):
+        if self.is_invariant(b):
             self.chain(to, b, a, self.div(to, a))
-        elif self.steady(a):
+        elif self.is_invariant(a):
             self.chain(to, self.builder.emit(Op.LOG, a), b, to)
         else:
             logarithm = self.builder.emit(Op.LOG, a)
@@ -145,7 +145,7 @@ class SeriesExpansion(SeriesForms):
         """c′ = g a′ + h b′."""
         names = []
         for x, slope in parts:
-            if not self.steady(x):
+            if not self.is_invariant(x):
                 names.append(self.new(self.zero))
                 self.chain(names[-1], self.one, x, slope)
         if len(names) == 1:
@@ -179,7 +179,7 @@ class SeriesExpansion(SeriesForms):
         while needed := self.needed([*results, *self.slopes.values()]):
             for x, (op, *operands) in needed:
                 self.taken.add(x)
-                if not all(map(self.steady, operands)):
+                if not all(map(self.is_invariant, operands)):
                     self.moving.add(x)
                     self.operation(OPERATIONS[op], x, *operands)
                 if names and x in names:
@@ -199,7 +199,7 @@ class SeriesExpansion(SeriesForms):
 
     def rename(self, x: int, name: int) -> None:
         """Give a series another name, that of a register with its first coefficient."""
-        form = (self.one, ZERO) if self.steady(x) else self.tail(x)
+        form = (self.one, ZERO) if self.is_invariant(x) else self.tail(x)
         self.tails.pop(x, None)
         self.whole[x] = self.one, name
         if form == (self.one, x) and x in self.nodes:
@@ -210,7 +210,7 @@ class SeriesExpansion(SeriesForms):
 
     def result(self, x: int) -> int:
         """Return the series that is an output, made from its base where it must be."""
-        if self.steady(x):
+        if self.is_invariant(x):
             return ZERO
         number, base = self.tail(x)
         if number == self.one:

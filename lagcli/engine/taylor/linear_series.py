@@ -54,13 +54,13 @@ class LinearSystem:
         unknowns = self.unknowns()
         rows: list[dict[int, list[Form]]] = [{} for _ in unknowns]
         for i, j, x, sign in self.entries:
-            if not expansion.steady(x):
+            if not expansion.is_invariant(x):
                 number, base = expansion.tail(x)
                 number = number if sign > 0 else expansion.builder.negative(number)
                 rows[i].setdefault(base, []).append((number, unknowns[j]))
         moving = set()
         for to, right, row in zip(self.other_right, self.right, rows, strict=True):
-            terms = [] if expansion.steady(right) else [expansion.tail(right)]
+            terms = [] if expansion.is_invariant(right) else [expansion.tail(right)]
             terms += [self.product(base, factors) for base, factors in row.items()]
             if terms:
                 moving.add(to)

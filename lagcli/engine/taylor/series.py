@@ -66,7 +66,7 @@ class SeriesProgram(NamedTuple):
     convolutions : int
         How many convolutions there are outside vectors.
     order : int
-    steady, numbers : int
+    invariant, numbers : int
         How many numbers are steady; with those that are found at each state.
     begins : int32 array
         Offsets of the first coefficients of series other than the state's.
@@ -82,7 +82,7 @@ class SeriesProgram(NamedTuple):
     stream: NDArray[np.int32]
     convolutions: int
     order: int
-    steady: int
+    invariant: int
     numbers: int
     begins: NDArray[np.int32]
     origin: int
@@ -109,7 +109,7 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     ------
     NotAnalytic
     """
-    builder = Arithmetic(tape.inputs, tape.parameters, tape.other)
+    builder = Arithmetic(tape.inputs, tape.parameters, tape.rhs_inputs)
     outputs = builder.extend(tape)
     nq, layout = system.counts.nq, UnrolledLayout(system.counts)
     inputs = range(tape.inputs)
@@ -199,7 +199,7 @@ def _in_rows(
     order: int,
 ) -> SeriesProgram:
     """Return a program with rows for what is convolved; those of the state are the first."""
-    place, numbers, steady = _place_numbers(expansion, _numbers(nodes), [])
+    place, numbers, invariant = _place_numbers(expansion, _numbers(nodes), [])
     row, first = _row(order), _first(numbers)
     rows = [*state, ZERO, *kept]
     end = _place_rows(place, rows, first, row)
@@ -210,7 +210,7 @@ def _in_rows(
         stream=stream(ordered, SeriesOp.END),
         convolutions=sum(op in CONVOLVED for op, _, _ in nodes),
         order=order,
-        steady=steady,
+        invariant=invariant,
         numbers=len(numbers),
         begins=_array(place[x] for x in kept),
         origin=0,
@@ -230,7 +230,7 @@ def _in_layers(
     """Return a program with layers, and rows for what is in no vector and convolved."""
     singles = [x for part in layers.parts if not isinstance(part, SeriesVector) for x in part]
     vectors = [x.numbers for x in layers.parts if isinstance(x, SeriesVector)]
-    place, numbers, steady = _place_numbers(expansion, _numbers(singles), chain(*vectors))
+    place, numbers, invariant = _place_numbers(expansion, _numbers(singles), chain(*vectors))
     rows = _kept(singles, set())
     row, first = _row(order), _first(numbers)
     in_rows: dict[Any, int] = {}
@@ -250,7 +250,7 @@ def _in_layers(
         stream=_array([*whole, SeriesOp.END, 0]),
         convolutions=sum(op in CONVOLVED for op, _, _ in singles),
         order=order,
-        steady=steady,
+        invariant=invariant,
         numbers=len(numbers),
         begins=_array([*(in_rows[x] for x in rows), *(origin + x for x in layers.kept)]),
         origin=origin,
@@ -295,10 +295,10 @@ def _place_numbers(
         A number's; of a vector's numbers, the first one's.
     found : list of int
         The registers.
-    steady : int
+    invariant : int
         How many of them are steady.
     """
-    known = expansion.builder.steady
+    known = expansion.builder.invariant
     parts: tuple[list[tuple[int, ...]], list[tuple[int, ...]]] = [], []
     for part in dict.fromkeys(chain(numbers, of_vectors)):
         changing = any(x - NUMBER >= 0 and x - NUMBER not in known for x in part)

@@ -142,7 +142,7 @@ class Player {
 
   #take(data) {
     const span = this.end - this.start;
-    // a thousandth of the run can be told apart
+    // a thousandth of the run can be distinguished
     this.digits = span > 0 ? Math.max(0, Math.min(9, Math.ceil(2.5 - Math.log10(span)))) : 2;
     [this.line.min, this.line.max] = [this.start, this.end].map(String);
     this.stage.target.setAttribute("aria-label", this.#describe(data));

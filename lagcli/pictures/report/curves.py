@@ -341,7 +341,7 @@ def _usable(scale: float) -> float:
 
 
 def _abridged(plot: Plot) -> Plot:
-    """Return a plot of no more curves than can be told apart."""
+    """Return a plot of no more curves than can be distinguished."""
     count = len(plot.curves)
     if count > _CURVES:
         plot.curves = [plot.curves[round(i)] for i in np.linspace(0, count - 1, 12)]

@@ -109,7 +109,7 @@ class Cluster:
             flight.cancel()
 
     def _received(self, flight: Flight, future: Future[Any], numbers: Numbers) -> Iterator[Results]:
-        """Hand over what a chunk gave; say what became of it where it gave nothing."""
+        """Emit the results of a chunk, or report why there are none."""
         from distributed import KilledWorker
 
         if future.status == "cancelled":

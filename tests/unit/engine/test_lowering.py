@@ -100,8 +100,8 @@ constraints:
   other: x + 2*y = 3
 initial: {a: 1, b: 0, c: 0, d: 0, x: 1, y: 1, a': 0, b': 0, c': 0, d': 0, x': 0, y': 0}
 """)
-    assert system.alike == ((0, 1, 2, 3),)
-    assert TWO.system.alike == ()
+    assert system.same_unit == ((0, 1, 2, 3),)
+    assert TWO.system.same_unit == ()
 
 
 def test_derivatives_are_lowered_when_they_are_asked_for() -> None:

@@ -78,7 +78,7 @@ def test_coordinates_without_inertia_are_as_large_as_their_rows_say() -> None:
 
 def test_a_quaternion_has_one_unit() -> None:
     system = prepare(lagcli.load(FOUND / "door_one_hinge.yaml")).system
-    assert (3, 4, 5, 6) in system.alike
+    assert (3, 4, 5, 6) in system.same_unit
     # none along itself
     inertia = system.inertia(np.array([1.0, 1.0, 1.0, 1e-33, 2.0, 4.0, 3.0]))
     np.testing.assert_array_equal(inertia, [1.0, 1.0, 1.0, 4.0, 4.0, 4.0, 4.0])

@@ -20,7 +20,7 @@ def test_coordinates_of_one_unit_have_the_largest_inertia() -> None:
     system = pendulum_system()
     diagonal = np.array([[1.0, 4.0], [3.0, 2.0]])
     assert system.inertia(diagonal) is diagonal
-    system = dataclasses.replace(system, alike=((0, 1),))
+    system = dataclasses.replace(system, same_unit=((0, 1),))
     np.testing.assert_array_equal(system.inertia(diagonal), [[4.0, 4.0], [3.0, 3.0]])
     np.testing.assert_array_equal(diagonal, [[1.0, 4.0], [3.0, 2.0]])
 

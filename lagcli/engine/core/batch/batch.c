@@ -39,9 +39,9 @@ static void bind(lag_pool *pool, lag_batch_tape *tape, const lag_program *progra
     tape->prelude = copy_stream(pool, &program->prelude);
     tape->stream = copy_stream(pool, &program->main);
     for (int i = 0; i < 3; ++i)
-        tape->later[i] = program->later[i].code ? copy_stream(pool, &program->later[i]) : NULL;
+        tape->deferred[i] = program->deferred[i].code ? copy_stream(pool, &program->deferred[i]) : NULL;
     for (int i = 0; i < 2; ++i)
-        tape->alone[i] = program->alone[i].code ? copy_stream(pool, &program->alone[i]) : NULL;
+        tape->output_subsets[i] = program->output_subsets[i].code ? copy_stream(pool, &program->output_subsets[i]) : NULL;
     int32_t *outputs = lag_copy_integers(pool, program->outputs, program->output_count);
     tape->registers = lanes(pool, program->register_count);
     if (pool->failed)

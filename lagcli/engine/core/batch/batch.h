@@ -12,7 +12,7 @@
 
 /* A program of engine/program/program.py on eight register files. Places count LAG_LANES for a register. */
 typedef struct {
-    const int32_t *prelude, *stream, *later[3], *alone[2], *outputs; /* as in tape.h */
+    const int32_t *prelude, *stream, *deferred[3], *output_subsets[2], *outputs; /* as in tape.h */
     double *registers;                 /* of lanes */
 } lag_batch_tape;
 

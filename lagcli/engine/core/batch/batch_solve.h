@@ -9,7 +9,7 @@ static void batch_evaluate(const lag_batch_tape *tape, const lag_system *s, cons
 {
     memcpy(tape->registers, t, LAG_LANES * sizeof(double));
     memcpy(tape->registers + LAG_LANES, y, 2 * (size_t)s->nq * LAG_LANES * sizeof(double));
-    batch_run(part ? tape->alone[part - 1] : tape->stream, tape->registers);
+    batch_run(part ? tape->output_subsets[part - 1] : tape->stream, tape->registers);
 }
 
 /* y' (of lanes) at the state that the dynamics tape holds. */
@@ -32,7 +32,7 @@ static void batch_other(const lag_octet *o, int later, int input, int inputs, in
 {
     const lag_batch_tape *d = &o->dynamics;
     memcpy(d->registers + input * LAG_LANES, x, (size_t)inputs * LAG_LANES * sizeof(double));
-    batch_run(d->later[later], d->registers);
+    batch_run(d->deferred[later], d->registers);
     for (int i = 0; i < count; ++i)
         memcpy(x + i * LAG_LANES, OUTPUT(d, output + i), LAG_LANES * sizeof(double));
 }

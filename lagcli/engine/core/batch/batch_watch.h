@@ -8,7 +8,7 @@ static void batch_watch_stage(lag_batch *s)
     const lag_batch_tape *d = &s->moving.dynamics;
     const int first = lag_first_cancellation(system);
     const int rows = first + s->single->solver.cancellation_count - system->nc;
-    batch_run(d->later[0], d->registers);
+    batch_run(d->deferred[0], d->registers);
     EACH_PART (k) {
         vec least = all(1.0);
         for (int i = first; i < rows + system->nc; ++i) {

@@ -408,14 +408,14 @@ FOR_WIDER static void next_order(const lag_series *s, int k)
 int lag_series_expand(const lag_series *s, int nq, double t, const double *y)
 {
     const int n = 2 * nq + 1, order = s->order;
-    const int32_t *state = s->state, *value = s->values.outputs + s->steady;
+    const int32_t *state = s->state, *value = s->values.outputs + s->invariant;
     double *file = s->file, *now = file + s->origin, *next = now + s->layer, *r = s->values.registers;
     r[0] = t;
     memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
     lag_stream_run(s->values.stream, r);
     memset(s->known, 0, (size_t)s->count * sizeof(double));
-    lag_vectors()->pick(s->numbers - s->steady, r, value, file + s->steady);
-    value += s->numbers - s->steady;
+    lag_vectors()->pick(s->numbers - s->invariant, r, value, file + s->invariant);
+    value += s->numbers - s->invariant;
     for (int i = 0; i < s->begun; ++i)
         file[s->begins[i]] = r[*value++];
     now[*state] = t;

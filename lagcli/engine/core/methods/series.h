@@ -7,13 +7,13 @@
 /* A program bound to its file. Orders begin at `origin` and are `layer` numbers apart; the state's
  * series, t, q, v, W, have their offsets there. */
 typedef struct {
-    lag_tape values;                   /* order 0: steady numbers, what series begin with, a, power */
+    lag_tape values;                   /* order 0: invariant numbers, what series begin with, a, power */
     const int32_t *stream;
     double *known;                     /* what is known of each convolution's next coefficient */
     int count;                         /* of convolutions */
     double *file;
     int order;                         /* 0: there is no program */
-    int steady, numbers;               /* how many numbers are; with those of each state */
+    int invariant, numbers;               /* how many numbers are; with those of each state */
     int begun;                         /* how many series other than the state's begin, and where */
     const int32_t *begins;
     int origin, layer;

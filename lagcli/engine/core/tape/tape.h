@@ -10,7 +10,7 @@
 /* A tape bound to its register file; inputs come first. The later streams are for outputs that are
  * asked for apart; those alone for outputs without the rest, NULL where the tape has none. */
 typedef struct {
-    const int32_t *prelude, *stream, *later[3], *alone[2];
+    const int32_t *prelude, *stream, *deferred[3], *output_subsets[2];
     int32_t *held;                     /* what was evaluated last: all (0), or which alone; and, of the
                                         * dynamics, a lag_factored of its matrix */
     double *registers;

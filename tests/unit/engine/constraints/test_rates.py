@@ -20,10 +20,14 @@ def shipped(name: str) -> Lowered:
     return lowered(lagcli.load(MODELS / f"{name}.yaml"))
 
 
-def at(case: Lowered, t: float, q: np.ndarray, v: np.ndarray, alone: int = -1) -> np.ndarray:
+def at(
+    case: Lowered, t: float, q: np.ndarray, v: np.ndarray, output_subset: int = -1
+) -> np.ndarray:
     """Return the outputs of the tape with ψ."""
     inputs = [t, *q, *v, *case.p]
-    return np.asarray(binding.run_tape(with_rates(case.system), inputs, alone=alone))
+    return np.asarray(
+        binding.run_tape(with_rates(case.system), inputs, output_subset=output_subset)
+    )
 
 
 @pytest.mark.parametrize(
@@ -53,6 +57,6 @@ def test_what_is_asked_for_alone_is_the_same(name: str) -> None:
     nq = len(system.coordinates)
     q, v = np.linspace(0.3, 0.9, nq), np.linspace(-1.0, 2.0, nq)
     every = at(case, 0.1, q, v)
-    for number, places in enumerate(with_rates(system).alone):
+    for number, places in enumerate(with_rates(system).output_subsets):
         some = list(places)
         np.testing.assert_array_equal(at(case, 0.1, q, v, number)[some], every[some])

@@ -112,13 +112,17 @@ class Emitter:
         return f"{{{self.integers(name, code)}, {len(code)}}}"
 
     def program(self, name: str, program: Program) -> str:
-        later = [self.stream(f"{name}_later_{i}", code) for i, code in enumerate(program.later)]
-        alone = [self.stream(f"{name}_alone_{i}", code) for i, code in enumerate(program.alone)]
+        deferred = [
+            self.stream(f"{name}_deferred_{i}", code) for i, code in enumerate(program.deferred)
+        ]
+        output_subsets = [
+            self.stream(f"{name}_subset_{i}", code) for i, code in enumerate(program.output_subsets)
+        ]
         fields = {
             "prelude": self.stream(f"{name}_prelude", program.prelude),
             "main": self.stream(f"{name}_main", program.main),
-            **({"later": f"{{{', '.join(later)}}}"} if later else {}),
-            **({"alone": f"{{{', '.join(alone)}}}"} if alone else {}),
+            **({"deferred": f"{{{', '.join(deferred)}}}"} if deferred else {}),
+            **({"output_subsets": f"{{{', '.join(output_subsets)}}}"} if output_subsets else {}),
             "inputs": program.inputs,
             "registers": self.doubles(f"{name}_registers", program.registers),
             "register_count": len(program.registers),
@@ -132,7 +136,7 @@ class Emitter:
 
     def equations(self, system: System, constraint: Program) -> str:
         mass, jacobian = system.mass_pattern, system.jacobian_pattern
-        first = {j: group[0] for group in system.alike for j in group}
+        first = {j: group[0] for group in system.same_unit for j in group}
         count = len(system.coordinates)
         return self.structure(
             {

@@ -45,10 +45,10 @@ def test_longer_ones_are_unrolled_when_it_is_worth_it(monkeypatch: pytest.Monkey
     made = prepare(SYSTEM, found())
     assert (made.unrolled, made.worth_unrolling) == (False, True)
     assert made.dynamics is made.plain
-    later = unrolled(SYSTEM, made)
-    assert later.unrolled
-    assert later.dynamics is not made.dynamics
-    assert later.constraint is made.constraint
+    deferred = unrolled(SYSTEM, made)
+    assert deferred.unrolled
+    assert deferred.dynamics is not made.dynamics
+    assert deferred.constraint is made.constraint
 
 
 @pytest.mark.parametrize("elimination", [None, full(30), full(300)])

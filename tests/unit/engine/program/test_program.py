@@ -81,29 +81,29 @@ def test_programs_give_the_values_of_their_tapes(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_outputs_that_are_asked_for_apart_come_after_the_others(seed: int) -> None:
-    tape = random_tape(seed, later=(3, 2), alone=((0, 2), (6,)))
+    tape = random_tape(seed, deferred=(3, 2), output_subsets=((0, 2), (6,)))
     program, expected = assemble(tape), ScalarTape(tape)(INPUTS)
     registers = start(program, INPUTS)
     run(program.main, registers)
     np.testing.assert_allclose(outputs(program, registers)[:4], expected[:4], rtol=1e-12)
-    run(program.later[0], registers)
-    run(program.later[1], registers)
+    run(program.deferred[0], registers)
+    run(program.deferred[1], registers)
     np.testing.assert_allclose(outputs(program, registers), expected, rtol=1e-12)
     # alone: in place of the main part, and for a later one what it goes on from
     registers = start(program, INPUTS)
-    run(program.alone[0], registers)
+    run(program.output_subsets[0], registers)
     found = outputs(program, registers)
     np.testing.assert_allclose([found[0], found[2]], [expected[0], expected[2]], rtol=1e-12)
     registers = start(program, INPUTS)
-    run(program.alone[1], registers)
-    run(program.later[0], registers)
+    run(program.output_subsets[1], registers)
+    run(program.deferred[0], registers)
     assert outputs(program, registers)[6] == pytest.approx(expected[6], rel=1e-12)
 
 
 def test_what_depends_on_parameters_alone_is_done_once() -> None:
     builder = Builder(3, parameters=2)
-    steady = builder.emit(Op.SQRT, builder.emit(Op.MUL, 1, 2))
-    program = assemble(builder.finish([builder.emit(Op.ADD, 0, steady)]))
+    invariant = builder.emit(Op.SQRT, builder.emit(Op.MUL, 1, 2))
+    program = assemble(builder.finish([builder.emit(Op.ADD, 0, invariant)]))
     registers = [0.0] * 20
     assert run(program.prelude, registers) == {Op.MUL: 1, Op.SQRT: 1}
     assert run(program.main, registers) == {Op.ADD: 1}
@@ -140,7 +140,7 @@ def test_operations_that_no_output_needs_are_left_out() -> None:
 
 
 def test_inputs_of_later_outputs_are_counted_apart() -> None:
-    builder = Builder(5, parameters=1, other=2)
+    builder = Builder(5, parameters=1, rhs_inputs=2)
     tape = builder.finish([builder.emit(Op.ADD, 0, 3)])
     assert assemble(tape).inputs == 3
 

@@ -94,7 +94,7 @@ def test_outputs_asked_for_apart_are_found_apart() -> None:
     tape = compile_tape(
         [*sums, *(s * s for s in sums), *(s * a for s, a in zip(sums, x, strict=True))], symbols
     )
-    tape = tape._replace(later=(BODIES, BODIES))
+    tape = tape._replace(deferred=(BODIES, BODIES))
     program = assemble(tape, families)
     values = np.random.default_rng(3).normal(size=2 * BODIES)
     s = values[::2] + values[1::2]
@@ -102,7 +102,7 @@ def test_outputs_asked_for_apart_are_found_apart() -> None:
     np.testing.assert_array_equal(binding.run_tape(tape, values, families), expected)
     # each part has its own operations alone
     moves = 2 * BODIES
-    sizes = [sum(operations(part)) for part in (program.main, *program.later)]
+    sizes = [sum(operations(part)) for part in (program.main, *program.deferred)]
     assert sizes in ([BODIES + moves, BODIES, BODIES], [BODIES, BODIES, BODIES])
 
 
@@ -121,13 +121,15 @@ def test_any_order_of_operations_gives_the_same(seed: int) -> None:
             known.append(builder.emit(op, *operands[: 1 if op in (Op.NEG, Op.ABS) else 2]))
     outputs = known[40::5]
     some = tuple(sorted(draw.sample(range(len(outputs)), 20)))
-    tape = builder.finish(outputs, alone=(some,), alike=[draw.sample(known[40:], 200)])
+    tape = builder.finish(
+        outputs, output_subsets=(some,), isomorphic=[draw.sample(known[40:], 200)]
+    )
     inputs = np.random.default_rng(seed).uniform(-1.0, 1.0, 40)
     with np.errstate(all="ignore"):
         expected = np.array(ScalarTape(tape)(inputs))
         np.testing.assert_array_equal(binding.run_tape(tape, inputs), expected)
-        alone = binding.run_tape(tape, inputs, alone=0)
-        np.testing.assert_array_equal(alone[list(some)], expected[list(some)])
+        output_subsets = binding.run_tape(tape, inputs, output_subset=0)
+        np.testing.assert_array_equal(output_subsets[list(some)], expected[list(some)])
 
 
 def test_what_is_used_alike_is_brought_side_by_side() -> None:
@@ -142,11 +144,13 @@ def test_what_is_used_alike_is_brought_side_by_side() -> None:
     pairs = list(itertools.pairwise(found))
     ends = [builder.emit(Op.SUB, builder.emit(Op.MUL, a, b), a) for a, b in pairs]
     ends = [builder.emit(op, x, found[0]) for x in ends for op in (Op.ADD, Op.SUB, Op.MUL)]
-    apart, alike = builder.finish(ends), builder.finish(ends, alike=[found])
-    sizes = [len(assemble(tape).main) for tape in (alike, apart)]
+    apart, isomorphic = builder.finish(ends), builder.finish(ends, isomorphic=[found])
+    sizes = [len(assemble(tape).main) for tape in (isomorphic, apart)]
     assert sizes[0] < 0.9 * sizes[1]
     inputs = np.random.default_rng(5).normal(size=2 * BODIES)
-    np.testing.assert_array_equal(binding.run_tape(alike, inputs), ScalarTape(alike)(inputs))
+    np.testing.assert_array_equal(
+        binding.run_tape(isomorphic, inputs), ScalarTape(isomorphic)(inputs)
+    )
 
 
 def test_what_is_asked_for_alone_is_all_that_is_done() -> None:
@@ -157,14 +161,14 @@ def test_what_is_asked_for_alone_is_all_that_is_done() -> None:
     tape = compile_tape(
         [*(s * x for s, (x, _) in zip(squares, pairs, strict=True)), *squares], symbols
     )
-    tape = tape._replace(alone=(some, ()))
+    tape = tape._replace(output_subsets=(some, ()))
     program = assemble(tape, families)
     moves = 4 * BODIES
-    assert sum(operations(program.alone[0])) == 4 * BODIES + moves
+    assert sum(operations(program.output_subsets[0])) == 4 * BODIES + moves
     assert sum(operations(program.main)) == 6 * BODIES + moves
-    assert operations(program.alone[1]) == (0, 0)
+    assert operations(program.output_subsets[1]) == (0, 0)
     values = np.random.default_rng(4).normal(size=4 * BODIES)
-    found = binding.run_tape(tape, values, families, alone=0)
+    found = binding.run_tape(tape, values, families, output_subset=0)
     expected = np.array(ScalarTape(tape)(values))
     np.testing.assert_array_equal(found[list(some)], expected[list(some)])
 
@@ -175,14 +179,14 @@ def test_what_is_asked_for_apart_goes_on_from_what_is_alone() -> None:
     sums = [a + b for a, b in zip(x, y, strict=True)]
     roots = [se.sqrt(a * a + b * b) for a, b in zip(x, y, strict=True)]
     tape = compile_tape([*roots, *sums, *(s * s + s for s in sums)], symbols)
-    later = range(2 * BODIES, 3 * BODIES)
-    tape = tape._replace(later=(BODIES,), alone=(tuple(later),))
+    deferred = range(2 * BODIES, 3 * BODIES)
+    tape = tape._replace(deferred=(BODIES,), output_subsets=(tuple(deferred),))
     values = np.random.default_rng(3).normal(size=2 * BODIES)
-    found = binding.run_tape(tape, values, families, alone=0)
+    found = binding.run_tape(tape, values, families, output_subset=0)
     expected = np.array(ScalarTape(tape)(values))
-    np.testing.assert_array_equal(found[list(later)], expected[list(later)])
+    np.testing.assert_array_equal(found[list(deferred)], expected[list(deferred)])
     program = assemble(tape, families)
-    assert sum(operations(program.alone[0])) <= 3 * BODIES < sum(operations(program.main))
+    assert sum(operations(program.output_subsets[0])) <= 3 * BODIES < sum(operations(program.main))
 
 
 def test_operations_on_places_in_progression_are_one() -> None:

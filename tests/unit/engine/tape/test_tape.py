@@ -38,13 +38,13 @@ def test_constants_are_equal_where_their_values_are() -> None:
 
 
 def test_steady_registers_depend_on_parameters_and_constants_alone() -> None:
-    builder = Builder(4, parameters=2, other=1)  # a variable, two parameters, one more
+    builder = Builder(4, parameters=2, rhs_inputs=1)  # a variable, two parameters, one more
     both = builder.emit(Op.MUL, 1, 2)
     scaled = builder.emit(Op.ADD, both, builder.constant(1.0))
     moving = builder.emit(Op.MUL, both, 0)
     other = builder.emit(Op.MUL, both, 3)
-    assert builder.steady == {1, 2, both, scaled}
-    assert not {moving, other} & builder.steady
+    assert builder.invariant == {1, 2, both, scaled}
+    assert not {moving, other} & builder.invariant
 
 
 def test_a_tape_goes_on_in_another_builder() -> None:
@@ -65,7 +65,10 @@ def test_results_that_are_used_alike_are_named_by_their_final_registers() -> Non
     square = builder.emit(Op.MUL, 0, 0)
     cube = builder.emit(Op.MUL, square, 0)
     tape = builder.finish(
-        [cube, builder.constant(4.0)], later=(1,), alone=((0,),), alike=[[square, cube]]
+        [cube, builder.constant(4.0)],
+        deferred=(1,),
+        output_subsets=((0,),),
+        isomorphic=[[square, cube]],
     )
-    assert (tape.later, tape.alone) == ((1,), ((0,),))
-    assert tape.alike == (tuple(to for _, to, *_ in tape.code),)
+    assert (tape.deferred, tape.output_subsets) == ((1,), ((0,),))
+    assert tape.isomorphic == (tuple(to for _, to, *_ in tape.code),)

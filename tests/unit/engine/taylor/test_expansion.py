@@ -108,6 +108,6 @@ def test_what_does_not_move_is_a_number() -> None:
     register = builder.emit(Op.ABS, 1)  # which has no series
     expansion = SeriesExpansion(builder, (0,))
     expansion.expand([register])
-    assert expansion.steady(register)
+    assert expansion.is_invariant(register)
     assert expansion.result(register) == ZERO
     assert expansion.wanted([ZERO]) == []

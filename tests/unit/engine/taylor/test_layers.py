@@ -84,7 +84,7 @@ FORCES = {
 COUPLED = "(2 + sin(x{i}))*x{i}'^2/2 + x{i}'*x{j}'*cos(x{i} - x{j})/4"
 
 
-def alone(force: str, a: float, q: float, v: float, count: int) -> list[float]:
+def output_subsets(force: str, a: float, q: float, v: float, count: int) -> list[float]:
     """Return the Taylor coefficients of a body by itself, from derivatives that SymEngine takes."""
     x, u = se.symbols("x u")
     acceleration = se.sympify(force.format(x="x", a=repr(a)).replace("^", "**"))
@@ -109,7 +109,7 @@ def test_bodies_by_themselves(
     # what is left is the sum of the powers, and a few of the bodies that it ends with
     assert programs[0].convolutions <= BODIES + 8
     for i in range(0, BODIES, 27):
-        expected = alone(force, 0.5 + 0.01 * i, q[i], v[i], 8)
+        expected = output_subsets(force, 0.5 + 0.01 * i, q[i], v[i], 8)
         np.testing.assert_allclose(found[i, :8], expected, rtol=1e-11, atol=1e-15)
 
 

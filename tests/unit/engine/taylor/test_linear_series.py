@@ -28,7 +28,7 @@ def solution(case: Lowered, state: np.ndarray) -> np.ndarray:
     q, v = state[1 : 1 + nq, 0], state[1 + nq :, 0]
     plan = order_at(system, [Evaluator(system, p).entries(state[0, 0], q, v)])
     tape = unroll(system, plan)
-    builder = Arithmetic(tape.inputs, tape.parameters, tape.other)
+    builder = Arithmetic(tape.inputs, tape.parameters, tape.rhs_inputs)
     outputs = builder.extend(tape)
     expansion = SeriesExpansion(builder, range(1 + 2 * nq))
     unknowns = LinearSystem(expansion, system, outputs).solve()

@@ -302,10 +302,10 @@ def program(what: Lowered, q: list[float], v: list[float]) -> SeriesProgram:
 
 def test_numbers_that_stay_the_same_are_found_once() -> None:
     found = program(system("a*x*(b + x)"), [0.4], [0.2])
-    assert found.steady == found.numbers > 1
+    assert found.invariant == found.numbers > 1
     # of a pendulum, the factors of its matrix at each state are numbers, too
     found = program(system_of(PENDULUM), *ON_ROD)
-    assert 0 < found.steady < found.numbers
+    assert 0 < found.invariant < found.numbers
 
 
 def test_rows_begin_where_lines_of_the_cache_do() -> None:

@@ -11,10 +11,10 @@ from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.linearity import (
     count_operations,
     count_terms,
+    expand_terms,
     is_zero,
     kinked_in,
     nonlinear_in,
-    written_out,
 )
 
 X, Y, V, W = se.symbols("x y v w")
@@ -53,14 +53,14 @@ def test_kinks_are_where_symbols_decide() -> None:
 
 
 def test_written_out_reaches_cases_and_denominators() -> None:
-    assert written_out((X + 1) * (X - 1)) == X**2 - 1
+    assert expand_terms((X + 1) * (X - 1)) == X**2 - 1
     inside = se.Piecewise(((X + 1) ** 2, se.Lt(X, 0)), (X * (X + 2), se.true))
-    found = written_out(Y * inside)
+    found = expand_terms(Y * inside)
     expected = se.Piecewise((1 + 2 * X + X**2, se.Lt(X, 0)), (X**2 + 2 * X, se.true))
     assert found == Y * expected
     # equal denominators stay equal, however they came
     below = (X + Y) ** 2 + 1
-    assert written_out(X * (Y + 1) / below - X * Y / below - X / below) == 0
+    assert expand_terms(X * (Y + 1) / below - X * Y / below - X / below) == 0
 
 
 @pytest.mark.parametrize(
