@@ -158,7 +158,7 @@ class Stop(Exception):
     Parameters
     ----------
     message : str
-        For the user: what, when, and how to mend it.
+        For the user: what happened, when, and a remedy.
     undefined : State, optional
         As in Run.
     """

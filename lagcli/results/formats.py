@@ -144,8 +144,7 @@ def format_of(path: str | os.PathLike[str]) -> ResultFormat:
             return found
     names = " or ".join(f"{stem}{f.suffixes[0]} ({f.title})" for f in FORMATS)
     raise UsageError(
-        f"{os.fspath(path)}: the suffix {suffix or '(none)'} is no format of results; name it"
-        f" {names}"
+        f"{os.fspath(path)}: the suffix {suffix or '(none)'} is not a result format; use {names}"
     )
 
 

@@ -1,7 +1,7 @@
 """Wrong models: each stored beside what standard error must say about it, letter by letter.
 
 `LAGCLI_REWRITE=1 pytest tests/cli/test_wrong_models.py` writes the `.stderr` files anew. Read each
-change with a newcomer's eye: would you know at once what to mend?
+change as a newcomer would: is it clear what to fix?
 """
 
 from __future__ import annotations

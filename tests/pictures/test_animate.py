@@ -175,7 +175,7 @@ def test_gif_plays_in_real_time_and_repeats(result, tmp_path):
     assert all(moving)
 
 
-def test_gif_shows_the_part_at_the_speed_that_is_wished_for(result, tmp_path):
+def test_gif_shows_the_requested_part_at_the_requested_speed(result, tmp_path):
     path = result("slider_crank")
     made = animate(path, tmp_path / "a.gif", start=1, end=2, speed=2, fps=20, size=(64, 64))
     assert (made.start, made.end, made.speed, made.frames) == (1, 2, 2, 11)
@@ -314,7 +314,7 @@ def test_the_command_says_what_it_made(result, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (["-o", "run.avi"], 2, "run.avi: the suffix .avi is no format of animations"),
+        (["-o", "run.avi"], 2, "run.avi: the suffix .avi is not an animation format"),
         (["-o", "run"], 2, "name it run.html"),
         (["-o", "run.gif", "--size", "wide"], 2, "--size 'wide' is no size"),
         (["-o", "run.gif", "--size", "10x10"], 2, "between 64 and 8192 pixels, not 10"),

@@ -318,7 +318,7 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
 @pytest.mark.parametrize("name", ["figure.gif", "figure", "figure.h5"])
 def test_formats_that_are_none(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["plot", "slider_crank.h5", "-o", name]) == 2
-    assert "is no format of plots" in capsys.readouterr().err
+    assert "is not a plot format" in capsys.readouterr().err
 
 
 def test_values_that_no_axis_can_show_are_left_out(tmp_path: Path) -> None:

@@ -182,7 +182,7 @@ def _suffix(output: str) -> str:
     stem, suffix = os.path.splitext(output)
     if suffix.lower() not in SUFFIXES:
         raise UsageError(
-            f"{output}: the suffix {suffix or '(none)'} is no format of animations; name it"
+            f"{output}: the suffix {suffix or '(none)'} is not an animation format; use"
             f" {stem}.html (a page that plays it), {stem}.gif or {stem}.mp4"
         )
     return suffix.lower()

@@ -37,7 +37,7 @@ def check_picture(path: str, force: bool) -> str:
     kind = suffix.lower().removeprefix(".")
     if kind not in FORMATS:
         raise UsageError(
-            f"{path}: the suffix {suffix or '(none)'} is no format of plots; name it {stem}.png,"
+            f"{path}: the suffix {suffix or '(none)'} is not a plot format; use {stem}.png,"
             f" {stem}.svg or {stem}.pdf"
         )
     check_writable(path, force)

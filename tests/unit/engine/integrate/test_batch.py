@@ -291,7 +291,7 @@ def test_many_runs_go_through_few_slots(monkeypatch):
     ],
     ids=["t_start", "times", "max_step"],
 )
-def test_settings_are_heeded(changes):
+def test_settings_apply(changes):
     runs = Runs(lagcli.load(MODELS[NAMES.index("driven_slider_crank")]), rtol=1e-10, **changes)
     [(found, run)] = runs()
     expected, single = runs.single(0)
@@ -442,7 +442,7 @@ def test_what_has_no_lanes(changes):
 
 
 @pytest.mark.parametrize("leaving", [False, True])
-def test_an_interrupt_is_heeded_at_once(leaving):
+def test_an_interrupt_acts_at_once(leaving):
     simulation = prepare(lagcli.load_text(PENDULUM), SettingsOverrides(t_end=1e5, samples=2))
     system, request = simulation.system, simulation.request
     if not leaving:
@@ -450,7 +450,7 @@ def test_an_interrupt_is_heeded_at_once(leaving):
         request = dataclasses.replace(request, prepared=prepare_batch(system, short))
     calls = []
 
-    def heed():
+    def check_cancelled():
         calls.append(time.monotonic())
         if len(calls) > 5:
             raise Interrupted
@@ -458,5 +458,5 @@ def test_an_interrupt_is_heeded_at_once(leaving):
     values = np.tile(request.state.p, (9, 1))
     q, v = np.tile(request.state.q, (9, 1)), np.tile(request.state.v, (9, 1))
     with pytest.raises(Interrupted):
-        run_batch(system, request, values, q, v, lambda finished: None, heed)
+        run_batch(system, request, values, q, v, lambda finished: None, check_cancelled)
     assert np.diff(calls).max() < 0.5

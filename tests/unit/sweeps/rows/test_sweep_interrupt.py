@@ -1,4 +1,4 @@
-"""An interrupt is heeded wherever the rows of a sweep are."""
+"""An interrupt acts wherever the rows of a sweep are."""
 
 from __future__ import annotations
 
