@@ -42,8 +42,7 @@ core = Extension(
 )
 extensions = cythonize([core], language_level=3)
 for extension in extensions:
-    # set here because cythonize does not hand it on
-    # where the compiled engine must be there, a failed build is an error
+    # set here because cythonize drops it; with the variable, as in CI, a failed build is an error
     extension.optional = "LAGCLI_REQUIRE_CORE" not in os.environ
 
 setup(ext_modules=extensions)

@@ -14,7 +14,6 @@ from lagcli.columns import read_dotted_name
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.render.names import Notation
-from lagcli.errors import UsageError
 from lagcli.model.model import (
     TIME,
     Arrow,
@@ -237,11 +236,3 @@ def _quantity(name: str) -> str:
     """Return the quantity of a symbol of λ or of a constraint force; nothing of other symbols."""
     named = read_dotted_name(name)
     return "" if named is None else named.quantity
-
-
-def no_model(run: RunFile) -> UsageError:
-    """Return the error of a run whose model has no view."""
-    return UsageError(
-        f"the model of {run.name} has no `view`, so that there is nothing to draw; add one to the"
-        " model file (docs/view.md) and name it with --model, or use lagcli plot"
-    )
