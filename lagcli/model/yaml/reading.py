@@ -20,17 +20,17 @@ _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 def read_text(path: str | Path) -> tuple[str, str]:
     """Read a file, or standard input for "-".
 
-        Returns
-        -------
-        text, name : str
-    The name identifies the file in messages.
+    Returns
+    -------
+    text, name : str
+        The name identifies the file in messages.
 
-        Raises
-        ------
-        FileError
-            The file cannot be read.
-        ModelError
-    The content is not text.
+    Raises
+    ------
+    FileError
+        The file cannot be read.
+    ModelError
+        The content is not text.
     """
     name = "<stdin>" if str(path) == "-" else str(path)
     try:
