@@ -9,6 +9,7 @@ from dataclasses import replace
 from lagcli.errors import SourceLocation
 from lagcli.model.draft import Draft, Indices
 from lagcli.model.expression.quantities import Quantity, evaluate, formula_of, read_quantity
+from lagcli.model.keys import INITIAL, keys_of
 from lagcli.model.model import InitialValue, Written
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
 from lagcli.model.names.members import family_of, members_clause
@@ -223,7 +224,7 @@ class _InitialReader:
 
     def guess(self, node: MappingNode, what: str) -> YamlNode | None:
         """Return the field ``guess``."""
-        fields = self.draft.fields(node, what, ("guess",))
+        fields = self.draft.fields(node, what, keys_of(INITIAL))
         self.fixed = False
         if "guess" not in fields and not node.entries:
             self.draft.report.add(
