@@ -44,7 +44,7 @@ def load(
 
     Parameters
     ----------
-    path : path, or "-" for standard input
+    path : path, name of a shipped model, or "-" for standard input
     set : mapping of parameter names to values, optional
         Parameter values that override the file's: numbers, or text in the syntax of model files
         (``"30 deg"``, ``"2*m"``).
