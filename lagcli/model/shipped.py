@@ -51,6 +51,6 @@ def find_model(path: str | Path) -> Path:
     Path
         The path itself if it is not the name of a shipped model.
     """
-    if _NAME.fullmatch(str(path)) and not Path(path).exists():
-        return shipped_models().get(str(path), Path(path))
-    return Path(path)
+    given = Path(path)
+    found = shipped_models().get(str(path)) if _NAME.fullmatch(str(path)) else None
+    return given if found is None or given.exists() else found

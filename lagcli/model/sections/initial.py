@@ -9,6 +9,7 @@ from dataclasses import replace
 from lagcli.errors import SourceLocation
 from lagcli.model.draft import Draft, Indices
 from lagcli.model.expression.quantities import Quantity, evaluate, formula_of, read_quantity
+from lagcli.model.expression.tokens import without_dots
 from lagcli.model.keys import INITIAL, keys_of
 from lagcli.model.model import InitialValue, Written
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
@@ -148,6 +149,9 @@ def canonical_name(draft: Draft, name: str) -> str | None:
     """Return the coordinate or velocity (x') that an entry names."""
     if name in draft.names.coordinates:
         return name
+    if not name.isascii():  # φ̇ and φ′ are φ'
+        plain, primes = without_dots(name.replace("′", "'"))
+        name = plain + "'" * primes
     for ending in ("'", "_dot"):
         base = name.removesuffix(ending)
         if base != name and base in draft.names.coordinates:
