@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from lagcli.model.shipped import find_model, shipped_models
+from lagcli.results.formats import MODEL_SUFFIXES, SUFFIXES
 
 Names = Callable[["Line"], Iterable[str]]
-
-_MODEL_SUFFIXES = (".yaml", ".yml")
 
 
 class Candidate(NamedTuple):
@@ -113,13 +112,11 @@ def _files(line: Line, suffixes: tuple[str, ...]) -> Iterator[str]:
 
 
 def _models(line: Line) -> Iterator[str]:
-    yield from _files(line, _MODEL_SUFFIXES)
+    yield from _files(line, MODEL_SUFFIXES)
     yield from shipped_models()
 
 
 def _results(line: Line) -> Iterator[str]:
-    from lagcli.results.formats import SUFFIXES
-
     yield from _files(line, SUFFIXES)
 
 
@@ -181,5 +178,5 @@ _NAMES: dict[str, Names] = {
     "FILE": _results,
     "FILE… [NAME…]": _results,
     "SWEEP.h5": _results,
-    "FILE.yaml": lambda line: _files(line, _MODEL_SUFFIXES),
+    "FILE.yaml": lambda line: _files(line, MODEL_SUFFIXES),
 }
