@@ -106,7 +106,7 @@ def _help(names: Symbols, context: Context, name: Name, base: str) -> str | None
         return "numbers are finite"
     if text in _CONSTANTS:
         return _CONSTANTS[text]
-    if context.coordinates and (velocity := meant_derivative(names, text)):
+    if context.coordinates and (velocity := meant_derivative(names, as_written(name))):
         return f"a time derivative is written with primes: `{velocity}`"
     if close := _close(names, context, text):
         return did_you_mean(close)
