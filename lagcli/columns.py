@@ -14,10 +14,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from lagcli.arrays import Array
 
 _MIXED = "mixed: as each constraint"
 _PER_JOULE = {"m": "N", "rad": "N*m", "1": "N*m", "": "N*m"}

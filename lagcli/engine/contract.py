@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.layout import SampleLayout
 from lagcli.engine.state import State
 from lagcli.engine.system import System
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
     from lagcli.engine.linear.elimination import Elimination
 
-Array = NDArray[np.float64]
 Status = Literal["completed", "stopped-by-event", "failed", "interrupted"]
 
 

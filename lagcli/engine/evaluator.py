@@ -6,16 +6,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Indices
 from lagcli.engine.layout import ConstraintLayout, DynamicsLayout
 from lagcli.engine.scales import coordinate_sizes, row_lengths
 from lagcli.engine.state import State
 from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
-
-Array = NDArray[np.float64]
-Places = NDArray[np.intp]
 
 
 class Dynamics(NamedTuple):
@@ -74,10 +71,10 @@ class _Matrices:
         self.mass = self._flat(system.mass_pattern)
         self.jacobian = self._flat(system.jacobian_pattern)
 
-    def _flat(self, pattern: Pattern) -> Places:
+    def _flat(self, pattern: Pattern) -> Indices:
         return np.array([i * self.nq + j for i, j in pattern], dtype=np.intp)
 
-    def matrix(self, rows: int, places: Places, values: Array) -> Array:
+    def matrix(self, rows: int, places: Indices, values: Array) -> Array:
         """Return a matrix with nq columns from its nonzero entries."""
         flat = np.zeros((rows * self.nq, *values.shape[1:]))
         flat[places] = values

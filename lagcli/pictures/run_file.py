@@ -8,16 +8,14 @@ from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Indices
 from lagcli.errors import ModelError, UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.results.formats import open_reader
 from lagcli.trajectory.samples import Array, Record
 from lagcli.trajectory.trajectory import Trajectory
-
-Indices = NDArray[np.intp]
 
 _NONE = np.empty(0)
 

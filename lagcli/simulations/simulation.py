@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block, Event, IntegrationRequest, Interrupted, Reaction
 from lagcli.engine.integrate.engines import engine_named
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
     from lagcli.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 
 #: Numbers of a block that are written at once: as CSV, the slowest, they take less than 0.1 s.
 _BLOCK_NUMBERS = 1 << 16
@@ -310,7 +309,7 @@ def warnings_of(
     p: tuple[float, ...],
     settings: Settings,
     rank: int,
-    samples: NDArray[np.float64],
+    samples: Array,
     steps: int,
 ) -> tuple[str, ...]:
     """Return why a completed run cannot be trusted, from its samples alone.

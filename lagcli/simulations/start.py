@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.initial import (
     ConsistentState,
     NoConsistentState,
@@ -25,9 +25,6 @@ from lagcli.model.model import InitialValue, Model, velocity
 
 if TYPE_CHECKING:
     from lagcli.simulations.undefined import UndefinedExpression
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 def find_start(equations: Equations, system: System, t: float) -> ConsistentState:

@@ -5,18 +5,14 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.constraints.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR
 from lagcli.engine.core import binding
 from lagcli.engine.layout import ConstraintLayout, DynamicsLayout
 from lagcli.engine.program.program import assemble
 from lagcli.engine.scales import coordinate_sizes, least_scales, usable
 from lagcli.engine.system import Pattern, System
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Rows = NDArray[np.intp]
 
 _ITERATIONS = 50
 _HALVINGS = 30
@@ -104,7 +100,7 @@ class _StartSearch:
     """The search for starts with the same free entries."""
 
     def __init__(
-        self, system: System, tables: tuple[Any, ...], t: float, free_q: Rows, free_v: Rows
+        self, system: System, tables: tuple[Any, ...], t: float, free_q: Indices, free_v: Indices
     ):
         self.system, self.t, self.free_q, self.free_v = system, t, free_q, free_v
         self.constraint, self.dynamics = tables
@@ -203,8 +199,8 @@ class _StartSearch:
         jacobian: Array,
         mass: Array,
         sizes: Array,
-        free: Rows,
-        constraints: Rows,
+        free: Indices,
+        constraints: Indices,
     ) -> tuple[Array, Flags]:
         """Return the least change of the free entries that removes a residual, and where."""
         # what no free entry is in cannot be helped; the others then decide, where they can
@@ -224,7 +220,7 @@ class _StartSearch:
         v: Array,
         phi: Array,
         jacobian: Array,
-        rows: Rows,
+        rows: Indices,
         step: Array,
     ) -> Flags:
         """Take the steps of some rows, halved until the residual falls; return where it does."""

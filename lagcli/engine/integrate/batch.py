@@ -17,8 +17,8 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Indices
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.core import binding
 from lagcli.engine.core.status import LaneStatus, Status
@@ -28,9 +28,6 @@ from lagcli.engine.program.program import assemble
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.engine.tape.tape import Tape
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 #: Seconds that the core may take before it comes back, and the tries of a step it begins with.
 _SLICE = 0.03
@@ -55,7 +52,7 @@ class Finished(NamedTuple):
         How each ended, and what it took.
     """
 
-    rows: Rows
+    rows: Indices
     samples: Array
     runs: list[Outcome]
 

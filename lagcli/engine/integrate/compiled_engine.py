@@ -15,8 +15,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.contract import (
     Block,
     Event,
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from lagcli.engine.constraints.singular import RankWatch
     from lagcli.engine.linear.elimination import Elimination
 
-Array = NDArray[np.float64]
 
 #: Seconds that a slice of steps should take: what an interrupt waits for.
 _SLICE = 0.03

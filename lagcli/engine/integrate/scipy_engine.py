@@ -10,10 +10,10 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import integrate
 from scipy.integrate import BDF, LSODA, OdeSolver
 
+from lagcli.arrays import Array
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.constraints.passage import Crossing
 from lagcli.engine.constraints.projection import Projection, is_far, jumped
@@ -33,8 +33,6 @@ from lagcli.engine.integrate.events import EventSearch
 from lagcli.engine.integrate.tolerances import Sizes
 from lagcli.engine.system import System
 from lagcli.settings.methods import METHODS
-
-Array = NDArray[np.float64]
 
 #: Baumgarte's α = β times the step size, where the user gives none.
 _BAUMGARTE_STEP = 0.1

@@ -7,12 +7,10 @@ change of the state instead of by rounding up and down.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.contract import IntegrationRequest
-
-Array = NDArray[np.float64]
 
 #: The numbers of core/sizes.h, by the same names.
 _FOLLOWING = 0.1

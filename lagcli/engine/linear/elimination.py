@@ -28,12 +28,11 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.layout import DynamicsLayout
 from lagcli.engine.system import Pattern, System
 
-Array = NDArray[np.float64]
 Rows = list[dict[int, Array]]
 
 #: A pivot is at least this part of the largest entry of its row, at every sampled state.

@@ -14,13 +14,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lagcli.arrays import Array, Int32
 
 if TYPE_CHECKING:
     from lagcli.engine.system import JacobianTapes, System
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int32]
 Rows = list[dict[int, float]]
 
 #: A pivot's least part of the largest entry in its row and in its column, of the balanced matrix.
@@ -44,12 +43,12 @@ class MatrixPattern:
         Where each number that the matrix is summed of goes.
     """
 
-    start: Indices
-    columns: Indices
-    parts: Indices
+    start: Int32
+    columns: Int32
+    parts: Int32
 
     @property
-    def rows(self) -> Indices:
+    def rows(self) -> Int32:
         """The row of each entry."""
         return np.repeat(np.arange(len(self.start) - 1, dtype=np.int32), np.diff(self.start))
 
@@ -70,12 +69,12 @@ class PivotOrder:
         Where the matrix's entries go.
     """
 
-    row: Indices
-    column: Indices
-    start: Indices
-    columns: Indices
-    diagonal: Indices
-    places: Indices
+    row: Int32
+    column: Int32
+    start: Int32
+    columns: Int32
+    diagonal: Int32
+    places: Int32
 
 
 def matrix_pattern(system: System, variation: JacobianTapes, rank: int) -> MatrixPattern:

@@ -18,8 +18,8 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Int32
 from lagcli.engine.program.nodes import VECTOR, Node
 from lagcli.engine.program.progressions import SHORTEST, pieces, progressions, steps
 from lagcli.engine.program.slots import LINE, Memory
@@ -84,9 +84,7 @@ class Packing:
         """The first place after all."""
         return self.memory.end
 
-    def streams(
-        self, parts: Sequence[Sequence[Node]], needed: Sequence[set[int]]
-    ) -> list[NDArray[np.int32]]:
+    def streams(self, parts: Sequence[Sequence[Node]], needed: Sequence[set[int]]) -> list[Int32]:
         """Return the streams of parts: all but the first are run only where they are asked for.
 
         Parameters
@@ -106,7 +104,7 @@ class Packing:
             self.place.update(inputs)
         return [main, *deferred]
 
-    def _stream(self, nodes: Sequence[Node], kept: set[int]) -> NDArray[np.int32]:
+    def _stream(self, nodes: Sequence[Node], kept: set[int]) -> Int32:
         """Return the stream of operations.
 
         Parameters

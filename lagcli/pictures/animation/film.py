@@ -13,9 +13,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.arrays import Image
 from lagcli.errors import FileError, UsageError
 
-Image = NDArray[np.uint8]
 #: Draws a frame of a time, s: (height, width, 3).
 Draw = Callable[[float], Image]
 Reached = Callable[[float], object]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Image, Indices
 from lagcli.errors import LagcliError
 from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
 from lagcli.pictures.plots.figure_file import new_figure
@@ -16,9 +16,6 @@ from lagcli.pictures.plots.style import PALETTE, ROLES
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.raster import Raster
 from lagcli.trajectory.samples import Array
-
-Image = NDArray[np.uint8]
-Indices = NDArray[np.intp]
 
 _DPI = 100
 _MARKED = 10  # curves on which a dot moves: on more, dots would be a cloud

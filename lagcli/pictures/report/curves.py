@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Indices
 from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName
 from lagcli.equations.render.names import Notation
 from lagcli.pictures.plots.thinning import thin
@@ -207,7 +207,7 @@ def _thinned(time: Array, values: Array, numbers: float) -> tuple[Array, Array]:
     if len(time) * (width + 1) <= numbers:
         return time, values
     columns = max(1, int(numbers / ((width + 1) * (2 + 2 * width))))
-    kept: NDArray[np.intp] = thin(time, values, columns)
+    kept: Indices = thin(time, values, columns)
     return time[kept], values[kept]
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Image
 from lagcli.pictures.plots.style import ROLES
 from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
 from lagcli.pictures.scene.raster import Raster
@@ -21,8 +21,6 @@ from lagcli.pictures.scene.shapes import (
     joints,
 )
 from lagcli.pictures.scene.timing import TRAIL_PART
-
-Image = NDArray[np.uint8]
 
 _LISTED = 6  # vectors whose magnitudes are written
 
@@ -101,7 +99,7 @@ class SceneDrawing:
         (x_low, x_high), (y_low, y_high), (floor, _) = self.scene.bounds
         step = round_length(max(x_high - x_low, y_high - y_low) / 5)
 
-        def ticks(low: float, high: float) -> NDArray[np.float64]:
+        def ticks(low: float, high: float) -> Array:
             first, last = math.floor(low / step + 1e-6), math.ceil(high / step - 1e-6)
             return np.arange(first, last + 1, dtype=np.float64) * step
 

@@ -30,7 +30,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.model.model import Segment
 from lagcli.trajectory.samples import Array
@@ -219,7 +218,7 @@ def extent_of(
     return extent
 
 
-def frames(normal: Sequence[Array]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def frames(normal: Sequence[Array]) -> tuple[Array, Array]:
     """Return the two directions in which the discs of some normals lie.
 
     Parameters

@@ -8,14 +8,12 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.pictures.plots.style import ROLES
 from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
 from lagcli.pictures.scene.raster import Raster
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, frames
-
-Array = NDArray[np.float64]
 
 #: What is painted over what.
 LAYERS = ("guide", "ground", "trail", "disc", "spring", "rod", "joint", "vector", "label")

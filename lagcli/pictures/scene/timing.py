@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 
 #: Real time, by default, for motions of this many seconds; others are slowed down or sped up.
@@ -54,7 +54,7 @@ class Timing(NamedTuple):
         """How far back the trail of a point goes, s: what can be followed while it moves."""
         return min(TRAIL_PART * (self.end - self.start), _TRAIL_SECONDS * self.speed)
 
-    def frames(self, fps: float) -> NDArray[np.float64]:
+    def frames(self, fps: float) -> Array:
         """Return the times of the frames, s: evenly spaced, both ends among them.
 
         Raises

@@ -11,8 +11,8 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.errors import FileError
 from lagcli.model.model import Model
 from lagcli.results.hdf5.container import add_texts, make_axis, new_file, set_text
@@ -27,9 +27,6 @@ from lagcli.sweeps.row_results import STATUSES, Results
 from lagcli.sweeps.row_status import runs_of
 from lagcli.trajectory.samples import SIGN_CONVENTION
 from lagcli.version import __version__
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 #: Bytes of messages at first, and of those that are stored together.
 _SHORT, _MESSAGES = 64, 1 << 16

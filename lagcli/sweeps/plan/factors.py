@@ -8,12 +8,9 @@ from fractions import Fraction
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Numbers
 from lagcli.sweeps.plan.sampling import Distribution, unit_points
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 
 class Factor(Protocol):
