@@ -101,7 +101,7 @@ class IntegrationRequest:
 
 
 class Block(NamedTuple):
-    """Consecutive samples, as an engine hands them over.
+    """Consecutive samples, as an engine emits them; `np.column_stack` makes sample rows of them.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ class Stopped(Exception):
 
 
 class Interrupted(Exception):
-    """Ends a run at the user's wish; raised by what an engine is given as ``progress``."""
+    """Ends a run that the user cancels; raised by what an engine is given as ``progress``."""
 
 
 class Limits:
@@ -247,9 +247,8 @@ class Engine(Protocol):
         request : Request
         sink : callable
             Takes the samples in blocks, in order: whatever ends the run, those reached by then
-            are handed over. What it raises ends the run at once and goes on to the caller.
+            are emitted. What it raises ends the run at once and goes on to the caller.
         progress : callable, optional
             Called with the time reached, s, several times per 0.1 s, as far as single steps and
             samples allow. May raise `Interrupted`.
         """
-        ...

@@ -88,7 +88,7 @@ def run_batch(
     sink: Callable[[Finished], None],
     progress: Callable[[], None] | None = None,
 ) -> None:
-    """Integrate many runs; each is handed over once, in no certain order.
+    """Integrate many runs; each is emitted once, in no certain order.
 
     Several threads may do so at once: the core holds no lock while it runs.
 
@@ -227,13 +227,8 @@ def _singly(
     if run.status == "interrupted":
         raise Interrupted
     width = system.sample_layout.size
-    rows = np.concatenate([np.empty((0, width)), *(_as_rows(block) for block in blocks)])
+    rows = np.concatenate([np.empty((0, width)), *map(np.column_stack, blocks)])
     return Finished(np.array([row]), rows[None], [run])
-
-
-def _as_rows(block: Block) -> Array:
-    """Return a block's samples by row: the inverse of `Block.of_rows`."""
-    return np.column_stack([block.time, block.q, block.v, block.a, block.multipliers, block.work])
 
 
 class SampleTape:

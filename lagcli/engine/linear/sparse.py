@@ -9,8 +9,8 @@ Methods for Sparse Matrices, ch. 7.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -186,19 +186,13 @@ class _Elimination:
         for count in range(1, self.n + 1):
             if best is not None and (searched >= _SEARCHED or least <= (count - 1) ** 2):
                 break
-            for j in self.column_counts[count]:
-                for i in self.columns[j]:
-                    cost = (len(self.rows[i]) - 1) * (count - 1)
+            for line in chain(
+                ([(i, j) for i in self.columns[j]] for j in self.column_counts[count]),
+                ([(i, j) for j in self.rows[i]] for i in self.row_counts[count]),
+            ):
+                for i, j in line:
+                    cost = (len(self.rows[i]) - 1) * (len(self.columns[j]) - 1)
                     x = abs(self.rows[i][j])
-                    if (cost < least or (cost == least and x > size)) and self.suits(i, j, x):
-                        best, least, size = (i, j), cost, x
-                searched += 1
-                if searched >= _SEARCHED and best is not None:
-                    return best
-            for i in self.row_counts[count]:
-                for j, value in self.rows[i].items():
-                    cost = (len(self.columns[j]) - 1) * (count - 1)
-                    x = abs(value)
                     if (cost < least or (cost == least and x > size)) and self.suits(i, j, x):
                         best, least, size = (i, j), cost, x
                 searched += 1
@@ -290,7 +284,7 @@ class _Elimination:
             diagonal.append(start[-1] + len(lower))
             columns += [*lower, int(position[j]), *upper]
             start.append(len(columns))
-            places.update(_numbered(i, columns[start[-2] :], start[-2]))
+            places.update(((i, columns[e]), e) for e in range(start[-2], start[-1]))
         where = position[pattern.columns].tolist()
         return PivotOrder(
             row,
@@ -303,7 +297,3 @@ class _Elimination:
                 dtype=np.int32,
             ),
         )
-
-
-def _numbered(row: int, columns: Iterable[int], first: int) -> dict[tuple[int, int], int]:
-    return {(row, j): first + k for k, j in enumerate(columns)}

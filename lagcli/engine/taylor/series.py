@@ -335,8 +335,8 @@ def _values(
     begins: Sequence[int],
     outputs: Sequence[int],
 ) -> Tape:
-    begun = map(expansion.begin, begins)
-    return expansion.builder.finish([*(x - NUMBER for x in numbers), *begun, *outputs])
+    first = map(expansion.begin, begins)
+    return expansion.builder.finish([*(x - NUMBER for x in numbers), *first, *outputs])
 
 
 def _merged(

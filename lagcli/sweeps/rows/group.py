@@ -254,8 +254,8 @@ class RowGroup:
         request = dataclasses.replace(simulation.request, times=self.grid.all)
         rows = [np.empty((0, width))]
 
-        def take(b: Block) -> None:
-            rows.append(np.column_stack([b.time, b.q, b.v, b.a, b.multipliers, b.work]))
+        def take(block: Block) -> None:
+            rows.append(np.column_stack(block))
 
         engine = engine_named(simulation.settings.engine)
         run = engine(simulation.system, request, take, lambda t: check_cancelled())
