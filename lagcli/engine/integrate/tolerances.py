@@ -99,10 +99,8 @@ class Sizes:
         np.fmax(size, np.abs(y), out=size)
         if np.isfinite(energy):
             size[-1] = max(size[-1], energy)
-        noise = (
-            _SUMMING * h * self.acceleration_terms
-            + _TIMING * self.length * self.future_acceleration
-        )
+        noise = _SUMMING * h * self.acceleration_terms
+        noise += _TIMING * self.length * self.future_acceleration
         floor = np.concatenate(
             [
                 _ROUNDING * self._of_kind(size[:nq]) + noise * h,
@@ -122,11 +120,8 @@ class Sizes:
         nq = self.nq
         horizon = _HORIZON * (self.settings.t_end - t)
         most = min(self.settings.max_step, self.settings.t_end - t)
-        q, v, a = (
-            np.abs(y[:nq]),
-            np.abs(y[nq:-1]),
-            self.acceleration_terms + self.future_acceleration,
-        )
+        a = self.acceleration_terms + self.future_acceleration
+        q, v = np.abs(y[:nq]), np.abs(y[nq:-1])
         w = q + _BESIDE * self._of_kind(q) + horizon * (v + horizon * a)
         w = np.concatenate([w, v + _BESIDE * self._of_kind(v) + horizon * a + np.sqrt(a * w)])
         w = np.where(w > 0, w, np.inf)
