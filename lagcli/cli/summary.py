@@ -14,6 +14,7 @@ import numpy as np
 
 from lagcli.cli.streams import visible_json
 from lagcli.errors import LagcliError
+from lagcli.json_values import json_values
 from lagcli.trajectory.extremes import Extremes, known
 from lagcli.trajectory.samples import ENDED, Array, Record
 
@@ -88,17 +89,7 @@ def to_json(value: Mapping[str, Any]) -> str:
     file of JSON lines.
     """
     indent = 2 if sys.stdout.isatty() else None
-    return visible_json(json.dumps(_finite(value), indent=indent, ensure_ascii=False))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return visible_json(json.dumps(json_values(value), indent=indent, ensure_ascii=False))
 
 
 def error_object(error: LagcliError) -> dict[str, Any]:

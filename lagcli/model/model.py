@@ -241,6 +241,12 @@ class Model:
         return {**self.initial_positions, **velocities}
 
     @property
+    def has_units(self) -> bool:
+        """Whether units are stated at all."""
+        units = [c.unit for c in self.coordinates] + [p.unit for p in self.parameters.values()]
+        return any(units)
+
+    @property
     def structural_parameters(self) -> tuple[str, ...]:
         """Names of the parameters whose change requires a new derivation."""
         return tuple(name for name, p in self.parameters.items() if p.structural)

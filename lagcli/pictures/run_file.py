@@ -121,7 +121,8 @@ class RunFile:
         record = self.record
         # as expressions: they are in SI, whatever unit the file gives to a parameter
         parameters = {name: f"{value!r}*1" for name, value in record.parameters.items()}
-        initial = self._initial()
+        # the text alone may lack some
+        initial = self.initial
         if self._model_file is not None:
             model = self._other_model(self._model_file, parameters, initial)
         elif not record.model:
@@ -151,8 +152,9 @@ class RunFile:
                 f"{path} is not the model of {self.name}: {options[0].message}"
             ) from None
 
-    def _initial(self) -> Mapping[str, float]:
-        """Return the first sample as initial values: the text alone may lack some."""
+    @property
+    def initial(self) -> Mapping[str, float]:
+        """The first sample as initial values by name (``phi'``); none without samples."""
         if not self.count:
             return {}
         first = self.columns(("q", "v"), np.zeros(1, dtype=np.intp))

@@ -36,6 +36,7 @@ FOREIGN = {
     "errors": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "settings": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich", "pint"},
     "arrays": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "json_values": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "columns": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "model": {"numpy", "scipy", "sympy", "h5py", "typer", "rich"},
     "equations": {"numpy", "scipy", "h5py", "yaml", "typer", "rich"},

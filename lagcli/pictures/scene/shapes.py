@@ -62,13 +62,8 @@ class Moment:
         now: float,
         trail: float,
     ):
-        self.scene, self.camera, self.raster, self.now, self.trail = (
-            scene,
-            camera,
-            raster,
-            now,
-            trail,
-        )
+        self.scene, self.camera, self.raster = scene, camera, raster
+        self.now, self.trail = now, trail
         self.points = {name: self.vector(series) for name, series in scene.points.items()}
         self.places = {name: camera.project(point) for name, point in self.points.items()}
 

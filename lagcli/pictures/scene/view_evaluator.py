@@ -184,19 +184,15 @@ class ViewEvaluator:
             view.grounds,
             view.trails,
             labels,
-            "m" if self._stated() else "",
+            "m" if model.has_units else "",
         )
 
     def _unit(self, arrow: Arrow) -> str:
         """Return the unit of a vector: of points in metres, where the model has units at all."""
         if arrow.unit is not None:
             return arrow.unit
-        return {"velocity": "m/s", "force": "N"}.get(arrow.quantity, "") if self._stated() else ""
-
-    def _stated(self) -> bool:
-        """Return whether the model has units at all."""
-        stated = any(c.unit for c in self._model.coordinates)
-        return stated or any(p.unit for p in self._model.parameters.values())
+        usual = {"velocity": "m/s", "force": "N"} if self._model.has_units else {}
+        return usual.get(arrow.quantity, "")
 
     def _values(
         self, columns: Mapping[str, Array], terms: Terms, parameters: Mapping[str, float]
