@@ -232,6 +232,12 @@ QUANTITIES = tuple(_quantities())
 BY_NAME = {quantity.name: quantity for quantity in QUANTITIES}
 #: Those with values at each sample.
 SAMPLED = tuple(quantity for quantity in QUANTITIES if quantity.axes[0] == "time")
+#: Those that every result file has. A file that lacks another was written before there was such a
+#: column, and is read with NaN for it.
+REQUIRED = {
+    *("time", "q", "v", "a", "multipliers", "constraint_force_by"),
+    *("scale_position", "scale_velocity"),
+}
 #: Those with one number at each sample, which is a function of that sample.
 SCALARS = tuple(q for q in SAMPLED if not q.along and q.name != "time")
 #: The residuals of each constraint.

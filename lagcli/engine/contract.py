@@ -142,10 +142,10 @@ class Outcome:
     """
 
     status: Status
-    message: str
-    steps: int
-    rejected: int
-    evaluations: int
+    message: str = ""
+    steps: int = 0
+    rejected: int = 0
+    evaluations: int = 0
     undefined: State | None = None
     methods: tuple[str, ...] = ()
     tolerances: Array | None = None
@@ -216,17 +216,17 @@ class Limits:
             )
 
 
-def outcome(integrate: Callable[[], None]) -> tuple[Status, str, State | None]:
-    """Integrate, and return how it ended: status, message and undefined state, as in Run."""
+def outcome(integrate: Callable[[], None]) -> Outcome:
+    """Integrate, and return how it ended."""
     try:
         integrate()
     except Stop as stop:
-        return "failed", str(stop), stop.undefined
+        return Outcome("failed", str(stop), undefined=stop.undefined)
     except Stopped as stopped:
-        return "stopped-by-event", str(stopped), None
+        return Outcome("stopped-by-event", str(stopped))
     except Interrupted:
-        return "interrupted", "interrupted; the samples so far are kept", None
-    return "completed", "", None
+        return Outcome("interrupted", "interrupted; the samples so far are kept")
+    return Outcome("completed")
 
 
 class Engine(Protocol):

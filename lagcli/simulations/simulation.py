@@ -225,7 +225,7 @@ class Simulation:
         progress: Callable[[float], None] | None = None,
         interruption: Interruption | None = None,
     ) -> Record:
-        """Run, and hand the samples over as they come.
+        """Run, and emit the samples as they come.
 
         Parameters
         ----------
@@ -268,7 +268,8 @@ class Simulation:
             run = engine(self.system, self.request, take, check_cancelled)
         integrating = time.perf_counter() - began - elsewhere
         if not columns.samples:
-            take(_no_samples(self.system))
+            layout = self.system.sample_layout
+            take(Block.of_rows(np.empty((0, layout.size)), layout))
         if run.undefined is not None:
             run.message += "; " + undefined_at(self.equations, run.undefined).with_line
         options = self.settings.as_dict()
@@ -344,11 +345,6 @@ def _distrust(
     projected = settings.formulation == "projection"
     scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
     return trust.warnings(settings.rtol, steps, projected, scales)
-
-
-def _no_samples(system: System) -> Block:
-    layout = system.sample_layout
-    return Block.of_rows(np.empty((0, layout.size)), layout)
 
 
 def _block_rows(system: System) -> int:

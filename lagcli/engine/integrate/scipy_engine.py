@@ -54,17 +54,12 @@ def run(
     integration = _Integration(system, request, sink, progress)
     # numbers that overflow are seen by what becomes of them
     with np.errstate(all="ignore"):
-        status, message, undefined = outcome(integration.integrate)
+        found = outcome(integration.integrate)
         integration.emit()
-    return Outcome(
-        status=status,
-        message=message,
-        steps=integration.steps,
-        rejected=integration.rejected,
-        evaluations=integration.motion.evaluations,
-        undefined=undefined,
-        tolerances=integration.sizes.tolerances if integration.sizes else None,
-    )
+    found.steps, found.rejected = integration.steps, integration.rejected
+    found.evaluations = integration.motion.evaluations
+    found.tolerances = integration.sizes.tolerances if integration.sizes else None
+    return found
 
 
 class _Integration:

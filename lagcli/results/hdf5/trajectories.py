@@ -27,7 +27,7 @@ from lagcli.results.hdf5.container import (
 )
 from lagcli.results.hdf5.opening import Opened, not_of_lagcli, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, OutputFamily, output_families
-from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute
+from lagcli.results.hdf5.structure import numbers, read_quantity, read_texts, text_attribute
 from lagcli.results.layout import NOT_STATED, shared_unit, term_names, unit
 from lagcli.results.metadata import (
     KIND,
@@ -219,7 +219,10 @@ def open_hdf5(path: str) -> Iterator[Hdf5Reader]:
 
 
 class Hdf5Reader:
-    """An open file; see `lagcli.results.formats.Reader`. Damage raises whatever HDF5 raises."""
+    """An open file; see `lagcli.results.formats.Reader`. Damage raises whatever HDF5 raises.
+
+    A column that is not in `lagcli.columns.REQUIRED` and that the file lacks is NaN.
+    """
 
     def __init__(self, opened: Opened):
         self._root, self.layout = opened.root, opened.layout
@@ -287,15 +290,7 @@ class Hdf5Reader:
         """Return some rows of a quantity, or all, if it has the shape that it should have."""
         if name.startswith(_OUTPUTS):
             output = name.removeprefix(_OUTPUTS)
-            shape, expected = self._outputs.shape(output), (self._length["time"],)
-        else:
-            dataset = numbers(self._root, name)
-            shape, expected = (
-                dataset.shape,
-                tuple(self._length[axis] for axis in BY_NAME[name].axes),
-            )
-        if shape != expected:
-            raise ValueError(f"{name} has shape {shape}, not {expected}")
-        if name.startswith(_OUTPUTS):
+            if (shape := self._outputs.shape(output)) != (self._length["time"],):
+                raise ValueError(f"{name} has shape {shape}, not {(self._length['time'],)}")
             return self._outputs.read(output, rows)
-        return np.asarray(dataset[rows], dtype=np.float64)
+        return read_quantity(self._root, BY_NAME[name], self._length, rows)

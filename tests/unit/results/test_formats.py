@@ -6,11 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import lagcli
-from lagcli.errors import UsageError
-from lagcli.results import formats, read, write
+from lagcli import columns
+from lagcli.errors import FileError, UsageError
+from lagcli.results import formats, info, read, write
 from lagcli.results.formats import FORMATS, format_of
 
 CRANK = Path(__file__).parents[3] / "models" / "slider_crank.yaml"
@@ -23,6 +25,55 @@ def test_every_format_keeps_the_numbers(suffix: str, tmp_path: Path) -> None:
     write(run, path)
     back = read(path)
     assert all((getattr(back, name) == getattr(run, name)).all() for name in "qva")
+
+
+#: Where the writer of each format takes the columns from.
+WRITERS = {
+    ".h5": (
+        "lagcli.results.hdf5.trajectories.SAMPLED",
+        "lagcli.results.hdf5.trajectories.QUANTITIES",
+    ),
+    ".csv": ("lagcli.results.csv.writer.SAMPLED",),
+}
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("lacking", ["power_time", "residual_velocity"])
+def test_a_file_without_a_column_that_was_added_later_is_read(
+    suffix: str, lacking: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, path = lagcli.simulate(lagcli.load(CRANK), t_end=0.1), tmp_path / f"run{suffix}"
+    with monkeypatch.context() as before:
+        for place in WRITERS[suffix]:
+            kept = [q for q in columns.QUANTITIES if q.name != lacking]
+            if place.endswith("SAMPLED"):
+                kept = [q for q in kept if "time" in q.axes]
+            before.setattr(place, tuple(kept))
+        write(run, path)
+    back = read(path)
+    assert getattr(back, lacking).shape == getattr(run, lacking).shape
+    assert np.isnan(getattr(back, lacking)).all()
+    for name in ("q", "v", "a", "multipliers", "energy_total", "residual_equation"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(run, name))
+    for name, values in run.outputs.items():
+        np.testing.assert_array_equal(back.outputs[name], values)
+    assert info.describe(path)["sizes"]["samples"] == len(run.time)
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_file_without_a_column_that_every_file_has_is_refused(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, path = lagcli.simulate(lagcli.load(CRANK), t_end=0.1), tmp_path / f"run{suffix}"
+    with monkeypatch.context() as before:
+        for place in WRITERS[suffix]:
+            kept = [q for q in columns.QUANTITIES if q.name != "a"]
+            if place.endswith("SAMPLED"):
+                kept = [q for q in kept if "time" in q.axes]
+            before.setattr(place, tuple(kept))
+        write(run, path)
+    with pytest.raises(FileError, match="cannot read"):
+        read(path)
 
 
 @pytest.mark.parametrize("name", ["run.txt", "run", "h5"])
