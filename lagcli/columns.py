@@ -232,11 +232,13 @@ QUANTITIES = tuple(_quantities())
 BY_NAME = {quantity.name: quantity for quantity in QUANTITIES}
 #: Those with values at each sample.
 SAMPLED = tuple(quantity for quantity in QUANTITIES if quantity.axes[0] == "time")
-#: Those that every result file has. A file that lacks another was written before there was such a
-#: column, and is read with NaN for it.
+#: The names in the first files of the layout, which all have. A file that lacks another was written
+#: before there was such a column, and is read with NaN for it.
 REQUIRED = {
-    *("time", "q", "v", "a", "multipliers", "constraint_force_by"),
-    *("scale_position", "scale_velocity"),
+    *("time", "q", "v", "a", "multipliers", "constraint_force", "constraint_force_by"),
+    *("energy_kinetic", "energy_potential", "energy_total", "energy_balance"),
+    *("power_applied", "power_constraint", "power_time", "scale_position", "scale_velocity"),
+    *("residual_position", "residual_velocity", "residual_equation"),
 }
 #: Those with one number at each sample, which is a function of that sample.
 SCALARS = tuple(q for q in SAMPLED if not q.along and q.name != "time")
