@@ -66,6 +66,11 @@ class ResultQuantity(NamedTuple):
         """The names of its columns, with ``{coordinate}`` and ``{constraint}``."""
         return self.text or self.name + (".{constraint}" if self.along == "constraint" else "")
 
+    @property
+    def scale(self) -> str:
+        """The field of `Record` that a residual is judged by."""
+        return self.name.replace("residual", "scale")
+
     def unit_at(self, coordinate_unit: str | None) -> str | None:
         """Return the unit of a column, given that of its coordinate; None where none is stated."""
         if "{u}" not in self.unit:
@@ -244,6 +249,8 @@ REQUIRED = {
 SCALARS = tuple(q for q in SAMPLED if not q.along and q.name != "time")
 #: The residuals of each constraint.
 RESIDUALS = tuple(q for q in SAMPLED if q.along == "constraint" and q.role == "residual")
+#: What is zero for an exact run.
+ERRORS = tuple(q for q in SAMPLED if q.role)
 #: The titles of plots, in their order, with the quantities that they show.
 PANELS = {
     panel: tuple(q for q in SAMPLED if q.panel == panel)

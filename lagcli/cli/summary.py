@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.cli.streams import visible_json
+from lagcli.columns import RESIDUALS
 from lagcli.errors import LagcliError
 from lagcli.json_values import json_values
 from lagcli.trajectory.extremes import Extremes, known
@@ -48,8 +49,7 @@ def summarize(
         "rtol": options["rtol"],
         "atol": options.get("atol"),
         "tolerances": dict(record.tolerances),
-        "residual_position": _worst(extremes.residual_position, record.scale_position),
-        "residual_velocity": _worst(extremes.residual_velocity, record.scale_velocity),
+        **{q.name: _worst(getattr(extremes, q.name), getattr(record, q.scale)) for q in RESIDUALS},
         "energy_balance": known(extremes.energy_balance) or 0.0,
         "energy_scale": extremes.energy_scale,
         "multipliers": {
@@ -150,11 +150,7 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
         ]
     if s["redundant"]:
         lines += _redundancy(s)
-    residuals = [
-        f"{what} {s[f'residual_{what}']:.1e}"
-        for what in ("position", "velocity")
-        if s[f"residual_{what}"] is not None
-    ]
+    residuals = [f"{q.label} {s[q.name]:.1e}" for q in RESIDUALS if s[q.name] is not None]
     if residuals:
         lines.append(
             f"  {'residuals':<12}{', '.join(residuals)} (largest, relative to each constraint's"

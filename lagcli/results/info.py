@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lagcli.columns import RESIDUALS
 from lagcli.results.formats import FORMATS, format_of, open_reader
 from lagcli.results.listing import WIDTH, entry, number, pairs
 from lagcli.results.metadata import KIND, model_name, to_metadata
@@ -73,12 +74,12 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         "constraints": list(file.constraints),
         "outputs": list(file.outputs),
         "time": {"first": known(extremes.first), "last": known(extremes.last)},
-        "residual_position": _residuals(
-            file.constraints, extremes.residual_position, file.record.scale_position
-        ),
-        "residual_velocity": _residuals(
-            file.constraints, extremes.residual_velocity, file.record.scale_velocity
-        ),
+        **{
+            q.name: _residuals(
+                file.constraints, getattr(extremes, q.name), getattr(file.record, q.scale)
+            )
+            for q in RESIDUALS
+        },
         "residual_equation": known(extremes.residual_equation),
         "energy_balance": {"max": balance, "relative": _ratio(balance, extremes.energy_scale)},
         "multipliers": {
@@ -146,7 +147,7 @@ def format_info(info: Mapping[str, Any]) -> str:
             {
                 name: [
                     number(info[field][name][key], 3)
-                    for field in ("residual_position", "residual_velocity")
+                    for field in (q.name for q in RESIDUALS)
                     for key in ("max", "scaled")
                 ]
                 for name in info["constraints"]

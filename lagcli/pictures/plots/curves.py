@@ -269,7 +269,7 @@ def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:
 
 def _values(run: RunFile, curve: Curve, values: Array) -> Array:
     if curve.largest:
-        scale = getattr(run.record, curve.field.replace("residual", "scale"))
+        scale = getattr(run.record, BY_NAME[curve.field].scale)
         known = ~np.isnan(values).all(axis=0) if len(values) else np.ones(len(scale), dtype=bool)
         relative = np.abs(values[:, known]) / np.where(np.isnan(scale[known]), 1.0, scale[known])
         return np.asarray(relative.max(axis=1, initial=0.0))

@@ -317,7 +317,7 @@ def _scalars(names: Notation) -> list[Plot]:
 def _residuals(run: RunFile, names: Notation) -> list[Plot]:
     plots = []
     for quantity in RESIDUALS:
-        scales = getattr(run.record, quantity.name.replace("residual", "scale"))
+        scales = getattr(run.record, quantity.scale)
         curves = [
             curve_of(ColumnName(quantity.name, c), names, (i,), _usable(scales[i]))
             for i, c in enumerate(run.constraints)
