@@ -122,7 +122,7 @@ class Draft:
         key: Scalar,
         node: YamlNode,
         what: str,
-        known: tuple[str, ...] = ("expr", "description"),
+        known: tuple[str, ...],
         later: tuple[str, ...] = (),
         example: str = "expression",
     ) -> tuple[YamlNode | None, dict[str, YamlNode]]:

@@ -10,16 +10,18 @@ from lagcli.cli.streams import print_notes, tell
 
 def report(
     file: ResultFile,
-    output: Annotated[str, typer.Option("--output", "-o", metavar="FILE", help="The page, .html.")],
-    title: Annotated[str | None, typer.Option(help="In place of the model's name.")] = None,
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="FILE", help="Page to write, .html.")
+    ],
+    title: Annotated[str | None, typer.Option(help="Title, instead of the model's name.")] = None,
     model: ViewModel = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Put a run on one page: equations, animation, plots, extremes, computation.
+    """Write a report of a run: equations, animation, plots, extremes, computation.
 
-    The page is one file that fetches nothing, to be opened in a browser, sent, or printed. A run
-    that failed is shown up to its last sample, and said to have failed.
+    The report is one self-contained HTML file. It can be opened without a network, sent, or
+    printed. A failed run is shown up to its last sample and marked.
     """
     from lagcli.pictures.report import report as make
 

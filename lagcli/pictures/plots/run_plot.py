@@ -12,7 +12,7 @@ from lagcli.pictures.plots import style
 from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
 from lagcli.pictures.plots.differences import labels_of
 from lagcli.pictures.plots.figure_file import FigureFile
-from lagcli.pictures.plots.panels import Panel, asked, usual
+from lagcli.pictures.plots.panels import Panel, asked, split_by_scale, usual
 from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.plots.ticks import decades, drawable, plain_ticks
 from lagcli.pictures.run_file import RunFile
@@ -39,8 +39,8 @@ def plot_runs(runs: Sequence[RunFile], names: Sequence[str], target: FigureFile)
     runs : sequence of Run
         At least one; several are drawn over each other.
     names : sequence of str
-        What to plot, see `lagcli.pictures.plots.panels.asked`; by default coordinates, multipliers,
-        energy balance and residuals.
+        What to plot, see `lagcli.pictures.plots.panels.asked`; by default coordinates, multipliers
+        and energies.
     target : FigureFile
         By default as wide as a page, with the model's name.
 
@@ -58,11 +58,23 @@ def plot_runs(runs: Sequence[RunFile], names: Sequence[str], target: FigureFile)
         read_curves(run, {curve for p in own for curve in (*p.curves, *p.over)})
         for run, own in zip(runs, panels, strict=True)
     ]
+    largest = _largest(values)
+    panels = [split_by_scale(own, largest) for own in panels]
     heights = [_PHASE if panel.over else _TIME for panel in panels[0]]
     with target.figure((WIDTH, sum(heights) + 0.6), _title(runs)) as figure:
         dpi = target.dpi if target.kind == "png" else _PRINTED
         columns = int(figure.get_figwidth() * dpi)
         PanelDrawing(figure, runs, values, columns).draw(panels, heights)
+
+
+def _largest(values: Sequence[Values]) -> dict[str, float]:
+    """Return the largest finite magnitude of each curve over all runs."""
+    found: dict[str, float] = {}
+    for run in values:
+        for name, curve in run.items():
+            finite = np.abs(curve[np.isfinite(curve)])
+            found[name] = max(found.get(name, 0.0), float(finite.max(initial=0.0)))
+    return found
 
 
 def _check(runs: Sequence[RunFile], panels: Sequence[Sequence[Panel]]) -> None:
