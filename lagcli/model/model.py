@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -241,6 +241,12 @@ class Model:
         return {**self.initial_positions, **velocities}
 
     @property
+    def has_units(self) -> bool:
+        """Whether units are stated at all."""
+        units = [c.unit for c in self.coordinates] + [p.unit for p in self.parameters.values()]
+        return any(units)
+
+    @property
     def structural_parameters(self) -> tuple[str, ...]:
         """Names of the parameters whose change requires a new derivation."""
         return tuple(name for name, p in self.parameters.items() if p.structural)
@@ -249,12 +255,3 @@ class Model:
     def parameter_values(self) -> dict[str, float]:
         """Parameter values in SI, by name."""
         return {name: p.value for name, p in self.parameters.items()}
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return names and values for machine-readable summaries."""
-        return {
-            "name": self.name,
-            "coordinates": list(self.coordinate_names),
-            "constraints": {c.name: c.kind for c in self.constraints},
-            "parameters": self.parameter_values,
-        }

@@ -41,7 +41,6 @@ class Curves:
     def __init__(self, model: Model):
         self._model, self._names = model, Notation(model)
         self._units = {c.name: c.unit for c in model.coordinates}
-        self._stated = any(self._units.values()) or any(p.unit for p in model.parameters.values())
 
     def groups(self) -> dict[str, str]:
         """Return the groups that have curves, with their titles."""
@@ -108,7 +107,7 @@ class Curves:
         quantity = BY_NAME[name.quantity]
         if name.coordinate:
             return unit(quantity.unit_at(self._units[name.coordinate]))
-        stated = self._stated and not name.constraint and "{u}" not in quantity.unit
+        stated = self._model.has_units and not name.constraint and "{u}" not in quantity.unit
         return unit(quantity.unit) if stated else ""
 
     def _outputs(self, s: Samples) -> list[LiveCurve]:

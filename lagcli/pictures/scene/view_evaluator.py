@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import symengine as se
-from numpy.typing import NDArray
 from symengine import Basic
 
+from lagcli.arrays import Indices
 from lagcli.columns import read_dotted_name
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
@@ -27,8 +27,6 @@ from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.point_force import PointForce, point_force
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, extent_of, scaled
 from lagcli.trajectory.samples import Array, Terms
-
-Indices = NDArray[np.intp]
 
 #: Numbers that a tape holds at once: 32 MB.
 _HELD = 1 << 22
@@ -186,19 +184,15 @@ class ViewEvaluator:
             view.grounds,
             view.trails,
             labels,
-            "m" if self._stated() else "",
+            "m" if model.has_units else "",
         )
 
     def _unit(self, arrow: Arrow) -> str:
         """Return the unit of a vector: of points in metres, where the model has units at all."""
         if arrow.unit is not None:
             return arrow.unit
-        return {"velocity": "m/s", "force": "N"}.get(arrow.quantity, "") if self._stated() else ""
-
-    def _stated(self) -> bool:
-        """Return whether the model has units at all."""
-        stated = any(c.unit for c in self._model.coordinates)
-        return stated or any(p.unit for p in self._model.parameters.values())
+        usual = {"velocity": "m/s", "force": "N"} if self._model.has_units else {}
+        return usual.get(arrow.quantity, "")
 
     def _values(
         self, columns: Mapping[str, Array], terms: Terms, parameters: Mapping[str, float]
