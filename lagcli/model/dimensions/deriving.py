@@ -209,11 +209,12 @@ class _Derivation:
 
     def joined(self, values: Iterable[Value]) -> Value | None:
         """Return the common dimension of values; None if they differ."""
-        total: Value | None = ZERO
+        total: Value = ZERO
         for value in values:
-            total = self.evaluator.join(total, value)
-            if total is None:
-                break
+            joined = self.evaluator.join(total, value)
+            if joined is None:
+                return None
+            total = joined
         return total
 
     def evaluated(
@@ -366,9 +367,7 @@ class _Derivation:
                 on = place.map(conjugate) if isinstance(place, Entries) else conjugate(place)
                 self.terms(tree, on, block, name, f"the force on `{name}`")
 
-    def terms(
-        self, tree: Tree, expected: Value, block: str, name: str | None, role: str
-    ) -> None:
+    def terms(self, tree: Tree, expected: Value, block: str, name: str | None, role: str) -> None:
         """Check that every term of an expression has a dimension."""
         good: Tree | None = None
         bad: list[tuple[Tree, Value]] = []
@@ -453,9 +452,7 @@ class _Derivation:
             value: Value = (
                 read_unit(given.unit).dimension
                 if given.unit
-                else self.evaluated(
-                    written.tree, "initial", name, written.indices, given.location
-                )
+                else self.evaluated(written.tree, "initial", name, written.indices, given.location)
             )
             # a number alone is in SI
             if value is not NUMBER and not self.fits(value, expected):
@@ -477,9 +474,8 @@ class _Derivation:
             if block != "outputs":
                 continue
             value = self.evaluated(tree, block, name)
-            unit = stated.get(family_of(name))
-            if unit is not None and value is not NUMBER:
-                expected = read_unit(unit).dimension
+            if family_of(name) in stated and value is not NUMBER:
+                expected = read_unit(stated[family_of(name)]).dimension
                 if not self.fits(value, expected):
                     role = f"the output `{name}`"
                     assert not isinstance(value, Entries)
@@ -489,9 +485,7 @@ class _Derivation:
         self.outputs.update(self._table(found))
 
 
-def _entries(
-    tree: Tree, value: Value, expected: Value
-) -> Iterator[tuple[Tree, Scalar, Scalar]]:
+def _entries(tree: Tree, value: Value, expected: Value) -> Iterator[tuple[Tree, Scalar, Scalar]]:
     """Yield the parts of an expression with their dimensions: of a vector, its entries."""
     if not (isinstance(value, Entries) and isinstance(expected, Entries)):
         assert not isinstance(value, Entries)

@@ -14,7 +14,7 @@ _RAD = 7  # place of the angle among the exponents
 class Dimension(NamedTuple):
     """Exponents of kg, m, s, A, K, mol, cd, and of rad.
 
-    A radian is the number 1, so dimensions that differ in ``rad`` alone are the same (`same`). It is
+    A radian is the number 1: dimensions that differ in ``rad`` alone are the same (`same`). It is
     counted to write rad/s for a rate of rotation and N*m for a torque, which is J/rad.
     """
 
@@ -128,7 +128,7 @@ def unit_of(dimension: Dimension) -> str:
     mass = exponents.pop("kg")
     force = {"N": mass, **exponents, "m": exponents["m"] - mass, "s": exponents["s"] + 2 * mass}
     base = {"kg": mass, **exponents}
-    return _written(min(base, force, key=lambda form: sum(map(abs, form.values()))))
+    return _written(min(base, force, key=lambda form: sum(abs(float(x)) for x in form.values())))
 
 
 def _written(form: dict[str, Exponent]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from lagcli.model.dimensions.dimension import (
     ANGLE,
@@ -367,7 +367,7 @@ class DimensionEvaluator:
         return Entries(tuple((v,) for v in values if not isinstance(v, Entries)))
 
 
-_RULES: dict[type[Tree], Callable[[DimensionEvaluator, Tree], Value]] = {
+_RULES: dict[type[Tree], Callable[[DimensionEvaluator, Any], Value]] = {
     NumberExpr: DimensionEvaluator._number,
     Name: DimensionEvaluator._name,
     SumExpr: DimensionEvaluator._sum,
@@ -378,7 +378,7 @@ _RULES: dict[type[Tree], Callable[[DimensionEvaluator, Tree], Value]] = {
     Comparison: DimensionEvaluator._comparison,
     LogicalExpr: DimensionEvaluator._logical,
     VectorExpr: DimensionEvaluator._vector,
-}  # type: ignore[assignment]
+}
 
 
 def rate_of(value: Value, order: int) -> Value:
