@@ -38,14 +38,14 @@ from lagcli.model.expression.trees import (
 )
 
 
-class Entries(NamedTuple):
+class TensorDimension(NamedTuple):
     """Dimensions of the entries of a vector (one column) or a matrix."""
 
     rows: tuple[tuple[Scalar, ...], ...]
 
-    def map(self, function: Callable[[Scalar], Scalar]) -> Entries:
+    def map(self, function: Callable[[Scalar], Scalar]) -> TensorDimension:
         """Apply a function to each entry."""
-        return Entries(tuple(tuple(map(function, row)) for row in self.rows))
+        return TensorDimension(tuple(tuple(map(function, row)) for row in self.rows))
 
     @property
     def flat(self) -> tuple[Scalar, ...]:
@@ -53,7 +53,7 @@ class Entries(NamedTuple):
         return tuple(x for row in self.rows for x in row)
 
 
-Value = Scalar | Entries
+Value = Scalar | TensorDimension
 
 
 class Disagreement(NamedTuple):
@@ -101,7 +101,7 @@ class Lookup(Protocol):
         ...
 
 
-ROTATION = Entries(((ONE,) * 3,) * 3)
+ROTATION = TensorDimension(((ONE,) * 3,) * 3)
 _NUMBERS = {
     *("sin", "cos", "tan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "exp2"),
     *("expm1", "log", "log10", "log2", "log1p", "floor", "ceil", "erf", "erfc", "degrees"),
@@ -137,7 +137,7 @@ class DimensionEvaluator:
     def scalar(self, tree: Tree) -> Scalar:
         """Return the dimension of a tree that is a scalar."""
         value = self.value(tree)
-        return UNKNOWN if isinstance(value, Entries) else value
+        return UNKNOWN if isinstance(value, TensorDimension) else value
 
     def alike(self, parts: Iterable[Tree], reason: str) -> Value:
         """Return the common dimension of parts; report the first that differs from the others."""
@@ -159,7 +159,7 @@ class DimensionEvaluator:
         """Return the common dimension of two values; None if they differ."""
         if a is b:
             return a
-        if isinstance(a, Entries) or isinstance(b, Entries):
+        if isinstance(a, TensorDimension) or isinstance(b, TensorDimension):
             return self._join_entries(a, b)
         if a is ZERO:
             return b
@@ -179,15 +179,15 @@ class DimensionEvaluator:
         return a if a.rad else b
 
     def _join_entries(self, a: Value, b: Value) -> Value | None:
-        if not (isinstance(a, Entries) and isinstance(b, Entries)):
-            return a if isinstance(a, Entries) else b  # the other one is unknown
-        rows = []
-        for row, other in zip(a.rows, b.rows, strict=True):
-            joined = [self.join(x, y) for x, y in zip(row, other, strict=True)]
-            if any(x is None for x in joined):
-                return None
-            rows.append(tuple(x for x in joined if x is not None and not isinstance(x, Entries)))
-        return Entries(tuple(rows))
+        if not (isinstance(a, TensorDimension) and isinstance(b, TensorDimension)):
+            return a if isinstance(a, TensorDimension) else b  # the other one is unknown
+        joined = [self.join(x, y) for x, y in zip(a.flat, b.flat, strict=True)]
+        entries = [x for x in joined if isinstance(x, Dimension | Special)]
+        if len(entries) < len(joined):
+            return None
+        width = len(a.rows[0])
+        rows = (tuple(entries[i : i + width]) for i in range(0, len(entries), width))
+        return TensorDimension(tuple(rows))
 
     def number(self, tree: Tree) -> Fraction | None:
         """Return the value of an exponent; None if it is not a rational constant."""
@@ -240,19 +240,19 @@ class DimensionEvaluator:
         total: Value = NUMBER
         for exponent, factor in tree.factors:
             value = self.value(factor)
-            if isinstance(total, Entries) and isinstance(value, Entries):
+            if isinstance(total, TensorDimension) and isinstance(value, TensorDimension):
                 total = self._matrix_product(total, value, tree)
-            elif isinstance(value, Entries):
+            elif isinstance(value, TensorDimension):
                 total = value.map(partial(product, total))
-            elif isinstance(total, Entries):
+            elif isinstance(total, TensorDimension):
                 total = total.map(partial(_multiplied, by=value, exponent=exponent))
             else:
                 total = product(total, value, exponent)
         return total
 
-    def _matrix_product(self, a: Entries, b: Entries, tree: Tree) -> Value:
+    def _matrix_product(self, a: TensorDimension, b: TensorDimension, tree: Tree) -> Value:
         columns = list(zip(*b.rows, strict=True))
-        return Entries(
+        return TensorDimension(
             tuple(tuple(self._scalar_product(row, x, tree) for x in columns) for row in a.rows)
         )
 
@@ -266,7 +266,7 @@ class DimensionEvaluator:
             if joined is None:
                 self.found.append(Disagreement("entries", tree, term, total))
                 return UNKNOWN
-            assert not isinstance(joined, Entries)
+            assert not isinstance(joined, TensorDimension)
             total = joined
         return total
 
@@ -320,18 +320,18 @@ class DimensionEvaluator:
             return ROTATION
         if name == "omega":
             self.dimensionless(arguments[0], "a rotation")
-            return Entries(((_rate(ANGLE, 1),),) * 3)
+            return TensorDimension(((_rate(ANGLE, 1),),) * 3)
         values = [self.value(a) for a in arguments]
         first = values[0]
-        if not all(isinstance(v, Entries) for v in values):
-            return Entries(((UNKNOWN,),) * 3) if name == "cross" else UNKNOWN
-        assert isinstance(first, Entries)
+        if not all(isinstance(v, TensorDimension) for v in values):
+            return TensorDimension(((UNKNOWN,),) * 3) if name == "cross" else UNKNOWN
+        assert isinstance(first, TensorDimension)
         if name == "transpose":
-            return Entries(tuple(zip(*first.rows, strict=True)))
+            return TensorDimension(tuple(zip(*first.rows, strict=True)))
         if name == "norm":
             return power(self._scalar_product(first.flat, first.flat, tree), Fraction(1, 2))
         second = values[1]
-        assert isinstance(second, Entries)
+        assert isinstance(second, TensorDimension)
         if name == "dot":
             return self._scalar_product(first.flat, second.flat, tree)
         a, b = first.flat, second.flat
@@ -340,12 +340,12 @@ class DimensionEvaluator:
             product(self._scalar_product((a[i], a[j]), (b[j], b[i]), tree), ANGLE, -1)
             for i, j in ((1, 2), (2, 0), (0, 1))
         ]
-        return Entries(tuple((x,) for x in crossed))
+        return TensorDimension(tuple((x,) for x in crossed))
 
     def dimensionless(self, tree: Tree, role: str) -> Value:
         """Return the dimension of a part that must be a number or an angle; report any other."""
         value = self.value(tree)
-        for x in value.flat if isinstance(value, Entries) else (value,):
+        for x in value.flat if isinstance(value, TensorDimension) else (value,):
             if isinstance(x, Dimension) and not same(x, ONE):
                 self.found.append(Disagreement("number", tree, x, ONE, role=role))
                 return UNKNOWN
@@ -362,9 +362,9 @@ class DimensionEvaluator:
 
     def _vector(self, tree: VectorExpr) -> Value:
         values = [self.value(item) for item in tree.items]
-        if any(isinstance(v, Entries) for v in values):
-            return Entries(tuple(v.flat for v in values if isinstance(v, Entries)))
-        return Entries(tuple((v,) for v in values if not isinstance(v, Entries)))
+        if any(isinstance(v, TensorDimension) for v in values):
+            return TensorDimension(tuple(v.flat for v in values if isinstance(v, TensorDimension)))
+        return TensorDimension(tuple((v,) for v in values if not isinstance(v, TensorDimension)))
 
 
 _RULES: dict[type[Tree], Callable[[DimensionEvaluator, Any], Value]] = {
@@ -385,7 +385,7 @@ def rate_of(value: Value, order: int) -> Value:
     """Return the dimension of a time derivative."""
     if not order:
         return value
-    if isinstance(value, Entries):
+    if isinstance(value, TensorDimension):
         return value.map(lambda x: _rate(x, order))
     return _rate(value, order)
 
@@ -407,9 +407,9 @@ def whole(x: Fraction) -> Exponent:
 
 def _differing(a: Value, b: Value) -> tuple[Scalar, Scalar]:
     """Return the first pair of entries that differ."""
-    if not (isinstance(a, Entries) and isinstance(b, Entries)):
-        assert not isinstance(a, Entries)
-        assert not isinstance(b, Entries)
+    if not (isinstance(a, TensorDimension) and isinstance(b, TensorDimension)):
+        assert not isinstance(a, TensorDimension)
+        assert not isinstance(b, TensorDimension)
         return a, b
     for x, y in zip(a.flat, b.flat, strict=True):
         if x is not y and isinstance(x, Dimension) and isinstance(y, Dimension) and same(x, y):

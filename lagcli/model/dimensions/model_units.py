@@ -19,7 +19,7 @@ from lagcli.model.dimensions.dimension import (
     product,
     unit_of,
 )
-from lagcli.model.dimensions.evaluation import Disagreement, Entries, Value
+from lagcli.model.dimensions.evaluation import Disagreement, TensorDimension, Value
 from lagcli.model.names.members import family_of
 
 
@@ -54,8 +54,11 @@ class ModelUnits:
     ----------
     stated : bool
         Whether the model states any unit; without one, nothing is derived.
+    throughout : bool
+        Whether all coordinates have a unit, and all parameters, at least one. Then a number in an
+        expression is a number, and what disagrees is an error.
     missing : tuple of str
-        Coordinates and parameters that have no unit. Units are given throughout if there is none.
+        Coordinates and parameters without a unit.
     names : mapping of str to dimension
         Of coordinates, parameters and definitions.
     constraints : mapping of str to dimension
@@ -70,6 +73,7 @@ class ModelUnits:
     """
 
     stated: bool = False
+    throughout: bool = False
     missing: tuple[str, ...] = ()
     names: Mapping[str, Value] = field(default_factory=dict)
     constraints: Mapping[str, Value] = field(default_factory=dict)
@@ -77,11 +81,6 @@ class ModelUnits:
     outputs: Mapping[str, Value] = field(default_factory=dict)
     written: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[UnitFinding, ...] = ()
-
-    @property
-    def throughout(self) -> bool:
-        """Whether every quantity of the model has a unit, so that all of them can be checked."""
-        return self.stated and not self.missing
 
     def of(self, name: str) -> str | None:
         """Return the SI unit of a coordinate, parameter or definition; None if it is not known.
@@ -119,7 +118,7 @@ def find(table: Mapping[str, Value], name: str) -> Value:
 
 def text_of(value: Value) -> str | None:
     """Return the unit of a dimension; None if there is none, or more than one."""
-    if isinstance(value, Entries):
+    if isinstance(value, TensorDimension):
         units = {text_of(x) for x in value.flat if x is UNKNOWN or isinstance(x, Dimension)}
         return units.pop() if len(units) == 1 else None
     return unit_of(value) if isinstance(value, Dimension) else None

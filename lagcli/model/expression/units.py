@@ -26,17 +26,17 @@ from lagcli.model.spelling import shorten
 Factor = Fraction | float  # exact wherever the unit allows it, so that 7 mm is 0.007 m
 
 
-class Unit(NamedTuple):
+class ParsedUnit(NamedTuple):
     """A unit: the factor that converts a value to SI, and the dimension."""
 
     factor: Factor
     dimension: Dimension
 
-    def times(self, other: Unit, exponent: int | Fraction = 1) -> Unit:
+    def times(self, other: ParsedUnit, exponent: int | Fraction = 1) -> ParsedUnit:
         """Return this unit times a power of another."""
         dimension = product(self.dimension, other.dimension, exponent)
         assert isinstance(dimension, Dimension)
-        return Unit(self.factor * other.factor**exponent, dimension)
+        return ParsedUnit(self.factor * other.factor**exponent, dimension)
 
 
 _ONE = Fraction(1)
@@ -51,8 +51,8 @@ _DIMENSIONS = {
     **{"Wb": Dimension(kg=1, m=2, s=-2, A=-1), "T": Dimension(kg=1, s=-2, A=-1)},
     **{"H": Dimension(kg=1, m=2, s=-2, A=-2)},
 }
-_BASE = {name: Unit(_ONE, dimension) for name, dimension in _DIMENSIONS.items()}
-_BASE["g"] = Unit(Fraction(1, 1000), Dimension(kg=1))
+_BASE = {name: ParsedUnit(_ONE, dimension) for name, dimension in _DIMENSIONS.items()}
+_BASE["g"] = ParsedUnit(Fraction(1, 1000), Dimension(kg=1))
 _PREFIX = {
     **{"n": Fraction(1, 10**9), "u": Fraction(1, 10**6), "µ": Fraction(1, 10**6)},
     **{"μ": Fraction(1, 10**6), "m": Fraction(1, 1000), "c": Fraction(1, 100)},
@@ -65,12 +65,15 @@ _LONG_NAMES = {
     **{"coulomb": "C", "tesla": "T"},
 }
 _WHOLE = {
-    **dict.fromkeys(["deg", "°", "degree", "degrees"], Unit(_DEGREE, ANGLE)),
-    **dict.fromkeys(["1", "dimensionless"], Unit(_ONE, ONE)),
+    **dict.fromkeys(["deg", "°", "degree", "degrees"], ParsedUnit(_DEGREE, ANGLE)),
+    **dict.fromkeys(["1", "dimensionless"], ParsedUnit(_ONE, ONE)),
     **{name: _BASE[short] for name, short in _LONG_NAMES.items()},
-    **{"kilogram": Unit(_ONE, Dimension(kg=1)), "t": Unit(Fraction(1000), Dimension(kg=1))},
-    **{"min": Unit(Fraction(60), SECOND), "h": Unit(Fraction(3600), SECOND)},
-    **{"L": Unit(Fraction(1, 1000), Dimension(m=3))},
+    **{
+        "kilogram": ParsedUnit(_ONE, Dimension(kg=1)),
+        "t": ParsedUnit(Fraction(1000), Dimension(kg=1)),
+    },
+    **{"min": ParsedUnit(Fraction(60), SECOND), "h": ParsedUnit(Fraction(3600), SECOND)},
+    **{"L": ParsedUnit(Fraction(1, 1000), Dimension(m=3))},
 }
 _SI_NAMES = {
     **dict.fromkeys(["deg", "°", "degree", "degrees"], "rad"),
@@ -97,7 +100,7 @@ def to_si(unit: str) -> Factor:
 
 
 @cache
-def read_unit(text: str) -> Unit:
+def read_unit(text: str) -> ParsedUnit:
     """Return the unit of a text.
 
     ``a/b*c`` is evaluated from left to right, as in Pint: (a/b)·c.
@@ -137,7 +140,7 @@ def si_notation(unit: str) -> str:
     return unit if to_si(unit) == 1 else re.sub(r"[^\W\d]+|°", replaced, unit)
 
 
-def _single(name: str) -> Unit:
+def _single(name: str) -> ParsedUnit:
     if name in _WHOLE:
         return _WHOLE[name]
     if name in _BASE:
@@ -147,12 +150,12 @@ def _single(name: str) -> Unit:
     return _by_pint(name)
 
 
-def _product(text: str) -> Unit | None:
+def _product(text: str) -> ParsedUnit | None:
     """Return the unit, or None for invalid notation."""
     position = 0
     one = _WHOLE["1"]
     # per parenthesis: the product, its last factor, the sign of the next exponent
-    stack: list[tuple[Unit, Unit | None, int]] = [(one, None, 1)]
+    stack: list[tuple[ParsedUnit, ParsedUnit | None, int]] = [(one, None, 1)]
     expect_unit = True
     while position < len(text.rstrip()):
         match = _TOKEN.match(text, position)
@@ -170,7 +173,7 @@ def _product(text: str) -> Unit | None:
                 return None
             factor = before.factor / last.factor * last.factor ** (int(n) if n == int(n) else n)
             dimension = before.times(last, n - 1).dimension
-            stack[-1] = (Unit(factor, dimension), None, 1)
+            stack[-1] = (ParsedUnit(factor, dimension), None, 1)
         elif mark == "(":
             if not expect_unit:
                 return None
@@ -203,7 +206,7 @@ _OF_PINT = {
 }
 
 
-def _by_pint(name: str) -> Unit:
+def _by_pint(name: str) -> ParsedUnit:
     registry = _registry()
     try:
         unit = registry.parse_units(name)
@@ -213,7 +216,7 @@ def _by_pint(name: str) -> Unit:
         raise UnknownUnit(f"`{name}` is not a unit") from error
     if zero.magnitude != 0.0:
         raise UnknownUnit(f"`{name}` has an offset: use an absolute unit, such as K")
-    return Unit(float(one.magnitude), Dimension(**exponents))
+    return ParsedUnit(float(one.magnitude), Dimension(**exponents))
 
 
 @cache
