@@ -8,7 +8,7 @@ these declarations. Inside the program a column of numbers is a `ColumnName`; it
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_MIXED = "mixed: as each constraint"
-_PER_JOULE = {"m": "N", "rad": "N*m", "1": "N*m", "": "N*m"}
+_PER_JOULE = {"m": "N", "rad": "N*m", "1": "J", "": "J", "C": "V"}
 
 
 class ResultQuantity(NamedTuple):
@@ -35,7 +34,7 @@ class ResultQuantity(NamedTuple):
     description : str
         The ``long_name`` in HDF5 files.
     unit : str
-        ``{u}`` stands for the unit of the coordinate.
+        ``{u}`` stands for the unit of the coordinate, ``{c}`` for that of the constraint.
     panel : str
         The title of the plots that show it, in lower case; none of what is not along the time.
     label : str
@@ -70,8 +69,11 @@ class ResultQuantity(NamedTuple):
         return self.text or self.name + (".{constraint}" if self.along == "constraint" else "")
 
     def unit_at(self, coordinate_unit: str | None) -> str | None:
-        """Return the unit of a column, given that of its coordinate; None where none is stated."""
-        if "{u}" not in self.unit:
+        """Return the unit of a column, given that of its coordinate; None where none is stated.
+
+        The unit of a column of a constraint does not follow from it: `unit_of_column`.
+        """
+        if "{" not in self.unit:
             return self.unit
         if coordinate_unit is None or self.unit == "{u}":
             return coordinate_unit
@@ -152,7 +154,7 @@ class Columns:
     )
     multipliers: Array = _column(
         "Lagrange multipliers",
-        "mixed: J or W per unit of each position or velocity constraint",
+        "J/{c}",
         "multipliers",
         along="constraint",
         text="lambda.{constraint}",
@@ -185,7 +187,7 @@ class Columns:
     )
     residual_position: Array = _column(
         "residual of each position constraint",
-        _MIXED,
+        "{c}",
         "position residuals",
         "position",
         along="constraint",
@@ -193,7 +195,7 @@ class Columns:
     )
     residual_velocity: Array = _column(
         "residual of each velocity constraint",
-        _MIXED,
+        "{c}/s",
         "velocity residuals",
         "velocity",
         along="constraint",
@@ -227,7 +229,8 @@ def _quantities() -> Iterator[ResultQuantity]:
         yield ResultQuantity(declared.name, **declared.metadata)
     for what in ("position", "velocity"):
         said = f"scale by which the {what} residual is judged"
-        yield ResultQuantity(f"scale_{what}", ("constraint",), said, _MIXED)
+        unit = "{c}" if what == "position" else "{c}/s"
+        yield ResultQuantity(f"scale_{what}", ("constraint",), said, unit)
 
 
 #: Every array of a result but the model's own outputs, in the order of files.
@@ -265,6 +268,24 @@ class ColumnName(NamedTuple):
         return BY_NAME[self.quantity].pattern.format(
             constraint=self.constraint, coordinate=self.coordinate
         )
+
+
+def unit_of_column(name: ColumnName, units: Mapping[str, str]) -> str | None:
+    """Return the unit of a column; None where it is not known.
+
+    Parameters
+    ----------
+    name : ColumnName
+    units : mapping of str to str
+        Units of coordinates, and of the columns of constraints (``lambda.guide``), as
+        ``Record.units`` has them.
+    """
+    quantity = BY_NAME[name.quantity]
+    if name.coordinate:
+        return quantity.unit_at(units.get(name.coordinate))
+    if name.constraint:
+        return units.get(str(name._replace(quantity=name.quantity.replace("scale", "residual"))))
+    return None if "{" in quantity.unit else quantity.unit
 
 
 def column_names(

@@ -25,6 +25,7 @@ from lagcli.model.dimensions.model_units import (
     conjugate,
     find,
     multiplier_dimension,
+    text_of,
 )
 from lagcli.model.dimensions.named import NamedDimensions
 from lagcli.model.expression.trees import (
@@ -70,6 +71,28 @@ def derive_units(model: Model, assumed: Mapping[str, Scalar] | None = None) -> M
         written=known.written,
         findings=tuple(known.findings),
     )
+
+
+def expression_unit(
+    model: Model, tree: Tree, more: Mapping[str, Scalar] | None = None
+) -> str | None:
+    """Return the SI unit of an expression in a model's names; None if it is not known.
+
+    Parameters
+    ----------
+    model : Model
+    tree : Tree
+        May use λ, constraint forces and outputs.
+    more : mapping of str to Dimension, optional
+        Dimensions of further names.
+    """
+    if not model.units.stated:
+        return None
+    known = NamedDimensions(model, {})
+    known.multipliers.update(model.units.multipliers)
+    known.names.update(model.units.outputs)
+    known.names.update(more or {})
+    return text_of(known.evaluated(tree, ""))
 
 
 class _Statements:

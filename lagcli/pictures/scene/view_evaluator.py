@@ -186,19 +186,15 @@ class ViewEvaluator:
             view.grounds,
             view.trails,
             labels,
-            "m" if self._stated() else "",
+            "m" if model.units.stated else "",
         )
 
     def _unit(self, arrow: Arrow) -> str:
         """Return the unit of a vector: of points in metres, where the model has units at all."""
         if arrow.unit is not None:
             return arrow.unit
-        return {"velocity": "m/s", "force": "N"}.get(arrow.quantity, "") if self._stated() else ""
-
-    def _stated(self) -> bool:
-        """Return whether the model has units at all."""
-        stated = any(c.unit for c in self._model.coordinates)
-        return stated or any(p.unit for p in self._model.parameters.values())
+        stated = self._model.units.stated
+        return {"velocity": "m/s", "force": "N"}.get(arrow.quantity, "") if stated else ""
 
     def _values(
         self, columns: Mapping[str, Array], terms: Terms, parameters: Mapping[str, float]

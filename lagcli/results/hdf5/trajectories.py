@@ -29,7 +29,14 @@ from lagcli.results.hdf5.container import (
 from lagcli.results.hdf5.opening import Opened, not_of_lagcli, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, OutputFamily, output_families
 from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute
-from lagcli.results.layout import NOT_STATED, shared_unit, term_names, unit
+from lagcli.results.layout import (
+    NOT_STATED,
+    UNIT_DATASETS,
+    shared_unit,
+    term_names,
+    unit,
+    units_along,
+)
 from lagcli.results.metadata import (
     KIND,
     MAPPINGS,
@@ -183,13 +190,16 @@ class Hdf5Writer:
             dataset = datasets[quantity.name]
             if quantity.name not in axes:
                 attach_axes(dataset, [axes[axis] for axis in quantity.axes])
-            _say(dataset, quantity.description, unit(quantity, self._coordinates, record.units))
+            stated = unit(quantity, self._coordinates, self._constraints, record.units)
+            _say(dataset, quantity.description, stated)
 
-        units = [record.units.get(name, NOT_STATED) for name in self._coordinates]
-        if any(u != NOT_STATED for u in units):
-            dataset = add_texts(root, "coordinate_unit", units)
-            attach_axes(dataset, [axes["coordinate"]])
-            _say(dataset, "units of the coordinates", "none")
+        for name, axis, array in UNIT_DATASETS:
+            quantity = BY_NAME[array]
+            units = units_along(quantity, self._coordinates, self._constraints, record.units)
+            if any(u != NOT_STATED for u in units):
+                dataset = add_texts(root, name, units)
+                attach_axes(dataset, [axes[axis]])
+                _say(dataset, f"units of the {quantity.description}", "none")
 
         for family in self._families:
             dataset, along = datasets[_OUTPUTS + family.dataset], [axes["time"]]
