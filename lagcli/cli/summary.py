@@ -177,7 +177,8 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     if s["multipliers"]:
         listed = dict(islice(s["multipliers"].items(), _LISTED))
         labels = {
-            n: f"lambda.{n}" + (f" [{m['unit']}]" if m["unit"] else "") for n, m in listed.items()
+            n: f"lambda.{n} [{m['unit']}]" if m["unit"] else f"lambda.{n}"
+            for n, m in listed.items()
         }
         width = max(map(len, labels.values()))
         lines.append("  multipliers")

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName
+from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName, unit_of_column
 from lagcli.equations.render.names import Notation
 from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.report.writing import chosen, unit

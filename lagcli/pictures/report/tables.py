@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-from lagcli.columns import BY_NAME
+from lagcli.columns import BY_NAME, ColumnName, unit_of_column
 from lagcli.pictures.report.curves import ReportCurve
 from lagcli.pictures.report.equations import EquationSystem
 from lagcli.pictures.report.writing import number, table, unit

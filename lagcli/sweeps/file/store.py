@@ -184,9 +184,10 @@ class _SweepWriter:
             scales[name] = h5py.Dataset(add_texts(root, name, names))
         for name, scale in scales.items():
             make_axis(scale.id, name)
-        units, names = result_units(model), (model.coordinate_names, model.constraint_names)
+        units = result_units(model)
         for quantity, width in kept_layout(model):
-            column = unit(quantity, *names, units), quantity.description
+            stated = unit(quantity, model.coordinate_names, model.constraint_names, units)
+            column = stated, quantity.description
             if width:
                 axes = [scales[axis] for axis in quantity.axes]
                 added = self.add(quantity.name, "<f8", column, *axes)
