@@ -79,7 +79,9 @@ class ResultQuantity(NamedTuple):
             return coordinate_unit
         if self.unit == "J/{u}" and coordinate_unit in _PER_JOULE:
             return _PER_JOULE[coordinate_unit]
-        grouped = any(sign in coordinate_unit for sign in "*/ ")
+        grouped = "/" in coordinate_unit or (
+            self.unit.startswith("J/") and any(sign in coordinate_unit for sign in "* ")
+        )
         return self.unit.format(u=f"({coordinate_unit})" if grouped else coordinate_unit or "1")
 
 

@@ -381,6 +381,11 @@ _RULES: dict[type[Tree], Callable[[DimensionEvaluator, Any], Value]] = {
 }
 
 
+def is_measured(number: NumberExpr) -> bool:
+    """Whether a number may be a measured value, unlike 2, 1/2 or 0.25."""
+    return number.value.denominator not in (1, 2, 4, 8)
+
+
 def rate_of(value: Value, order: int) -> Value:
     """Return the dimension of a time derivative."""
     if not order:

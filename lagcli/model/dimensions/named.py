@@ -21,6 +21,7 @@ from lagcli.model.dimensions.evaluation import (
     Disagreement,
     TensorDimension,
     Value,
+    is_measured,
     rate_of,
 )
 from lagcli.model.dimensions.model_units import (
@@ -282,6 +283,9 @@ class NamedDimensions:
 
     def _check_stated(self, p: Parameter, unit: str, written: Written) -> None:
         """Check an expression with a unit: a number in that unit, or a value in SI."""
+        numbers = (x for x in walk(written.tree) if isinstance(x, NumberExpr))
+        if any(map(is_measured, numbers)):
+            return  # a number may stand for one in SI units
         value, stated = self._evaluated_parameter(p, written), read_unit(unit)
         if isinstance(value, Dimension) and not same(value, ONE):
             if not same(value, stated.dimension):

@@ -17,7 +17,7 @@ from lagcli.model.dimensions.dimension import (
     product,
     unit_of,
 )
-from lagcli.model.dimensions.evaluation import Disagreement
+from lagcli.model.dimensions.evaluation import Disagreement, is_measured
 from lagcli.model.dimensions.model_units import ModelUnits, UnitFinding
 from lagcli.model.expression.quantities import unit_of as unit_of_node
 from lagcli.model.expression.trees import Name, NumberExpr, ProductExpr, Tree, walk
@@ -30,7 +30,6 @@ from lagcli.model.yaml.source import Scalar as ScalarNode
 KIND = "units"
 _SHOWN = 6  # names whose units a message lists
 _TRIED = 60  # names that may have a wrong unit
-_SHARES = (1, 2, 4, 8)  # denominators of numbers that are no measured quantities: 1/2, 0.25
 _REASONS = {
     "sum": "cannot be added",
     "comparison": "cannot be compared",
@@ -164,7 +163,7 @@ class _Message:
             return f"they differ by a factor in {unit_of(ratio)}"
         if self.finding.block == "initial":
             return f"give it in {_unit(d.expected)}, or in another unit of that dimension"
-        number = next((x for x in _factors(d.part) if x.value.denominator not in _SHARES), None)
+        number = next(filter(is_measured, _factors(d.part)), None)
         shown = self.places.text(self.node, number) if number is not None else None
         if shown:
             return (
