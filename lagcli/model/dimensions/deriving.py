@@ -50,7 +50,8 @@ def derive_units(model: Model, assumed: Mapping[str, Scalar] | None = None) -> M
     ----------
     model : Model
     assumed : mapping of str to Dimension or UNKNOWN, optional
-        Dimensions of coordinates and parameters in place of those that the model states.
+        Dimensions of coordinates and parameters, or of families ``x[]``, in place of those that
+        the model states.
 
     Returns
     -------

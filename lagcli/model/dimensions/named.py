@@ -54,7 +54,8 @@ class NamedDimensions:
     ----------
     model : Model
     assumed : mapping of str to Dimension or UNKNOWN
-        Dimensions of coordinates and parameters in place of those that the model states.
+        Dimensions of coordinates and parameters, or of families ``x[]``, in place of those that
+        the model states.
 
     Attributes
     ----------
@@ -233,7 +234,7 @@ class NamedDimensions:
                 self.written[c.name] = c.unit
             else:
                 self.missing.append(c.name)
-            found.append((c.name, self.assumed.get(c.name, value)))
+            found.append((c.name, self.assumed.get(family_of(c.name), value)))
         self.enter(found)
 
     def _stated_parameters(self) -> list[Parameter]:
@@ -253,7 +254,7 @@ class NamedDimensions:
             if value is None:
                 others.append(p)
             else:
-                found.append((name, self.assumed.get(name, value)))
+                found.append((name, self.assumed.get(family_of(name), value)))
         self.enter(found)
         return others
 

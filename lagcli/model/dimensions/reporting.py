@@ -15,6 +15,7 @@ from lagcli.model.dimensions.dimension import (
     Dimension,
     Scalar,
     product,
+    same,
     unit_of,
 )
 from lagcli.model.dimensions.evaluation import Disagreement, is_measured
@@ -24,6 +25,7 @@ from lagcli.model.expression.trees import Name, NumberExpr, ProductExpr, Tree, w
 from lagcli.model.expression.units import read_unit, si_notation
 from lagcli.model.locations import ExpressionLocations
 from lagcli.model.model import Model
+from lagcli.model.names.members import family_of
 from lagcli.model.yaml.source import Mapping, Sequence, YamlNode
 from lagcli.model.yaml.source import Scalar as ScalarNode
 
@@ -205,15 +207,11 @@ class _Message:
 
 def _node(places: ExpressionLocations, finding: UnitFinding) -> YamlNode | None:
     """Return the node of a finding's expression; None if it is not one of the file."""
-    name, where = finding.name, finding.location
-    if where is not None and not where.line:
-        return None  # the value of an option
-    node = places.entry(finding.block, name)
-    if node is None and name is not None and name.endswith("'"):
-        node = places.entry(finding.block, name.removesuffix("'") + "_dot")
-    if isinstance(node, Mapping):
-        inner = [node.entries[key][1] for key in ("value", "guess") if key in node.entries]
-        node = inner[0] if inner else None
+    node = places.entry(finding.block, finding.name)
+    if finding.location is not None:
+        node = places.at(finding.block, finding.location)
+    if isinstance(node, Mapping) and "guess" in node.entries:
+        node = node.entries["guess"][1]
     return node if isinstance(node, (ScalarNode, Sequence)) else None
 
 
@@ -230,25 +228,30 @@ def _suspects(model: Model, units: ModelUnits) -> Iterator[Suspect]:
     if not (isinstance(found.found, Dimension) and isinstance(found.expected, Dimension)):
         return
     ratio = product(found.expected, found.found, -1)
-    stated: dict[str, tuple[str, SourceLocation | None]] = {
-        p.name: (p.unit, p.location) for p in model.parameters.values() if p.unit
-    }
-    stated |= {c.name: (c.unit, c.location) for c in model.coordinates if c.unit}
+    stated: dict[str, tuple[str, SourceLocation | None]] = {}
+    for p in model.parameters.values():
+        if p.unit:
+            stated.setdefault(family_of(p.name), (p.unit, p.location))
+    for c in model.coordinates:
+        if c.unit:
+            stated.setdefault(family_of(c.name), (c.unit, c.location))
     for name, (unit, location) in list(stated.items())[:_TRIED]:
         if derive_units(model, {name: UNKNOWN}).findings:
             continue
         given = read_unit(unit).dimension
         for exponent in (1, -1, Fraction(1, 2), Fraction(-1, 2)):
-            other: Scalar = product(given, ratio, exponent)
+            other = product(given, ratio, exponent)
             assert isinstance(other, Dimension)
             if not derive_units(model, {name: other}).findings:
-                yield Suspect(name, si_notation(unit), unit_of(other), location)
+                angle = given.rad == 1 or (found.reason == "number" and same(other, ONE))
+                fitting = unit_of(other._replace(rad=1) if angle else other)
+                yield Suspect(name.removesuffix("[]"), si_notation(unit), fitting, location)
                 break
 
 
 def _in(dimension: Scalar) -> str:
     """Say in which unit something is."""
-    if dimension is NUMBER or dimension == ONE:
+    if dimension is NUMBER or _unit(dimension) == "1":
         return "a number"
     return f"in {_unit(dimension)}"
 
