@@ -120,8 +120,8 @@ class DimensionEvaluator:
     ----------
     names : Lookup
     strict : bool
-        Whether a number beside a quantity with a unit is a mistake. Otherwise it is taken for one
-        in the same unit.
+        Whether a number in an expression has no unit. Otherwise it may stand for a quantity: 0.3
+        for one of any dimension, 2 and 1/2 beside a quantity for one in the same unit.
     found : list of Disagreement
         What disagrees; a part in error has the dimension UNKNOWN, so that it is reported once.
     """
@@ -216,7 +216,9 @@ class DimensionEvaluator:
     # rules
 
     def _number(self, tree: NumberExpr) -> Value:
-        return NUMBER if tree.value else ZERO
+        if not tree.value:
+            return ZERO
+        return NUMBER if self.strict or not is_measured(tree) else UNKNOWN
 
     def _name(self, tree: Name) -> Value:
         return self.names.value(tree)

@@ -129,7 +129,8 @@ class _Message:
         if d.reason == "exponent":
             return f"{part} is {_in(d.found)}, and its exponent must be a constant number"
         if d.reason == "entries":
-            return f"{part} adds products {_in(d.expected)} to products {_in(d.found)}"
+            both = f"some are {_in(d.expected)}, some {_in(d.found)}"
+            return f"the products that {part} adds differ: {both}"
         if d.reason == "scaled":
             return f"{part} is {_in(d.found)} already, and is given another unit"
         if self.whole(d):
@@ -185,7 +186,8 @@ class _Message:
                     unit = self.units.of(self.model.names.resolve(part)[0])
                     if unit is not None:
                         names[part.text.removesuffix("[]")] = unit
-        shown = [f"`{name}` is in {unit}" for name, unit in list(names.items())[:_SHOWN]]
+        listed = list(names.items())[:_SHOWN]
+        shown = [f"`{x}` is " + ("a number" if unit == "1" else f"in {unit}") for x, unit in listed]
         return ", ".join(shown)
 
     def quoted(self, tree: Tree) -> str:
