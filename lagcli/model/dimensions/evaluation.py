@@ -364,9 +364,11 @@ class DimensionEvaluator:
 
     def _vector(self, tree: VectorExpr) -> Value:
         values = [self.value(item) for item in tree.items]
-        if any(isinstance(v, TensorDimension) for v in values):
-            return TensorDimension(tuple(v.flat for v in values if isinstance(v, TensorDimension)))
-        return TensorDimension(tuple((v,) for v in values if not isinstance(v, TensorDimension)))
+        rows = tuple(v.flat if isinstance(v, TensorDimension) else (v,) for v in values)
+        made = TensorDimension(rows)
+        if self.strict or {NUMBER, ZERO}.issuperset(made.flat):
+            return made
+        return made.map(lambda x: UNKNOWN if x is NUMBER else x)
 
 
 _RULES: dict[type[Tree], Callable[[DimensionEvaluator, Any], Value]] = {

@@ -132,6 +132,8 @@ class NamedDimensions:
 
     def number(self, name: Name) -> Fraction | None:
         """Return the value of a parameter in an exponent, if it is a rational number."""
+        if name.text in self._indices:
+            return Fraction(self._indices[name.text])
         parameter = self.model.parameters.get(name.text)
         if parameter is None:
             return None
@@ -164,20 +166,20 @@ class NamedDimensions:
         touched = set()
         for name, value in entries:
             family = family_of(name)
-            if family == name:
-                self._change(name, value)
-            else:
+            if family != name:
                 self._members.setdefault(family, {})[name] = value
                 touched.add(family)
-        for family in touched:
+            if family == name or family in self.varied:
+                self._change(name, value)
+        for family in touched - self.varied:
             together = self.joined(self._members[family].values())
-            if together is not None and family not in self.varied:
+            if together is not None:
                 self._change(family, together)
-            else:
-                self.varied.add(family)
-                self.names.pop(family, None)
-                self.names.update(self._members[family])
-                self._seen.clear()
+                continue
+            self.varied.add(family)
+            self.names.pop(family, None)
+            for name, value in self._members[family].items():
+                self._change(name, value)
 
     def _change(self, name: str, value: Value) -> None:
         if self.names.get(name) != value:
@@ -316,7 +318,11 @@ class NamedDimensions:
             for family in order:
                 self.enter(self._defined(families[family]))
             if not self._changed:
-                break
+                return
+        if cycles:  # members that need those that are entered after them
+            del self.findings[before:]
+            below = {name for cycle in cycles for name in cycle} & self.varied
+            self.enter([(d.name, UNKNOWN) for family in below for d in families[family]])
 
     def _defined(self, members: list[Definition]) -> Iterator[tuple[str, Value]]:
         known: dict[int, Value] = {}
