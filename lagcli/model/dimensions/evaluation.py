@@ -278,7 +278,7 @@ class DimensionEvaluator:
     def raised(self, base_tree: Tree, exponent_tree: Tree) -> Value:
         """Return the dimension of a power."""
         base = self.scalar(base_tree)
-        self.dimensionless(exponent_tree, "an exponent")
+        exponent = self.dimensionless(exponent_tree, "an exponent")
         if not isinstance(base, Dimension):
             return base
         number = self.number(exponent_tree)
@@ -286,7 +286,7 @@ class DimensionEvaluator:
             return power(base, whole(number))
         if same(base, ONE):
             return ONE
-        if self.scalar(exponent_tree) is not NUMBER:  # not an index
+        if isinstance(exponent, Dimension):  # not an index, and nothing wrong in it
             self.found.append(Disagreement("exponent", base_tree, base, ONE, exponent_tree))
         return UNKNOWN
 

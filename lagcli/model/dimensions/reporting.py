@@ -94,6 +94,9 @@ class _Message:
     ):
         self.model, self.units, self.places, self.finding = model, units, places, finding
         self.node = _node(places, finding)
+        where = finding.location
+        #: The text of an option that gives a parameter its value.
+        self.option = where.text if where and not where.line and finding.name in model.set else ""
 
     def diagnostic(self, suspects: list[Suspect], severity: str) -> Diagnostic:
         d = self.finding.disagreement
@@ -191,17 +194,22 @@ class _Message:
         return ", ".join(shown)
 
     def quoted(self, tree: Tree) -> str:
-        text = self.places.text(self.node, tree)
+        text = self.option[tree.start : tree.end] or self.places.text(self.node, tree)
         return f"`{text}`" if text else "it"
 
     def whole(self, d: Disagreement) -> bool:
         """Whether a finding is about a value with its unit, not about an expression."""
+        if self.node is None:
+            return not self.option
         stated = self.finding.block in ("initial", "parameters") and d.reason == "required"
-        return self.node is None or (stated and unit_of_node(self.node) is not None)
+        return stated and unit_of_node(self.node) is not None
 
     def location(self, tree: Tree) -> SourceLocation | None:
+        where = self.finding.location
+        if self.option and where is not None and not self.whole(self.finding.disagreement):
+            return where._replace(column=1 + tree.start, length=tree.end - tree.start)
         if self.node is None:
-            return self.finding.location
+            return where
         if self.whole(self.finding.disagreement):
             return self.node.location
         return self.places.location(self.node, tree)

@@ -209,7 +209,7 @@ class _ParameterReader:
         if quantity is None or stated is None:
             return quantity
         if quantity.unit is None:
-            plain = not names_used(quantity.parsed.tree)
+            plain = not set(names_used(quantity.parsed.tree)) - {"pi"}
             return replace(quantity, unit=si_notation(stated)) if plain else quantity
         if not same(read_unit(quantity.unit).dimension, read_unit(stated).dimension):
             self.draft.report.add(
