@@ -3,38 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
-from lagcli.columns import BY_NAME, ResultQuantity, column_names, unit_of_column
+from lagcli.columns import BY_NAME, UNIT_DATASETS, ResultQuantity, units_along
 from lagcli.trajectory.samples import Terms
 
 #: What `units` says where the model states none.
 NOT_STATED = "not stated"
 
 
-class UnitDataset(NamedTuple):
-    """A dataset of units of the entries of arrays along an axis, whose units differ.
-
-    Parameters
-    ----------
-    name, axis : str
-    quantity : str
-        The array that the units are those of.
-    """
-
-    name: str
-    axis: str
-    quantity: str
-
-
-#: The units of entries along an axis.
-UNIT_DATASETS = (
-    UnitDataset("coordinate_unit", "coordinate", "q"),
-    UnitDataset("force_unit", "coordinate", "constraint_force"),
-    UnitDataset("multiplier_unit", "constraint", "multipliers"),
-    UnitDataset("position_unit", "constraint", "residual_position"),
-    UnitDataset("velocity_unit", "constraint", "residual_velocity"),
-)
 #: The dataset that has the units of the entries of an array.
 _SEE = {
     **{x.quantity: x.name for x in UNIT_DATASETS},
@@ -55,23 +31,6 @@ def term_names(
     """Return the names of the constraint and of the coordinate of each term."""
     pairs = zip(terms.constraint.tolist(), terms.coordinate.tolist(), strict=True)
     return [(constraints[i], coordinates[j]) for i, j in pairs]
-
-
-def units_along(
-    quantity: ResultQuantity,
-    coordinates: Sequence[str],
-    constraints: Sequence[str],
-    units: Mapping[str, str],
-) -> list[str]:
-    """Return the unit of each column of a quantity, `NOT_STATED` where it is not known.
-
-    Forces of constraints have those of the forces on the coordinates.
-    """
-    if quantity.along == "term":
-        quantity = BY_NAME["constraint_force"]
-    names = column_names(quantity, coordinates, constraints)
-    found = [unit_of_column(name, units) for name in names]
-    return [NOT_STATED if unit is None else unit or "1" for unit in found]
 
 
 def unit(
@@ -102,8 +61,8 @@ def unit(
     if not quantity.along:  # the largest of residuals in several units
         among = BY_NAME["constraint_force"]
         found = set(units_along(among, coordinates, constraints, units))
-        return found.pop() if len(found) == 1 else NOT_STATED
+        return (found.pop() or NOT_STATED) if len(found) == 1 else NOT_STATED
     found = set(units_along(quantity, coordinates, constraints, units))
-    if not found:
+    if found <= {None}:
         return NOT_STATED
-    return found.pop() if len(found) == 1 else f"see {_SEE[quantity.name]}"
+    return found.pop() or "" if len(found) == 1 else f"see {_SEE[quantity.name]}"

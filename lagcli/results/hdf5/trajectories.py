@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from lagcli.columns import BY_NAME, QUANTITIES, SAMPLED
+from lagcli.columns import BY_NAME, QUANTITIES, SAMPLED, UNIT_DATASETS, units_along
 from lagcli.errors import FileError
 from lagcli.results.atomic import abandon, check_writable
 from lagcli.results.hdf5.container import (
@@ -31,11 +31,9 @@ from lagcli.results.hdf5.outputs import OutputDatasets, OutputFamily, output_fam
 from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute
 from lagcli.results.layout import (
     NOT_STATED,
-    UNIT_DATASETS,
     shared_unit,
     term_names,
     unit,
-    units_along,
 )
 from lagcli.results.metadata import (
     KIND,
@@ -196,8 +194,8 @@ class Hdf5Writer:
         for name, axis, array in UNIT_DATASETS:
             quantity = BY_NAME[array]
             units = units_along(quantity, self._coordinates, self._constraints, record.units)
-            if any(u != NOT_STATED for u in units):
-                dataset = add_texts(root, name, units)
+            if any(units):
+                dataset = add_texts(root, name, [u or NOT_STATED for u in units])
                 attach_axes(dataset, [axes[axis]])
                 _say(dataset, f"units of the {quantity.description}", "none")
 
