@@ -242,14 +242,15 @@ class DimensionEvaluator:
         total: Value = NUMBER
         for exponent, factor in tree.factors:
             value = self.value(factor)
-            if isinstance(total, TensorDimension) and isinstance(value, TensorDimension):
-                total = self._matrix_product(total, value, tree)
-            elif isinstance(value, TensorDimension):
-                total = value.map(partial(product, total))
+            if not isinstance(value, TensorDimension):
+                if not isinstance(total, TensorDimension):
+                    total = product(total, value, exponent)
+                else:
+                    total = total.map(partial(_multiplied, by=value, exponent=exponent))
             elif isinstance(total, TensorDimension):
-                total = total.map(partial(_multiplied, by=value, exponent=exponent))
+                total = self._matrix_product(total, value, tree)
             else:
-                total = product(total, value, exponent)
+                total = value.map(partial(product, total))
         return total
 
     def _matrix_product(self, a: TensorDimension, b: TensorDimension, tree: Tree) -> Value:
@@ -278,6 +279,8 @@ class DimensionEvaluator:
     def raised(self, base_tree: Tree, exponent_tree: Tree) -> Value:
         """Return the dimension of a power."""
         base = self.scalar(base_tree)
+        if isinstance(exponent_tree, NumberExpr):
+            return power(base, whole(exponent_tree.value))
         exponent = self.dimensionless(exponent_tree, "an exponent")
         if not isinstance(base, Dimension):
             return base

@@ -86,6 +86,7 @@ class NamedDimensions:
         self._members: dict[str, dict[str, Value]] = {}
         self._seen: dict[tuple[str, int], Value] = {}
         self._changed = False  # whether the dimension of a name has changed
+        self._early = False  # whether a definition was used before it had a dimension
         self._indices: dict[str, int] = {}
         self._index = Indices(self._indices, self._whole)
         self.evaluator = DimensionEvaluator(self, strict=True)
@@ -127,7 +128,8 @@ class NamedDimensions:
             force = find(self.names, rest[-1])
             return UNKNOWN if isinstance(force, TensorDimension) else conjugate(force)
         if self.model.names.declared(text):
-            return ZERO  # a definition by itself, not evaluated yet
+            self._early = True
+            return ZERO  # a definition that is not evaluated yet
         return SECOND if text == "t" else NUMBER  # pi, or an index
 
     def number(self, name: Name) -> Fraction | None:
@@ -178,14 +180,17 @@ class NamedDimensions:
                 continue
             self.varied.add(family)
             self.names.pop(family, None)
+            self._seen.clear()
             for name, value in self._members[family].items():
                 self._change(name, value)
 
     def _change(self, name: str, value: Value) -> None:
-        if self.names.get(name) != value:
+        before = self.names.get(name)
+        if before != value:
             self.names[name] = value
-            self._seen.clear()
             self._changed = True
+            if before is not None:
+                self._seen.clear()
 
     def joined(self, values: Iterable[Value]) -> Value | None:
         """Return the common dimension of values; None if they differ."""
@@ -299,19 +304,21 @@ class NamedDimensions:
 
     def _definitions(self) -> None:
         """Enter the definitions: each after those that it uses, until families agree."""
-        needs: dict[str, list[str]] = {}
         families: dict[str, list[Definition]] = {}
-        seen: set[int] = set()
         for d in self.model.definitions.values():
-            family = family_of(d.name)
-            families.setdefault(family, []).append(d)
-            if id(d.tree) not in seen:
-                seen.add(id(d.tree))
-                names = (x for x in walk(d.tree) if isinstance(x, Name))
-                used = [self.model.names.resolve(x)[0] for x in names]
-                needs.setdefault(family, []).extend(used)
-        order, cycles = topological_order(needs)
+            families.setdefault(family_of(d.name), []).append(d)
         before = len(self.findings)
+        for members in families.values():
+            self.enter(self._defined(members))
+        if not self._early:
+            return  # the file's order will do
+        needs: dict[str, list[str]] = {}
+        for family, members in families.items():
+            trees = {id(d.tree): d.tree for d in members}.values()
+            names = (x for tree in trees for x in walk(tree) if isinstance(x, Name))
+            needs[family] = [self.model.names.resolve(x)[0] for x in names]
+        order, cycles = topological_order(needs)
+        self._seen.clear()
         for _ in range(_PASSES if cycles else 1):
             del self.findings[before:]
             self._changed = False
