@@ -30,6 +30,7 @@ from lagcli.model.dimensions.model_units import (
 from lagcli.model.dimensions.named import NamedDimensions
 from lagcli.model.expression.trees import (
     IndexedSumExpr,
+    NumberExpr,
     SumExpr,
     Tree,
     VectorExpr,
@@ -199,8 +200,8 @@ class _Statements:
             coordinate = name.rstrip("'")
             rate = len(name) - len(coordinate)
             written = given.written
-            if written is None:
-                continue
+            if written is None or (given.unit is None and isinstance(written.tree, NumberExpr)):
+                continue  # a number alone is in SI
             key = id(written.tree), family_of(coordinate)
             if key in seen and not self.known.varied:
                 continue
@@ -212,7 +213,7 @@ class _Statements:
             else:
                 where = ("initial", name, written.indices, given.location)
                 value = self.known.evaluated(written.tree, *where)
-            # a number alone is in SI
+            # an expression of numbers is in SI too
             if value is not NUMBER and not self.known.fits(value, expected):
                 assert not isinstance(value, TensorDimension)
                 assert not isinstance(expected, TensorDimension)
