@@ -8,7 +8,7 @@ these declarations. Inside the program a column of numbers is a `ColumnName`; it
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 if TYPE_CHECKING:
     from lagcli.arrays import Array
 
-_MIXED = "mixed: as each constraint"
-_PER_JOULE = {"m": "N", "rad": "N*m", "1": "N*m", "": "N*m"}
+_PER_JOULE = {"m": "N", "rad": "N*m", "1": "J", "": "J", "C": "V"}
 
 
 class ResultQuantity(NamedTuple):
@@ -32,7 +31,7 @@ class ResultQuantity(NamedTuple):
     description : str
         The ``long_name`` in HDF5 files.
     unit : str
-        ``{u}`` stands for the unit of the coordinate.
+        ``{u}`` stands for the unit of the coordinate, ``{c}`` for that of the constraint.
     panel : str
         The title of the plots that show it, in lower case; none of what is not along the time.
     label : str
@@ -72,14 +71,19 @@ class ResultQuantity(NamedTuple):
         return self.name.replace("residual", "scale")
 
     def unit_at(self, coordinate_unit: str | None) -> str | None:
-        """Return the unit of a column, given that of its coordinate; None where none is stated."""
-        if "{u}" not in self.unit:
+        """Return the unit of a column, given that of its coordinate; None where none is stated.
+
+        The unit of a column of a constraint does not follow from it: `unit_of_column`.
+        """
+        if "{" not in self.unit:
             return self.unit
         if coordinate_unit is None or self.unit == "{u}":
             return coordinate_unit
         if self.unit == "J/{u}" and coordinate_unit in _PER_JOULE:
             return _PER_JOULE[coordinate_unit]
-        grouped = any(sign in coordinate_unit for sign in "*/ ")
+        grouped = "/" in coordinate_unit or (
+            self.unit.startswith("J/") and any(sign in coordinate_unit for sign in "* ")
+        )
         return self.unit.format(u=f"({coordinate_unit})" if grouped else coordinate_unit or "1")
 
 
@@ -154,7 +158,7 @@ class Columns:
     )
     multipliers: Array = _column(
         "Lagrange multipliers",
-        "mixed: J or W per unit of each position or velocity constraint",
+        "J/{c}",
         "multipliers",
         along="constraint",
         text="lambda.{constraint}",
@@ -187,7 +191,7 @@ class Columns:
     )
     residual_position: Array = _column(
         "residual of each position constraint",
-        _MIXED,
+        "{c}",
         "position residuals",
         "position",
         along="constraint",
@@ -195,7 +199,7 @@ class Columns:
     )
     residual_velocity: Array = _column(
         "residual of each velocity constraint",
-        _MIXED,
+        "{c}/s",
         "velocity residuals",
         "velocity",
         along="constraint",
@@ -229,7 +233,8 @@ def _quantities() -> Iterator[ResultQuantity]:
         yield ResultQuantity(declared.name, **declared.metadata)
     for what in ("position", "velocity"):
         said = f"scale by which the {what} residual is judged"
-        yield ResultQuantity(f"scale_{what}", ("constraint",), said, _MIXED)
+        unit = "{c}" if what == "position" else "{c}/s"
+        yield ResultQuantity(f"scale_{what}", ("constraint",), said, unit)
 
 
 #: Every array of a result but the model's own outputs, in the order of files.
@@ -277,6 +282,24 @@ class ColumnName(NamedTuple):
         return BY_NAME[self.quantity].pattern.format(
             constraint=self.constraint, coordinate=self.coordinate
         )
+
+
+def unit_of_column(name: ColumnName, units: Mapping[str, str]) -> str | None:
+    """Return the unit of a column; None where it is not known.
+
+    Parameters
+    ----------
+    name : ColumnName
+    units : mapping of str to str
+        Units of coordinates, and of the columns of constraints (``lambda.guide``), as
+        ``Record.units`` has them.
+    """
+    quantity = BY_NAME[name.quantity]
+    if name.coordinate:
+        return quantity.unit_at(units.get(name.coordinate))
+    if name.constraint:
+        return units.get(str(name._replace(quantity=name.quantity.replace("scale", "residual"))))
+    return None if "{" in quantity.unit else quantity.unit
 
 
 def column_names(
@@ -352,3 +375,45 @@ def read_dotted_name(text: str) -> ColumnName | None:
     text.
     """
     return next(_readings(text), None) if "." in text else None
+
+
+class UnitDataset(NamedTuple):
+    """A dataset with the unit of each entry along an axis.
+
+    Parameters
+    ----------
+    name, axis : str
+    quantity : str
+        The array that the units are those of.
+    """
+
+    name: str
+    axis: str
+    quantity: str
+
+
+#: The units of entries along axes, where results state them.
+UNIT_DATASETS = (
+    UnitDataset("coordinate_unit", "coordinate", "q"),
+    UnitDataset("force_unit", "coordinate", "constraint_force"),
+    UnitDataset("multiplier_unit", "constraint", "multipliers"),
+    UnitDataset("position_unit", "constraint", "residual_position"),
+    UnitDataset("velocity_unit", "constraint", "residual_velocity"),
+)
+
+
+def units_along(
+    quantity: ResultQuantity,
+    coordinates: Sequence[str],
+    constraints: Sequence[str],
+    units: Mapping[str, str],
+) -> list[str | None]:
+    """Return the unit of each column of a quantity, None where it is not known.
+
+    Terms of constraint forces have the units of the forces on the coordinates.
+    """
+    if quantity.along == "term":
+        quantity = BY_NAME["constraint_force"]
+    names = column_names(quantity, coordinates, constraints)
+    found = [unit_of_column(name, units) for name in names]
+    return [unit if unit is None else unit or "1" for unit in found]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.cli.streams import visible_json
-from lagcli.columns import RESIDUALS
+from lagcli.columns import RESIDUALS, ColumnName, unit_of_column
 from lagcli.errors import LagcliError
 from lagcli.json_values import json_values
 from lagcli.trajectory.extremes import Extremes, known
@@ -58,6 +58,7 @@ def summarize(
                 "t_min": found.low_time,
                 "max": found.high,
                 "t_max": found.high_time,
+                "unit": unit_of_column(ColumnName("multipliers", name), record.units),
             }
             for name, found in extremes.multipliers.items()
             if known(found.low) is not None
@@ -160,11 +161,16 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     relative = f", {s['energy_balance'] / scale:.1e} of {scale:.4g} J" if scale else ""
     lines.append(f"  {'energy':<12}balance within {s['energy_balance']:.1e} J{relative}")
     if s["multipliers"]:
-        width = max(len(f"lambda.{n}") for n in s["multipliers"])
+        listed = dict(islice(s["multipliers"].items(), _LISTED))
+        labels = {
+            n: f"lambda.{n} [{m['unit']}]" if m["unit"] else f"lambda.{n}"
+            for n, m in listed.items()
+        }
+        width = max(map(len, labels.values()))
         lines.append("  multipliers")
-        for n, m in islice(s["multipliers"].items(), _LISTED):
+        for n, m in listed.items():
             lines.append(
-                f"    {'lambda.' + n:<{width}}  min {m['min']:>13.6g} at t = {m['t_min']:<9.4g}"
+                f"    {labels[n]:<{width}}  min {m['min']:>13.6g} at t = {m['t_min']:<9.4g}"
                 f"  max {m['max']:>13.6g} at t = {m['t_max']:.4g}"
             )
         if len(s["multipliers"]) > _LISTED:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -12,6 +12,7 @@ from symengine import Basic
 
 from lagcli.columns import ColumnName
 from lagcli.errors import SourceLocation
+from lagcli.model.dimensions.model_units import ModelUnits
 from lagcli.model.expression.trees import Tree
 from lagcli.model.expression.units import Factor
 from lagcli.model.names.scoping import Value
@@ -196,7 +197,8 @@ class Model:
     ``kinetic`` and ``potential`` are T and V; a model written with L has ``kinetic`` None and
     ``potential`` −L. Expressions are in the symbols of this module's functions and the
     parameters' names. ``set`` and ``set_initial`` are the values that replaced the file's;
-    ``settings_need`` are the parameters that the settings depend on.
+    ``settings_need`` are the parameters that the settings depend on; ``units`` are the units of all
+    quantities, as they follow from the text.
     """
 
     name: str
@@ -223,6 +225,7 @@ class Model:
     set: Mapping[str, object]
     set_initial: Mapping[str, object]
     view: View | None = None
+    units: ModelUnits = field(default_factory=ModelUnits)
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
@@ -239,12 +242,6 @@ class Model:
         """The initial values by the names of coordinates and velocities (``q'``)."""
         velocities = {f"{name}'": value for name, value in self.initial_velocities.items()}
         return {**self.initial_positions, **velocities}
-
-    @property
-    def has_units(self) -> bool:
-        """Whether units are stated at all."""
-        units = [c.unit for c in self.coordinates] + [p.unit for p in self.parameters.values()]
-        return any(units)
 
     @property
     def structural_parameters(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.columns import RESIDUALS
+from lagcli.columns import RESIDUALS, ColumnName
 from lagcli.results.formats import FORMATS, format_of, open_reader
 from lagcli.results.listing import WIDTH, entry, number, pairs
 from lagcli.results.metadata import KIND, model_name, to_metadata
@@ -125,7 +125,7 @@ def format_info(info: Mapping[str, Any]) -> str:
     lines += _entry("model", f"{info['model_name'] or 'without a name'}{digest}" if digest else "")
     lines += _entry("time", f"{span}{sizes['samples']} samples")
     for name in ("coordinates", "constraints", "outputs"):
-        shown = [f"{n} [{units[n]}]" if n in units else n for n in info[name]]
+        shown = [_with_unit(n, units.get(n)) for n in info[name]]
         lines += _entry(name, ", ".join(shown) or "none")
     lines += _entry("parameters", pairs(info["parameters"], units))
     lines += _entry("options", pairs(info["options"]))
@@ -145,7 +145,7 @@ def format_info(info: Mapping[str, Any]) -> str:
         lines += _table(
             ("constraint residual", "position", "scaled", "velocity", "scaled"),
             {
-                name: [
+                _with_unit(name, units.get(str(ColumnName("residual_position", name)))): [
                     number(info[field][name][key], 3)
                     for field in (q.name for q in RESIDUALS)
                     for key in ("max", "scaled")
@@ -156,11 +156,17 @@ def format_info(info: Mapping[str, Any]) -> str:
         lines += _table(
             ("multiplier", "min", "at time", "max", "at time"),
             {
-                name: [number(found[k]) for k in ("min", "time_min", "max", "time_max")]
+                _with_unit(name, units.get(str(ColumnName("multipliers", name)))): [
+                    number(found[k]) for k in ("min", "time_min", "max", "time_max")
+                ]
                 for name, found in info["multipliers"].items()
             },
         )
     return "\n".join(lines)
+
+
+def _with_unit(name: str, unit: str | None) -> str:
+    return f"{name} [{unit}]" if unit else name
 
 
 def _ratio(value: float | None, scale: float | None) -> float | None:

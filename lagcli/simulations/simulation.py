@@ -21,6 +21,7 @@ from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.model.expression.units import si_notation
 from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
@@ -286,7 +287,7 @@ class Simulation:
             ),
             scale_position=columns.scale_position,
             scale_velocity=columns.scale_velocity,
-            units=_units(self.model),
+            units=result_units(self.model),
             status=run.status,
             message=run.message,
             model=self.model.text,
@@ -365,9 +366,3 @@ def _stored(system: System) -> int:
     """Return how many numbers are stored of each sample."""
     nq, nc = len(system.coordinates), len(system.constraints)
     return 3 * nq + 3 * nc + len(system.jacobian_pattern) + len(system.outputs) + 10
-
-
-def _units(model: Model) -> dict[str, str]:
-    units = {c.name: c.unit for c in model.coordinates if c.unit}
-    units |= {p.name: si_notation(p.unit) for p in model.parameters.values() if p.unit}
-    return units | dict(model.output_units)

@@ -18,6 +18,7 @@ from lagcli.columns import (
     ColumnName,
     column_names,
     read_column_name,
+    unit_of_column,
 )
 from lagcli.equations.render.names import GREEK, Notation, split
 from lagcli.errors import LagcliError, UsageError
@@ -132,11 +133,8 @@ class Catalogue:
 
     def _of(self, name: ColumnName) -> Curve:
         """Return the curve of a column."""
-        quantity, unit = BY_NAME[name.quantity], ""
-        if name.coordinate:
-            unit = quantity.unit_at(self.run.record.units.get(name.coordinate)) or ""
-        elif quantity.role != "residual" and not name.constraint:
-            unit = quantity.unit
+        quantity = BY_NAME[name.quantity]
+        unit = unit_of_column(name, self.run.record.units) or ""
         place = [self._constraints[name.constraint]] if name.constraint else []
         place += [self._places[name.coordinate]] if name.coordinate else []
         return Curve(

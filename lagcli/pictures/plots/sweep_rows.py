@@ -10,6 +10,7 @@ import numpy as np
 from lagcli.errors import UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
 from lagcli.pictures.plots.thinning import evenly
 from lagcli.pictures.run_file import RunFile
 from lagcli.results.layout import NOT_STATED
@@ -103,9 +104,7 @@ class SweepRow(RunFile):
         self.record = Record(
             scale_position=unknown,
             scale_velocity=unknown,
-            units={c.name: c.unit for c in model.coordinates if c.unit}
-            | dict(model.output_units)
-            | rows.units,
+            units=result_units(model) | rows.units,
             model=rows.text,
             parameters={**rows.parameters, **varied},
         )

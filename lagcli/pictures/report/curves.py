@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Indices
-from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName
+from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName, unit_of_column
 from lagcli.equations.render.names import Notation
 from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.report.writing import chosen, unit
@@ -120,7 +120,7 @@ def sections(run: RunFile, names: Notation) -> list[Section]:
         Section("Velocities", "", _by_coordinate(run, names, "v")),
         Section(
             "Multipliers",
-            "λ of each constraint, in joules (or watts) by the unit of the constraint.",
+            "λ of each constraint: an energy (or a power) by what the constraint is in.",
             _multipliers(run, names),
         ),
         _forces(run, names),
@@ -243,10 +243,13 @@ def _by_coordinate(run: RunFile, names: Notation, field: str) -> list[Plot]:
 
 
 def _multipliers(run: RunFile, names: Notation) -> list[Plot]:
-    curves = [
-        curve_of(ColumnName("multipliers", c), names, (i,)) for i, c in enumerate(run.constraints)
-    ]
-    return [_abridged(Plot("", "", curves))] if curves else []
+    """Return the plots of λ, one for each unit."""
+    groups: dict[str, list[ReportCurve]] = {}
+    for i, c in enumerate(run.constraints):
+        column = ColumnName("multipliers", c)
+        stated = unit(unit_of_column(column, run.record.units))
+        groups.setdefault(stated, []).append(curve_of(column, names, (i,)))
+    return [_abridged(Plot("", symbol, curves)) for symbol, curves in groups.items()]
 
 
 def _forces(run: RunFile, names: Notation) -> Section:

@@ -14,6 +14,7 @@ from lagcli.columns import read_dotted_name
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.render.names import Notation
+from lagcli.model.dimensions.symbolic import symbolic_unit
 from lagcli.model.model import (
     TIME,
     Arrow,
@@ -184,15 +185,18 @@ class ViewEvaluator:
             view.grounds,
             view.trails,
             labels,
-            "m" if model.has_units else "",
+            "m" if model.units.stated else "",
         )
 
     def _unit(self, arrow: Arrow) -> str:
         """Return the unit of a vector: of points in metres, where the model has units at all."""
         if arrow.unit is not None:
             return arrow.unit
-        usual = {"velocity": "m/s", "force": "N"} if self._model.has_units else {}
-        return usual.get(arrow.quantity, "")
+        if arrow.quantity == "vector":
+            units = {symbolic_unit(self._model, x) for x in arrow.components if x != 0}
+            return (units.pop() or "") if len(units) == 1 else ""
+        stated = self._model.units.stated
+        return {"velocity": "m/s", "force": "N"}[arrow.quantity] if stated else ""
 
     def _values(
         self, columns: Mapping[str, Array], terms: Terms, parameters: Mapping[str, float]

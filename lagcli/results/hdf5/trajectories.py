@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from lagcli.columns import BY_NAME, QUANTITIES, SAMPLED
+from lagcli.columns import BY_NAME, QUANTITIES, SAMPLED, UNIT_DATASETS, units_along
 from lagcli.errors import FileError
 from lagcli.results.atomic import FileWriter, check_writable
 from lagcli.results.hdf5.container import (
@@ -171,13 +171,16 @@ class Hdf5Writer(FileWriter):
             dataset = datasets[quantity.name]
             if quantity.name not in axes:
                 attach_axes(dataset, [axes[axis] for axis in quantity.axes])
-            _say(dataset, quantity.description, unit(quantity, self._coordinates, record.units))
+            stated = unit(quantity, self._coordinates, self._constraints, record.units)
+            _say(dataset, quantity.description, stated)
 
-        units = [record.units.get(name, NOT_STATED) for name in self._coordinates]
-        if any(u != NOT_STATED for u in units):
-            dataset = add_texts(root, "coordinate_unit", units)
-            attach_axes(dataset, [axes["coordinate"]])
-            _say(dataset, "units of the coordinates", "none")
+        for name, axis, array in UNIT_DATASETS:
+            quantity = BY_NAME[array]
+            units = units_along(quantity, self._coordinates, self._constraints, record.units)
+            if any(units):
+                dataset = add_texts(root, name, [u or NOT_STATED for u in units])
+                attach_axes(dataset, [axes[axis]])
+                _say(dataset, f"units of the {quantity.description}", "none")
 
         for family in self._families:
             dataset, along = datasets[_OUTPUTS + family.dataset], [axes["time"]]

@@ -15,6 +15,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.errors import FileError
 from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
 from lagcli.results.hdf5.container import add_texts, make_axis, new_file, set_text
 from lagcli.results.hdf5.opening import Opened, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, output_families
@@ -168,9 +169,10 @@ class _SweepWriter:
             scales[name] = h5py.Dataset(add_texts(root, name, names))
         for name, scale in scales.items():
             make_axis(scale.id, name)
-        units = {c.name: c.unit for c in model.coordinates if c.unit}
+        units = result_units(model)
         for quantity, width in kept_layout(model):
-            column = unit(quantity, model.coordinate_names, units), quantity.description
+            stated = unit(quantity, model.coordinate_names, model.constraint_names, units)
+            column = stated, quantity.description
             if width:
                 axes = [scales[axis] for axis in quantity.axes]
                 added = self.add(quantity.name, "<f8", column, *axes)
@@ -181,7 +183,7 @@ class _SweepWriter:
                 along.append(h5py.Dataset(add_texts(root["outputs"], family.axis, family.members)))
                 make_axis(along[1].id, family.axis)
             column = (
-                shared_unit(family.members, model.output_units),
+                shared_unit(family.members, units),
                 f"output {family.dataset}",
             )
             added = self.add(f"outputs/{family.dataset}", "<f8", column, *along)
