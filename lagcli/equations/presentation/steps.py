@@ -33,27 +33,32 @@ def _definitions(f: Formulas) -> Step | None:
 
 
 def _energies(f: Formulas, signs: general.Signs) -> Step:
-    e, trees = f.equations, f.model.trees
     if f.model.kinetic is None:
-        sides: list[Node] = [signs.lagrangian, f.written(trees["L"])]
-        if f.uses_definitions(trees["L"]):
-            sides.append(f.arrange(e.lagrangian))
-        return Step("Lagrangian", (Line(tuple(sides)),))
-    lines, out = [], []
-    for sign, key, expression in (
-        (signs.kinetic, "T", e.kinetic),
-        (signs.potential, "V", e.potential),
-    ):
-        sides = [sign]
-        if key in trees:
-            sides.append(f.written(trees[key]))
-        if key not in trees or f.uses_definitions(trees[key]):
-            sides += [x for x in [f.arrange(expression)] if x not in sides]
-        out.append(sides[-1])
-        lines.append(Line(tuple(sides)))
+        return Step("Lagrangian", (Line((signs.lagrangian, *_written(f, "L"))),))
+    lines = [
+        Line((sign, *_written(f, key)))
+        for sign, key in ((signs.kinetic, "T"), (signs.potential, "V"))
+    ]
     difference = sum_of([(1, signs.kinetic), (-1, signs.potential)])
-    lines.append(Line((signs.lagrangian, difference, sum_of([(1, out[0]), (-1, out[1])]))))
+    lines.append(Line((signs.lagrangian, difference, energy_sides(f))))
     return Step("Kinetic energy, potential energy, Lagrangian", tuple(lines))
+
+
+def _written(f: Formulas, key: str) -> list[Node]:
+    """Return T, V or L as written, and with its definitions expanded."""
+    e, trees = f.equations, f.model.trees
+    expression = {"T": e.kinetic, "V": e.potential, "L": e.lagrangian}[key]
+    sides = [f.written(trees[key])] if key in trees else []
+    if key not in trees or f.uses_definitions(trees[key]):
+        sides += [x for x in [f.arrange(expression)] if x not in sides]
+    return sides
+
+
+def energy_sides(f: Formulas) -> Node:
+    """Return L in the coordinates: as written where it uses no definitions."""
+    if f.model.kinetic is None:
+        return _written(f, "L")[-1]
+    return sum_of([(1, _written(f, "T")[-1]), (-1, _written(f, "V")[-1])])
 
 
 def _derivatives(f: Formulas, signs: general.Signs) -> list[Step]:

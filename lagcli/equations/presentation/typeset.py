@@ -179,9 +179,15 @@ def signed(node: Node) -> tuple[int, Node]:
 def sum_of(terms: Iterable[tuple[int, Node]]) -> Node:
     """Return a sum without empty, nested or superfluous parts."""
     flat: list[tuple[int, Node]] = []
-    for sign, node in terms:
-        inner = node.terms if isinstance(node, Sum) else (signed(node),)
-        flat.extend((sign * s, n) for s, n in inner if n != ZERO)
+    stack = list(reversed(list(terms)))
+    while stack:
+        sign, node = stack.pop()
+        if isinstance(node, Sum):
+            stack.extend((sign * s, n) for s, n in reversed(node.terms))
+            continue
+        s, node = signed(node)
+        if node != ZERO:
+            flat.append((sign * s, node))
     if not flat:
         return ZERO
     if len(flat) == 1 and flat[0][0] == 1:
@@ -211,7 +217,7 @@ def product_of(factors: Iterable[Node]) -> Node:
         return ZERO
     parts = rest if value == 1 and rest else [Number(value), *rest]
     node = parts[0] if len(parts) == 1 else Product(tuple(parts))
-    return Sum(((-1, node),)) if minus else node
+    return sum_of([(-1, node)]) if minus else node
 
 
 def quotient_of(numerator: Node, denominator: Node) -> Node:

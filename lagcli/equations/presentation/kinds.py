@@ -1,0 +1,316 @@
+"""Steps of Lagrange's equations of the second kind, of Maggi's equations, and of closed forms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from symengine import Basic
+
+from lagcli.equations.presentation import general
+from lagcli.equations.presentation.abbreviations import abbreviate
+from lagcli.equations.presentation.extent import abridged
+from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.partition_steps import (
+    displacement_line,
+    fraction,
+    rate_node,
+    total_operations,
+    velocity,
+)
+from lagcli.equations.presentation.steps import energy_sides
+from lagcli.equations.presentation.substitution import substituted
+from lagcli.equations.presentation.typeset import (
+    Call,
+    Entry,
+    Node,
+    Partial,
+    Rate,
+    Sign,
+    Symbol,
+    children,
+    product_of,
+    sum_of,
+    symbols_in,
+    weight,
+    whole,
+)
+from lagcli.equations.reduction.closed_forms import Solution
+from lagcli.equations.reduction.elimination import SolvedUnknown
+from lagcli.equations.reduction.maggi import Maggi
+from lagcli.equations.reduction.second_kind import SecondKind
+
+#: Operations of equations of motion beyond which they are given as M a = f with abbreviations.
+LONGEST = 1200
+#: A formula that keeps the written structure may be longer than the arranged one by this factor.
+_KEPT = 1.3
+
+
+def second_kind_steps(f: Formulas, second: SecondKind) -> list[Step]:
+    """Return the equations of the second kind, from the dependent coordinates on."""
+    return [
+        step
+        for step in (
+            _dependent(f, second),
+            _velocities(f, second),
+            _lagrangian(f, second),
+            *_second_equations(f, second),
+        )
+        if step is not None
+    ]
+
+
+def _dependent(f: Formulas, second: SecondKind) -> Step | None:
+    lines: list[Line] = []
+    implicit = False
+    e = f.equations
+    for solved in second.blocks:
+        for solution in solved.solutions:
+            lines += _solution_lines(f, second, solution)
+        if solved.solutions:
+            continue
+        implicit = True
+        names = ", ".join(e.constraints[i].constraint.name for i in solved.block.rows)
+        for i in solved.block.columns:
+            value = second.partition.values[e.q[i]]
+            note = f"implicit: the root of {names} near {value:.6g}"
+            lines.append(Line((f.coordinates[i], _root(f, second, i)), note=note))
+    if not lines:
+        return None
+    remark = "Signs of roots are those of the branch on which the initial values lie."
+    if implicit:
+        remark += " An implicit root has no closed form here; its derivatives follow from the"
+        remark += " constraints."
+    return Step("Dependent coordinates", tuple(lines), remark)
+
+
+def _root(f: Formulas, second: SecondKind, i: int) -> Node:
+    free = [f.coordinates[j] for j in second.partition.independent]
+    name = f.model.coordinate_names[i]
+    return Call(f"R_{name}", tuple(free))
+
+
+def _solution_lines(f: Formulas, second: SecondKind, s: Solution) -> list[Line]:
+    place = {x: x.name for x in f.equations.q}
+    symbol = Symbol(place[s.unknown])
+    if s.angle is None or s.sine is None or s.cosine is None:
+        return [Line((symbol, f.arrange(s.value)))]
+    angle = f.arrange(s.angle)
+    lines = []
+    for function, value in (("sin", s.sine), ("cos", s.cosine)):
+        lines.append(Line((Call(function, (angle,)), f.arrange(value))))
+    if second.lagrangian_uses(s.unknown):
+        lines.append(Line((symbol, f.arrange(s.value))))
+    return lines
+
+
+def _velocities(f: Formulas, second: SecondKind) -> Step | None:
+    lines = []
+    for rate in second.partition.rates:
+        sides = [velocity(f.coordinates[rate.coordinate]), rate_node(f, rate)]
+        if not second.is_long:
+            explicit = f.arrange(second.rates[rate.coordinate])
+            if weight(explicit) < _LONG_RATE and explicit not in sides:
+                sides.append(explicit)
+        lines.append(Line(tuple(sides)))
+    if not lines:
+        return None
+    remark = "From the time derivatives of the constraints."
+    return Step("Dependent velocities", tuple(lines), remark)
+
+
+_LONG_RATE = 160
+
+
+def _lagrangian(f: Formulas, second: SecondKind) -> Step:
+    signs = general.Signs(f.model)
+    first = energy_sides(f)
+    sides: list[Node] = [signs.lagrangian]
+    if f.model.kinetic is not None:
+        sides.append(sum_of([(1, signs.kinetic), (-1, signs.potential)]))
+    sides.append(first)
+    remark = None
+    if second.partition.dependent:
+        if second.is_long:
+            sides[-1] = abridged(first)
+            remark = "Here the dependent coordinates and velocities are the functions given above."
+        else:
+            found = _inserted(f, second, first)
+            sides += [found] if found != first else []
+            remark = "In the independent coordinates and velocities (8.89)."
+            if second.named:
+                names = ", ".join(f.model.coordinate_names[i] for i in second.named)
+                remark += f" {names}: the function{'s' * (len(second.named) > 1)} given above."
+    return Step("Lagrangian of the second kind", (Line(tuple(sides)),), remark)
+
+
+def _inserted(f: Formulas, second: SecondKind, first: Node) -> Node:
+    """Return L with the dependent coordinates replaced, in its written structure if that is short."""
+    values: dict[Node, Node] = {}
+    for i, rate in second.rates.items():
+        values[velocity(f.coordinates[i])] = f.arrange(rate)
+    for solution in second.inserted:
+        symbol = Symbol(solution.unknown.name)
+        if solution.sine is not None and solution.cosine is not None:
+            angle = f.arrange(solution.angle)
+            values[Call("sin", (angle,))] = f.arrange(second.reduced(solution.sine))
+            values[Call("cos", (angle,))] = f.arrange(second.reduced(solution.cosine))
+        else:
+            values[symbol] = f.arrange(second.reduced(solution.value))
+    kept = substituted(first, values)
+    arranged = f.arrange(second.lagrangian)
+    if kept is None:
+        return arranged
+    gone = {f.model.coordinate_names[i] for i in second.partition.dependent}
+    gone -= {f.model.coordinate_names[i] for i in second.named}
+    left = set(symbols_in([kept])) & (gone | set(f.model.definitions))
+    moving = {n.name for n in _dotted(kept)}
+    if left or moving & {f.model.coordinate_names[i] for i in second.partition.dependent}:
+        return arranged
+    return kept if weight(kept) <= _KEPT * weight(arranged) else arranged
+
+
+def _dotted(node: Node) -> list[Symbol]:
+    found, stack = [], [node]
+    while stack:
+        item = stack.pop()
+        if isinstance(item, Symbol) and item.dots:
+            found.append(item)
+        stack.extend(children(item))
+    return found
+
+
+def _second_equations(f: Formulas, second: SecondKind) -> list[Step]:
+    p = second.partition
+    title = "Equations of motion of the second kind"
+    if not p.independent:
+        return [Step(title, (), "There are none: the constraints determine the motion.")]
+    free = [f.coordinates[i] for i in p.independent]
+    if second.is_long or total_operations(second.forcing) > LONGEST:
+        return in_matrices(f, second.mass_matrix, second.forcing, free, title)
+    lines = []
+    for k, x in enumerate(free):
+        left = f.arrange(second.momentum_rates[k] - second.gradient[k])
+        lines.append(Line((left, f.arrange(second.applied_forces[k])), x))
+    return [Step(title, tuple(lines), _law_remark(second))]
+
+
+def _law_remark(second: SecondKind) -> str | None:
+    if all(x == 0 for x in second.applied_forces):
+        return None
+    return "On the right the generalized forces Σ_i J_ik Q_i, with J of the dependent velocities."
+
+
+_M, _F = Sign("M", "M"), Sign("f", "f")
+
+
+def in_matrices(
+    f: Formulas,
+    mass_matrix: Sequence[Sequence[Basic]],
+    forcing: Sequence[Basic],
+    free: Sequence[Symbol],
+    title: str,
+) -> list[Step]:
+    """Return M a = f entry by entry, with abbreviations."""
+    entries: list[tuple[Node, Basic]] = []
+    for i, row in enumerate(mass_matrix):
+        entries += [
+            (Entry(_M, (free[i], free[j])), x) for j, x in enumerate(row) if j >= i and x != 0
+        ]
+    entries += [(Entry(_F, (free[i],)), x) for i, x in enumerate(forcing) if x != 0]
+    names = (*f.model.coordinate_names, *f.model.parameters, *f.model.definitions)
+    short = abbreviate([x for _, x in entries], names)
+    law = Line((Sign("M q̈", r"M \, \ddot{q}"), _F))
+    remark = (
+        "The equations are long: entries of M and f are named by the independent coordinates and"
+        " given with abbreviations. M is symmetric."
+    )
+    named = tuple(Line((Symbol(name), f.arrange(x))) for name, x in short.named.items())
+    found = [Step(title, (law,), remark)]
+    if named:
+        found.append(Step("Abbreviations of these entries", named, packed=True))
+    pairs = zip(entries, short.expressions, strict=True)
+    lines = tuple(Line((entry, f.arrange(x))) for (entry, _), x in pairs)
+    return [*found, Step("Entries of M and f", lines)]
+
+
+def maggi_steps(f: Formulas, maggi: Maggi) -> list[Step]:
+    """Return Maggi's equations, from the dependent velocities on."""
+    p, e = maggi.partition, f.equations
+    found: list[Step] = []
+    if p.rates:
+        lines = tuple(
+            Line((velocity(f.coordinates[rate.coordinate]), rate_node(f, rate)))
+            for rate in p.rates
+        )
+        found.append(Step("Dependent velocities", lines, "From the velocity constraints."))
+        lines = tuple(displacement_line(f, p, rate) for rate in p.rates)
+        remark = "The coefficients are the rows of J, whose columns span the null space of B."
+        found.append(Step("Dependent virtual displacements", lines, remark))
+    title = "Maggi's equations"
+    if not p.independent:
+        return [*found, Step(title, (), "There are none: the constraints determine the motion.")]
+    residuals = [
+        rate - slope - force
+        for rate, slope, force in zip(e.momentum_rates, e.gradient, e.applied_forces, strict=True)
+    ]
+    if total_operations(maggi.equations_of_motion) > 3 * LONGEST:
+        free = [f.coordinates[i] for i in p.independent]
+        return [*found, *in_matrices(f, maggi.mass_matrix, maggi.forcing, free, title)]
+    equations = []
+    for k, i in enumerate(p.independent):
+        terms = [(1, f.arrange(residuals[i]))]
+        for j in p.dependent:
+            if k in p.null_space[j] and residuals[j] != 0:
+                factor = _entry_of_null_space(f, maggi, j, k)
+                terms.append((1, product_of([factor, f.arrange(residuals[j])])))
+        equations.append(Line((sum_of(terms), whole(0)), f.coordinates[i]))
+    law = Line((_maggi_law(f), whole(0)))
+    count, r = len(equations), len(p.constraints)
+    remark = (
+        f"With the {r} constraint{'s' * (r != 1)}, {count + r} equations in"
+        f" {len(e.q)} unknowns; no multipliers."
+        if r
+        else "There are no constraints."
+    )
+    return [*found, Step(title, (law, *equations), remark)]
+
+
+def _entry_of_null_space(f: Formulas, maggi: Maggi, i: int, k: int) -> Node:
+    p = maggi.partition
+    rate = next(r for r in p.rates if r.coordinate == i)
+    j = p.independent[k]
+    if not set(rate.numerators) & set(p.dependent):
+        return fraction(f, rate.numerators[j], rate.denominator)
+    return f.arrange(p.null_space[i][k])
+
+
+def _maggi_law(f: Formulas) -> Node:
+    lagrangian = general.Signs(f.model).lagrangian
+    inner = sum_of(
+        [
+            (1, Rate(Partial(lagrangian, Sign("q̇ᵢ", r"\dot{q}_i")))),
+            (-1, Partial(lagrangian, Sign("qᵢ", "q_i"))),
+            (-1, general.FORCE),
+        ]
+    )
+    return product_of([Sign("Σᵢ J_ik", r"\textstyle\sum_i J_{ik}"), inner])
+
+
+def solved_step(f: Formulas, found: list[SolvedUnknown], kind: str) -> Step:
+    """Return λ and the accelerations in closed form, or say that they are long."""
+    title = f"Solved for the unknowns ({kind})"
+    if not found:
+        remark = (
+            "A closed form is not given: it would be long. simulate eliminates λ and q̈"
+            " numerically at every step."
+        )
+        return Step(title, (), remark)
+    nodes = {x.name: Symbol(c.name, 2) for x, c in zip(f.equations.a, f.coordinates, strict=True)}
+    for symbol, c in zip(f.equations.multipliers, f.equations.constraints, strict=True):
+        nodes[symbol.name] = Symbol(c.constraint.name, kind="multiplier")
+    lines = tuple(
+        Line((nodes[s.unknown.name], fraction(f, s.numerator, s.denominator))) for s in found
+    )
+    return Step(title, lines)
+
+

@@ -1,0 +1,1 @@
+"""Reduction to independent coordinates: coordinate partitioning, second kind, Maggi, closed forms."""
