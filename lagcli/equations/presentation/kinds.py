@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import symengine as se
 from symengine import Basic
 
 from lagcli.equations.presentation import general
@@ -26,6 +27,7 @@ from lagcli.equations.presentation.typeset import (
     Partial,
     Rate,
     Sign,
+    Sum,
     Symbol,
     children,
     product_of,
@@ -37,6 +39,7 @@ from lagcli.equations.presentation.typeset import (
 from lagcli.equations.reduction.closed_forms import Solution
 from lagcli.equations.reduction.elimination import SolvedUnknown
 from lagcli.equations.reduction.maggi import Maggi
+from lagcli.equations.reduction.partition import number
 from lagcli.equations.reduction.second_kind import SecondKind
 
 #: Operations of equations of motion beyond which they are given as M a = f with abbreviations.
@@ -45,14 +48,25 @@ LONGEST = 1200
 _KEPT = 1.3
 
 
-def second_kind_steps(f: Formulas, second: SecondKind) -> list[Step]:
-    """Return the equations of the second kind, from the dependent coordinates on."""
+def second_kind_steps(
+    f: Formulas, second: SecondKind, derivation: bool = False
+) -> list[Step]:
+    """Return the equations of the second kind, from the dependent coordinates on.
+
+    Parameters
+    ----------
+    f : Formulas
+    second : SecondKind
+    derivation : bool
+        Whether the derivatives of L are shown.
+    """
     return [
         step
         for step in (
             _dependent(f, second),
             _velocities(f, second),
             _lagrangian(f, second),
+            *(_second_derivatives(f, second) if derivation else ()),
             *_second_equations(f, second),
         )
         if step is not None
@@ -97,10 +111,20 @@ def _solution_lines(f: Formulas, second: SecondKind, s: Solution) -> list[Line]:
     angle = f.arrange(s.angle)
     lines = []
     for function, value in (("sin", s.sine), ("cos", s.cosine)):
-        lines.append(Line((Call(function, (angle,)), f.arrange(value))))
+        note = None
+        if s.sign and _has_root(value):
+            at_start = number(value, second.partition.values)
+            note = f"{'positive' if at_start > 0 else 'negative'} at the start"
+        lines.append(Line((Call(function, (angle,)), f.arrange(value)), note=note))
     if second.lagrangian_uses(s.unknown):
         lines.append(Line((symbol, f.arrange(s.value))))
     return lines
+
+
+def _has_root(value: Basic) -> bool:
+    """Whether an expression has a square root."""
+    return any(isinstance(x.args[1], se.Rational) and not isinstance(x.args[1], se.Integer)
+               for x in value.atoms(se.Pow))
 
 
 def _velocities(f: Formulas, second: SecondKind) -> Step | None:
@@ -138,8 +162,7 @@ def _lagrangian(f: Formulas, second: SecondKind) -> Step:
             sides += [found] if found != first else []
             remark = "In the independent coordinates and velocities (8.89)."
             if second.named:
-                names = ", ".join(f.model.coordinate_names[i] for i in second.named)
-                remark += f" {names}: the function{'s' * (len(second.named) > 1)} given above."
+                remark += " Dependent coordinates in it are the functions given above."
     return Step("Lagrangian of the second kind", (Line(tuple(sides)),), remark)
 
 
@@ -177,6 +200,27 @@ def _dotted(node: Node) -> list[Symbol]:
             found.append(item)
         stack.extend(children(item))
     return found
+
+
+def _second_derivatives(f: Formulas, second: SecondKind) -> list[Step]:
+    """Return ∂L/∂q_k, ∂L/∂q̇_k and d/dt ∂L/∂q̇_k; none if they are long."""
+    p = second.partition
+    if second.is_long or total_operations(second.forcing) > LONGEST or not p.independent:
+        return []
+    lagrangian = general.Signs(f.model).lagrangian
+    free = [f.coordinates[i] for i in p.independent]
+    by_velocity = [Partial(lagrangian, velocity(x)) for x in free]
+    return [
+        Step(
+            f"{title} of the second kind",
+            tuple(Line((x, f.arrange(y))) for x, y in zip(left, right, strict=True)),
+        )
+        for title, left, right in (
+            ("Partial derivatives", [Partial(lagrangian, x) for x in free], second.gradient),
+            ("Momenta", by_velocity, second.momenta),
+            ("Total time derivatives", [Rate(x) for x in by_velocity], second.momentum_rates),
+        )
+    ]
 
 
 def _second_equations(f: Formulas, second: SecondKind) -> list[Step]:
@@ -261,8 +305,12 @@ def maggi_steps(f: Formulas, maggi: Maggi) -> list[Step]:
         terms = [(1, f.arrange(residuals[i]))]
         for j in p.dependent:
             if k in p.null_space[j] and residuals[j] != 0:
-                factor = _entry_of_null_space(f, maggi, j, k)
-                terms.append((1, product_of([factor, f.arrange(residuals[j])])))
+                residual = f.arrange(residuals[j])
+                if isinstance(residual, Sum) and len(residual.terms) > 1:
+                    factor = _entry_of_null_space(f, maggi, j, k)
+                    terms.append((1, product_of([factor, residual])))
+                else:
+                    terms.append((1, f.arrange(p.null_space[j][k] * residuals[j])))
         equations.append(Line((sum_of(terms), whole(0)), f.coordinates[i]))
     law = Line((_maggi_law(f), whole(0)))
     count, r = len(equations), len(p.constraints)

@@ -81,6 +81,14 @@ def _before(f: Formulas) -> list[Step]:
     return [step for step in found if step is not None]
 
 
+def before_equations(f: Formulas) -> list[Step]:
+    """Return coordinates, energies and constraints, without the degrees of freedom."""
+    return [step for step in _before(f) if step.title != _FREEDOM]
+
+
+_FREEDOM = "Degrees of freedom"
+
+
 @lru_cache(maxsize=1)  # measured first, then printed
 def _written_out(f: Formulas) -> list[Step]:
     constraints, equations = _constraints(f), _equations(f)
@@ -158,7 +166,7 @@ def _constraints(f: Formulas, variations: bool = True) -> Step | None:
 def _freedom(f: Formulas) -> Step:
     k, r = len(f.coordinates), len(f.equations.constraints)
     if not r:
-        return Step("Degrees of freedom", (Line((Sign("k", "k"), whole(k))),))
+        return Step(_FREEDOM, (Line((Sign("k", "k"), whole(k))),))
     freedom = f.freedom
     less, subtracted = Sign("r", "r"), r
     note = "the constraints are independent at the start"
@@ -173,7 +181,7 @@ def _freedom(f: Formulas) -> Step:
         whole(freedom.degrees),
     )
     remark = " ".join(freedom.remarks) or None
-    return Step("Degrees of freedom", (Line(sides, note=note),), remark)
+    return Step(_FREEDOM, (Line(sides, note=note),), remark)
 
 
 def _equations(f: Formulas) -> Step:

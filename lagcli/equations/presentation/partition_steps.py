@@ -7,7 +7,7 @@ from symengine import Basic
 
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
 from lagcli.equations.presentation.typeset import (
-    Call,
+    ZERO,
     Node,
     Number,
     Power,
@@ -28,9 +28,6 @@ from lagcli.equations.presentation.typeset import (
 from lagcli.equations.reduction.partition import CoordinatePartition, Rate
 from lagcli.equations.reduction.small_systems import cancelled
 
-ZERO_LINE = whole(0)
-
-
 def split_step(f: Formulas, p: CoordinatePartition) -> Step:
     """Return the section on coordinates and degrees of freedom (8.79 to 8.84)."""
     k, r, rank = len(f.coordinates), len(f.equations.constraints), len(p.constraints)
@@ -48,10 +45,8 @@ def split_step(f: Formulas, p: CoordinatePartition) -> Step:
     lines += [Line((f.coordinates[i],), note="dependent") for i in p.dependent]
     if not r:
         return Step("Coordinates and degrees of freedom", tuple(lines), "There are no constraints.")
-    remark = (
-        f"The virtual displacements satisfy {count} (8.79), of which {rank}"
-        f" {'is' if rank == 1 else 'are'} independent."
-    )
+    remark = f"The virtual displacements satisfy {count} (8.79)"
+    remark += f", of which {rank} are independent." if rank < r else "."
     if p.surplus:
         names = ", ".join(f.equations.constraints[i].constraint.name for i in p.surplus)
         remark += f" At the start {names} follow{'s' * (len(p.surplus) == 1)} from the others."
@@ -65,11 +60,10 @@ def determinant_step(f: Formulas, p: CoordinatePartition) -> Step | None:
     nodes = [f.arrange(x) for x in p.determinants]
     shown = [Line((Sign("det b", r"\det b"), _multiplied(nodes)))]
     places = list(dict.fromkeys(x for node in nodes for x in _factors(node) if _moves(f, x)))
-    shown += [Line((place, ZERO_LINE), note="the determinant is zero here") for place in places]
-    names = ", ".join(f.model.coordinate_names[i] for i in p.dependent)
+    shown += [Line((place, ZERO), note="the determinant is zero here") for place in places]
     remark = (
-        f"b has the columns of the dependent coordinates ({names}). They follow from the"
-        " independent ones, and λ can be chosen as in (8.82), where its determinant is not zero."
+        "b has the columns of the dependent coordinates. Where its determinant is not zero, they"
+        " follow from the independent ones, and λ can be chosen as in (8.82)."
     )
     if not places:
         remark += " It is zero nowhere."
@@ -111,9 +105,12 @@ def _moves(f: Formulas, node: Node) -> bool:
 def fraction(f: Formulas, above: Basic, below: Basic) -> Node:
     """Return a fraction, arranged above and below."""
     (above,), below = cancelled([above], below)
-    sign, divisor = forward(f.arrange(below))
-    top = sum_of([(sign, f.arrange(above))])
-    return quotient_of(top, divisor)
+    for value in (1, -1):
+        if se.expand(above - value * below) == 0:
+            return whole(value)
+    sign_below, divisor = forward(f.arrange(below))
+    sign_above, top = forward(f.arrange(above))
+    return sum_of([(sign_below * sign_above, quotient_of(top, divisor))])
 
 
 def rate_node(f: Formulas, rate: Rate) -> Node:
@@ -135,11 +132,6 @@ def displacement_line(f: Formulas, p: CoordinatePartition, rate: Rate) -> Line:
 def velocity(symbol: Symbol) -> Symbol:
     """Return the velocity of a coordinate."""
     return Symbol(symbol.name, 1)
-
-
-def is_function(node: Node) -> bool:
-    """Whether a node is a sine or cosine."""
-    return isinstance(node, Call) and node.function in ("sin", "cos")
 
 
 def total_operations(expressions: tuple[Basic, ...] | list[Basic]) -> int:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from lagcli.equations.presentation import general
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
 from lagcli.equations.presentation.typeset import Node, Partial, Rate, Symbol, sum_of
 
 
-def steps(f: Formulas) -> tuple[Step, ...]:
+def steps(f: Formulas, coordinates: Sequence[Step] = ()) -> tuple[Step, ...]:
     """Return the derivation of the equations step by step, as in the textbook.
 
     Parameters
     ----------
     f : Formulas
         Formulas of the system.
+    coordinates : sequence of Step
+        The sections on independent and dependent coordinates, which follow the constraints.
 
     Returns
     -------
@@ -22,9 +26,15 @@ def steps(f: Formulas) -> tuple[Step, ...]:
     signs = general.Signs(f.model)
     found = [_definitions(f), _energies(f, signs)]
     found += _derivatives(f, signs)
-    found += [_forces(f), _constraints(f), _variations(f), _unassembled(f, signs), _assembled(f)]
-    found.append(_closing(f))
+    found += [_forces(f), _constraints(f), _variations(f), *coordinates]
+    found += [_unassembled(f, signs), _assembled(f), _closing(f)]
     return tuple(step for step in found if step is not None)
+
+
+def before_equations(f: Formulas) -> list[Step]:
+    """Return definitions, energies, forces, constraints and virtual displacements."""
+    found = [_definitions(f), _energies(f, general.Signs(f.model)), _forces(f), _constraints(f)]
+    return [step for step in (*found, _variations(f)) if step is not None]
 
 
 def _definitions(f: Formulas) -> Step | None:

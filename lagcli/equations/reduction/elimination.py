@@ -15,7 +15,7 @@ from lagcli.equations.reduction.second_kind import SecondKind
 from lagcli.equations.reduction.small_systems import CRAMER, cancelled, solutions
 
 #: Operations of a numerator or denominator beyond which a closed form is not given.
-LONGEST = 1500
+LONGEST = 400
 #: Operations up to which a fraction is brought to lowest terms, which takes seconds beyond.
 _CANCELLED = 250
 
