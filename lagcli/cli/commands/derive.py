@@ -40,14 +40,15 @@ def derive(
         bool, typer.Option("--steps", help="Show the derivation, the textbook's way.")
     ] = False,
     kind: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--kind",
             metavar="KINDS",
             help="first: with multipliers; second: in independent coordinates; maggi: projected on"
-            " the null space of B. Several, separated by commas, are compared.",
+            " the null space of B. Several, separated by commas, are compared."
+            " [default: first; with --steps also second, where it is short]",
         ),
-    ] = "first",
+    ] = None,
     independent: Annotated[
         str | None,
         typer.Option(
@@ -94,6 +95,7 @@ def derive(
     those of the second kind and Maggi's equations.
     """
     from lagcli.equations.derivation.lagrange import derive as derive_equations
+    from lagcli.equations.reduction.second_kind import second_kind_is_short
     from lagcli.equations.render import render
     from lagcli.equations.render.names import invalid_latex_warnings
     from lagcli.model.loader import load
@@ -110,7 +112,7 @@ def derive(
         for warning in invalid_latex_warnings(loaded):
             print(warning.render(), file=sys.stderr)
     equations = derive_equations(loaded)
-    kinds = _kinds(kind)
+    kinds = _kinds(kind or "first")
     names = _names(independent)
     divided = None
     if solve or names is not None or kinds != ["first"]:
@@ -118,6 +120,8 @@ def derive(
     elif steps:
         with suppress(LagcliError):  # without a consistent start, the first kind is printed anyway
             divided = partition(equations)
+            if kind is None and second_kind_is_short(divided):
+                kinds.append("second")
     text = render(
         equations,
         format="json" if json else format.value,

@@ -95,7 +95,7 @@ class Extent:
         lines = sum(self._line(line, margin) for line in step.lines)
         if step.packed:
             lines = math.ceil(sum(self._letters(line) for line in step.lines) / _LINE)
-        return _TITLE + lines + remark
+        return _TITLE + lines + remark + bool(step.lead)
 
     def _line(self, line: Line, margin: int) -> float:
         return float(math.ceil(self._letters(line) / (_LINE - margin)))

@@ -94,7 +94,8 @@ def _dependent(f: Formulas, second: SecondKind) -> Step | None:
     if implicit:
         remark += " An implicit root has no closed form here; its derivatives follow from the"
         remark += " constraints."
-    return Step("Dependent coordinates", tuple(lines), remark)
+    lead = "Solving the constraints for the dependent coordinates gives"
+    return Step("Dependent coordinates", tuple(lines), remark, lead=lead)
 
 
 def _root(f: Formulas, second: SecondKind, i: int) -> Node:
@@ -138,8 +139,8 @@ def _velocities(f: Formulas, second: SecondKind) -> Step | None:
         lines.append(Line(tuple(sides)))
     if not lines:
         return None
-    remark = "From the time derivatives of the constraints."
-    return Step("Dependent velocities", tuple(lines), remark)
+    lead = "Solving the differentiated constraints for the dependent velocities gives"
+    return Step("Dependent velocities", tuple(lines), lead=lead)
 
 
 _LONG_RATE = 160
@@ -163,7 +164,8 @@ def _lagrangian(f: Formulas, second: SecondKind) -> Step:
             remark = "In the independent coordinates and velocities (8.89)."
             if second.named:
                 remark += " Dependent coordinates in it are the functions given above."
-    return Step("Lagrangian of the second kind", (Line(tuple(sides)),), remark)
+    lead = "Substituting these into L gives" if second.partition.dependent else None
+    return Step("Lagrangian of the second kind", (Line(tuple(sides)),), remark, lead=lead)
 
 
 def _inserted(f: Formulas, second: SecondKind, first: Node) -> Node:
@@ -286,7 +288,8 @@ def maggi_steps(f: Formulas, maggi: Maggi) -> list[Step]:
             Line((velocity(f.coordinates[rate.coordinate]), rate_node(f, rate)))
             for rate in p.rates
         )
-        found.append(Step("Dependent velocities", lines, "From the velocity constraints."))
+        lead = "Solving the velocity constraints gives"
+        found.append(Step("Dependent velocities", lines, lead=lead))
         lines = tuple(displacement_line(f, p, rate) for rate in p.rates)
         remark = "The coefficients are the rows of J, whose columns span the null space of B."
         found.append(Step("Dependent virtual displacements", lines, remark))

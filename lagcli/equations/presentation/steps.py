@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 from lagcli.equations.presentation import general
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
-from lagcli.equations.presentation.typeset import Node, Partial, Rate, Symbol, sum_of
+from lagcli.equations.presentation.substitution import substituted
+from lagcli.equations.presentation.typeset import Node, Partial, Rate, Symbol, sum_of, weight
+from lagcli.equations.presentation.written import differentiated_in
 
 
 def steps(f: Formulas, coordinates: Sequence[Step] = ()) -> tuple[Step, ...]:
@@ -26,7 +28,7 @@ def steps(f: Formulas, coordinates: Sequence[Step] = ()) -> tuple[Step, ...]:
     signs = general.Signs(f.model)
     found = [_definitions(f), _energies(f, signs)]
     found += _derivatives(f, signs)
-    found += [_forces(f), _constraints(f), _variations(f), *coordinates]
+    found += [_forces(f), _constraints(f), _accelerations(f), _variations(f), *coordinates]
     found += [_unassembled(f, signs), _assembled(f), _closing(f)]
     return tuple(step for step in found if step is not None)
 
@@ -34,24 +36,47 @@ def steps(f: Formulas, coordinates: Sequence[Step] = ()) -> tuple[Step, ...]:
 def before_equations(f: Formulas) -> list[Step]:
     """Return definitions, energies, forces, constraints and virtual displacements."""
     found = [_definitions(f), _energies(f, general.Signs(f.model)), _forces(f), _constraints(f)]
-    return [step for step in (*found, _variations(f)) if step is not None]
+    found += [_accelerations(f), _variations(f)]
+    return [step for step in found if step is not None]
 
 
 def _definitions(f: Formulas) -> Step | None:
-    lines = f.all_definition_lines()
-    return Step("Definitions", lines) if lines else None
+    """Return the definitions, and the rates of those whose rates the model uses."""
+    lines: list[Line] = []
+    rates = _rates(f)
+    for name, line in zip(f.model.definitions, f.all_definition_lines(), strict=True):
+        lines.append(line)
+        if name in rates:
+            lines.append(Line((Symbol(name, 1), rates[name])))
+    return Step("Definitions", tuple(lines)) if lines else None
+
+
+def _rates(f: Formulas) -> dict[str, Node]:
+    """Return the time derivatives of the definitions that T, V or L differentiates."""
+    used = {x for key in ("T", "V", "L") if key in f.model.trees
+            for x in differentiated_in(f.model.trees[key], f.model)}
+    return {
+        name: f.arrange(general.total_rate(d.value, f.equations))
+        for name, d in f.model.definitions.items()
+        if name in used
+    }
 
 
 def _energies(f: Formulas, signs: general.Signs) -> Step:
     if f.model.kinetic is None:
-        return Step("Lagrangian", (Line((signs.lagrangian, *_written(f, "L"))),))
+        lead = _DEFINED if f.uses_definitions(f.model.trees["L"]) else None
+        return Step("Lagrangian", (Line((signs.lagrangian, *_written(f, "L"))),), lead=lead)
     lines = [
         Line((sign, *_written(f, key)))
         for sign, key in ((signs.kinetic, "T"), (signs.potential, "V"))
     ]
     difference = sum_of([(1, signs.kinetic), (-1, signs.potential)])
     lines.append(Line((signs.lagrangian, difference, energy_sides(f))))
-    return Step("Kinetic energy, potential energy, Lagrangian", tuple(lines))
+    lead = _DEFINED if any(f.uses_definitions(f.model.trees[x]) for x in "TV" if x in f.model.trees) else None
+    return Step("Kinetic energy, potential energy, Lagrangian", tuple(lines), lead=lead)
+
+
+_DEFINED = "Substituting the definitions gives the energies in the coordinates."
 
 
 def _written(f: Formulas, key: str) -> list[Node]:
@@ -59,9 +84,18 @@ def _written(f: Formulas, key: str) -> list[Node]:
     e, trees = f.equations, f.model.trees
     expression = {"T": e.kinetic, "V": e.potential, "L": e.lagrangian}[key]
     sides = [f.written(trees[key])] if key in trees else []
+    if sides:
+        rates: dict[Node, Node] = {Symbol(name, 1): x for name, x in _rates(f).items()}
+        inserted = substituted(sides[0], rates)
+        if inserted is not None and inserted != sides[0] and weight(inserted) < _LONG:
+            sides.append(inserted)
     if key not in trees or f.uses_definitions(trees[key]):
         sides += [x for x in [f.arrange(expression)] if x not in sides]
     return sides
+
+
+#: Characters of a formula beyond which it is not shown in two forms.
+_LONG = 240
 
 
 def energy_sides(f: Formulas) -> Node:
@@ -79,11 +113,30 @@ def _derivatives(f: Formulas, signs: general.Signs) -> list[Step]:
     by_velocity = [Partial(lag, x) for x in v]
     rates = [Rate(p) for p in by_velocity]
     return [
-        Step(title, tuple(Line((x, f.arrange(y))) for x, y in zip(left, right, strict=True)))
-        for title, left, right in (
-            ("Partial derivatives with respect to the coordinates", by_position, e.gradient),
-            ("Partial derivatives with respect to the velocities", by_velocity, e.momenta),
-            ("Total time derivatives", rates, e.momentum_rates),
+        Step(
+            title,
+            tuple(Line((x, f.arrange(y))) for x, y in zip(left, right, strict=True)),
+            lead=lead,
+        )
+        for title, left, right, lead in (
+            (
+                "Partial derivatives with respect to the coordinates",
+                by_position,
+                e.gradient,
+                "Differentiating L gives",
+            ),
+            (
+                "Partial derivatives with respect to the velocities",
+                by_velocity,
+                e.momenta,
+                None,
+            ),
+            (
+                "Total time derivatives",
+                rates,
+                e.momentum_rates,
+                "Differentiating these along the motion gives",
+            ),
         )
     ]
 
@@ -123,7 +176,17 @@ def _variations(f: Formulas) -> Step | None:
     if not lines:
         return None
     remark = "Virtual displacements are taken at fixed time (8.79)."
-    return Step("Virtual displacements", lines, remark)
+    lead = "Applying δ to the constraints gives"
+    return Step("Virtual displacements", lines, remark, lead=lead)
+
+
+def _accelerations(f: Formulas) -> Step | None:
+    constraints = f.equations.constraints
+    lines = tuple(Line(f.acceleration_line(c).sides, c.constraint.name) for c in constraints)
+    if not lines:
+        return None
+    lead = "Differentiating the velocity constraints once more gives B q̈ = γ:"
+    return Step("Constraints at acceleration level", lines, lead=lead)
 
 
 def _unassembled(f: Formulas, signs: general.Signs) -> Step:
@@ -137,12 +200,15 @@ def _unassembled(f: Formulas, signs: general.Signs) -> Step:
     title = "Lagrange's equations of the first kind"
     if not f.equations.constraints:
         title, law = "Lagrange's equations", "without constraints"
-    return Step(title, tuple(lines), f"Equations {law}.")
+    lead = "Multiplying each relation by its λ and adding it to the virtual work gives"
+    if not f.equations.constraints:
+        lead = "The virtual displacements are independent, which gives"
+    return Step(title, tuple(lines), f"Equations {law}.", lead=lead)
 
 
 def _assembled(f: Formulas) -> Step:
     lines = tuple(Line(f.equation_line(i).sides, x) for i, x in enumerate(f.coordinates))
-    return Step("Equations of motion", lines)
+    return Step("Equations of motion", lines, lead="Substituting the derivatives gives")
 
 
 def _closing(f: Formulas) -> Step | None:

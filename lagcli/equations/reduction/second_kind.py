@@ -33,6 +33,7 @@ from lagcli.model.expression.functions import derivative
 _SHORT = 30
 #: Operations of the dependent velocities or of L beyond which L is not written out.
 _LONG = 600
+_FEW = 3  # dependent coordinates of a system whose second kind may be short
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,3 +259,14 @@ def second_kind(partition: CoordinatePartition, written_out: bool = False) -> Se
         found = solve(sides, unknowns, lambda x: number(x, partition.values))
         blocks.append(SolvedBlock(block, tuple(found)))
     return SecondKind(partition, tuple(blocks), written_out)
+
+
+def second_kind_is_short(partition: CoordinatePartition) -> bool:
+    """Whether the second kind exists, reduces the equations, and can be written out briefly."""
+    constraints = partition.equations.constraints
+    if not partition.dependent or any(c.position is None for c in constraints):
+        return False
+    if not partition.independent or len(partition.dependent) > _FEW:
+        return False
+    second = second_kind(partition)
+    return not second.named and sum(map(se.count_ops, second.forcing)) < _LONG

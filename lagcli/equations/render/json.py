@@ -42,7 +42,7 @@ grammar, which `lagcli.model.expression.grammar` reads back, and LaTeX.
                     ``mass_matrix`` JᵀM J and ``forcing``
 ``solved``          with ``--solve``: by kind null, if it is long, or objects ``unknown``
                     (``phi''``, ``lambda.guide``), ``numerator``, ``denominator``
-``steps``           with ``--steps``: objects ``title, remark, lines``; a line has ``latex``,
+``steps``           with ``--steps``: objects ``title, lead, remark, lines``; a line has ``latex``,
                     ``label`` and ``note``
 ==================  ==========================================================================
 """
@@ -105,6 +105,7 @@ def render_json(f: Formulas, contents: Contents) -> str:
         content["steps"] = [
             {
                 "title": step.title,
+                "lead": step.lead,
                 "remark": step.remark,
                 "lines": [writer.line(line) for line in step.lines],
             }

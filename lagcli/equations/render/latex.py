@@ -106,6 +106,8 @@ def render_latex(
     for i, step in enumerate(steps, 1):
         title = f"{i}. {step.title}" if numbered else step.title
         found.append(rf"\subsection*{{{_title(title)}}}")
+        if step.lead:
+            found.append(rf"\noindent {escape(step.lead)}")
         found += _body(step, formula)
         if step.remark:
             found.append(rf"\noindent {escape(step.remark)}")

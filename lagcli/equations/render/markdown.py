@@ -37,6 +37,8 @@ def render_markdown(
         found.append(escape(model.description))
     for i, step in enumerate(steps, 1):
         found.append(f"## {i}. {step.title}" if numbered else f"## {step.title}")
+        if step.lead:
+            found.append(escape(step.lead))
         found += _body(step, formula)
         if step.remark:
             found.append(escape(step.remark))

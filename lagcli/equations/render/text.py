@@ -37,6 +37,7 @@ def render_text(
     for i, step in enumerate(steps, 1):
         title = f"{i}. {step.title}" if numbered else step.title
         block = _paragraph(title, width)
+        block += [_INDENT + x for x in _paragraph(step.lead or "", width - len(_INDENT))]
         write = _packed if step.packed else _group
         block += write(step.lines, formula, width)
         block += [_INDENT + x for x in _paragraph(step.remark or "", width - len(_INDENT))]
