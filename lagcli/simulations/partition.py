@@ -11,7 +11,9 @@ from lagcli.equations.reduction.partition import partition as partition_at
 from lagcli.simulations.start import find_start
 
 
-def partition(equations: Equations, independent: Sequence[str] | None = None) -> CoordinatePartition:
+def partition(
+    equations: Equations, independent: Sequence[str] | None = None
+) -> CoordinatePartition:
     """Divide the coordinates into independent and dependent ones at the initial state.
 
     Parameters
@@ -35,4 +37,6 @@ def partition(equations: Equations, independent: Sequence[str] | None = None) ->
     """
     model = equations.model
     start = find_start(equations, lower(equations), model.settings.t_start or 0.0).state
-    return partition_at(equations, values_at(model, start.t, start.q, start.v, start.p), independent)
+    return partition_at(
+        equations, values_at(model, start.t, start.q, start.v, start.p), independent
+    )

@@ -1,4 +1,4 @@
-"""The steps that are printed: of one kind of equations or of several, in short or as a derivation."""
+"""The steps that are printed: of one or several kinds of equations, in short or as a derivation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,17 @@ from typing import NamedTuple
 
 from lagcli.equations.presentation.extent import Extent
 from lagcli.equations.presentation.formulas import Formulas, Step
-from lagcli.equations.presentation.kinds import maggi_steps, second_kind_steps, solved_step
+from lagcli.equations.presentation.index_form import IndexForm
+from lagcli.equations.presentation.kinds import (
+    ABBREVIATIONS,
+    ENTRIES,
+    MAGGI,
+    PROJECTED,
+    SECOND,
+    maggi_steps,
+    second_kind_steps,
+    solved_step,
+)
 from lagcli.equations.presentation.overview import (
     before_equations,
     convention,
@@ -73,7 +83,7 @@ def shown_steps(f: Formulas, contents: Contents) -> tuple[Step, ...]:
         found += before_equations(f)
         if p is not None:
             found.append(split_step(f, p))
-    motion: dict[str, list[Step]] = {"first": list(found)} if "first" in kinds else {}
+    motion: dict[str, list[Step]] = {}
     for kind in kinds:
         if kind != "first" and p is not None:
             motion[kind] = _other(f, kind, contents, p)
@@ -82,6 +92,7 @@ def shown_steps(f: Formulas, contents: Contents) -> tuple[Step, ...]:
             found.append(_solved(f, kind, contents, p))
     if len(kinds) > 1 and p is not None:
         found.append(_compared(motion, kinds, f, p))
+    found = IndexForm(f.model).steps(found)
     if not full:
         found = Extent(f).shortened(found)
     if "first" in kinds or "maggi" in kinds or contents.solve:
@@ -111,7 +122,7 @@ def _coordinates(f: Formulas, p: CoordinatePartition | None) -> list[Step]:
 def _other(f: Formulas, kind: str, contents: Contents, p: CoordinatePartition) -> list[Step]:
     if kind == "second":
         return second_kind_steps(f, second_kind(p, contents.full), contents.steps)
-    return maggi_steps(f, Maggi(p))
+    return maggi_steps(f, Maggi(p), contents.full)
 
 
 def _solved(f: Formulas, kind: str, contents: Contents, p: CoordinatePartition) -> Step:
@@ -124,11 +135,7 @@ def _solved(f: Formulas, kind: str, contents: Contents, p: CoordinatePartition) 
     return solved_step(f, found, _NAMES[kind])
 
 
-_TITLES = {
-    "first": ("Equations of motion", "Constraints"),
-    "second": ("Equations of motion of the second kind", "Entries of M and f", "Abbreviations of"),
-    "maggi": ("Maggi's equations", "Entries of M and f", "Abbreviations of"),
-}
+_COUNTED = (SECOND, MAGGI, ENTRIES, ABBREVIATIONS)
 
 
 def _compared(
@@ -144,10 +151,20 @@ def _compared(
     }
     said = []
     for kind in kinds:
-        steps = [s for s in motion[kind] if s.title.startswith(_TITLES[kind])]
-        count = terms_in(x for s in steps for line in s.lines for x in line.sides)
+        if kind == "first":
+            lines = [f.equation_line(i) for i in range(k)]
+            lines += map(f.constraint_line, f.equations.constraints)
+        else:
+            lines = [x for s in motion[kind] if s.title in _COUNTED for x in s.lines]
+            if all(
+                s.title not in (SECOND, MAGGI, ENTRIES) or s.lines == PROJECTED
+                for s in motion[kind]
+            ):
+                lines = []
+        count = terms_in(x for line in lines for x in line.sides)
         name = _NAMES[kind][0].upper() + _NAMES[kind][1:]
-        said.append(f"{name}: {sizes[kind]}, {count} terms.")
+        size = f"{count} terms" if lines else "not written out"
+        said.append(f"{name}: {sizes[kind]}, {size}.")
     said.append("Terms are counted as printed, those in brackets and under roots one by one.")
     return Step("Size of the equations", (), " ".join(said))
 

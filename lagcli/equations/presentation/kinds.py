@@ -11,6 +11,7 @@ from lagcli.equations.presentation import general
 from lagcli.equations.presentation.abbreviations import abbreviate
 from lagcli.equations.presentation.extent import abridged
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.partition_steps import (
     displacement_line,
     fraction,
@@ -42,15 +43,19 @@ from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.partition import number
 from lagcli.equations.reduction.second_kind import SecondKind
 
+SECOND = "Equations of motion of the second kind"
+MAGGI = "Maggi's equations"
+ABBREVIATIONS = "Abbreviations of these entries"
+ENTRIES = "Entries of M and f"
+_NONE = "There are none: the constraints determine the motion."
+
 #: Operations of equations of motion beyond which they are given as M a = f with abbreviations.
 LONGEST = 1200
 #: A formula that keeps the written structure may be longer than the arranged one by this factor.
 _KEPT = 1.3
 
 
-def second_kind_steps(
-    f: Formulas, second: SecondKind, derivation: bool = False
-) -> list[Step]:
+def second_kind_steps(f: Formulas, second: SecondKind, derivation: bool = False) -> list[Step]:
     """Return the equations of the second kind, from the dependent coordinates on.
 
     Parameters
@@ -67,7 +72,7 @@ def second_kind_steps(
             _velocities(f, second),
             _lagrangian(f, second),
             *(_second_derivatives(f, second) if derivation else ()),
-            *_second_equations(f, second),
+            *_second_equations(f, second, second.written_out),
         )
         if step is not None
     ]
@@ -124,8 +129,10 @@ def _solution_lines(f: Formulas, second: SecondKind, s: Solution) -> list[Line]:
 
 def _has_root(value: Basic) -> bool:
     """Whether an expression has a square root."""
-    return any(isinstance(x.args[1], se.Rational) and not isinstance(x.args[1], se.Integer)
-               for x in value.atoms(se.Pow))
+    return any(
+        isinstance(x.args[1], se.Rational) and not isinstance(x.args[1], se.Integer)
+        for x in value.atoms(se.Pow)
+    )
 
 
 def _velocities(f: Formulas, second: SecondKind) -> Step | None:
@@ -156,7 +163,7 @@ def _lagrangian(f: Formulas, second: SecondKind) -> Step:
     remark = None
     if second.partition.dependent:
         if second.is_long:
-            sides[-1] = abridged(first)
+            sides[-1] = abridged(IndexForm(f.model).sums(first))
             remark = "Here the dependent coordinates and velocities are the functions given above."
         else:
             found = _inserted(f, second, first)
@@ -169,7 +176,7 @@ def _lagrangian(f: Formulas, second: SecondKind) -> Step:
 
 
 def _inserted(f: Formulas, second: SecondKind, first: Node) -> Node:
-    """Return L with the dependent coordinates replaced, in its written structure if that is short."""
+    """Return L with the dependent coordinates replaced, structured as written if that is short."""
     values: dict[Node, Node] = {}
     for i, rate in second.rates.items():
         values[velocity(f.coordinates[i])] = f.arrange(rate)
@@ -225,19 +232,18 @@ def _second_derivatives(f: Formulas, second: SecondKind) -> list[Step]:
     ]
 
 
-def _second_equations(f: Formulas, second: SecondKind) -> list[Step]:
+def _second_equations(f: Formulas, second: SecondKind, full: bool) -> list[Step]:
     p = second.partition
-    title = "Equations of motion of the second kind"
     if not p.independent:
-        return [Step(title, (), "There are none: the constraints determine the motion.")]
+        return [Step(SECOND, (), _NONE)]
     free = [f.coordinates[i] for i in p.independent]
     if second.is_long or total_operations(second.forcing) > LONGEST:
-        return in_matrices(f, second.mass_matrix, second.forcing, free, title)
+        return in_matrices(f, second.mass_matrix, second.forcing, free, SECOND, full)
     lines = []
     for k, x in enumerate(free):
         left = f.arrange(second.momentum_rates[k] - second.gradient[k])
         lines.append(Line((left, f.arrange(second.applied_forces[k])), x))
-    return [Step(title, tuple(lines), _law_remark(second))]
+    return [Step(SECOND, tuple(lines), _law_remark(second))]
 
 
 def _law_remark(second: SecondKind) -> str | None:
@@ -247,6 +253,20 @@ def _law_remark(second: SecondKind) -> str | None:
 
 
 _M, _F = Sign("M", "M"), Sign("f", "f")
+#: Abbreviations beyond which M and f are not listed.
+_MANY = 120
+PROJECTED = (
+    Line(
+        (
+            Sign("Jᵀ M J q̈", r"J^{\mathrm{T}} M J \, \ddot{q}"),
+            Sign("Jᵀ (f − M c)", r"J^{\mathrm{T}} (f - M c)"),
+        )
+    ),
+)
+_TOO_MANY = (
+    "Here q are the independent coordinates, M and f belong to all coordinates, and J and c to"
+    " their accelerations J q̈ + c. The entries are long; --full and --format json give them."
+)
 
 
 def in_matrices(
@@ -255,6 +275,7 @@ def in_matrices(
     forcing: Sequence[Basic],
     free: Sequence[Symbol],
     title: str,
+    full: bool,
 ) -> list[Step]:
     """Return M a = f entry by entry, with abbreviations."""
     entries: list[tuple[Node, Basic]] = []
@@ -270,39 +291,39 @@ def in_matrices(
         "The equations are long: entries of M and f are named by the independent coordinates and"
         " given with abbreviations. M is symmetric."
     )
+    if len(short.named) > _MANY and not full:
+        return [Step(title, PROJECTED, _TOO_MANY)]
     named = tuple(Line((Symbol(name), f.arrange(x))) for name, x in short.named.items())
     found = [Step(title, (law,), remark)]
     if named:
-        found.append(Step("Abbreviations of these entries", named, packed=True))
+        found.append(Step(ABBREVIATIONS, named, packed=True))
     pairs = zip(entries, short.expressions, strict=True)
     lines = tuple(Line((entry, f.arrange(x))) for (entry, _), x in pairs)
-    return [*found, Step("Entries of M and f", lines)]
+    return [*found, Step(ENTRIES, lines)]
 
 
-def maggi_steps(f: Formulas, maggi: Maggi) -> list[Step]:
+def maggi_steps(f: Formulas, maggi: Maggi, full: bool = False) -> list[Step]:
     """Return Maggi's equations, from the dependent velocities on."""
     p, e = maggi.partition, f.equations
     found: list[Step] = []
     if p.rates:
         lines = tuple(
-            Line((velocity(f.coordinates[rate.coordinate]), rate_node(f, rate)))
-            for rate in p.rates
+            Line((velocity(f.coordinates[rate.coordinate]), rate_node(f, rate))) for rate in p.rates
         )
         lead = "Solving the velocity constraints gives"
         found.append(Step("Dependent velocities", lines, lead=lead))
         lines = tuple(displacement_line(f, p, rate) for rate in p.rates)
         remark = "The coefficients are the rows of J, whose columns span the null space of B."
         found.append(Step("Dependent virtual displacements", lines, remark))
-    title = "Maggi's equations"
     if not p.independent:
-        return [*found, Step(title, (), "There are none: the constraints determine the motion.")]
+        return [*found, Step(MAGGI, (), _NONE)]
     residuals = [
         rate - slope - force
         for rate, slope, force in zip(e.momentum_rates, e.gradient, e.applied_forces, strict=True)
     ]
     if total_operations(maggi.equations_of_motion) > 3 * LONGEST:
         free = [f.coordinates[i] for i in p.independent]
-        return [*found, *in_matrices(f, maggi.mass_matrix, maggi.forcing, free, title)]
+        return [*found, *in_matrices(f, maggi.mass_matrix, maggi.forcing, free, MAGGI, full)]
     equations = []
     for k, i in enumerate(p.independent):
         terms = [(1, f.arrange(residuals[i]))]
@@ -323,7 +344,7 @@ def maggi_steps(f: Formulas, maggi: Maggi) -> list[Step]:
         if r
         else "There are no constraints."
     )
-    return [*found, Step(title, (law, *equations), remark)]
+    return [*found, Step(MAGGI, (law, *equations), remark)]
 
 
 def _entry_of_null_space(f: Formulas, maggi: Maggi, i: int, k: int) -> Node:
@@ -363,5 +384,3 @@ def solved_step(f: Formulas, found: list[SolvedUnknown], kind: str) -> Step:
         Line((nodes[s.unknown.name], fraction(f, s.numerator, s.denominator))) for s in found
     )
     return Step(title, lines)
-
-

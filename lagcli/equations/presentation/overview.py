@@ -10,6 +10,7 @@ from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.equations.presentation import general
 from lagcli.equations.presentation.extent import ROOM, Extent, abridged, is_large
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.matrices import Matrices
 from lagcli.equations.presentation.typeset import Sign, sum_of, whole
 
@@ -78,7 +79,7 @@ def _before(f: Formulas) -> list[Step]:
         _constraints(f, False),
         _freedom(f),
     ]
-    return [step for step in found if step is not None]
+    return IndexForm(f.model).steps([step for step in found if step is not None])
 
 
 def before_equations(f: Formulas) -> list[Step]:
@@ -94,7 +95,8 @@ def _written_out(f: Formulas) -> list[Step]:
     constraints, equations = _constraints(f), _equations(f)
     shown = [equations, *([constraints] if constraints else [])]
     found = [_coordinates(f), _definitions(f, shown), constraints, _freedom(f), equations]
-    return [*(step for step in found if step is not None), convention(f)]
+    index_form = IndexForm(f.model)
+    return [*index_form.steps([step for step in found if step is not None]), convention(f)]
 
 
 def _all_definitions(f: Formulas) -> Step | None:
@@ -105,8 +107,9 @@ def _all_definitions(f: Formulas) -> Step | None:
 def _energies(f: Formulas) -> Step:
     signs, trees = general.Signs(f.model), f.model.trees
     stated = {"T": signs.kinetic, "V": signs.potential, "L": signs.lagrangian}
+    index_form = IndexForm(f.model)
     lines = [
-        Line((sign, abridged(f.written(trees[key]))))
+        Line((sign, abridged(index_form.sums(f.written(trees[key])))))
         for key, sign in stated.items()
         if key in trees
     ]

@@ -28,6 +28,7 @@ from lagcli.equations.presentation.typeset import (
 from lagcli.equations.reduction.partition import CoordinatePartition, Rate
 from lagcli.equations.reduction.small_systems import cancelled
 
+
 def split_step(f: Formulas, p: CoordinatePartition) -> Step:
     """Return the section on coordinates and degrees of freedom (8.79 to 8.84)."""
     k, r, rank = len(f.coordinates), len(f.equations.constraints), len(p.constraints)
@@ -37,7 +38,9 @@ def split_step(f: Formulas, p: CoordinatePartition) -> Step:
         Line((Sign("r", "r"), whole(r)), note="constraints"),
     ]
     if rank < r:
-        lines.append(Line((Sign("rank B", r"\operatorname{rank} B"), whole(rank)), note="at the start"))
+        lines.append(
+            Line((Sign("rank B", r"\operatorname{rank} B"), whole(rank)), note="at the start")
+        )
     less = Sign("r", "r") if rank == r else Sign("rank B", r"\operatorname{rank} B")
     difference = sum_of([(1, Sign("k", "k")), (-1, less)])
     lines.append(Line((difference, whole(k - rank)), note="degrees of freedom"))

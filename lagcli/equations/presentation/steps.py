@@ -53,8 +53,12 @@ def _definitions(f: Formulas) -> Step | None:
 
 def _rates(f: Formulas) -> dict[str, Node]:
     """Return the time derivatives of the definitions that T, V or L differentiates."""
-    used = {x for key in ("T", "V", "L") if key in f.model.trees
-            for x in differentiated_in(f.model.trees[key], f.model)}
+    used = {
+        x
+        for key in ("T", "V", "L")
+        if key in f.model.trees
+        for x in differentiated_in(f.model.trees[key], f.model)
+    }
     return {
         name: f.arrange(general.total_rate(d.value, f.equations))
         for name, d in f.model.definitions.items()
@@ -72,7 +76,11 @@ def _energies(f: Formulas, signs: general.Signs) -> Step:
     ]
     difference = sum_of([(1, signs.kinetic), (-1, signs.potential)])
     lines.append(Line((signs.lagrangian, difference, energy_sides(f))))
-    lead = _DEFINED if any(f.uses_definitions(f.model.trees[x]) for x in "TV" if x in f.model.trees) else None
+    lead = (
+        _DEFINED
+        if any(f.uses_definitions(f.model.trees[x]) for x in "TV" if x in f.model.trees)
+        else None
+    )
     return Step("Kinetic energy, potential energy, Lagrangian", tuple(lines), lead=lead)
 
 

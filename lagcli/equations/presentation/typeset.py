@@ -87,6 +87,16 @@ class Sum(Node):
 
 
 @dataclass(frozen=True)
+class IndexedSum(Node):
+    """Σ over an index from a first to a last value of a term."""
+
+    term: Node
+    index: str
+    first: Node
+    last: Node
+
+
+@dataclass(frozen=True)
 class Product(Node):
     """Factors from left to right; a number comes first."""
 
@@ -245,6 +255,8 @@ def children(node: Node) -> tuple[Node, ...]:
     match node:
         case Sum():
             return tuple(n for _, n in node.terms)
+        case IndexedSum():
+            return (node.term, node.first, node.last)
         case Product():
             return node.factors
         case Quotient():
@@ -294,7 +306,7 @@ def weight(node: Node) -> int:
                     total += len(str(item.value.denominator))
             case Sum():
                 total += len(item.terms)  # its characters, and possible brackets
-            case Call():
+            case Call() | IndexedSum():
                 total += 2
             case Power() if isinstance(item.exponent, Number):
                 total += 1

@@ -13,7 +13,6 @@ from lagcli.equations.derivation.motion import ONE, TWO, ZERO
 _SINE, _COSINE = se.Symbol("\ufdd0s"), se.Symbol("\ufdd0c")
 
 
-
 @dataclass(frozen=True, eq=False)
 class Angle:
     """An angle w = ± u + … by which an unknown u enters.

@@ -95,9 +95,7 @@ def solve(equations: Sequence[Basic], unknowns: Sequence[Basic], value: Value) -
     return []
 
 
-def _linear(
-    equations: Sequence[Basic], unknowns: Sequence[Basic], value: Value
-) -> list[Solution]:
+def _linear(equations: Sequence[Basic], unknowns: Sequence[Basic], value: Value) -> list[Solution]:
     zeros = dict.fromkeys(unknowns, ZERO)
     matrix = [[se.expand(e.diff(u)) for u in unknowns] for e in equations]
     if any(x.free_symbols & set(unknowns) for row in matrix for x in row):
@@ -198,9 +196,7 @@ def _of_angle(
     return Solution(angle.unknown, angle.solved(found), angle.expression, sine, cosine, sign)
 
 
-def _loop(
-    equations: Sequence[Basic], unknown: Basic, other: Basic, value: Value
-) -> list[Solution]:
+def _loop(equations: Sequence[Basic], unknown: Basic, other: Basic, value: Value) -> list[Solution]:
     """Eliminate an angle from two equations by cos² + sin² = 1."""
     angle = angle_of(equations, unknown)
     if angle is None:
@@ -260,5 +256,3 @@ def _without_cosine_squares(e: Basic, angle: Basic) -> Basic:
 
 def _sign(x: float) -> int:
     return -1 if x < 0 else 1
-
-

@@ -283,9 +283,7 @@ def _eliminate(matrix: Matrix, groups: Sequence[Sequence[int]]) -> tuple[list[in
         for other in free:
             factor = left[other][j] / left[i][j]
             if factor:
-                left[other] = [
-                    x - factor * y for x, y in zip(left[other], left[i], strict=True)
-                ]
+                left[other] = [x - factor * y for x, y in zip(left[other], left[i], strict=True)]
                 left[other][j] = 0.0
     return rows, columns
 

@@ -112,9 +112,7 @@ def _dot(row: Sequence[Basic], column: Sequence[Basic]) -> Basic:
     return se.Add(*terms) if terms else ZERO
 
 
-def _eliminated(
-    matrix: Rows, columns: Rows, value: Callable[[Basic], float]
-) -> list[list[Basic]]:
+def _eliminated(matrix: Rows, columns: Rows, value: Callable[[Basic], float]) -> list[list[Basic]]:
     """Solve by Gaussian elimination with the largest pivots at a state."""
     size = len(matrix)
     rows = [[*row, *(c[i] for c in columns)] for i, row in enumerate(matrix)]

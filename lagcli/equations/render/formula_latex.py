@@ -54,6 +54,11 @@ class LatexFormula(FormulaWriter):
     def _write_entry(self, node: t.Entry, depth: int) -> list[Token]:
         return [f"{node.matrix.latex}_{{{', '.join(map(self._symbol, node.indices))}}}"]
 
+    def _write_indexedsum(self, node: t.IndexedSum, depth: int) -> list[Token]:
+        first, last = self.latex(node.first), self.latex(node.last)
+        sign = rf"\textstyle\sum_{{{node.index}={first}}}^{{{last}}} "
+        return [sign, *self._tight(node.term, depth, product=True)]
+
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         return [rf"\frac{{{self.latex(node.numerator)}}}{{{self.latex(node.denominator)}}}"]
 
@@ -175,7 +180,7 @@ class LatexFormula(FormulaWriter):
 
     def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
         """Return a node as a factor or base, in parentheses if necessary."""
-        compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
+        compound: tuple[type, ...] = (t.Sum, t.IndexedSum, t.Relation, t.Logical)
         if not product:
             compound += (t.Product, t.Quotient, t.Power, t.Rate, t.Root, t.Cases)
         dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")

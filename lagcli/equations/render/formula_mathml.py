@@ -74,6 +74,11 @@ class MathmlFormula(FormulaWriter):
         below = comma.join(map(self._symbol, node.indices))
         return [f"<msub>{symbol_mathml(node.matrix.latex)}{_row(below)}</msub>"]
 
+    def _write_indexedsum(self, node: t.IndexedSum, depth: int) -> list[Token]:
+        below = _row(f"<mi>{node.index}</mi>{operator('=')}{self.mathml(node.first)}")
+        sign = f"<munderover><mo>∑</mo>{below}{self.mathml(node.last)}</munderover>"
+        return [sign, _THIN, *self._tight(node.term, depth, product=True)]
+
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         top, bottom = self.mathml(node.numerator), self.mathml(node.denominator)
         return [f"<mfrac>{top}{bottom}</mfrac>"]
@@ -226,7 +231,7 @@ class MathmlFormula(FormulaWriter):
 
     def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
         """Return a node as a factor or base, in parentheses if necessary."""
-        compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
+        compound: tuple[type, ...] = (t.Sum, t.IndexedSum, t.Relation, t.Logical)
         if not product:
             compound += (t.Product, t.Quotient, t.Power, t.Rate, t.Root, t.Cases)
         dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")
