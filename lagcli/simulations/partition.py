@@ -37,6 +37,5 @@ def partition(
     """
     model = equations.model
     start = find_start(equations, lower(equations), model.settings.t_start or 0.0).state
-    return partition_at(
-        equations, values_at(model, start.t, start.q, start.v, start.p), independent
-    )
+    values = values_at(model, start.t, start.q.tolist(), start.v.tolist(), start.p)
+    return partition_at(equations, values, independent)

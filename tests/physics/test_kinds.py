@@ -38,7 +38,7 @@ TOLERANCE = 1e-10
 
 
 class Case:
-    """A model, its random consistent states, and the engine's accelerations and multipliers there."""
+    """A model, random consistent states, and the engine's accelerations and multipliers there."""
 
     def __init__(self, name: str):
         self.model = load(MODELS / f"{name}.yaml", set=SIZES.get(name))

@@ -73,43 +73,49 @@ class Contents(NamedTuple):
 
 def shown_steps(f: Formulas, contents: Contents) -> tuple[Step, ...]:
     """Return the steps that are printed, in order."""
-    kinds, p, full = contents.kinds, contents.partition, contents.full
-    found: list[Step] = []
-    if "first" in kinds:
-        found += _first(f, contents)
-    elif contents.steps:
-        found += [*derivation_before_equations(f), *_coordinates(f, p)]
-    else:
-        found += before_equations(f)
-        if p is not None:
-            found.append(split_step(f, p))
+    kinds, p = contents.kinds, contents.partition
+    before = _first(f, contents) if "first" in kinds else _without_equations(f, contents)
     motion: dict[str, list[Step]] = {}
+    after: list[Step] = []
     for kind in kinds:
         if kind != "first" and p is not None:
             motion[kind] = _other(f, kind, contents, p)
-            found += motion[kind]
+            after += motion[kind]
         if contents.solve and p is not None:
-            found.append(_solved(f, kind, contents, p))
+            after.append(_solved(f, kind, contents, p))
     if len(kinds) > 1 and p is not None:
-        found.append(_compared(motion, kinds, f, p))
-    found = IndexForm(f.model).steps(found)
-    if not full:
-        found = Extent(f).shortened(found)
+        after.append(_compared(motion, kinds, f, p))
+    found = [*before, *_arranged(f, after, contents.full)]
     if "first" in kinds or "maggi" in kinds or contents.solve:
         found.append(convention(f))
     return tuple(found)
 
 
+def _arranged(f: Formulas, steps: list[Step], full: bool) -> list[Step]:
+    """Return steps in index form, and shortened unless everything is to be written out."""
+    return steps if full else Extent(f).shortened(IndexForm(f.model).steps(steps))
+
+
 def _first(f: Formulas, contents: Contents) -> list[Step]:
     """Return the first kind, without the sign convention, which comes last."""
-    if not contents.steps:
-        found = list(overview(f, contents.full))[:-1]
-        if contents.partition is not None and len(contents.kinds) > 1:
-            found.append(split_step(f, contents.partition))
-        return found
-    if in_matrices(f, contents.full):
-        return list(in_short(f, "The derivation is long; --full writes it out."))[:-1]
-    return list(derivation(f, _coordinates(f, contents.partition)))
+    p, full = contents.partition, contents.full
+    if contents.steps and not in_matrices(f, full):
+        return _arranged(f, list(derivation(f, _coordinates(f, p))), full)
+    found = list(overview(f, full))
+    if contents.steps:
+        found = list(in_short(f, "The derivation is long; --full writes it out."))
+    split = [split_step(f, p)] if p is not None and len(contents.kinds) > 1 else []
+    return [*found[:-1], *_arranged(f, split, full)]
+
+
+def _without_equations(f: Formulas, contents: Contents) -> list[Step]:
+    """Return coordinates, energies and constraints."""
+    p = contents.partition
+    if contents.steps:
+        found = [*derivation_before_equations(f), *_coordinates(f, p)]
+    else:
+        found = [*before_equations(f), *([split_step(f, p)] if p is not None else [])]
+    return _arranged(f, found, contents.full)
 
 
 def _coordinates(f: Formulas, p: CoordinatePartition | None) -> list[Step]:
@@ -156,10 +162,7 @@ def _compared(
             lines += map(f.constraint_line, f.equations.constraints)
         else:
             lines = [x for s in motion[kind] if s.title in _COUNTED for x in s.lines]
-            if all(
-                s.title not in (SECOND, MAGGI, ENTRIES) or s.lines == PROJECTED
-                for s in motion[kind]
-            ):
+            if any(s.lines == PROJECTED for s in motion[kind]):
                 lines = []
         count = terms_in(x for line in lines for x in line.sides)
         name = _NAMES[kind][0].upper() + _NAMES[kind][1:]

@@ -92,7 +92,7 @@ class IndexForm:
                 at += 1
                 continue
             found += self._general(run, items[at])
-            at += run.count
+            at += run.length
         return replace(step, lines=tuple(found))
 
     def _alone(self, line: Line) -> Line:
@@ -119,7 +119,7 @@ class IndexForm:
     def _general(self, run: _Run, item: list[Line]) -> list[Line]:
         """Return the lines of one item for all members."""
         letter = self._letters[0]
-        span = f"{letter} = {self._bound(run.first)}, …, {self._bound(run.first + run.count - 1)}"
+        span = f"{letter} = {self._bound(run.first)}, …, {self._bound(run.first + run.length - 1)}"
         found = []
         for n, (nodes, line) in enumerate(zip(run.template, item, strict=True)):
             label, *sides = (self._shown(x, letter) for x in nodes)
@@ -154,9 +154,9 @@ class IndexForm:
             sign, inner = node.terms[at]
             letter = self._letter_for(inner)
             term = self._shown(run.template[0][1], letter)
-            bounds = (Number(Fraction(x)) for x in (run.first, run.first + run.count - 1))
+            bounds = (Number(Fraction(x)) for x in (run.first, run.first + run.length - 1))
             terms.append((sign, IndexedSum(term, letter, *bounds)))
-            at += run.count
+            at += run.length
         return sum_of(terms)
 
     def _letter_for(self, node: Node) -> str:
@@ -273,7 +273,7 @@ class _Run(NamedTuple):
 
     template: list[list[Node]]
     first: int
-    count: int
+    length: int
 
 
 def _run(items: Sequence[Sequence[Line]], at: int) -> _Run | None:

@@ -34,7 +34,7 @@ def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
     if in_matrices(f, full):
         return in_short(f)
     found = _written_out(f)
-    return tuple(found if full else Extent(f).shortened(found))
+    return tuple(found if full else Extent(f).shortened(IndexForm(f.model).steps(found)))
 
 
 def in_matrices(f: Formulas, full: bool = False) -> bool:
@@ -44,8 +44,8 @@ def in_matrices(f: Formulas, full: bool = False) -> bool:
     if is_large(f.equations):
         return True
     extent = Extent(f)
-    whole = extent.size(_written_out(f))
-    longest = extent.longest(_written_out(f))
+    written = IndexForm(f.model).steps(_written_out(f))
+    whole, longest = extent.size(written), extent.longest(written)
     if whole <= ROOM or longest <= _READABLE:
         return False
     return extent.size(_before(f)) + Matrices(f).size < _SHORTER * whole
@@ -95,8 +95,7 @@ def _written_out(f: Formulas) -> list[Step]:
     constraints, equations = _constraints(f), _equations(f)
     shown = [equations, *([constraints] if constraints else [])]
     found = [_coordinates(f), _definitions(f, shown), constraints, _freedom(f), equations]
-    index_form = IndexForm(f.model)
-    return [*index_form.steps([step for step in found if step is not None]), convention(f)]
+    return [*(step for step in found if step is not None), convention(f)]
 
 
 def _all_definitions(f: Formulas) -> Step | None:

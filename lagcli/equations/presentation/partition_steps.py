@@ -25,8 +25,10 @@ from lagcli.equations.presentation.typeset import (
     symbols_in,
     whole,
 )
-from lagcli.equations.reduction.partition import CoordinatePartition, Rate
+from lagcli.equations.reduction.partition import CoordinatePartition, DependentRate
 from lagcli.equations.reduction.small_systems import cancelled
+
+_RANK = Sign("rank B", r"\operatorname{rank} B")
 
 
 def split_step(f: Formulas, p: CoordinatePartition) -> Step:
@@ -38,10 +40,8 @@ def split_step(f: Formulas, p: CoordinatePartition) -> Step:
         Line((Sign("r", "r"), whole(r)), note="constraints"),
     ]
     if rank < r:
-        lines.append(
-            Line((Sign("rank B", r"\operatorname{rank} B"), whole(rank)), note="at the start")
-        )
-    less = Sign("r", "r") if rank == r else Sign("rank B", r"\operatorname{rank} B")
+        lines.append(Line((_RANK, whole(rank)), note="at the start"))
+    less = Sign("r", "r") if rank == r else _RANK
     difference = sum_of([(1, Sign("k", "k")), (-1, less)])
     lines.append(Line((difference, whole(k - rank)), note="degrees of freedom"))
     lines += [Line((f.coordinates[i],), note="independent") for i in p.independent]
@@ -116,12 +116,12 @@ def fraction(f: Formulas, above: Basic, below: Basic) -> Node:
     return sum_of([(sign_below * sign_above, quotient_of(top, divisor))])
 
 
-def rate_node(f: Formulas, rate: Rate) -> Node:
+def rate_node(f: Formulas, rate: DependentRate) -> Node:
     """Return a dependent velocity in terms of others."""
     return fraction(f, *rate.over(f.equations.v))
 
 
-def displacement_line(f: Formulas, p: CoordinatePartition, rate: Rate) -> Line:
+def displacement_line(f: Formulas, p: CoordinatePartition, rate: DependentRate) -> Line:
     """Return a dependent virtual displacement in terms of others."""
     terms = []
     for j, x in rate.numerators.items():

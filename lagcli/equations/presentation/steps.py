@@ -76,11 +76,8 @@ def _energies(f: Formulas, signs: general.Signs) -> Step:
     ]
     difference = sum_of([(1, signs.kinetic), (-1, signs.potential)])
     lines.append(Line((signs.lagrangian, difference, energy_sides(f))))
-    lead = (
-        _DEFINED
-        if any(f.uses_definitions(f.model.trees[x]) for x in "TV" if x in f.model.trees)
-        else None
-    )
+    stated = [f.model.trees[x] for x in "TV" if x in f.model.trees]
+    lead = _DEFINED if any(map(f.uses_definitions, stated)) else None
     return Step("Kinetic energy, potential energy, Lagrangian", tuple(lines), lead=lead)
 
 

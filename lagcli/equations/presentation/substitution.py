@@ -13,7 +13,7 @@ from lagcli.equations.presentation.typeset import (
     Quotient,
     Root,
     Sum,
-    Symbol,
+    children,
     product_of,
     quotient_of,
     sum_of,
@@ -23,8 +23,8 @@ from lagcli.equations.presentation.typeset import (
 def substituted(node: Node, values: Mapping[Node, Node]) -> Node | None:
     """Return a formula with other nodes in the place of some.
 
-    Returns None where a factor would become a quotient or a sum beside other factors, because
-    such products are better arranged anew.
+    Returns None where a factor would become a quotient beside other factors, because such products
+    are better arranged anew.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def _replaced(node: Node, values: Mapping[Node, Node]) -> Node:
         case Product():
             for factor in node.factors:
                 inner = factor.base if isinstance(factor, Power) else factor
-                if inner in values and not isinstance(values[inner], Symbol | Number):
+                if inner in values and _has_quotient(values[inner]):
                     raise _ArrangedAnew
             return product_of(map(part, node.factors))
         case Quotient():
@@ -69,11 +69,16 @@ def _replaced(node: Node, values: Mapping[Node, Node]) -> Node:
     return node
 
 
+def _has_quotient(node: Node) -> bool:
+    return isinstance(node, Quotient) or any(map(_has_quotient, children(node)))
+
+
 def _power(base: Node, exponent: Node) -> Node:
     """Return a power; of a number its value, of an even power no sign."""
-    whole = isinstance(exponent, Number) and exponent.value.denominator == 1
-    if whole and isinstance(base, Number) and (base.value or exponent.value > 0):
-        return Number(base.value ** int(exponent.value))
-    if whole and exponent.value % 2 == 0 and isinstance(base, Sum) and len(base.terms) == 1:
-        base = base.terms[0][1]
+    if isinstance(exponent, Number) and exponent.value.denominator == 1:
+        if isinstance(base, Number) and (base.value or exponent.value > 0):
+            return Number(base.value ** int(exponent.value))
+        negative = isinstance(base, Sum) and all(sign < 0 for sign, _ in base.terms)
+        if exponent.value % 2 == 0 and negative:  # (−a)² is a²
+            base = sum_of([(-1, base)])
     return Power(base, exponent)

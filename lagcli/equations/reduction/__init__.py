@@ -1,1 +1,1 @@
-"""Reduction to independent coordinates: coordinate partitioning, second kind, Maggi, closed forms."""
+"""Reduction to independent coordinates: partitioning, second kind, Maggi, closed forms."""

@@ -74,7 +74,7 @@ class Angle:
 
 
 def angle_of(equations: Sequence[Basic], unknown: Basic) -> Angle | None:
-    """Return the angle by which an unknown enters equations: itself, or what all arguments share."""
+    """Return the angle by which an unknown enters equations: itself, or the only argument."""
     arguments = {
         x.args[0]
         for e in equations

@@ -134,9 +134,10 @@ def _lowest_terms(numerator: Basic, denominator: Basic) -> tuple[Basic, Basic]:
     if _ops(above, below) > _CANCELLED or below.atoms(se.Piecewise):
         return above, below
     import sympy
+    from symengine.lib.symengine_wrapper import sympy2symengine
 
     value = sympy.cancel(above._sympy_() / below._sympy_())
-    found = tuple(se.sympify(x) for x in sympy.fraction(value))
+    found = tuple(map(sympy2symengine, sympy.fraction(value)))
     return found if _ops(*found) < _ops(above, below) else (above, below)
 
 

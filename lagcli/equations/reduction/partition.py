@@ -24,7 +24,7 @@ from symengine import Basic
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ONE, ZERO
 from lagcli.equations.reduction.small_systems import cancelled, determinant, solutions
-from lagcli.equations.reduction.triangular import Block, triangular_blocks
+from lagcli.equations.reduction.triangular import CoordinateBlock, triangular_blocks
 from lagcli.errors import UsageError
 from lagcli.model import model as symbols
 from lagcli.model.model import Model
@@ -48,7 +48,7 @@ def number(expression: Basic, values: Values) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Rate:
+class DependentRate:
     """A dependent velocity, (Σ_j n_j v_j + n_0)/d, and its acceleration.
 
     Parameters
@@ -103,7 +103,7 @@ class CoordinatePartition:
         Independent constraints, as many as dependent coordinates.
     surplus : tuple of int
         Constraints that follow from the others at that state.
-    blocks : tuple of Block
+    blocks : tuple of CoordinateBlock
         Order in which constraints give dependent coordinates.
     """
 
@@ -113,7 +113,7 @@ class CoordinatePartition:
     dependent: tuple[int, ...]
     constraints: tuple[int, ...]
     surplus: tuple[int, ...]
-    blocks: tuple[Block, ...]
+    blocks: tuple[CoordinateBlock, ...]
 
     @cached_property
     def determinants(self) -> tuple[Basic, ...]:
@@ -125,14 +125,14 @@ class CoordinatePartition:
         )
 
     @cached_property
-    def rates(self) -> tuple[Rate, ...]:
+    def rates(self) -> tuple[DependentRate, ...]:
         """The dependent velocities, each in terms of independent and earlier ones."""
-        found: list[Rate] = []
+        found: list[DependentRate] = []
         for block in self.blocks:
             found += self._solved(block)
         return tuple(found)
 
-    def _solved(self, block: Block) -> list[Rate]:
+    def _solved(self, block: CoordinateBlock) -> list[DependentRate]:
         held = [self.equations.constraints[i] for i in block.rows]
         matrix = [[c.row.get(j, ZERO) for j in block.columns] for c in held]
         others = sorted({j for c in held for j in c.row} - set(block.columns))
@@ -144,7 +144,7 @@ class CoordinatePartition:
             parts, divisor = cancelled([x[place] for x in solved], below)
             *moving, drift, acceleration = parts
             numerators = {j: x for j, x in zip(others, moving, strict=True) if x != 0}
-            found.append(Rate(i, numerators, drift, divisor, acceleration / divisor))
+            found.append(DependentRate(i, numerators, drift, divisor, acceleration / divisor))
         return found
 
     @cached_property
@@ -235,7 +235,7 @@ def partition(
         constraints=tuple(rows),
         surplus=tuple(i for i in range(len(constraints)) if i not in rows),
         blocks=tuple(
-            Block(tuple(rows[i] for i in b.rows), tuple(columns[k] for k in b.columns))
+            CoordinateBlock(tuple(rows[i] for i in b.rows), tuple(columns[k] for k in b.columns))
             for b in blocks
         ),
     )

@@ -1,12 +1,12 @@
 """Lagrange's equations of the second kind.
 
-The holonomic constraints are solved for the dependent coordinates u(q, t), and L(q, q̇, t) is written
-in the independent ones:
+The holonomic constraints are solved for the dependent coordinates u(q, t), and L(q, q̇, t) is
+written in the independent ones:
 
     d/dt ∂L/∂q̇_k − ∂L/∂q_k = Σ_i J_ik Q_i,
 
-where J is the matrix of `CoordinatePartition.null_space`. Dependent coordinates whose closed form is
-long, or that are roots without a closed form, stay as names of functions u(q, t); they are
+where J is the matrix of `CoordinatePartition.null_space`. Dependent coordinates whose closed form
+is long, or that are roots without a closed form, stay as names of functions u(q, t); they are
 differentiated by the chain rule, ∂u/∂q_k = J_uk.
 """
 
@@ -24,7 +24,7 @@ from lagcli.equations.derivation.motion import ZERO
 from lagcli.equations.reduction.closed_forms import Solution, solve
 from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.partition import CoordinatePartition, number
-from lagcli.equations.reduction.triangular import Block
+from lagcli.equations.reduction.triangular import CoordinateBlock
 from lagcli.errors import UsageError
 from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative
@@ -40,7 +40,7 @@ _FEW = 3  # dependent coordinates of a system whose second kind may be short
 class SolvedBlock:
     """Constraints and the coordinates that follow from them; no solutions if they are implicit."""
 
-    block: Block
+    block: CoordinateBlock
     solutions: tuple[Solution, ...]
 
 

@@ -1,4 +1,4 @@
-"""Block triangular form of a square system by its structure."""
+"""CoordinateBlock triangular form of a square system by its structure."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 
-class Block(NamedTuple):
+class CoordinateBlock(NamedTuple):
     """Rows and columns that are solved together; earlier blocks are known."""
 
     rows: tuple[int, ...]
     columns: tuple[int, ...]
 
 
-def triangular_blocks(incidence: Sequence[set[int]]) -> list[Block]:
+def triangular_blocks(incidence: Sequence[set[int]]) -> list[CoordinateBlock]:
     """Order a structurally nonsingular system so that each block needs only earlier ones.
 
     Parameters
@@ -23,7 +23,7 @@ def triangular_blocks(incidence: Sequence[set[int]]) -> list[Block]:
 
     Returns
     -------
-    list of Block
+    list of CoordinateBlock
         Rows by position in ``incidence``. The strongly connected components of the directed graph
         of a perfect matching (Dulmage–Mendelsohn decomposition of a square system).
 
@@ -36,12 +36,12 @@ def triangular_blocks(incidence: Sequence[set[int]]) -> list[Block]:
     column_of = {row: column for column, row in row_of.items()}
     needs = [{row_of[c] for c in columns} | {i} for i, columns in enumerate(incidence)]
     reach = [_reachable(i, needs) for i in range(len(needs))]
-    found: list[Block] = []
+    found: list[CoordinateBlock] = []
     for i in sorted(range(len(needs)), key=lambda i: (len(reach[i]), i)):
         if any(i in block.rows for block in found):
             continue
         rows = tuple(sorted(j for j in reach[i] if i in reach[j]))
-        found.append(Block(rows, tuple(sorted(column_of[j] for j in rows))))
+        found.append(CoordinateBlock(rows, tuple(sorted(column_of[j] for j in rows))))
     return found
 
 

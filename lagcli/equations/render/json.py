@@ -50,6 +50,7 @@ grammar, which `lagcli.model.expression.grammar` reads back, and LaTeX.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from symengine import Basic
@@ -263,7 +264,8 @@ class _JsonWriter:
         """Return M and f, with abbreviations if they are long."""
         size = len(forcing)
         entries = [*(x for row in mass_matrix for x in row), *forcing]
-        model, named = self.f.model, {}
+        model = self.f.model
+        named: Mapping[str, Basic] = {}
         if total_operations(entries) > LONGEST:
             taken = (*model.coordinate_names, *model.parameters, *model.definitions)
             named, shortened = abbreviate(entries, taken)
