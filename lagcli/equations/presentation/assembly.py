@@ -104,7 +104,7 @@ def _first(f: Formulas, contents: Contents) -> list[Step]:
     found = list(overview(f, full))
     if contents.steps:
         found = list(in_short(f, "The derivation is long; --full writes it out."))
-    split = [split_step(f, p)] if p is not None and len(contents.kinds) > 1 else []
+    split = [split_step(f, p)] if p is not None and not contents.steps else []
     return [*found[:-1], *_arranged(f, split, full)]
 
 
@@ -138,7 +138,7 @@ def _solved(f: Formulas, kind: str, contents: Contents, p: CoordinatePartition) 
         found = solve_maggi(Maggi(p))
     else:
         found = solve_first_kind(p)
-    return solved_step(f, found, _NAMES[kind])
+    return solved_step(f, found, _NAMES[kind], kind == "first" and bool(p.surplus))
 
 
 _COUNTED = (SECOND, MAGGI, ENTRIES, ABBREVIATIONS)

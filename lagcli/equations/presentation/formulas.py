@@ -12,6 +12,7 @@ from lagcli.equations.presentation import general
 from lagcli.equations.presentation.typeset import (
     ZERO,
     Node,
+    Sign,
     Symbol,
     VirtualDisplacement,
     product_of,
@@ -34,11 +35,20 @@ class Line:
         Coordinate or constraint to which the formula belongs.
     note : str, optional
         Remark on the formula.
+    span : Sign, optional
+        Range of the index of a formula that is that of many members: i = 2, …, N.
     """
 
     sides: tuple[Node, ...]
     label: Node | str | None = None
     note: str | None = None
+    span: Sign | None = None
+
+    @property
+    def remark(self) -> str | None:
+        """Note and range as plain text."""
+        span = self.span.text if self.span is not None else None
+        return "; ".join(x for x in (self.note, span) if x) or None
 
 
 @dataclass(frozen=True)

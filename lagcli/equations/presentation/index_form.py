@@ -21,6 +21,7 @@ from lagcli.equations.presentation.typeset import (
     Node,
     Number,
     Product,
+    Sign,
     Sum,
     Symbol,
     children,
@@ -119,16 +120,16 @@ class IndexForm:
     def _general(self, run: _Run, item: list[Line]) -> list[Line]:
         """Return the lines of one item for all members."""
         letter = self._letters[0]
-        span = f"{letter} = {self._bound(run.first)}, …, {self._bound(run.first + run.length - 1)}"
+        bounds = [self._bound(x) for x in (run.first, run.first + run.length - 1)]
+        text = f"{letter} = {bounds[0]}, …, {bounds[1]}"
+        span = Sign(text, text.replace("−", "-").replace("…", r"\dots"))
         found = []
         for n, (nodes, line) in enumerate(zip(run.template, item, strict=True)):
             label, *sides = (self._shown(x, letter) for x in nodes)
-            text = label.name if isinstance(line.label, str) and isinstance(label, Symbol) else None
-            note = line.note
-            if n == 0:
-                note = f"{note}; {span}" if note else span
-            shown = text if text is not None else None if line.label is None else label
-            found.append(Line(tuple(sides), shown, note))
+            named: Node | str | None = label if line.label is not None else None
+            if isinstance(line.label, str) and isinstance(label, Symbol):
+                named = label.name
+            found.append(Line(tuple(sides), named, line.note, span if n == 0 else None))
         return found
 
     # sums

@@ -95,12 +95,14 @@ def _dependent(f: Formulas, second: SecondKind) -> Step | None:
             lines.append(Line((f.coordinates[i], _root(f, second, i)), note=note))
     if not lines:
         return None
-    remark = "Signs of roots are those of the branch on which the initial values lie."
+    remark = ""
+    if any(s.sign for solved in second.blocks for s in solved.solutions):
+        remark = "Signs of roots are those of the branch on which the initial values lie."
     if implicit:
         remark += " An implicit root has no closed form here; its derivatives follow from the"
         remark += " constraints."
     lead = "Solving the constraints for the dependent coordinates gives"
-    return Step("Dependent coordinates", tuple(lines), remark, lead=lead)
+    return Step("Dependent coordinates", tuple(lines), remark.strip() or None, lead=lead)
 
 
 def _root(f: Formulas, second: SecondKind, i: int) -> Node:
@@ -137,9 +139,13 @@ def _has_root(value: Basic) -> bool:
 
 def _velocities(f: Formulas, second: SecondKind) -> Step | None:
     lines = []
+    e = f.equations
+    moving = {e.v[i] for i in second.partition.dependent} | {s.unknown for s in second.inserted}
     for rate in second.partition.rates:
         sides = [velocity(f.coordinates[rate.coordinate]), rate_node(f, rate)]
-        if not second.is_long:
+        above, below = rate.over(e.v)
+        changes = moving & (above.free_symbols | below.free_symbols)
+        if changes and not second.is_long:
             explicit = f.arrange(second.rates[rate.coordinate])
             if weight(explicit) < _LONG_RATE and explicit not in sides:
                 sides.append(explicit)
@@ -249,7 +255,7 @@ def _second_equations(f: Formulas, second: SecondKind, full: bool) -> list[Step]
 def _law_remark(second: SecondKind) -> str | None:
     if all(x == 0 for x in second.applied_forces):
         return None
-    return "On the right the generalized forces Σ_i J_ik Q_i, with J of the dependent velocities."
+    return "On the right are the generalized forces, projected on the independent coordinates."
 
 
 _M, _F = Sign("M", "M"), Sign("f", "f")
@@ -264,8 +270,8 @@ PROJECTED = (
     ),
 )
 _TOO_MANY = (
-    "Here q are the independent coordinates, M and f belong to all coordinates, and J and c to"
-    " their accelerations J q̈ + c. The entries are long; --full and --format json give them."
+    "M and f are those of all coordinates; all accelerations are J times the independent ones"
+    " plus c. The entries are long; --full and --format json give them."
 )
 
 
@@ -368,13 +374,16 @@ def _maggi_law(f: Formulas) -> Node:
     return product_of([Sign("Σᵢ J_ik", r"\textstyle\sum_i J_{ik}"), inner])
 
 
-def solved_step(f: Formulas, found: list[SolvedUnknown], kind: str) -> Step:
-    """Return λ and the accelerations in closed form, or say that they are long."""
+def solved_step(
+    f: Formulas, found: list[SolvedUnknown], kind: str, redundant: bool = False
+) -> Step:
+    """Return λ and the accelerations in closed form, or say why not."""
     title = f"Solved for the unknowns ({kind})"
     if not found:
+        reason = "λ is not unique, because constraints are redundant"
         remark = (
-            "A closed form is not given: it would be long. simulate eliminates λ and q̈"
-            " numerically at every step."
+            f"A closed form is not given: {reason if redundant else 'it would be long'}."
+            " simulate eliminates λ and solves for the accelerations numerically at every step."
         )
         return Step(title, (), remark)
     nodes = {x.name: Symbol(c.name, 2) for x, c in zip(f.equations.a, f.coordinates, strict=True)}

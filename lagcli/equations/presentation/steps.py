@@ -190,7 +190,7 @@ def _accelerations(f: Formulas) -> Step | None:
     lines = tuple(Line(f.acceleration_line(c).sides, c.constraint.name) for c in constraints)
     if not lines:
         return None
-    lead = "Differentiating the velocity constraints once more gives B q̈ = γ:"
+    lead = "Differentiating the velocity constraints once more gives"
     return Step("Constraints at acceleration level", lines, lead=lead)
 
 

@@ -314,11 +314,11 @@ def _chosen(model: Model, independent: Sequence[str], default: list[str]) -> lis
         if independent.count(name) > 1:
             raise UsageError(f"--independent names `{name}` twice; keep one of them")
     if len(independent) != len(default):
-        count = len(default)
+        count, given = len(default), len(independent)
+        named = f"{given} coordinate{'s' * (given != 1)}: {_listed(independent)}"
         raise UsageError(
-            f"--independent names {len(independent)} coordinate{'s' * (len(independent) != 1)}:"
-            f" {_listed(independent)}; the model has {count} degree{'s' * (count != 1)} of freedom"
-            f" at its start{_remedy(default)}"
+            f"--independent names {named if given else 'no coordinates'}; the model has"
+            f" {count} degree{'s' * (count != 1)} of freedom at its start{_remedy(default)}"
         )
     return [names.index(name) for name in independent]
 

@@ -138,7 +138,7 @@ class _JsonWriter:
         return {
             "latex": " = ".join(map(self.latex, line.sides)),
             "label": self.latex(label) if isinstance(label, Node) else label,
-            "note": line.note,
+            "note": line.remark,
         }
 
     def content(self) -> dict[str, Any]:

@@ -75,7 +75,7 @@ def _group(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]
         if label and display_width(label) + 2 > margin:
             found.append(_INDENT + label)
             label = ""
-        body = _with_note(body, line.note, room)
+        body = _with_note(body, line.remark, room)
         for i, text in enumerate(body):
             head = _padded(label if i == 0 else "", margin)
             found.append((_INDENT + head + text).rstrip())
