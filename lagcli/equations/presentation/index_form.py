@@ -183,7 +183,8 @@ class IndexForm:
 
     def _shown_bound(self, node: Node, letter: str) -> Node:
         if isinstance(node, Number) and node.value.denominator == 1:
-            return Symbol(self._bound(int(node.value)))
+            bound = self._bound(int(node.value))
+            return Sign(bound, bound.replace("−", "-"))
         return self._shown(node, letter)
 
     def _number(self, node: _Linear, letter: str) -> Node:

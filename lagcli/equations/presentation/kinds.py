@@ -31,7 +31,9 @@ from lagcli.equations.presentation.typeset import (
     Sum,
     Symbol,
     children,
+    forward,
     product_of,
+    quotient_of,
     sum_of,
     symbols_in,
     weight,
@@ -389,7 +391,32 @@ def solved_step(
     nodes = {x.name: Symbol(c.name, 2) for x, c in zip(f.equations.a, f.coordinates, strict=True)}
     for symbol, c in zip(f.equations.multipliers, f.equations.constraints, strict=True):
         nodes[symbol.name] = Symbol(c.constraint.name, kind="multiplier")
-    lines = tuple(
-        Line((nodes[s.unknown.name], fraction(f, s.numerator, s.denominator))) for s in found
-    )
-    return Step(title, lines)
+    whole_fractions = [fraction(f, s.numerator, s.denominator) for s in found]
+    if max(map(weight, whole_fractions)) <= _LONG_FRACTION:
+        pairs = zip(found, whole_fractions, strict=True)
+        return Step(title, tuple(Line((nodes[s.unknown.name], x)) for s, x in pairs))
+    return Step(title, tuple(_over_determinants(f, found, nodes)))
+
+
+#: Characters of a fraction from which its denominator is written by itself.
+_LONG_FRACTION = 70
+
+
+def _over_determinants(
+    f: Formulas, found: list[SolvedUnknown], nodes: dict[str, Symbol]
+) -> list[Line]:
+    """Return fractions as products with 1/Δ, and what Δ is; such formulas can be broken."""
+    below: dict[Node, Sign] = {}
+    lines = []
+    for s in found:
+        sign, divisor = forward(f.arrange(s.denominator))
+        if divisor not in below:
+            n = len(below) + 1
+            below[divisor] = Sign(f"Δ{n}".translate(_SUBSCRIPTS), rf"\Delta_{{{n}}}")
+        inverse = quotient_of(whole(1), below[divisor])
+        value = product_of([inverse, f.arrange(s.numerator)])
+        lines.append(Line((nodes[s.unknown.name], sum_of([(sign, value)]))))
+    return [*(Line((sign, divisor)) for divisor, sign in below.items()), *lines]
+
+
+_SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")

@@ -31,9 +31,6 @@ def grammar_text(node: Node) -> str:
             return _symbol(node)
         case t.Sum():
             return _sum(node)
-        case t.IndexedSum():
-            span = f"{node.index} = {grammar_text(node.first)}..{grammar_text(node.last)}"
-            return f"sum({grammar_text(node.term)}, {span})"
         case t.Product():
             return "*".join(_factor(f) for f in node.factors)
         case t.Quotient():
