@@ -20,9 +20,6 @@ from lagcli.cli.options import (
 from lagcli.cli.streams import visible_json
 from lagcli.errors import LagcliError, UsageError
 
-#: Kinds of equations of motion, as in `lagcli.equations.presentation.assembly`.
-KINDS = ("first", "second", "maggi")
-
 
 class Format(StrEnum):
     """How equations are printed."""
@@ -148,6 +145,8 @@ def derive(
 
 def _kinds(text: str) -> list[str]:
     """Return the kinds of an option, each once."""
+    from lagcli.equations.presentation.assembly import KINDS
+
     kinds = [x.strip() for x in text.split(",")]
     for kind in kinds:
         if kind not in KINDS:
