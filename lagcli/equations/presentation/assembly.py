@@ -81,7 +81,7 @@ def shown_steps(f: Formulas, contents: Contents) -> tuple[Step, ...]:
         if kind != "first" and p is not None:
             motion[kind] = _other(f, kind, contents, p)
             after += motion[kind]
-        if contents.solve and p is not None:
+        if contents.solve and p is not None and (kind == "first" or p.independent):
             after.append(_solved(f, kind, contents, p))
     if len(kinds) > 1 and p is not None:
         after.append(_compared(motion, kinds, f, p))
@@ -167,6 +167,9 @@ def _compared(
         count = terms_in(x for line in lines for x in line.sides)
         name = _NAMES[kind][0].upper() + _NAMES[kind][1:]
         size = f"{count} terms" if lines else "not written out"
+        if kind != "first" and not n:
+            said.append(f"{name}: no equations, because the constraints determine the motion.")
+            continue
         said.append(f"{name}: {sizes[kind]}, {size}.")
     said.append("Terms are counted as printed, those in brackets and under roots one by one.")
     return Step("Size of the equations", (), " ".join(said))

@@ -60,7 +60,7 @@ def solutions(
 
 def cancelled(numerators: Sequence[Basic], denominator: Basic) -> tuple[list[Basic], Basic]:
     """Return fractions without the factors that all their terms share, if they are short."""
-    if sum(map(se.count_ops, numerators)) + se.count_ops(denominator) > _LONG:
+    if _operations([*numerators, denominator]) > _LONG:
         return list(numerators), denominator
     opened = [se.expand(x) for x in (*numerators, denominator)]
     terms = [term for x in opened for term in (x.args if isinstance(x, se.Add) else (x,))]
@@ -68,7 +68,13 @@ def cancelled(numerators: Sequence[Basic], denominator: Basic) -> tuple[list[Bas
     if factor == 1:
         return list(numerators), denominator
     *above, below = (_divided(x, factor) for x in opened)
+    if _operations([*above, below]) > _operations([*numerators, denominator]):
+        return list(numerators), denominator  # clearing denominators may take longer formulas
     return above, below
+
+
+def _operations(expressions: Sequence[Basic]) -> int:
+    return sum(map(se.count_ops, expressions))
 
 
 def _divided(e: Basic, factor: Basic) -> Basic:

@@ -329,15 +329,17 @@ class MonomialExpansion:
         below : Monomial
             Its negative powers are the denominator.
         """
-        sums = {g for g, n in below if n < 0 and self.generators[g].head == "sum"}
-        if not any(g in sums and n > 0 for m in terms for g, n in m):
+        sums = {g for g, n in below if n < 0 and self.generators[g].head in ("sum", "root")}
+        degrees = {g: self.generators[g].degree for g in sums}
+        if not any(g in sums and n >= degrees[g] for m in terms for g, n in m):
             return None
         total: Polynomial = {}
         try:
             for monomial, coefficient in terms.items():
-                parts: Polynomial = {tuple(x for x in monomial if x[0] not in sums): coefficient}
+                left = [(g, n % degrees[g] if g in sums and n > 0 else n) for g, n in monomial]
+                parts: Polynomial = {tuple(x for x in left if x[1]): coefficient}
                 for g, n in monomial:
-                    for _ in range(n if g in sums else 0):
+                    for _ in range(n // degrees[g] if g in sums and n > 0 else 0):
                         parts = product(parts, self.polynomial(self.generators[g].arguments[0]))
                 for m, c in parts.items():
                     add_to(total, m, c)

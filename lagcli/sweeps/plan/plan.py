@@ -177,6 +177,8 @@ def _check(plan: Plan, taken: Mapping[str, object]) -> None:
             )
     if plan.zipped and len({factor.length for factor in plan.factors}) > 1:
         lengths = ", ".join(f"{'+'.join(f.columns)} has {f.length}" for f in plan.factors)
-        raise UsageError(f"--zip varies all quantities together, but {lengths}; make the numbers of values equal")
+        raise UsageError(
+            f"--zip varies all quantities together, but {lengths}; make the numbers of values equal"
+        )
     if plan.length > MOST_ROWS:
         raise UsageError(f"these are {plan.length:,} rows; a sweep has at most 10^9")
