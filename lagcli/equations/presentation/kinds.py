@@ -16,7 +16,6 @@ from lagcli.equations.presentation.partition_steps import (
     displacement_line,
     fraction,
     rate_node,
-    total_operations,
     velocity,
 )
 from lagcli.equations.presentation.steps import energy_sides
@@ -44,6 +43,7 @@ from lagcli.equations.reduction.elimination import SolvedUnknown
 from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.partition import number
 from lagcli.equations.reduction.second_kind import SecondKind
+from lagcli.equations.reduction.small_systems import operations
 
 SECOND = "Equations of motion of the second kind"
 MAGGI = "Maggi's equations"
@@ -222,7 +222,7 @@ def _dotted(node: Node) -> list[Symbol]:
 def _second_derivatives(f: Formulas, second: SecondKind) -> list[Step]:
     """Return ∂L/∂q_k, ∂L/∂q̇_k and d/dt ∂L/∂q̇_k; none if they are long."""
     p = second.partition
-    if second.is_long or total_operations(second.forcing) > LONGEST or not p.independent:
+    if second.is_long or operations(second.forcing) > LONGEST or not p.independent:
         return []
     lagrangian = general.Signs(f.model).lagrangian
     free = [f.coordinates[i] for i in p.independent]
@@ -245,7 +245,7 @@ def _second_equations(f: Formulas, second: SecondKind, full: bool) -> list[Step]
     if not p.independent:
         return [Step(SECOND, (), _NONE)]
     free = [f.coordinates[i] for i in p.independent]
-    if second.is_long or total_operations(second.forcing) > LONGEST:
+    if second.is_long or operations(second.forcing) > LONGEST:
         return in_matrices(f, second.mass_matrix, second.forcing, free, SECOND, full)
     lines = []
     for k, x in enumerate(free):
@@ -329,7 +329,7 @@ def maggi_steps(f: Formulas, maggi: Maggi, full: bool = False) -> list[Step]:
         rate - slope - force
         for rate, slope, force in zip(e.momentum_rates, e.gradient, e.applied_forces, strict=True)
     ]
-    if total_operations(maggi.equations_of_motion) > 3 * LONGEST:
+    if operations(maggi.equations_of_motion) > 3 * LONGEST:
         free = [f.coordinates[i] for i in p.independent]
         return [*found, *in_matrices(f, maggi.mass_matrix, maggi.forcing, free, MAGGI, full)]
     equations = []
@@ -400,6 +400,7 @@ def solved_step(
 
 #: Characters of a fraction from which its denominator is written by itself.
 _LONG_FRACTION = 70
+_SHORT_DIVISOR = 8  # characters of a denominator that stays where it is
 
 
 def _over_determinants(
@@ -410,10 +411,12 @@ def _over_determinants(
     lines = []
     for s in found:
         sign, divisor = forward(f.arrange(s.denominator))
-        if divisor not in below:
+        inverse = quotient_of(whole(1), divisor)
+        if weight(divisor) > _SHORT_DIVISOR and divisor not in below:
             n = len(below) + 1
             below[divisor] = Sign(f"Δ{n}".translate(_SUBSCRIPTS), rf"\Delta_{{{n}}}")
-        inverse = quotient_of(whole(1), below[divisor])
+        if divisor in below:
+            inverse = quotient_of(whole(1), below[divisor])
         value = product_of([inverse, f.arrange(s.numerator)])
         lines.append(Line((nodes[s.unknown.name], sum_of([(sign, value)]))))
     return [*(Line((sign, divisor)) for divisor, sign in below.items()), *lines]

@@ -23,6 +23,7 @@ from lagcli.equations.presentation.typeset import (
     quotient_of,
     sum_of,
     symbols_in,
+    weight,
     whole,
 )
 from lagcli.equations.reduction.partition import CoordinatePartition, DependentRate
@@ -106,11 +107,15 @@ def _moves(f: Formulas, node: Node) -> bool:
 
 
 def fraction(f: Formulas, above: Basic, below: Basic) -> Node:
-    """Return a fraction, arranged above and below."""
-    (above,), below = cancelled([above], below)
+    """Return a fraction, arranged above and below; without common factors if that is shorter."""
+    (shorter,), common = cancelled([above], below)
     for value in (1, -1):
-        if se.expand(above - value * below) == 0:
+        if se.expand(shorter - value * common) == 0:
             return whole(value)
+    return min(_fraction(f, shorter, common), _fraction(f, above, below), key=weight)
+
+
+def _fraction(f: Formulas, above: Basic, below: Basic) -> Node:
     sign_below, divisor = forward(f.arrange(below))
     sign_above, top = forward(f.arrange(above))
     return sum_of([(sign_below * sign_above, quotient_of(top, divisor))])
@@ -135,8 +140,3 @@ def displacement_line(f: Formulas, p: CoordinatePartition, rate: DependentRate) 
 def velocity(symbol: Symbol) -> Symbol:
     """Return the velocity of a coordinate."""
     return Symbol(symbol.name, 1)
-
-
-def total_operations(expressions: tuple[Basic, ...] | list[Basic]) -> int:
-    """Return the number of operations of several expressions."""
-    return sum(map(se.count_ops, expressions))

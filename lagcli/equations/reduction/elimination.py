@@ -12,10 +12,17 @@ from lagcli.equations.derivation.motion import ZERO
 from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.partition import CoordinatePartition, number
 from lagcli.equations.reduction.second_kind import SecondKind
-from lagcli.equations.reduction.small_systems import CRAMER, cancelled, solutions
+from lagcli.equations.reduction.small_systems import (
+    CRAMER,
+    cancelled,
+    operations,
+    solutions,
+)
 
 #: Operations of a numerator or denominator beyond which a closed form is not given.
 LONGEST = 400
+#: Factor by which a formula may grow to be without fractions in it.
+_GROWTH = 2
 #: Operations up to which a fraction is brought to lowest terms, which takes seconds beyond.
 _CANCELLED = 250
 
@@ -131,18 +138,16 @@ def _solved(
 def _lowest_terms(numerator: Basic, denominator: Basic) -> tuple[Basic, Basic]:
     """Return a fraction in lowest terms; a long one without the factors that all terms share."""
     (above,), below = cancelled([numerator], denominator)
-    if _ops(above, below) > _CANCELLED or below.atoms(se.Piecewise):
+    if operations([above, below]) > _GROWTH * operations([numerator, denominator]):
+        return numerator, denominator
+    if operations([above, below]) > _CANCELLED or below.atoms(se.Piecewise):
         return above, below
     import sympy
     from symengine.lib.symengine_wrapper import sympy2symengine
 
     value = sympy.cancel(above._sympy_() / below._sympy_())
     found = tuple(map(sympy2symengine, sympy.fraction(value)))
-    return found if _ops(*found) < _ops(above, below) else (above, below)
-
-
-def _ops(*expressions: Basic) -> int:
-    return sum(map(se.count_ops, expressions))
+    return found if operations(found) < operations([above, below]) else (above, below)
 
 
 def _short(found: list[SolvedUnknown]) -> list[SolvedUnknown]:

@@ -23,7 +23,12 @@ from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ONE, ZERO
-from lagcli.equations.reduction.small_systems import cancelled, determinant, solutions
+from lagcli.equations.reduction.small_systems import (
+    cancelled,
+    determinant,
+    operations,
+    solutions,
+)
 from lagcli.equations.reduction.triangular import CoordinateBlock, triangular_blocks
 from lagcli.errors import UsageError
 from lagcli.model import model as symbols
@@ -141,7 +146,11 @@ class CoordinatePartition:
         solved, below = solutions(matrix, columns, lambda x: number(x, self.values))
         found = []
         for place, i in enumerate(block.columns):
-            parts, divisor = cancelled([x[place] for x in solved], below)
+            parts, divisor = [x[place] for x in solved], below
+            shorter, common = cancelled(parts, divisor)
+            # clearing denominators may also take longer formulas
+            if operations([*shorter[:-1], common]) < operations([*parts[:-1], divisor]):
+                parts, divisor = shorter, common
             *moving, drift, acceleration = parts
             numerators = {j: x for j, x in zip(others, moving, strict=True) if x != 0}
             found.append(DependentRate(i, numerators, drift, divisor, acceleration / divisor))

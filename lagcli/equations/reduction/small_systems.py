@@ -60,7 +60,7 @@ def solutions(
 
 def cancelled(numerators: Sequence[Basic], denominator: Basic) -> tuple[list[Basic], Basic]:
     """Return fractions without the factors that all their terms share, if they are short."""
-    if _operations([*numerators, denominator]) > _LONG:
+    if operations([*numerators, denominator]) > _LONG:
         return list(numerators), denominator
     opened = [se.expand(x) for x in (*numerators, denominator)]
     terms = [term for x in opened for term in (x.args if isinstance(x, se.Add) else (x,))]
@@ -68,12 +68,11 @@ def cancelled(numerators: Sequence[Basic], denominator: Basic) -> tuple[list[Bas
     if factor == 1:
         return list(numerators), denominator
     *above, below = (_divided(x, factor) for x in opened)
-    if _operations([*above, below]) > _operations([*numerators, denominator]):
-        return list(numerators), denominator  # clearing denominators may take longer formulas
     return above, below
 
 
-def _operations(expressions: Sequence[Basic]) -> int:
+def operations(expressions: Sequence[Basic]) -> int:
+    """Return the number of operations of several expressions."""
     return sum(map(se.count_ops, expressions))
 
 

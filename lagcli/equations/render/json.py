@@ -63,7 +63,6 @@ from lagcli.equations.presentation.formulas import Formulas, Line
 from lagcli.equations.presentation.kinds import LONGEST
 from lagcli.equations.presentation.matrices import PARTS, Matrices
 from lagcli.equations.presentation.overview import in_matrices
-from lagcli.equations.presentation.partition_steps import total_operations
 from lagcli.equations.presentation.typeset import ZERO, Node, Symbol
 from lagcli.equations.reduction.elimination import (
     SolvedUnknown,
@@ -73,6 +72,7 @@ from lagcli.equations.reduction.elimination import (
 )
 from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.second_kind import SecondKind, second_kind
+from lagcli.equations.reduction.small_systems import operations
 from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.grammar import grammar_text
 from lagcli.equations.render.names import Notation
@@ -266,7 +266,7 @@ class _JsonWriter:
         entries = [*(x for row in mass_matrix for x in row), *forcing]
         model = self.f.model
         named: Mapping[str, Basic] = {}
-        if total_operations(entries) > LONGEST:
+        if operations(entries) > LONGEST:
             taken = (*model.coordinate_names, *model.parameters, *model.definitions)
             named, shortened = abbreviate(entries, taken)
             entries = list(shortened)
