@@ -99,7 +99,7 @@ class DisplayWriter(FormulaWriter):
 
     def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
         """Return a node as a factor or base, in parentheses if necessary."""
-        compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
+        compound: tuple[type, ...] = (t.Sum, t.IndexedSum, t.Relation, t.Logical)
         if not product:
             compound += (t.Product, t.Quotient, t.Power, t.Rate, t.Root, t.Cases)
         dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")

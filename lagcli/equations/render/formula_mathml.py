@@ -68,6 +68,11 @@ class MathmlFormula(DisplayWriter):
         below = comma.join(map(self._symbol, node.indices))
         return [f"<msub>{symbol_mathml(node.matrix.latex)}{_row(below)}</msub>"]
 
+    def _write_indexedsum(self, node: t.IndexedSum, depth: int) -> list[Token]:
+        below = _row(f"<mi>{node.index}</mi>{operator('=')}{self.mathml(node.first)}")
+        sign = f"<munderover><mo>∑</mo>{below}{self.mathml(node.last)}</munderover>"
+        return [sign, _THIN, *self._tight(node.term, depth, product=True)]
+
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         top, bottom = self.mathml(node.numerator), self.mathml(node.denominator)
         return [f"<mfrac>{top}{bottom}</mfrac>"]

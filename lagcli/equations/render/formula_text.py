@@ -49,6 +49,10 @@ class TextFormula(FormulaWriter):
     def _write_entry(self, node: t.Entry, depth: int) -> list[Token]:
         return [f"{node.matrix.text}[{', '.join(map(self._symbol, node.indices))}]"]
 
+    def _write_indexedsum(self, node: t.IndexedSum, depth: int) -> list[Token]:
+        span = f"{node.index}={self.text(node.first)}..{self.text(node.last)}"
+        return [f"Σ({span}) ", *self._tight(node.term, depth, product=True)]
+
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         top = self._tight(node.numerator, depth, product=True)
         return [*top, "/", *self._tight(node.denominator, depth)]
@@ -160,7 +164,7 @@ class TextFormula(FormulaWriter):
 
     def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
         """Return a node as a factor, base or denominator, in parentheses if necessary."""
-        compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
+        compound: tuple[type, ...] = (t.Sum, t.IndexedSum, t.Relation, t.Logical)
         if not product:
             compound += (t.Product, t.Quotient, t.Power, t.Rate)
         dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")
