@@ -252,4 +252,4 @@ def _entries(tree: Tree, value: Value, expected: Value) -> Iterator[tuple[Tree, 
         yield tree, value, expected
         return
     items = tree.items if isinstance(tree, VectorExpr) else [tree] * len(value.flat)
-    yield from zip(items, value.flat, expected.flat, strict=True)
+    yield from zip(items, value.flat, expected.flat, strict=False)

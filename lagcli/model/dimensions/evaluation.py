@@ -48,6 +48,11 @@ class TensorDimension(NamedTuple):
         return TensorDimension(tuple(tuple(map(function, row)) for row in self.rows))
 
     @property
+    def shape(self) -> tuple[int, ...]:
+        """The number of entries in each row."""
+        return tuple(map(len, self.rows))
+
+    @property
     def flat(self) -> tuple[Scalar, ...]:
         """All entries, row by row."""
         return tuple(x for row in self.rows for x in row)
@@ -180,7 +185,11 @@ class DimensionEvaluator:
 
     def _join_entries(self, a: Value, b: Value) -> Value | None:
         if not (isinstance(a, TensorDimension) and isinstance(b, TensorDimension)):
-            return a if isinstance(a, TensorDimension) else b  # the other one is unknown
+            if a is ZERO or b is ZERO:
+                return b if a is ZERO else a
+            return UNKNOWN  # of an expression that disagrees in itself, or of a mixed family
+        if a.shape != b.shape:
+            return UNKNOWN
         joined = [self.join(x, y) for x, y in zip(a.flat, b.flat, strict=True)]
         entries = [x for x in joined if isinstance(x, Dimension | Special)]
         if len(entries) < len(joined):
@@ -254,7 +263,7 @@ class DimensionEvaluator:
         return total
 
     def _matrix_product(self, a: TensorDimension, b: TensorDimension, tree: Tree) -> Value:
-        columns = list(zip(*b.rows, strict=True))
+        columns = list(zip(*b.rows, strict=False))
         return TensorDimension(
             tuple(tuple(self._scalar_product(row, x, tree) for x in columns) for row in a.rows)
         )
@@ -263,7 +272,7 @@ class DimensionEvaluator:
         self, row: Iterable[Scalar], column: Iterable[Scalar], tree: Tree
     ) -> Scalar:
         total: Scalar = ZERO
-        for x, y in zip(row, column, strict=True):
+        for x, y in zip(row, column, strict=False):
             term = product(x, y)
             joined = self.join(total, term)
             if joined is None:
@@ -332,7 +341,7 @@ class DimensionEvaluator:
             return TensorDimension(((UNKNOWN,),) * 3) if name == "cross" else UNKNOWN
         assert isinstance(first, TensorDimension)
         if name == "transpose":
-            return TensorDimension(tuple(zip(*first.rows, strict=True)))
+            return TensorDimension(tuple(zip(*first.rows, strict=False)))
         if name == "norm":
             return power(self._scalar_product(first.flat, first.flat, tree), Fraction(1, 2))
         second = values[1]
