@@ -31,7 +31,7 @@ from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ZERO
-from lagcli.equations.symmetry.monomials import ONE, Monomials, symbolic, term_count
+from lagcli.equations.symmetry.monomials import ONE, Monomials, term_count
 from lagcli.equations.symmetry.nullspace import SparseVector, null_space
 from lagcli.model.model import TIME
 
@@ -58,6 +58,8 @@ class Symmetry:
         τ.
     gauge_linear, gauge_quadratic : mappings to Fraction
         The nonzero entries of c, and of C on and above the diagonal.
+    multiples : mapping of (int, int) to Fraction
+        The nonzero entries of μ, by constraint and by holonomic constraint.
     """
 
     linear: Mapping[tuple[int, int], Fraction]
@@ -65,22 +67,7 @@ class Symmetry:
     time: Fraction
     gauge_linear: Mapping[int, Fraction]
     gauge_quadratic: Mapping[tuple[int, int], Fraction]
-
-    def field(self, q: tuple[Basic, ...]) -> dict[int, Basic]:
-        """Return the nonzero components of ξ by coordinate."""
-        parts: dict[int, list[Basic]] = defaultdict(list)
-        for (i, j), a in sorted(self.linear.items()):
-            parts[i].append(symbolic(a) * q[j])
-        for i, b in self.shift.items():
-            parts[i].append(symbolic(b))
-        return {i: se.Add(*parts[i]) for i in sorted(parts)}
-
-    def gauge(self, q: tuple[Basic, ...]) -> Basic:
-        """Return F."""
-        parts = [symbolic(c) * q[i] for i, c in self.gauge_linear.items()]
-        for (i, j), c in self.gauge_quadratic.items():
-            parts.append(symbolic(c) * q[i] * q[j] / (2 if i == j else 1))
-        return se.Add(*parts)
+    multiples: Mapping[tuple[int, int], Fraction]
 
 
 def linear_symmetries(
@@ -103,7 +90,7 @@ def linear_symmetries(
     Extent
         What was searched.
     """
-    if term_count(equations.lagrangian) > effort:
+    if 2 * term_count(equations.lagrangian) * len(equations.q) > effort:
         return _absent(equations), "absent coordinates"
     system = _Conditions(equations, Monomials(parameters))
     extent: Extent = "linear"
@@ -200,6 +187,7 @@ def _symmetry(vector: SparseVector, unknowns: list[Unknown]) -> Symmetry:
         time=parts["tau"].get((0, 0), Fraction(0)),
         gauge_linear={i: x for (i, _), x in parts["c"].items()},
         gauge_quadratic=parts["C"],
+        multiples=parts["mu"],
     )
 
 
@@ -210,8 +198,8 @@ def _absent(equations: Equations) -> list[Symmetry]:
     on = {i for c in eq.constraints for i in c.row}
     for i, (x, force) in enumerate(zip(eq.q, eq.applied_forces, strict=True)):
         if x not in inside and i not in on and force == ZERO:
-            found.append(Symmetry({}, {i: Fraction(1)}, Fraction(0), {}, {}))
+            found.append(Symmetry({}, {i: Fraction(1)}, Fraction(0), {}, {}, {}))
     forces = any(force != ZERO for force in eq.applied_forces)
     if not (forces or TIME in inside or any(c.drift != ZERO for c in eq.constraints)):
-        found.append(Symmetry({}, {}, Fraction(1), {}, {}))
+        found.append(Symmetry({}, {}, Fraction(1), {}, {}, {}))
     return found

@@ -1,0 +1,317 @@
+"""Conserved quantities, from the linear symmetries of a system."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from itertools import product
+from typing import Literal
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.equations.derivation.lagrange import Equations
+from lagcli.equations.derivation.motion import ONE, TWO, ZERO
+from lagcli.equations.symmetry.linear import Extent, Symmetry, linear_symmetries
+from lagcli.equations.symmetry.monomials import Monomials, rational, symbolic, term_count
+from lagcli.model.expression.linearity import is_zero
+
+#: Terms that may be looked at: in `lagcli check`, some seconds; before a run, some 20 ms.
+THOROUGH, QUICK = 1e5, 1e3
+#: Ways to name the numbers of a symmetry by parameters that are tried.
+_MOST_NAMINGS = 64
+
+Kind = Literal["energy", "jacobi", "momentum"]
+Row = Mapping[int, Basic]
+
+
+@dataclass(frozen=True, eq=False)
+class ConservedQuantity:
+    """I = p·ξ + F up to its sign, or τ h − p·ξ + F, which the motion leaves constant.
+
+    Parameters
+    ----------
+    name : str
+        ``p_theta`` of a cyclic coordinate; ``energy``, ``jacobi``; ``J_1``, ``J_2``, … of others.
+    kind : str
+        ``energy``: h = T + V; ``jacobi``: h = q̇·∂L/∂q̇ − L otherwise, or with ξ; ``momentum``.
+    field : mapping of int to expression
+        The nonzero components of ξ by coordinate, linear in q.
+    time : expression
+        τ: 1 if the quantity belongs to a shift of time, else 0.
+    gauge : expression
+        F(q), whose rate is what ξ and τ change L by.
+    multiples : mapping of (int, int) to expression
+        μ in B ξ + τ b_0 = μ φ, by constraint and by position constraint.
+    expression : expression
+        I in q, v, t and the parameters.
+    general : bool
+        Whether it is conserved for all values of the parameters, and not for those of the model
+        alone.
+    """
+
+    name: str
+    kind: Kind
+    field: Row
+    time: Basic
+    gauge: Basic
+    multiples: Mapping[tuple[int, int], Basic]
+    expression: Basic
+    general: bool = False
+
+    @cached_property
+    def in_momenta(self) -> str:
+        """The quantity by the momenta p_q and h, as text: ``x*p_y - y*p_x``."""
+        return str(self._in_momenta).replace("**", "^")
+
+    _in_momenta: Basic = ZERO
+
+
+@dataclass(frozen=True, eq=False)
+class Conserved:
+    """The conserved quantities of a system, as far as they were looked for.
+
+    Parameters
+    ----------
+    quantities : tuple of ConservedQuantity
+    extent : str
+        ``linear``: all of linear symmetries were looked for; ``translations``: those of constant
+        ξ; ``absent coordinates``: of coordinates that occur nowhere.
+    """
+
+    quantities: tuple[ConservedQuantity, ...]
+    extent: Extent
+
+
+def conserved_quantities(equations: Equations, effort: float = THOROUGH) -> Conserved:
+    """Find the conserved quantities of linear symmetries, and Jacobi's integral.
+
+    Parameters
+    ----------
+    equations : Equations
+    effort : float
+        `THOROUGH` or `QUICK`.
+
+    Returns
+    -------
+    Conserved
+        For the model's values of the parameters. `generalized` looks whether they matter.
+    """
+    symmetries, extent = linear_symmetries(equations, equations.model.parameter_values, effort)
+    found = [q for q in (_quantity(equations, s) for s in symmetries) if not is_zero(q.expression)]
+    # momenta of cyclic coordinates first, the energy last
+    found.sort(key=lambda q: (q.time != ZERO, q.name == ""))
+    numbers = iter(range(1, len(found) + 1))
+    named = [q if q.name else replace(q, name=f"J_{next(numbers)}") for q in found]
+    return Conserved(tuple(named), extent)
+
+
+def _quantity(equations: Equations, symmetry: Symmetry) -> ConservedQuantity:
+    scale = symbolic(1 / _size(equations, symmetry))
+    q = equations.q
+    parts: dict[int, list[Basic]] = defaultdict(list)
+    for (i, j), x in sorted(symmetry.linear.items()):
+        parts[i].append(scale * symbolic(x) * q[j])
+    for i, x in symmetry.shift.items():
+        parts[i].append(scale * symbolic(x))
+    gauge = [symbolic(x) * q[i] for i, x in symmetry.gauge_linear.items()]
+    for (i, j), x in symmetry.gauge_quadratic.items():
+        gauge.append(symbolic(x) * q[i] * q[j] / (TWO if i == j else ONE))
+    return _of_field(
+        equations,
+        {i: se.Add(*parts[i]) for i in sorted(parts)},
+        scale * symbolic(symmetry.time),
+        scale * se.Add(*gauge),
+        {place: scale * symbolic(x) for place, x in symmetry.multiples.items()},
+    )
+
+
+def _of_field(
+    equations: Equations,
+    field: Row,
+    time: Basic,
+    gauge: Basic,
+    multiples: Mapping[tuple[int, int], Basic],
+) -> ConservedQuantity:
+    """Return the quantity of a symmetry."""
+    eq, sign = equations, -ONE if time != ZERO else ONE
+    names = eq.model.coordinate_names
+    p_names = [se.Symbol(f"p_{name}") for name in names]
+    momentum = se.Add(*[eq.momenta[i] * x for i, x in field.items()])
+    short = se.Add(*[p_names[i] * x for i, x in field.items()])
+    kind: Kind = "momentum"
+    name = ""
+    if time != ZERO:
+        kind = name = "jacobi"
+        if not field and eq.model.kinetic is not None:
+            if is_zero(eq.energy - eq.model.kinetic - eq.model.potential):
+                kind = name = "energy"
+    elif len(field) == 1 and gauge == ZERO:
+        ((i, x),) = field.items()
+        name = f"p_{names[i]}" if x == ONE else ""
+    return ConservedQuantity(
+        name=name,
+        kind=kind,
+        field=field,
+        time=time,
+        gauge=gauge,
+        multiples=multiples,
+        expression=sign * (momentum - time * eq.energy - gauge),
+        _in_momenta=sign * (short - time * se.Symbol("h") - gauge),
+    )
+
+
+def _size(equations: Equations, symmetry: Symmetry) -> Fraction:
+    """Return the number by which a symmetry is divided, so that its largest part is 1.
+
+    A rotation of a unit quaternion at the rate 1 changes it by half of that.
+    """
+    if symmetry.time:
+        return symmetry.time
+    first = [*symmetry.linear.items(), *(((i, -1), x) for i, x in symmetry.shift.items())]
+    (row, _), value = min(first)
+    moved = {i for i, _ in symmetry.linear} | set(symmetry.shift)
+    return abs(value) * (2 if row in _quaternions(equations) & moved else 1)
+
+
+def _quaternions(equations: Equations) -> set[int]:
+    """Return the coordinates of unit quaternions: of constraints e·e = 1."""
+    found: set[int] = set()
+    for c in equations.constraints:
+        ratios = {b / equations.q[i] for i, b in c.row.items()}
+        if c.position is not None and len(c.row) == 4 and len(ratios) == 1:
+            if not ratios.pop().free_symbols:
+                found.update(c.row)
+    return found
+
+
+class Proof:
+    """The conditions that a symmetry satisfies, as expressions that vanish identically.
+
+    Parameters
+    ----------
+    equations : Equations
+    quantity : ConservedQuantity
+    """
+
+    def __init__(self, equations: Equations, quantity: ConservedQuantity):
+        self.equations, self.quantity = equations, quantity
+
+    def products(self) -> Iterator[tuple[Basic, Basic]]:
+        """Yield factors whose products' sum is (∂L/∂q + Q)·ξ + p·ξ̇ + τ (∂L/∂t − Q·v)."""
+        eq, quantity = self.equations, self.quantity
+        for i, x in quantity.field.items():
+            yield eq.gradient[i] + eq.applied_forces[i], x
+            yield eq.momenta[i], self.rate(x)
+        if quantity.time != ZERO:
+            yield quantity.time, -eq.time_power
+            for force, v in zip(eq.applied_forces, eq.v, strict=True):
+                yield -quantity.time * force, v
+
+    def constraint_products(self, beta: int) -> Iterator[tuple[Basic, Basic]]:
+        """Yield factors whose products' sum is b_β·ξ + τ b_0."""
+        c = self.equations.constraints[beta]
+        for i, b in c.row.items():
+            if i in self.quantity.field:
+                yield b, self.quantity.field[i]
+        yield self.quantity.time, c.drift
+
+    def multiple(self, beta: int) -> Basic:
+        """Return Σ_γ μ_βγ φ_γ."""
+        positions = [c.position for c in self.equations.constraints if c.position is not None]
+        multiples = self.quantity.multiples.items()
+        return se.Add(*[x * positions[j] for (i, j), x in multiples if i == beta])
+
+    def rate(self, expression: Basic) -> Basic:
+        """Return the rate of a function of q."""
+        pairs = zip(self.equations.q, self.equations.v, strict=True)
+        return se.Add(*[expression.diff(q) * v for q, v in pairs])
+
+    def holds_generally(self) -> bool:
+        """Whether the conditions hold for all values of the parameters."""
+        conditions = [se.Add(*[x * y for x, y in self.products()], -self.rate(self.quantity.gauge))]
+        for beta in range(len(self.equations.constraints)):
+            products = [x * y for x, y in self.constraint_products(beta)]
+            conditions.append(se.Add(*products, -self.multiple(beta)))
+        return all(map(_vanishes, conditions))
+
+
+def _vanishes(expression: Basic) -> bool:
+    write = Monomials({})
+    exponential = write.exponential(expression)
+    return term_count(exponential) <= THOROUGH and not any(True for _ in write.terms(exponential))
+
+
+def generalized(equations: Equations, quantity: ConservedQuantity) -> ConservedQuantity:
+    """Return a quantity with its numbers written by parameters, where it then holds for all values.
+
+    Parameters
+    ----------
+    equations : Equations
+    quantity : ConservedQuantity
+        As `conserved_quantities` finds it.
+    """
+    if Proof(equations, quantity).holds_generally():
+        return replace(quantity, general=True)
+    for numbers in _namings(equations, quantity):
+        other = _of_field(
+            equations,
+            {i: _renamed(x, numbers) for i, x in quantity.field.items()},
+            quantity.time,
+            _renamed(quantity.gauge, numbers),
+            {place: _renamed(x, numbers) for place, x in quantity.multiples.items()},
+        )
+        if Proof(equations, other).holds_generally():
+            return replace(other, name=quantity.name, general=True)
+    return quantity
+
+
+def _namings(equations: Equations, quantity: ConservedQuantity) -> Iterator[dict[Fraction, Basic]]:
+    """Yield parameters and simple combinations of them for the numbers of a symmetry."""
+    given = {n: rational(x) for n, x in equations.model.parameter_values.items()}
+    powers = {se.Symbol(n) ** e: x**e for n, x in given.items() if x for e in (1, -1)}
+    known: dict[Fraction, list[Basic]] = defaultdict(list)
+    for symbol, x in powers.items():
+        known[abs(x)].append(symbol if x > 0 else -symbol)
+    parts = [*quantity.field.values(), quantity.gauge, *quantity.multiples.values()]
+    used = sorted({abs(x) for part in parts for x in _numbers(part)})
+    choices: list[list[Basic]] = []
+    for number in used:
+        found = known.get(number, [])
+        if not found and number != 1:
+            found = [
+                a * b
+                for (a, x), (b, y) in product(powers.items(), repeat=2)
+                if abs(x * y) == number and str(a) <= str(b)
+            ]
+        choices.append([symbolic(number), *found][:_MOST_NAMINGS])
+    for tried, chosen in enumerate(product(*choices)):
+        if tried >= _MOST_NAMINGS:
+            return
+        yield dict(zip(used, chosen, strict=True))
+
+
+def _numbers(expression: Basic) -> Iterator[Fraction]:
+    """Yield the coefficients of an expression that is a sum of terms."""
+    for coefficient in _coefficients(expression).values():
+        numerator, denominator = coefficient.get_num_den()
+        yield Fraction(int(numerator), int(denominator))
+
+
+def _renamed(expression: Basic, numbers: Mapping[Fraction, Basic]) -> Basic:
+    terms = []
+    for term, coefficient in _coefficients(expression).items():
+        numerator, denominator = coefficient.get_num_den()
+        value = Fraction(int(numerator), int(denominator))
+        named = numbers[abs(value)]
+        terms.append(term * (named if value > 0 else -named))
+    return se.Add(*terms)
+
+
+def _coefficients(expression: Basic) -> dict[Basic, Basic]:
+    if isinstance(expression, se.Number):
+        return {ONE: expression} if expression != ZERO else {}
+    return {term: se.sympify(x) for term, x in expression.as_coefficients_dict().items()}
