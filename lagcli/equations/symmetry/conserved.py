@@ -65,9 +65,18 @@ class ConservedQuantity:
     @cached_property
     def in_momenta(self) -> str:
         """The quantity by the momenta p_q and h, as text: ``x*p_y - y*p_x``."""
-        return str(self._in_momenta).replace("**", "^")
+        terms = list(_coefficients(self._in_momenta).items())
+        terms.sort(key=lambda pair: str(pair[0]))
+        signs, factors = zip(*(_factor(x, str(term)) for term, x in terms), strict=True)
+        text = "".join(f" {s} {f}" for s, f in zip(signs, factors, strict=True))
+        return text.removeprefix(" + ").replace(" - ", "-", text.startswith(" - "))
 
     _in_momenta: Basic = ZERO
+
+    @property
+    def is_energy(self) -> bool:
+        """Whether it is Jacobi's integral alone, which is the column ``energy_total``."""
+        return self.time != ZERO and not self.field and self.gauge == ZERO
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +155,8 @@ def _of_field(
     name = ""
     if time != ZERO:
         kind = name = "jacobi"
-        if not field and eq.model.kinetic is not None:
-            if is_zero(eq.energy - eq.model.kinetic - eq.model.potential):
-                kind = name = "energy"
+        if not field and is_zero(eq.energy - eq.kinetic - eq.potential):
+            kind = name = "energy"
     elif len(field) == 1 and gauge == ZERO:
         ((i, x),) = field.items()
         name = f"p_{names[i]}" if x == ONE else ""
@@ -182,9 +190,9 @@ def _quaternions(equations: Equations) -> set[int]:
     found: set[int] = set()
     for c in equations.constraints:
         ratios = {b / equations.q[i] for i, b in c.row.items()}
-        if c.position is not None and len(c.row) == 4 and len(ratios) == 1:
-            if not ratios.pop().free_symbols:
-                found.update(c.row)
+        constant = len(ratios) == 1 and not ratios.pop().free_symbols
+        if c.position is not None and len(c.row) == 4 and constant:
+            found.update(c.row)
     return found
 
 
@@ -311,7 +319,16 @@ def _renamed(expression: Basic, numbers: Mapping[Fraction, Basic]) -> Basic:
     return se.Add(*terms)
 
 
+def _factor(coefficient: Basic, term: str) -> tuple[str, str]:
+    """Return the sign of a term, and its text without."""
+    numerator, denominator = map(int, coefficient.get_num_den())
+    front = f"{abs(numerator)}*" if abs(numerator) != 1 else ""
+    below = f"/{denominator}" if denominator != 1 else ""
+    return "-" if numerator < 0 else "+", f"{front}{term.replace('**', '^')}{below}"
+
+
 def _coefficients(expression: Basic) -> dict[Basic, Basic]:
     if isinstance(expression, se.Number):
         return {ONE: expression} if expression != ZERO else {}
-    return {term: se.sympify(x) for term, x in expression.as_coefficients_dict().items()}
+    found = expression.as_coefficients_dict().items()
+    return {term: se.sympify(x) for term, x in found if x != ZERO}

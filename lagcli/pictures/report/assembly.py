@@ -154,7 +154,7 @@ def _looked_at(run: RunFile, system: EquationSystem) -> list[ReportCurve]:
 
 
 def _residuals(run: RunFile) -> Extremes:
-    found = Extremes(run.constraints)
+    found = Extremes(run.constraints, run.conserved_names)
     for columns in run.blocks(Extremes.COLUMNS):
         found.add(columns)
     return found
