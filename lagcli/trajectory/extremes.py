@@ -70,7 +70,7 @@ class Extremes:
         "conserved",
     )
 
-    def __init__(self, constraints: Sequence[str], conserved: Sequence[str] = ()):
+    def __init__(self, constraints: Sequence[str], conserved: Sequence[str]):
         self.samples = 0
         self.first = self.last = math.nan
         self.multipliers = {name: Extreme() for name in constraints}

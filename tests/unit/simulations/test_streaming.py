@@ -41,6 +41,7 @@ def blocks_of(run: Trajectory, rows: int) -> Iterator[Samples]:
             coordinates=run.coordinates,
             constraints=run.constraints,
             terms=run.terms,
+            conserved_names=run.conserved_names,
             outputs={name: values[some] for name, values in run.outputs.items()},
             **{
                 name: getattr(run, name)[some]
