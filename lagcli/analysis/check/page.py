@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from fractions import Fraction
 from itertools import islice
 
 from lagcli.analysis.check.check import Check
 from lagcli.analysis.check.rank import Combination
-from lagcli.equations.presentation.conserved import conserved_step
+from lagcli.equations.presentation.conserved import conserved_step, minus
 from lagcli.equations.presentation.extent import Extent
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
 from lagcli.equations.presentation.overview import constraints_step, freedom_step
 from lagcli.equations.presentation.typeset import (
+    ONE,
     Node,
-    Number,
     Sign,
     Symbol,
     product_of,
@@ -26,6 +25,8 @@ from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
 from lagcli.equations.render.text import render_text
 
+#: Fastest decay over slowest motion from which it is said.
+_STIFF = 10.0
 #: Initial values and names that are listed.
 _LISTED = 12
 
@@ -97,7 +98,10 @@ def _freedom(f: Formulas, found: Check) -> Step:
         counts = Counter(rank.random_ranks)
         said.append(
             "Rank of B at random consistent states: "
-            + (", ".join(f"{n} at {count}" for n, count in sorted(counts.items())) or "none found")
+            + (
+                ", ".join(f"{n} at {count}" for n, count in sorted(counts.items()))
+                or "there are none"
+            )
             + "."
         )
         if rank.special:
@@ -130,7 +134,7 @@ def _multipliers(found: Check) -> Step | None:
 
 def _combination(c: Combination) -> Node:
     terms = (
-        (1, product_of([_number(x), Symbol(name, kind="multiplier")]))
+        (1, product_of([ONE if x == 1 else _number(x), Symbol(name, kind="multiplier")]))
         for name, x in c.factors.items()
     )
     return sum_of(terms)
@@ -154,7 +158,7 @@ def _start(found: Check) -> Step:
     lines = [t]
     for name, (before, after) in islice(start.moved.items(), _LISTED):
         base = name.rstrip("'")
-        note = f"moved from {before:.8g}"
+        note = f"moved from {minus(before, 8)}"
         symbol = Symbol(base, len(name) - len(base))
         lines.append(Line((symbol, _number(after, 10)), note=note))
     more = len(start.moved) - _LISTED
@@ -179,7 +183,7 @@ def _time_scales(found: Check) -> Step | None:
         said.append(f"Fastest decay {x.fastest_decay:.6g} 1/s.")
     if x.fastest_growth:
         said.append(f"Fastest growth {x.fastest_growth:.6g} 1/s.")
-    if x.stiffness:
+    if x.stiffness > _STIFF:
         said.append(f"The fastest decay is {x.stiffness:.3g} times the slowest motion.")
     said.append("Of small motions about the start, with the coefficients that hold there.")
     return Step("Time scales", (), " ".join(said))
@@ -190,5 +194,6 @@ def _names(names: tuple[str, ...]) -> str:
     return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
-def _number(value: float, digits: int = 6) -> Number:
-    return Number(Fraction(f"{value:.{digits}g}"))
+def _number(value: float, digits: int = 6) -> Node:
+    text = f"{abs(value):.{digits}g}"
+    return sum_of([(-1 if value < 0 else 1, Sign(text, text))])

@@ -114,6 +114,9 @@ def check_rank(
 def random_states(system: System, start: ConsistentState) -> list[ConsistentState]:
     """Return random consistent states near the start, always the same ones.
 
+    A random walk: each state is a step along the position constraints from the one before, moved
+    onto them. Guesses far from the constraints would be drawn to singular configurations.
+
     Parameters
     ----------
     system : System
@@ -122,26 +125,40 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
     Returns
     -------
     list of ConsistentState
-        Up to 20; fewer where the constraints have no solution near most guesses, or of a large
-        system.
+        Up to 20, fewer of a large system; none where the constraints determine all positions.
     """
-    state, random = start.state, np.random.default_rng(8)
-    nq = len(state.q)
-    free = np.zeros(nq, dtype=bool)
-    wanted = max(3, min(_STATES, _COORDINATES // max(1, nq)))
+    random, state = np.random.default_rng(8), start.state
+    free = np.zeros(len(state.q), dtype=bool)
+    wanted = max(3, min(_STATES, _COORDINATES // max(1, len(free))))
     size = _sizes(system, state)
     found: list[ConsistentState] = []
     for _ in range(2 * wanted):
-        q = state.q + _SPREAD * size * random.normal(size=nq)
-        v = state.v + random.normal(size=nq) * np.maximum(np.abs(state.v), size)
-        guess = State(state.t, q, v, state.p)
+        tangents = _tangents(system, state)
+        if not tangents.shape[1]:
+            break
+        step = tangents @ random.normal(size=tangents.shape[1])
+        step *= _SPREAD * random.uniform() / (np.abs(step / size).max() or 1.0)
+        v = state.v + random.normal(size=len(free)) * np.maximum(np.abs(state.v), size)
         try:
+            guess = State(state.t, state.q + step, v, state.p)
             found.append(consistent_state(system, guess, free, free))
         except (NoConsistentState, UndefinedStart, np.linalg.LinAlgError):
+            state = start.state
             continue
+        state = found[-1].state
         if len(found) == wanted:
             break
     return found
+
+
+def _tangents(system: System, state: State) -> Array:
+    """Return changes of the coordinates that the position constraints allow, (nq, n)."""
+    evaluator = Evaluator(system, state.p)
+    sizes = evaluator.sizes(state.t, state.q, state.v)
+    if not system.holonomic:
+        return np.diag(sizes)
+    jacobian = evaluator.constraints(state.t, state.q, state.v).jacobian
+    return decompose(jacobian[list(system.holonomic)], sizes=sizes).null
 
 
 def _sizes(system: System, state: State) -> Array:

@@ -46,6 +46,8 @@ def title_of(quantity: ConservedQuantity, names: tuple[str, ...]) -> str:
     along += ", …" if len(quantity.field) > 8 else ""
     coordinates = set(map(coordinate, names))
     constant = all(coordinates.isdisjoint(x.free_symbols) for x in quantity.field.values())
+    if quantity.gauge != 0 and quantity.time != 0:
+        return "Jacobi's integral h and the work of constant forces"
     if quantity.kind == "energy":
         return "energy, h = T + V"
     if quantity.kind == "jacobi":
@@ -69,11 +71,16 @@ def conserved_step(f: Formulas, quantity: ConservedQuantity, value: float | None
         Its value at the start.
     """
     lines = [Line(_sides(f, quantity), quantity.name), *_proof(f, quantity)]
-    said = [] if value is None else [f"Value at the start: {value:.6g}."]
+    said = [] if value is None else [f"Value at the start: {minus(value)}."]
     if not quantity.general:
         said.append("It is conserved for these values of the parameters, not for all.")
     title = title_of(quantity, f.model.coordinate_names)
     return Step(f"Conserved: {title}", tuple(lines), " ".join(said) or None)
+
+
+def minus(value: float, digits: int = 6) -> str:
+    """Return a number with a minus sign that is as long as a plus sign."""
+    return f"{value:.{digits}g}".replace("-", "−")
 
 
 def _sides(f: Formulas, quantity: ConservedQuantity) -> tuple[Node, ...]:

@@ -168,7 +168,7 @@ def _of_field(
         gauge=gauge,
         multiples=multiples,
         expression=sign * (momentum - time * eq.energy - gauge),
-        _in_momenta=sign * (short - time * se.Symbol("h") - gauge),
+        _in_momenta=se.expand(sign * (short - time * se.Symbol("h") - gauge)),
     )
 
 
