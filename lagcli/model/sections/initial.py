@@ -9,6 +9,8 @@ from dataclasses import replace
 from lagcli.errors import SourceLocation
 from lagcli.model.draft import Draft, Indices
 from lagcli.model.expression.quantities import Quantity, evaluate, formula_of, read_quantity
+from lagcli.model.expression.tokens import without_dots
+from lagcli.model.keys import INITIAL, keys_of
 from lagcli.model.model import InitialValue, Written
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
 from lagcli.model.names.members import family_of, members_clause
@@ -147,6 +149,9 @@ def canonical_name(draft: Draft, name: str) -> str | None:
     """Return the coordinate or velocity (x') that an entry names."""
     if name in draft.names.coordinates:
         return name
+    if not name.isascii():  # φ̇ and φ′ are φ'
+        plain, primes = without_dots(name.replace("′", "'"))
+        name = plain + "'" * primes
     for ending in ("'", "_dot"):
         base = name.removesuffix(ending)
         if base != name and base in draft.names.coordinates:
@@ -223,7 +228,7 @@ class _InitialReader:
 
     def guess(self, node: MappingNode, what: str) -> YamlNode | None:
         """Return the field ``guess``."""
-        fields = self.draft.fields(node, what, ("guess",))
+        fields = self.draft.fields(node, what, keys_of(INITIAL))
         self.fixed = False
         if "guess" not in fields and not node.entries:
             self.draft.report.add(

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation
+from lagcli.model.shipped import find_model, shipped_models
 from lagcli.model.spelling import nearest, shorten
 from lagcli.model.yaml.source import Source
 
@@ -18,20 +19,22 @@ _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 def read_text(path: str | Path) -> tuple[str, str]:
-    """Read a file, or standard input for "-".
+    """Read a file, a shipped model by its name, or standard input for "-".
 
-        Returns
-        -------
-        text, name : str
-    The name identifies the file in messages.
+    Returns
+    -------
+    text, name : str
+        The name identifies the file in messages.
 
-        Raises
-        ------
-        FileError
-            The file cannot be read.
-        ModelError
-    The content is not text.
+    Raises
+    ------
+    FileError
+        The file cannot be read.
+    ModelError
+        The content is not text.
     """
+    if str(path) != "-":
+        path = find_model(path)
     name = "<stdin>" if str(path) == "-" else str(path)
     try:
         if str(path) == "-":
@@ -60,8 +63,12 @@ def _missing(path: Path) -> str:
         candidates = {}
     # compared without suffixes, which would make any two names look similar
     close = nearest(path.stem, list(candidates))
-    guess = f"; did you mean {candidates[close[0]]}?" if close else ""
-    return f"there is no file {path}{guess}"
+    if close:
+        return f"there is no file {path}; did you mean {candidates[close[0]]}?"
+    close = nearest(path.stem, list(shipped_models()))
+    if close and path.parent == Path():
+        return f"there is no file {path}; did you mean `{close[0]}`, which is shipped with lagcli?"
+    return f"there is no file {path}"
 
 
 def _not_text(
