@@ -13,7 +13,7 @@ from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.lagrange import Equations
-from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities
+from lagcli.equations.symmetry.conserved import monitored_quantities
 from lagcli.model.model import TIME
 from lagcli.trajectory.samples import Array
 
@@ -59,7 +59,7 @@ def monitor_of(equations: Equations) -> Monitor:
     looked for.
     """
     eq = equations
-    quantities = [q for q in conserved_quantities(eq, QUICK).quantities if not q.is_energy]
+    quantities = monitored_quantities(eq)
     if not quantities:
         return NO_MONITOR
     parameters = [se.Symbol(name) for name in eq.model.parameters]

@@ -73,11 +73,6 @@ class ConservedQuantity:
 
     _in_momenta: Basic = ZERO
 
-    @property
-    def is_energy(self) -> bool:
-        """Whether it is Jacobi's integral alone, which is the column ``energy_total``."""
-        return self.time != ZERO and not self.field and self.gauge == ZERO
-
 
 @dataclass(frozen=True, eq=False)
 class Conserved:
@@ -95,27 +90,39 @@ class Conserved:
     extent: Extent
 
 
-def conserved_quantities(equations: Equations, effort: float = THOROUGH) -> Conserved:
+def conserved_quantities(equations: Equations) -> Conserved:
     """Find the conserved quantities of linear symmetries, and Jacobi's integral.
 
     Parameters
     ----------
     equations : Equations
-    effort : float
-        `THOROUGH` or `QUICK`.
 
     Returns
     -------
     Conserved
         For the model's values of the parameters. `generalized` looks whether they matter.
     """
-    symmetries, extent = linear_symmetries(equations, equations.model.parameter_values, effort)
+    symmetries, extent = linear_symmetries(equations, equations.model.parameter_values, THOROUGH)
+    return Conserved(_named(equations, symmetries), extent)
+
+
+def monitored_quantities(equations: Equations) -> tuple[ConservedQuantity, ...]:
+    """Find conserved quantities besides the energy, within some 20 ms.
+
+    Parameters
+    ----------
+    equations : Equations
+    """
+    symmetries, _ = linear_symmetries(equations, equations.model.parameter_values, QUICK)
+    return _named(equations, [s for s in symmetries if not s.is_energy])
+
+
+def _named(equations: Equations, symmetries: list[Symmetry]) -> tuple[ConservedQuantity, ...]:
+    """Return the quantities of symmetries: momenta of cyclic coordinates first, energy last."""
     found = [q for q in (_quantity(equations, s) for s in symmetries) if not is_zero(q.expression)]
-    # momenta of cyclic coordinates first, the energy last
     found.sort(key=lambda q: (q.time != ZERO, q.name == ""))
     numbers = iter(range(1, len(found) + 1))
-    named = [q if q.name else replace(q, name=f"J_{next(numbers)}") for q in found]
-    return Conserved(tuple(named), extent)
+    return tuple(q if q.name else replace(q, name=f"J_{next(numbers)}") for q in found)
 
 
 def _quantity(equations: Equations, symmetry: Symmetry) -> ConservedQuantity:

@@ -69,6 +69,11 @@ class Symmetry:
     gauge_quadratic: Mapping[tuple[int, int], Fraction]
     multiples: Mapping[tuple[int, int], Fraction]
 
+    @property
+    def is_energy(self) -> bool:
+        """Whether it is a shift of time alone, by which h is conserved."""
+        return not (self.linear or self.shift or self.gauge_linear or self.gauge_quadratic)
+
 
 def linear_symmetries(
     equations: Equations, parameters: Mapping[str, float], effort: float
@@ -135,7 +140,7 @@ class _Conditions:
                     for part, x in enumerate(parts):
                         if x:
                             row = rows[condition, key, part]
-                            row[place] = row.get(place, Fraction(0)) + x
+                            row[place] = row[place] + x if place in row else x
         equations = ({c: x for c, x in row.items() if x} for row in rows.values())
         vectors = null_space([row for row in equations if row], len(known))
         return [_symmetry(vector, known) for vector in vectors]

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
+from math import gcd, lcm
 
 SparseVector = dict[int, Fraction]
+_Integers = dict[int, int]
 
 
 def null_space(rows: Iterable[SparseVector], columns: int) -> list[SparseVector]:
     """Return a basis of the vectors x with A x = 0.
 
+    Gaussian elimination of rows of integers, which need no common divisors in every operation.
+
     Parameters
     ----------
     rows : iterable of sparse vectors
-        The nonzero entries of each row by column; they are changed.
+        The nonzero entries of each row by column.
     columns : int
 
     Returns
@@ -23,38 +27,51 @@ def null_space(rows: Iterable[SparseVector], columns: int) -> list[SparseVector]
         In the reduced form: each has an entry 1 in a column where the others have none. Of columns
         that depend on each other, the later ones are chosen for that.
     """
-    pivots: dict[int, SparseVector] = {}
-    for row in sorted(rows, key=len):
+    pivots: dict[int, _Integers] = {}
+    distinct = {tuple(sorted(_integers(row).items())) for row in rows if row}
+    for entries in sorted(distinct, key=lambda entries: (len(entries), entries)):
+        row = dict(entries)
         while row:
             lead = min(row)
             if lead not in pivots:
-                scale = row[lead]
-                pivots[lead] = {column: x / scale for column, x in row.items()}
+                pivots[lead] = row
                 break
-            _subtract(row, row[lead], pivots[lead])
+            row = _without(row, lead, pivots[lead])
     solved = sorted(pivots, reverse=True)
     return [_solution(free, pivots, solved) for free in range(columns) if free not in pivots]
 
 
-def _subtract(row: SparseVector, factor: Fraction, other: SparseVector) -> None:
-    for column, x in other.items():
-        left = row.get(column, Fraction(0)) - factor * x
-        if left:
-            row[column] = left
-        else:
-            row.pop(column, None)
+def _integers(row: SparseVector) -> _Integers:
+    """Return a multiple of a row in integers without a common divisor, the first positive."""
+    common = lcm(*(x.denominator for x in row.values()))
+    return _primitive({c: x.numerator * (common // x.denominator) for c, x in row.items()})
 
 
-def _solution(free: int, pivots: dict[int, SparseVector], solved: list[int]) -> SparseVector:
+def _primitive(row: _Integers) -> _Integers:
+    divisor = gcd(*row.values())
+    if row and row[min(row)] < 0:
+        divisor = -divisor
+    return {c: x // divisor for c, x in row.items()} if divisor not in (0, 1) else row
+
+
+def _without(row: _Integers, lead: int, pivot: _Integers) -> _Integers:
+    """Return a combination of a row and a pivot row without the column of the pivot."""
+    divisor = gcd(row[lead], pivot[lead])
+    own, other = pivot[lead] // divisor, row[lead] // divisor
+    found = {c: own * x for c, x in row.items()}
+    for c, x in pivot.items():
+        found[c] = found.get(c, 0) - other * x
+    return _primitive({c: x for c, x in found.items() if x})
+
+
+def _solution(free: int, pivots: dict[int, _Integers], solved: list[int]) -> SparseVector:
     """Return the solution with one free unknown 1 and the others 0, by back substitution."""
     found = {free: Fraction(1)}
     for lead in solved:
-        if lead > free:
+        row = pivots[lead]
+        if lead > free or found.keys().isdisjoint(row):
             continue
-        value = -sum(
-            (x * found[c] for c, x in pivots[lead].items() if c in found and c != lead),
-            start=Fraction(0),
-        )
+        value = sum((x * found[c] for c, x in row.items() if c in found), start=Fraction(0))
         if value:
-            found[lead] = value
+            found[lead] = -value / row[lead]
     return found
