@@ -73,7 +73,9 @@ def conserved_step(f: Formulas, quantity: ConservedQuantity, value: float | None
     lines = [Line(_sides(f, quantity), quantity.name), *_proof(f, quantity)]
     said = [] if value is None else [f"Value at the start: {minus(value)}."]
     if not quantity.general:
-        said.append("It is conserved for these values of the parameters, not for all.")
+        said.append(
+            "Of these values of the parameters: with others its numbers change, or it drifts."
+        )
     title = title_of(quantity, f.model.coordinate_names)
     return Step(f"Conserved: {title}", tuple(lines), " ".join(said) or None)
 

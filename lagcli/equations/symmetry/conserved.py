@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
 from typing import Literal
 
 import symengine as se
@@ -21,8 +21,10 @@ from lagcli.model.expression.linearity import is_zero
 
 #: Terms that may be looked at: in `lagcli check`, some seconds; before a run, some 20 ms.
 THOROUGH, QUICK = 1e5, 1e3
+#: Factors of parameters.
+_PLAIN = (Fraction(1), Fraction(1, 2), Fraction(2))
 #: Ways to name the numbers of a symmetry by parameters that are tried.
-_MOST_NAMINGS = 64
+_MOST_NAMINGS = 32
 
 Kind = Literal["energy", "jacobi", "momentum"]
 Row = Mapping[int, Basic]
@@ -288,25 +290,24 @@ def _namings(equations: Equations, quantity: ConservedQuantity) -> Iterator[dict
     """Yield parameters and simple combinations of them for the numbers of a symmetry."""
     given = {n: rational(x) for n, x in equations.model.parameter_values.items()}
     powers = {se.Symbol(n) ** e: x**e for n, x in given.items() if x for e in (1, -1)}
-    known: dict[Fraction, list[Basic]] = defaultdict(list)
-    for symbol, x in powers.items():
-        known[abs(x)].append(symbol if x > 0 else -symbol)
+    pairs = {a * b: x * y for (a, x), (b, y) in combinations(powers.items(), 2)}
     parts = [*quantity.field.values(), quantity.gauge, *quantity.multiples.values()]
     used = sorted({abs(x) for part in parts for x in _numbers(part)})
     choices: list[list[Basic]] = []
     for number in used:
-        found = known.get(number, [])
-        if not found and number != 1:
-            found = [
-                a * b
-                for (a, x), (b, y) in product(powers.items(), repeat=2)
-                if abs(x * y) == number and str(a) <= str(b)
-            ]
+        found = _equal(number, powers if number in _PLAIN else {**powers, **pairs})
         choices.append([symbolic(number), *found][:_MOST_NAMINGS])
     for tried, chosen in enumerate(product(*choices)):
         if tried >= _MOST_NAMINGS:
             return
         yield dict(zip(used, chosen, strict=True))
+
+
+def _equal(number: Fraction, known: Mapping[Basic, Fraction]) -> list[Basic]:
+    """Return the products with a plain number that have a value, those with 1 first."""
+    factors = {symbol: number / x for symbol, x in known.items() if abs(number / x) in _PLAIN}
+    exact = sorted(factors, key=lambda symbol: abs(factors[symbol]) != 1)
+    return [symbolic(factors[symbol]) * symbol for symbol in exact]
 
 
 def _numbers(expression: Basic) -> Iterator[Fraction]:

@@ -32,7 +32,7 @@ from symengine import Basic
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ZERO
 from lagcli.equations.symmetry.monomials import ONE, Monomials, term_count
-from lagcli.equations.symmetry.nullspace import SparseVector, null_space
+from lagcli.equations.symmetry.nullspace import SparseVector, independent, null_space
 from lagcli.model.model import TIME
 
 #: What was searched: A, b and τ; b and τ; or coordinates that do not occur, and the time.
@@ -40,6 +40,8 @@ Extent = Literal["linear", "translations", "absent coordinates"]
 
 #: An unknown: its letter and its indices.
 Unknown = tuple[str, int, int]
+#: Numerators of numbers that do not come from parameters.
+_SMALL = (-2, -1, 1, 2)
 #: An unknown with a factor of its coefficient.
 _Use = tuple[Unknown, Basic]
 
@@ -103,7 +105,12 @@ def linear_symmetries(
         return _absent(equations), "absent coordinates"
     if system.size * len(equations.q) > effort:
         extent = "translations"
-    return system.solutions(extent == "linear"), extent
+    vectors = system.solutions(extent == "linear")
+    if any(x.numerator not in _SMALL or x.denominator > 2 for v in vectors for x in v.values()):
+        # numbers that come from parameters: of those that depend on them as few as possible
+        general = _Conditions(equations, Monomials({})).solutions(extent == "linear")
+        vectors = independent([*general, *vectors])
+    return [_symmetry(vector, system.unknowns(extent == "linear")) for vector in vectors], extent
 
 
 class _Conditions:
@@ -128,9 +135,9 @@ class _Conditions:
         parts += [b for row in self.rows for b in row.values()]
         return sum(map(term_count, parts))
 
-    def solutions(self, with_rotations: bool) -> list[Symmetry]:
-        """Return a basis of the symmetries, with A or with A = 0."""
-        known = self._unknowns(with_rotations)
+    def solutions(self, with_rotations: bool) -> list[SparseVector]:
+        """Return a basis of the symmetries, with A or with A = 0, in the unknowns."""
+        known = self.unknowns(with_rotations)
         places = {unknown: place for place, unknown in enumerate(known)}
         rows: dict[tuple[int, Basic, int], SparseVector] = defaultdict(dict)
         for condition, expression, uses in self._entries(with_rotations):
@@ -142,10 +149,9 @@ class _Conditions:
                             row = rows[condition, key, part]
                             row[place] = row[place] + x if place in row else x
         equations = ({c: x for c, x in row.items() if x} for row in rows.values())
-        vectors = null_space([row for row in equations if row], len(known))
-        return [_symmetry(vector, known) for vector in vectors]
+        return null_space([row for row in equations if row], len(known))
 
-    def _unknowns(self, with_rotations: bool) -> list[Unknown]:
+    def unknowns(self, with_rotations: bool) -> list[Unknown]:
         """Return the unknowns; of those that depend on each other the last ones stay free."""
         k, r, rh = len(self.momenta), len(self.rows), len(self.positions)
         both = [(i, j) for i in range(k) for j in range(k)]

@@ -41,6 +41,22 @@ def null_space(rows: Iterable[SparseVector], columns: int) -> list[SparseVector]
     return [_solution(free, pivots, solved) for free in range(columns) if free not in pivots]
 
 
+def independent(vectors: Iterable[SparseVector]) -> list[SparseVector]:
+    """Return the vectors that are linearly independent of those before them."""
+    pivots: dict[int, _Integers] = {}
+    found = []
+    for vector in vectors:
+        row = _integers(vector)
+        while row:
+            lead = min(row)
+            if lead not in pivots:
+                pivots[lead] = row
+                found.append(vector)
+                break
+            row = _without(row, lead, pivots[lead])
+    return found
+
+
 def _integers(row: SparseVector) -> _Integers:
     """Return a multiple of a row in integers without a common divisor, the first positive."""
     common = lcm(*(x.denominator for x in row.values()))
