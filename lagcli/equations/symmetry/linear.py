@@ -110,7 +110,10 @@ def linear_symmetries(
         # numbers that come from parameters: of those that depend on them as few as possible
         general = _Conditions(equations, Monomials({})).solutions(extent == "linear")
         vectors = independent([*general, *vectors])
-    return [_symmetry(vector, system.unknowns(extent == "linear")) for vector in vectors], extent
+    known = system.unknowns(extent == "linear")
+    found = [_symmetry(vector, known) for vector in vectors]
+    # a relation among dependent position constraints is a solution for μ alone
+    return [s for s in found if s.linear or s.shift or s.time], extent
 
 
 class _Conditions:

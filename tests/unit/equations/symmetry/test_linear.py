@@ -28,12 +28,13 @@ def found(equations: Equations, effort: float) -> tuple[list[set[str]], str]:
 
 def test_less_is_searched_where_there_is_more_to_do() -> None:
     equations = lagcli.derive(lagcli.load_text(FREE))
-    moved, extent = found(equations, 1e5)
-    # s, the rotation, time; and s proportional to time is none of these
-    assert extent == "linear"
-    assert moved == [{"s"}, {"x", "y"}, set()]
-    assert found(equations, 30) == ([{"s"}, set()], "translations")
+    assert found(equations, 1e5) == ([{"s"}, {"x", "y"}, set()], "linear")
     assert found(equations, 10) == ([{"s"}, set()], "absent coordinates")
+    top = lagcli.derive(lagcli.load(MODELS / "heavy_top.yaml"))
+    quaternion = {"e0", "e1", "e2", "e3"}
+    assert found(top, 1e3) == ([{"X", "Y"} | quaternion, quaternion, set()], "linear")
+    assert found(top, 600) == ([set()], "translations")
+    assert found(top, 400) == ([set()], "absent coordinates")
 
 
 def test_a_large_model_is_not_searched_for_long() -> None:
