@@ -95,14 +95,12 @@ def _freedom(f: Formulas, found: Check) -> Step:
     step, rank = freedom_step(f), found.rank
     said = [f"Index {found.index}: {_INDEX[found.index]}"]
     if f.equations.constraints:
-        counts = Counter(rank.random_ranks)
+        counts = sorted(Counter(rank.random_ranks).items())
+        shown = ", ".join(f"{n} at {count}" for n, count in counts)
         said.append(
-            "Rank of B at random consistent states: "
-            + (
-                ", ".join(f"{n} at {count}" for n, count in sorted(counts.items()))
-                or "there are none"
-            )
-            + "."
+            f"Rank of B at random consistent states: {shown}."
+            if shown
+            else "The constraints determine all positions."
         )
         if rank.special:
             said.append(

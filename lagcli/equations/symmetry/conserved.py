@@ -92,19 +92,21 @@ class Conserved:
     extent: Extent
 
 
-def conserved_quantities(equations: Equations) -> Conserved:
+def conserved_quantities(equations: Equations, effort: float = THOROUGH) -> Conserved:
     """Find the conserved quantities of linear symmetries, and Jacobi's integral.
 
     Parameters
     ----------
     equations : Equations
+    effort : float
+        `THOROUGH` or `QUICK`.
 
     Returns
     -------
     Conserved
         For the model's values of the parameters. `generalized` looks whether they matter.
     """
-    symmetries, extent = linear_symmetries(equations, equations.model.parameter_values, THOROUGH)
+    symmetries, extent = linear_symmetries(equations, equations.model.parameter_values, effort)
     return Conserved(_named(equations, symmetries), extent)
 
 

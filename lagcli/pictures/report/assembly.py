@@ -102,6 +102,7 @@ def assembled(run: RunFile, title: str | None = None) -> str:
         energies=system.energies(),
         forces=system.forces(),
         constraints=system.constraints(),
+        conserved=system.conserved(),
         equations=system.motion(),
         convention=system.convention(),
         plots=_plots(found, run.count),
