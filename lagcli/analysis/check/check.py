@@ -15,7 +15,8 @@ from lagcli.engine.lowering import lower
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import Equations, derive
-from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities, generalized
+from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities
+from lagcli.equations.symmetry.generality import generalized
 from lagcli.model.model import TIME, Model
 from lagcli.simulations.start import find_start, freedom_at
 from lagcli.simulations.threads import one_thread

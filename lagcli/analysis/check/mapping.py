@@ -12,7 +12,8 @@ from lagcli.equations.derivation.lagrange import ConstraintEquation
 from lagcli.equations.presentation.conserved import title_of
 from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.render.grammar import grammar_text
-from lagcli.equations.symmetry.conserved import ConservedQuantity, Proof
+from lagcli.equations.symmetry.conserved import ConservedQuantity
+from lagcli.equations.symmetry.proof import Proof
 
 _Text = Callable[[Basic], str]
 

@@ -21,7 +21,8 @@ from lagcli.equations.presentation.typeset import (
     sum_of,
     weight,
 )
-from lagcli.equations.symmetry.conserved import ConservedQuantity, Proof
+from lagcli.equations.symmetry.conserved import ConservedQuantity
+from lagcli.equations.symmetry.proof import Proof
 from lagcli.model.model import coordinate
 
 #: Characters of a formula that is written out.

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import combinations, product
 from typing import Literal
 
 import symengine as se
@@ -16,15 +15,11 @@ from symengine import Basic
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ONE, TWO, ZERO
 from lagcli.equations.symmetry.linear import Extent, Symmetry, linear_symmetries
-from lagcli.equations.symmetry.monomials import Monomials, rational, symbolic, term_count
+from lagcli.equations.symmetry.monomials import coefficients, symbolic
 from lagcli.model.expression.linearity import is_zero
 
 #: Terms that may be looked at: in `lagcli check`, some seconds; before a run, some 20 ms.
 THOROUGH, QUICK = 1e5, 1e3
-#: Factors of parameters.
-_PLAIN = (Fraction(1), Fraction(1, 2), Fraction(2))
-#: Ways to name the numbers of a symmetry by parameters that are tried.
-_MOST_NAMINGS = 32
 
 Kind = Literal["energy", "jacobi", "momentum"]
 Row = Mapping[int, Basic]
@@ -50,6 +45,8 @@ class ConservedQuantity:
         μ in B ξ + τ b_0 = μ φ, by constraint and by position constraint.
     expression : expression
         I in q, v, t and the parameters.
+    momentum_form : expression
+        I in the momenta p_q and h.
     general : bool
         Whether it is conserved for all values of the parameters, and not for those of the model
         alone.
@@ -62,18 +59,17 @@ class ConservedQuantity:
     gauge: Basic
     multiples: Mapping[tuple[int, int], Basic]
     expression: Basic
+    momentum_form: Basic
     general: bool = False
 
     @cached_property
     def in_momenta(self) -> str:
         """The quantity by the momenta p_q and h, as text: ``x*p_y - y*p_x``."""
-        terms = list(_coefficients(self._in_momenta).items())
+        terms = list(coefficients(self.momentum_form).items())
         terms.sort(key=lambda pair: str(pair[0]))
         signs, factors = zip(*(_factor(x, str(term)) for term, x in terms), strict=True)
         text = "".join(f" {s} {f}" for s, f in zip(signs, factors, strict=True))
         return text.removeprefix(" + ").replace(" - ", "-", text.startswith(" - "))
-
-    _in_momenta: Basic = ZERO
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +100,8 @@ def conserved_quantities(equations: Equations, effort: float = THOROUGH) -> Cons
     Returns
     -------
     Conserved
-        For the model's values of the parameters. `generalized` looks whether they matter.
+        For the values of the parameters in the model; `lagcli.equations.symmetry.generality` says
+        whether they matter.
     """
     symmetries, extent = linear_symmetries(equations, equations.model.parameter_values, effort)
     return Conserved(_named(equations, symmetries), extent)
@@ -140,7 +137,7 @@ def _quantity(equations: Equations, symmetry: Symmetry) -> ConservedQuantity:
     gauge = [symbolic(x) * q[i] for i, x in symmetry.gauge_linear.items()]
     for (i, j), x in symmetry.gauge_quadratic.items():
         gauge.append(symbolic(x) * q[i] * q[j] / (TWO if i == j else ONE))
-    return _of_field(
+    return quantity_of(
         equations,
         {i: se.Add(*parts[i]) for i in sorted(parts)},
         scale * symbolic(symmetry.time),
@@ -149,14 +146,14 @@ def _quantity(equations: Equations, symmetry: Symmetry) -> ConservedQuantity:
     )
 
 
-def _of_field(
+def quantity_of(
     equations: Equations,
     field: Row,
     time: Basic,
     gauge: Basic,
     multiples: Mapping[tuple[int, int], Basic],
 ) -> ConservedQuantity:
-    """Return the quantity of a symmetry."""
+    """Return the quantity of a symmetry; the arguments are those of `ConservedQuantity`."""
     eq, sign = equations, -ONE if time != ZERO else ONE
     names = eq.model.coordinate_names
     p_names = [se.Symbol(f"p_{name}") for name in names]
@@ -179,7 +176,7 @@ def _of_field(
         gauge=gauge,
         multiples=multiples,
         expression=sign * (momentum - time * eq.energy - gauge),
-        _in_momenta=se.expand(sign * (short - time * se.Symbol("h") - gauge)),
+        momentum_form=se.expand(sign * (short - time * se.Symbol("h") - gauge)),
     )
 
 
@@ -207,138 +204,9 @@ def _quaternions(equations: Equations) -> set[int]:
     return found
 
 
-class Proof:
-    """The conditions that a symmetry satisfies, as expressions that vanish identically.
-
-    Parameters
-    ----------
-    equations : Equations
-    quantity : ConservedQuantity
-    """
-
-    def __init__(self, equations: Equations, quantity: ConservedQuantity):
-        self.equations, self.quantity = equations, quantity
-
-    def products(self) -> Iterator[tuple[Basic, Basic]]:
-        """Yield factors whose products' sum is (∂L/∂q + Q)·ξ + p·ξ̇ + τ (∂L/∂t − Q·v)."""
-        eq, quantity = self.equations, self.quantity
-        for i, x in quantity.field.items():
-            yield eq.gradient[i] + eq.applied_forces[i], x
-            yield eq.momenta[i], self.rate(x)
-        if quantity.time != ZERO:
-            yield quantity.time, -eq.time_power
-            for force, v in zip(eq.applied_forces, eq.v, strict=True):
-                yield -quantity.time * force, v
-
-    def constraint_products(self, beta: int) -> Iterator[tuple[Basic, Basic]]:
-        """Yield factors whose products' sum is b_β·ξ + τ b_0."""
-        c = self.equations.constraints[beta]
-        for i, b in c.row.items():
-            if i in self.quantity.field:
-                yield b, self.quantity.field[i]
-        yield self.quantity.time, c.drift
-
-    def multiple(self, beta: int) -> Basic:
-        """Return Σ_γ μ_βγ φ_γ."""
-        positions = [c.position for c in self.equations.constraints if c.position is not None]
-        multiples = self.quantity.multiples.items()
-        return se.Add(*[x * positions[j] for (i, j), x in multiples if i == beta])
-
-    def rate(self, expression: Basic) -> Basic:
-        """Return the rate of a function of q."""
-        pairs = zip(self.equations.q, self.equations.v, strict=True)
-        return se.Add(*[expression.diff(q) * v for q, v in pairs])
-
-    def holds_generally(self) -> bool:
-        """Whether the conditions hold for all values of the parameters."""
-        conditions = [se.Add(*[x * y for x, y in self.products()], -self.rate(self.quantity.gauge))]
-        for beta in range(len(self.equations.constraints)):
-            products = [x * y for x, y in self.constraint_products(beta)]
-            conditions.append(se.Add(*products, -self.multiple(beta)))
-        return all(map(_vanishes, conditions))
-
-
-def _vanishes(expression: Basic) -> bool:
-    write = Monomials({})
-    exponential = write.exponential(expression)
-    return term_count(exponential) <= THOROUGH and not any(True for _ in write.terms(exponential))
-
-
-def generalized(equations: Equations, quantity: ConservedQuantity) -> ConservedQuantity:
-    """Return a quantity with its numbers written by parameters, where it then holds for all values.
-
-    Parameters
-    ----------
-    equations : Equations
-    quantity : ConservedQuantity
-        As `conserved_quantities` finds it.
-    """
-    if Proof(equations, quantity).holds_generally():
-        return replace(quantity, general=True)
-    for numbers in _namings(equations, quantity):
-        other = _of_field(
-            equations,
-            {i: _renamed(x, numbers) for i, x in quantity.field.items()},
-            quantity.time,
-            _renamed(quantity.gauge, numbers),
-            {place: _renamed(x, numbers) for place, x in quantity.multiples.items()},
-        )
-        if Proof(equations, other).holds_generally():
-            return replace(other, name=quantity.name, general=True)
-    return quantity
-
-
-def _namings(equations: Equations, quantity: ConservedQuantity) -> Iterator[dict[Fraction, Basic]]:
-    """Yield parameters and simple combinations of them for the numbers of a symmetry."""
-    given = {n: rational(x) for n, x in equations.model.parameter_values.items()}
-    powers = {se.Symbol(n) ** e: x**e for n, x in given.items() if x for e in (1, -1)}
-    pairs = {a * b: x * y for (a, x), (b, y) in combinations(powers.items(), 2)}
-    parts = [*quantity.field.values(), quantity.gauge, *quantity.multiples.values()]
-    used = sorted({abs(x) for part in parts for x in _numbers(part)})
-    choices: list[list[Basic]] = []
-    for number in used:
-        found = _equal(number, powers if number in _PLAIN else {**powers, **pairs})
-        choices.append([symbolic(number), *found][:_MOST_NAMINGS])
-    for tried, chosen in enumerate(product(*choices)):
-        if tried >= _MOST_NAMINGS:
-            return
-        yield dict(zip(used, chosen, strict=True))
-
-
-def _equal(number: Fraction, known: Mapping[Basic, Fraction]) -> list[Basic]:
-    """Return the products with a plain number that have a value, those with 1 first."""
-    factors = {symbol: number / x for symbol, x in known.items() if abs(number / x) in _PLAIN}
-    exact = sorted(factors, key=lambda symbol: abs(factors[symbol]) != 1)
-    return [symbolic(factors[symbol]) * symbol for symbol in exact]
-
-
-def _numbers(expression: Basic) -> Iterator[Fraction]:
-    """Yield the coefficients of an expression that is a sum of terms."""
-    for coefficient in _coefficients(expression).values():
-        numerator, denominator = coefficient.get_num_den()
-        yield Fraction(int(numerator), int(denominator))
-
-
-def _renamed(expression: Basic, numbers: Mapping[Fraction, Basic]) -> Basic:
-    terms = []
-    for term, coefficient in _coefficients(expression).items():
-        numerator, denominator = coefficient.get_num_den()
-        value = Fraction(int(numerator), int(denominator))
-        named = numbers[abs(value)]
-        terms.append(term * (named if value > 0 else -named))
-    return se.Add(*terms)
-
-
 def _factor(coefficient: Basic, term: str) -> tuple[str, str]:
     """Return the sign of a term, and its text without."""
     numerator, denominator = map(int, coefficient.get_num_den())
     front = f"{abs(numerator)}*" if abs(numerator) != 1 else ""
     below = f"/{denominator}" if denominator != 1 else ""
     return "-" if numerator < 0 else "+", f"{front}{term.replace('**', '^')}{below}"
-
-
-def _coefficients(expression: Basic) -> dict[Basic, Basic]:
-    if isinstance(expression, se.Number):
-        return {ONE: expression} if expression != ZERO else {}
-    found = expression.as_coefficients_dict().items()
-    return {term: se.sympify(x) for term, x in found if x != ZERO}

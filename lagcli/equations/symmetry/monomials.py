@@ -97,3 +97,11 @@ def _parts(coefficient: Basic) -> tuple[Fraction, Fraction]:
 def _fraction(number: Basic) -> Fraction:
     numerator, denominator = number.get_num_den()
     return Fraction(int(numerator), int(denominator))
+
+
+def coefficients(expression: Basic) -> dict[Basic, Basic]:
+    """Return the terms of a sum, without their numerical coefficients, with these."""
+    if isinstance(expression, se.Number):
+        return {ONE: expression} if expression != 0 else {}
+    found = expression.as_coefficients_dict().items()
+    return {term: se.sympify(x) for term, x in found if x != 0}

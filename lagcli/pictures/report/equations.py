@@ -19,7 +19,8 @@ from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.html import equation, inline
 from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
-from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities, generalized
+from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities
+from lagcli.equations.symmetry.generality import generalized
 from lagcli.pictures.report.writing import chosen, elided, number, table, unit
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.samples import Array
@@ -215,16 +216,22 @@ class EquationSystem:
         eq, parts = self.equations, []
         for quantity in conserved_quantities(eq, QUICK).quantities:
             step = conserved_step(self.formulas, generalized(eq, quantity))
-            items = "".join(self._conserved_line(line) for line in step.lines)
             remark = f"<p class='note'>{escape(step.remark)}</p>" if step.remark else ""
             title = step.title.removeprefix("Conserved: ")
-            parts.append(f"<h4>{escape(title[0].upper() + title[1:])}</h4>{items}{remark}")
+            groups: list[tuple[str, list[str]]] = []
+            for line in step.lines:
+                if isinstance(line.label, str):
+                    groups.append((line.label, []))
+                groups[-1][1].append(self._limited(line))
+            listed = "".join(
+                f'<dt><span class="name">{escape(name)}</span></dt><dd>{"".join(shown)}</dd>'
+                for name, shown in groups
+            )
+            parts.append(
+                f"<h4>{escape(title[0].upper() + title[1:])}</h4>"
+                f'<dl class="constraints">{listed}</dl>{remark}'
+            )
         return f"<h3>Conserved quantities</h3>{''.join(parts)}" if parts else ""
-
-    def _conserved_line(self, line: Line) -> str:
-        name = line.label if isinstance(line.label, str) else ""
-        label = f'<span class="name">{escape(name)}</span>' if name else ""
-        return label + self._limited(line)
 
     def motion(self) -> str:
         """Return the equations of motion, those that are too long by their size."""

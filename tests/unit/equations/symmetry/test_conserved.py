@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import lagcli
-from lagcli.equations.symmetry.conserved import (
-    conserved_quantities,
-    generalized,
-    monitored_quantities,
-)
+from lagcli.equations.symmetry.conserved import conserved_quantities, monitored_quantities
+from lagcli.equations.symmetry.generality import generalized
 
 ROPE = """
 coordinates: [u, phi]
