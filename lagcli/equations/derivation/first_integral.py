@@ -85,6 +85,7 @@ def _closed(form: dict[Basic, Basic], variables: tuple[Basic, ...]) -> bool:
 def _potential(form: dict[Basic, Basic]) -> Basic | None:
     """Return Φ with ∂Φ/∂x = ω_x, by integrating one variable after the other."""
     import sympy
+    from symengine.lib.symengine_wrapper import sympy2symengine
 
     found = sympy.Integer(0)
     for x, b in form.items():
@@ -94,7 +95,7 @@ def _potential(form: dict[Basic, Basic]) -> Basic | None:
         if part.has(sympy.Integral):
             return None
         found += part
-    potential = se.sympify(sympy.simplify(found))
+    potential = sympy2symengine(sympy.simplify(found))
     if all(is_zero(derivative(potential, x) - b) for x, b in form.items()):
         return potential
     return None

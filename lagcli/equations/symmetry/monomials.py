@@ -65,7 +65,7 @@ class Monomials:
             parts = expanded.as_coefficients_dict()
         for monomial, coefficient in parts.items():
             if coefficient != 0:
-                yield monomial, *_parts(se.sympify(coefficient))
+                yield monomial, *_parts(_number(coefficient))
 
     def _wave(self, function: Basic) -> Basic:
         """Return sin or cos of a linear combination of terms by their exponentials."""
@@ -88,6 +88,11 @@ def term_count(exponential: Basic) -> float:
     return count_terms(exponential)
 
 
+def _number(coefficient: Basic | int) -> Basic:
+    """Return a coefficient as SymEngine's; of single terms it is Python's."""
+    return se.Integer(coefficient) if isinstance(coefficient, int) else coefficient
+
+
 def _parts(coefficient: Basic) -> tuple[Fraction, Fraction]:
     if isinstance(coefficient, se.Rational):
         return _fraction(coefficient), Fraction(0)
@@ -104,4 +109,4 @@ def coefficients(expression: Basic) -> dict[Basic, Basic]:
     if isinstance(expression, se.Number):
         return {ONE: expression} if expression != 0 else {}
     found = expression.as_coefficients_dict().items()
-    return {term: se.sympify(x) for term, x in found if x != 0}
+    return {term: _number(x) for term, x in found if x != 0}

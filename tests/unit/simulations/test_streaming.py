@@ -213,7 +213,8 @@ def test_a_long_run_opens_in_other_programs(tmp_path: Path, held: object) -> Non
             writer.append(block)
         writer.finish(run)
     with xr.open_dataset(tmp_path / "run.h5", engine="h5netcdf") as data:
-        assert dict(data.sizes) == {"time": 1000, "coordinate": 2, "constraint": 1, "term": 2}
+        sizes = {"time": 1000, "coordinate": 2, "constraint": 1, "term": 2}
+        assert dict(data.sizes) == {**sizes, "conserved_quantity": 1}
         assert data["constraint_force_by"].dims == ("time", "term")
         np.testing.assert_array_equal(data["constraint_force"], run.constraint_force)
         np.testing.assert_array_equal(data["time"], run.time)
