@@ -90,3 +90,36 @@ def test_the_schema_is_printed_and_written(lagcli, tmp_path):
     assert json.loads((tmp_path / "lagcli.schema.json").read_text()) == schema
     lagcli("new", "swing.yaml")
     fastjsonschema.compile(schema)(yaml.safe_load((tmp_path / "swing.yaml").read_text()))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["info", "swing.yaml"], "swing.yaml is a model file, not a result; `lagcli simulate"),
+        (["plot", "swing.yaml", "-o", "a.png"], "swing.yaml is a model file, not a result"),
+        (["report", "swing.yaml", "-o", "a.html"], "swing.yaml is a model file, not a result"),
+        (["simulate", "swing.yaml", "-o", "a.yaml"], "the suffix .yaml is not a result format"),
+        (["play", "swing.h5"], "swing.h5 is a result file, not a model; `lagcli info swing.h5`"),
+        (["derive", "swing.h5"], "swing.h5 is a result file, not a model"),
+    ],
+)
+def test_a_command_that_takes_the_file_is_named(lagcli, arguments, said):
+    lagcli("new", "swing.yaml")
+    lagcli("simulate", "swing.yaml", "-o", "swing.h5", "--samples", "2")
+    status, _, err = lagcli(*arguments)
+    assert status == 2
+    assert said in err
+
+
+@pytest.mark.parametrize(
+    ("written", "help_"),
+    [("xdot", "`x'`"), ("xddot", "`x''`"), ("thetadot", "`theta'`"), ("qdot[1]", "`q[1]'`")],
+)
+def test_velocities_of_other_notations(lagcli, tmp_path, written, help_):
+    (tmp_path / "m.yaml").write_text(
+        "coordinates: [x, theta, 'q[1..2]']\nT: x'^2 + theta'^2 + q[1]'^2\n"
+        f"outputs: {{a: {written}}}\ninitial: {{}}\n"
+    )
+    status, _, err = lagcli("derive", "m.yaml")
+    assert status == 2
+    assert f"help: a time derivative is written with primes: {help_}" in err

@@ -15,6 +15,7 @@ from lagcli.model.model import InitialValue, Written
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
 from lagcli.model.names.members import family_of, members_clause
 from lagcli.model.names.scope import uses
+from lagcli.model.names.unknown import meant_derivative
 from lagcli.model.sections.parameters import override_node
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.symbols import Context, Symbols
@@ -175,7 +176,9 @@ def _report_unknown(draft: Draft, name: str, key: Scalar) -> None:
         help_: str | None = "remove the entry"
     else:
         message = f"`initial` names `{shorten(name)}`, which is not a coordinate or a velocity"
-        help_ = did_you_mean(nearest(name, _every(draft)))
+        velocity = meant_derivative(names, name)
+        help_ = f"a velocity is written with a prime: `{velocity}`" if velocity else None
+        help_ = help_ or did_you_mean(nearest(name, _every(draft)))
         if what:
             help_ = f"`{base}` is a {what} (line {line}); remove the entry"
     draft.report.add(
