@@ -30,6 +30,7 @@ def to_dataset(trajectory: Trajectory) -> Any:
         "coordinate": list(trajectory.coordinates),
         "constraint": list(trajectory.constraints),
         "term": names,
+        "conserved_quantity": list(trajectory.conserved_names),
         "coordinate_unit": ("coordinate", [units.get(q, "") for q in trajectory.coordinates]),
     }
     variables = {
