@@ -24,6 +24,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Literal
 
 import symengine as se
@@ -32,7 +33,13 @@ from symengine import Basic
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ZERO
 from lagcli.equations.symmetry.monomials import ONE, Monomials, term_count
-from lagcli.equations.symmetry.nullspace import SparseVector, independent, null_space
+from lagcli.equations.symmetry.nullspace import (
+    SparseVector,
+    echelon,
+    independent,
+    null_space,
+    remainder,
+)
 from lagcli.model.model import TIME
 
 #: What was searched: A, b and τ; b and τ; or coordinates that do not occur, and the time.
@@ -109,11 +116,10 @@ def linear_symmetries(
     if any(x.numerator not in _SMALL or x.denominator > 2 for v in vectors for x in v.values()):
         # numbers that come from parameters: of those that depend on them as few as possible
         general = _Conditions(equations, Monomials({})).solutions(extent == "linear")
-        vectors = independent([*general, *vectors])
+        vectors = [*general, *vectors]
     known = system.unknowns(extent == "linear")
-    found = [_symmetry(vector, known) for vector in vectors]
-    # a relation among dependent position constraints is a solution for μ alone
-    return [s for s in found if s.linear or s.shift or s.time], extent
+    kept = independent([system.on_constraints(vector, known) for vector in vectors])
+    return [_symmetry(vectors[place], known) for place in kept], extent
 
 
 class _Conditions:
@@ -153,6 +159,36 @@ class _Conditions:
                             row[place] = row[place] + x if place in row else x
         equations = ({c: x for c, x in row.items() if x} for row in rows.values())
         return null_space([row for row in equations if row], len(known))
+
+    def on_constraints(self, vector: SparseVector, known: list[Unknown]) -> SparseVector:
+        """Return ξ and τ, with ξ less multiples of the position constraints that are linear in q.
+
+        A field that vanishes on the constraints has a momentum that is always zero.
+        """
+        k = len(self.momenta)
+        rows: dict[int, SparseVector] = defaultdict(dict)
+        found = {}
+        for place, x in vector.items():
+            letter, i, j = known[place]
+            if letter in ("A", "b"):
+                rows[i][j if letter == "A" else k] = x
+            elif letter == "tau":
+                found[k * (k + 1)] = x
+        for i, row in rows.items():
+            for j, x in remainder(row, self._linear_constraints).items():
+                found[i * (k + 1) + j] = x
+        return found
+
+    @cached_property
+    def _linear_constraints(self) -> list[SparseVector]:
+        """The position constraints that are linear in q with constant coefficients."""
+        places = {x: j for j, x in enumerate((*self.equations.q, ONE))}
+        rows = []
+        for position in self.positions:
+            terms = {m: (re, im) for m, re, im in self.monomials.terms(position)}
+            if terms.keys() <= places.keys():
+                rows.append({places[m]: re for m, (re, _) in terms.items()})
+        return echelon(rows)
 
     def unknowns(self, with_rotations: bool) -> list[Unknown]:
         """Return the unknowns; of those that depend on each other the last ones stay free."""

@@ -30,31 +30,45 @@ def null_space(rows: Iterable[SparseVector], columns: int) -> list[SparseVector]
     pivots: dict[int, _Integers] = {}
     distinct = {tuple(sorted(_integers(row).items())) for row in rows if row}
     for entries in sorted(distinct, key=lambda entries: (len(entries), entries)):
-        row = dict(entries)
-        while row:
-            lead = min(row)
-            if lead not in pivots:
-                pivots[lead] = row
-                break
-            row = _without(row, lead, pivots[lead])
+        _add(dict(entries), pivots)
     solved = sorted(pivots, reverse=True)
     return [_solution(free, pivots, solved) for free in range(columns) if free not in pivots]
 
 
-def independent(vectors: Iterable[SparseVector]) -> list[SparseVector]:
-    """Return the vectors that are linearly independent of those before them."""
+def independent(vectors: Iterable[SparseVector]) -> list[int]:
+    """Return the places of the vectors that are linearly independent of those before them."""
     pivots: dict[int, _Integers] = {}
-    found = []
+    return [place for place, vector in enumerate(vectors) if _add(_integers(vector), pivots)]
+
+
+def echelon(vectors: Iterable[SparseVector]) -> list[SparseVector]:
+    """Return a basis of the space of some vectors, by their first entries, which are 1."""
+    pivots: dict[int, _Integers] = {}
     for vector in vectors:
-        row = _integers(vector)
-        while row:
-            lead = min(row)
-            if lead not in pivots:
-                pivots[lead] = row
-                found.append(vector)
-                break
-            row = _without(row, lead, pivots[lead])
-    return found
+        _add(_integers(vector), pivots)
+    return [{c: Fraction(x, pivots[i][i]) for c, x in pivots[i].items()} for i in sorted(pivots)]
+
+
+def remainder(vector: SparseVector, basis: Iterable[SparseVector]) -> SparseVector:
+    """Return a vector less multiples of those of `echelon`, without their first entries."""
+    found = dict(vector)
+    for row in basis:
+        factor = found.get(min(row))
+        if factor:
+            for c, x in row.items():
+                found[c] = found.get(c, Fraction(0)) - factor * x
+    return {c: x for c, x in found.items() if x}
+
+
+def _add(row: _Integers, pivots: dict[int, _Integers]) -> bool:
+    """Add a row to a basis, if it is independent of it."""
+    while row:
+        lead = min(row)
+        if lead not in pivots:
+            pivots[lead] = row
+            return True
+        row = _without(row, lead, pivots[lead])
+    return False
 
 
 def _integers(row: SparseVector) -> _Integers:

@@ -50,3 +50,16 @@ initial: {e0: 1, e1: 0, e2: 0, e3: 0, e0': 0, e1': 0.1, e2': 0, e3': 0.5}
     # so(4): six rotations of the planes
     assert len(quantities) == 7
     assert "e0*p_e1/2 - e1*p_e0/2" in {q.in_momenta for q in quantities}
+
+
+def test_fields_that_vanish_on_the_constraints_are_left_out() -> None:
+    """x - y and z - w are held: the rotation of the plane of both says nothing."""
+    text = """
+coordinates: [x, y, z, w]
+T: x'^2/2 + y'^2/2 + z'^2/2 + w'^2/2
+V: x + y + (z + w)^2
+constraints: {one: x - y = 0, two: z - w = 0}
+initial: {x: 0, y: {guess: 0}, z: 1, w: {guess: 0}, x': 0, y': {guess: 0}, z': 0, w': {guess: 0}}
+"""
+    quantities = conserved_quantities(lagcli.derive(lagcli.load_text(text))).quantities
+    assert [q.in_momenta for q in quantities] == ["h"]

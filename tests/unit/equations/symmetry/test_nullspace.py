@@ -8,7 +8,7 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lagcli.equations.symmetry.nullspace import independent, null_space
+from lagcli.equations.symmetry.nullspace import echelon, independent, null_space, remainder
 
 ENTRIES = st.sampled_from([0, 0, 0, 1, -1, 2, Fraction(1, 3), Fraction(-5, 7)])
 
@@ -39,6 +39,8 @@ def test_independent_vectors_are_as_many_as_the_rank(rows: list[list[Fraction]])
     given_rows = sparse(rows)
     kept = independent(given_rows)
     matrix = sympy.Matrix(len(rows), 4, [sympy.Rational(str(Fraction(x))) for r in rows for x in r])
-    assert len(kept) == matrix.rank()
-    first = next((row for row in given_rows if row), None)
-    assert first is None or kept[0] is first
+    assert len(kept) == matrix.rank() == len(echelon(given_rows))
+    first = next((i for i, row in enumerate(given_rows) if row), None)
+    assert first is None or kept[0] == first
+    # what is in their space leaves nothing
+    assert all(remainder(row, echelon(given_rows)) == {} for row in given_rows)
