@@ -150,6 +150,10 @@ def format_info(info: Mapping[str, Any]) -> str:
     lines += _entry("energy balance", f"{_number(balance['max'], 3)} J at worst")
     lines += _entry("  relative", _number(balance["relative"], 3))
     lines += _entry("equation residual", f"{_number(info['residual_equation'], 3)} at worst")
+    formulas = {
+        n: x["formula"] for n, x in info["conserved"].items() if x["formula"] not in (n, None)
+    }
+    lines += _entry("conserved", "; ".join(f"{n} = {x}" for n, x in formulas.items()))
     if info["conserved"]:
         lines += _table(
             ("conserved quantity", "first", "drift"),
@@ -158,8 +162,6 @@ def format_info(info: Mapping[str, Any]) -> str:
                 for name, found in info["conserved"].items()
             },
         )
-        for name, found in info["conserved"].items():
-            lines += _entry(name, f"= {found['formula']}" if found["formula"] else "")
     if info["constraints"]:
         lines += _table(
             ("constraint residual", "position", "scaled", "velocity", "scaled"),
