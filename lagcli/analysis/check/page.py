@@ -101,6 +101,8 @@ def _freedom(f: Formulas, found: Check) -> Step:
             f"Rank of B at random consistent states: {shown}."
             if shown
             else "The constraints determine all positions."
+            if not rank.freedom.degrees
+            else "In this large system, the rank is not looked at elsewhere."
         )
         if rank.special:
             said.append(

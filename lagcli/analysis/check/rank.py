@@ -23,8 +23,9 @@ from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 
 Array = NDArray[np.float64]
 
-#: Consistent states that are looked for, and coordinates times states at most.
-_STATES, _COORDINATES = 20, 1000
+#: Consistent states that are looked for, and the most coordinates with which they are: with more,
+#: each takes seconds.
+_STATES, _LARGEST = 20, 60
 #: How far from the start they lie, as part of the coordinates' sizes.
 _SPREAD = 0.5
 #: Entries of normalized combinations that count: those that vanish are some 1e-8, the tolerance
@@ -125,14 +126,16 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
     Returns
     -------
     list of ConsistentState
-        Up to 20, fewer of a large system; none where the constraints determine all positions.
+        Up to 20; none of a large system, without constraints, or where these determine all
+        positions.
     """
     random, state = np.random.default_rng(8), start.state
     free = np.zeros(len(state.q), dtype=bool)
-    wanted = max(3, min(_STATES, _COORDINATES // max(1, len(free))))
+    if not system.constraints or len(free) > _LARGEST:
+        return []
     size = _sizes(system, state)
     found: list[ConsistentState] = []
-    for _ in range(2 * wanted):
+    for _ in range(2 * _STATES):
         tangents = _tangents(system, state)
         if not tangents.shape[1]:
             break
@@ -146,7 +149,7 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
             state = start.state
             continue
         state = found[-1].state
-        if len(found) == wanted:
+        if len(found) == _STATES:
             break
     return found
 

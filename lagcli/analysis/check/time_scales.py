@@ -16,8 +16,9 @@ from lagcli.engine.tape.interpreter import ScalarTape
 
 Array = NDArray[np.float64]
 
-#: Coordinates above which no eigenvalues are computed: that takes seconds.
-_LARGEST = 150
+#: Coordinates, and entries of M, above which no eigenvalues are computed: the derivatives take
+#: seconds.
+_LARGEST, _ENTRIES = 60, 400
 #: Of the largest eigenvalue: what counts as zero. Zeros of a chain of two come out as some 1e-8.
 _ZERO = 1e-6
 
@@ -67,7 +68,7 @@ def time_scales(system: System, start: ConsistentState) -> TimeScales | None:
         None of a large system, or where the derivatives are not finite.
     """
     nq = len(system.coordinates)
-    if not 0 < nq <= _LARGEST or system.variation is None:
+    if not 0 < nq <= _LARGEST or len(system.mass_pattern) > _ENTRIES or system.variation is None:
         return None
     try:
         matrix = _linearized(system, start.state, start.rank)

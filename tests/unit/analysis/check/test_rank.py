@@ -81,6 +81,14 @@ initial: {a: 0, b: 0, c: 0, a': 0, b': 0, c': 0}
     assert not lagcli.check(lagcli.load_text(regular)).rank.special
 
 
+def test_a_large_system_is_looked_at_where_it_starts_alone() -> None:
+    found = lagcli.check(lagcli.load(MODELS / "chain.yaml", set={"N": "31"}))
+    assert found.rank.freedom.rank == 31
+    assert found.rank.random_ranks == ()
+    assert found.time_scales is None
+    assert [q.name for q in found.conserved.quantities] == ["energy"]
+
+
 @pytest.mark.parametrize("name", ["slider_crank", "heavy_top", "chaplygin_sleigh", "atwood"])
 def test_multipliers_of_independent_constraints_are_unique(name: str) -> None:
     found = lagcli.check(lagcli.load(MODELS / f"{name}.yaml"))
