@@ -27,12 +27,23 @@ def null_space(rows: Iterable[SparseVector], columns: int) -> list[SparseVector]
         In the reduced form: each has an entry 1 in a column where the others have none. Of columns
         that depend on each other, the later ones are chosen for that.
     """
-    pivots: dict[int, _Integers] = {}
-    distinct = {tuple(sorted(_integers(row).items())) for row in rows if row}
+    left, vanishing = _without_single_entries(rows)
+    pivots: dict[int, _Integers] = {column: {column: 1} for column in vanishing}
+    distinct = {tuple(sorted(_integers(row).items())) for row in left}
     for entries in sorted(distinct, key=lambda entries: (len(entries), entries)):
         _add(dict(entries), pivots)
     solved = sorted(pivots, reverse=True)
     return [_solution(free, pivots, solved) for free in range(columns) if free not in pivots]
+
+
+def _without_single_entries(rows: Iterable[SparseVector]) -> tuple[list[SparseVector], set[int]]:
+    """Return rows without the unknowns that must vanish, which most do, and these."""
+    left, vanishing = [row for row in rows if row], set[int]()
+    while found := {column for row in left if len(row) == 1 for column in row}:
+        vanishing |= found
+        left = [{c: x for c, x in row.items() if c not in found} for row in left]
+        left = [row for row in left if row]
+    return left, vanishing
 
 
 def independent(vectors: Iterable[SparseVector]) -> list[int]:
