@@ -114,6 +114,7 @@ def _limits(method: Method, engine: str) -> str:
 
 def _shape(quantity: ResultQuantity) -> str:
     sizes = {"time": "nt", "coordinate": "nq", "constraint": "nc", "term": "n"}
+    sizes["conserved_quantity"] = "ni"
     axes = [sizes[axis] for axis in quantity.axes]
     return f"({', '.join(axes)}{',' * (len(axes) == 1)})"
 
@@ -121,7 +122,8 @@ def _shape(quantity: ResultQuantity) -> str:
 def _column(quantity: ResultQuantity) -> str:
     if quantity.axes[0] != "time":
         return ""
-    name = quantity.pattern.replace("{constraint}", "NAME").replace("{coordinate}", "q")
+    name = re.sub("{(constraint|conserved)}", "NAME", quantity.pattern)
+    name = name.replace("{coordinate}", "q")
     return f"`{name}`"
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from lagcli.version import __version__
 
 if TYPE_CHECKING:
+    from lagcli.analysis.check.check import check
     from lagcli.equations.derivation.lagrange import derive
     from lagcli.equations.render import render
     from lagcli.model.loader import load, load_text
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = [
     "__version__",
     "animate",
+    "check",
     "degrees_of_freedom",
     "derive",
     "load",
@@ -46,6 +48,7 @@ __all__ = [
 # imported on first access, so that a command does not pay for modules that it does not use
 _PLACES = {
     "animate": "lagcli.pictures.animation.animate",
+    "check": "lagcli.analysis.check.check",
     "degrees_of_freedom": "lagcli.simulations.start",
     "derive": "lagcli.equations.derivation.lagrange",
     "load": "lagcli.model.loader",

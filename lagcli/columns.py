@@ -27,7 +27,7 @@ class ResultQuantity(NamedTuple):
     name : str
         Its field of `Columns` and its dataset in HDF5 files.
     axes : tuple of str
-        Among ``time``, ``coordinate``, ``constraint``, ``term``.
+        Among ``time``, ``coordinate``, ``constraint``, ``term``, ``conserved_quantity``.
     description : str
         The ``long_name`` in HDF5 files.
     unit : str
@@ -99,7 +99,8 @@ def _column(
 class Columns:
     """The numbers of consecutive samples, in SI units.
 
-    nt samples, nq coordinates, nc constraints (in the model's order), n terms of constraint force.
+    nt samples, nq coordinates, nc constraints (in the model's order), n terms of constraint force,
+    ni conserved quantities.
 
     Parameters
     ----------
@@ -129,6 +130,8 @@ class Columns:
         φ and ψ at the written state; φ of a nonholonomic constraint is NaN.
     residual_equation : (nt,) array
         max norm of M a − f − Bᵀλ, evaluated from the written numbers.
+    conserved : (nt, ni) array
+        The conserved quantities of the model besides its energy; constant for an exact run.
     """
 
     time: Array = _column("time", "s", "time", "t", text="t")
@@ -212,6 +215,13 @@ class Columns:
         "equations",
         role="residual",
     )
+    conserved: Array = _column(
+        "conserved quantities besides the energy",
+        "mixed: as each quantity",
+        "conserved quantities",
+        along="conserved_quantity",
+        text="conserved.{conserved}",
+    )
 
 
 #: What follows from a stored column: the sum of ``constraint_force_by`` over the constraints.
@@ -272,15 +282,18 @@ class ColumnName(NamedTuple):
         Of `QUANTITIES`.
     constraint, coordinate : str
         Of which constraint and coordinate, where it is along such an axis.
+    conserved : str
+        Of which conserved quantity.
     """
 
     quantity: str
     constraint: str = ""
     coordinate: str = ""
+    conserved: str = ""
 
     def __str__(self) -> str:
         return BY_NAME[self.quantity].pattern.format(
-            constraint=self.constraint, coordinate=self.coordinate
+            constraint=self.constraint, coordinate=self.coordinate, conserved=self.conserved
         )
 
 
@@ -307,6 +320,7 @@ def column_names(
     coordinates: Sequence[str],
     constraints: Sequence[str],
     terms: Sequence[tuple[str, str]] = (),
+    conserved: Sequence[str] = (),
 ) -> list[ColumnName]:
     """Return the names of the columns of a quantity.
 
@@ -317,6 +331,8 @@ def column_names(
         Names, in the model's order.
     terms : sequence of (constraint, coordinate)
         Of ``constraint_force_by``.
+    conserved : sequence of str
+        Names of the conserved quantities.
     """
     match quantity.along:
         case "coordinate":
@@ -325,6 +341,8 @@ def column_names(
             return [ColumnName(quantity.name, c) for c in constraints]
         case "term":
             return [ColumnName(quantity.name, c, q) for c, q in terms]
+        case "conserved_quantity":
+            return [ColumnName(quantity.name, conserved=name) for name in conserved]
     return [ColumnName(quantity.name)]
 
 
@@ -344,7 +362,10 @@ def _readings(text: str) -> Iterator[ColumnName]:
 
 
 def read_column_name(
-    text: str, coordinates: Container[str], constraints: Container[str]
+    text: str,
+    coordinates: Container[str],
+    constraints: Container[str],
+    conserved: Container[str] = (),
 ) -> ColumnName | None:
     """Return the column of a name, given those of the coordinates and constraints.
 
@@ -352,7 +373,7 @@ def read_column_name(
     ----------
     text : str
         As `str` of a `ColumnName` writes it; ``time`` is the time as well.
-    coordinates, constraints : container of str
+    coordinates, constraints, conserved : container of str
 
     Returns
     -------
@@ -363,16 +384,17 @@ def read_column_name(
         return ColumnName(text)
     for name in _readings(text):
         known = not name.constraint or name.constraint in constraints
+        known = known and (not name.conserved or name.conserved in conserved)
         if known and (not name.coordinate or name.coordinate in coordinates):
             return name
     return None
 
 
 def read_dotted_name(text: str) -> ColumnName | None:
-    """Return the column of λ, a constraint force or a residual by its name, of any model.
+    """Return the column of a name with dots, of any model.
 
-    ``lambda.guide``, ``Qc.phi``, ``Qc.guide.phi``, ``residual_position.guide``; None of any other
-    text.
+    ``lambda.guide``, ``Qc.phi``, ``Qc.guide.phi``, ``residual_position.guide``,
+    ``conserved.p_phi``; None of any other text.
     """
     return next(_readings(text), None) if "." in text else None
 

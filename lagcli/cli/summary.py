@@ -52,6 +52,14 @@ def summarize(
         **{q.name: _worst(getattr(extremes, q.name), getattr(record, q.scale)) for q in RESIDUALS},
         "energy_balance": known(extremes.energy_balance) or 0.0,
         "energy_scale": extremes.energy_scale,
+        "conserved": {
+            name: {
+                "formula": record.conserved_formulas.get(name),
+                "first": found.first,
+                "drift": found.drift,
+            }
+            for name, found in extremes.conserved.items()
+        },
         "multipliers": {
             name: {
                 "min": found.low,
@@ -160,6 +168,8 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     scale = s["energy_scale"]
     relative = f", {s['energy_balance'] / scale:.1e} of {scale:.4g} J" if scale else ""
     lines.append(f"  {'energy':<12}balance within {s['energy_balance']:.1e} J{relative}")
+    if s["conserved"]:
+        lines += _conserved(s["conserved"])
     if s["multipliers"]:
         listed = dict(islice(s["multipliers"].items(), _LISTED))
         labels = {
@@ -184,6 +194,18 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     else:
         lines.append(f"  {'written':<12}nothing (-o run.h5 keeps the trajectory)")
     return "\n".join(lines)
+
+
+def _conserved(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return the drift of the conserved quantities that are monitored."""
+    shown = [
+        f"{name} = {x['first']:.6g} within {x['drift']:.1e}"
+        for name, x in islice(found.items(), _LISTED)
+    ]
+    if len(found) > _LISTED:
+        shown.append(f"and {len(found) - _LISTED} more (--json lists all)")
+    first, *rest = textwrap.wrap("; ".join(shown), 86, break_on_hyphens=False)
+    return [f"  {'conserved':<12}{first}", *(f"  {'':<12}{line}" for line in rest)]
 
 
 def _redundancy(summary: Mapping[str, Any]) -> list[str]:

@@ -35,7 +35,7 @@ class RunFile:
     ----------
     name : str
         What messages call it.
-    coordinates, constraints, outputs : tuples of str
+    coordinates, constraints, outputs, conserved_names : tuples of str
     terms : Terms
     count : int
         Number of samples.
@@ -60,6 +60,7 @@ class RunFile:
             self.name = "the run"
             self.coordinates, self.constraints = source.coordinates, source.constraints
             self.outputs, self.terms = tuple(source.outputs), source.terms
+            self.conserved_names = source.conserved_names
             self.record: Record = source
             self.count = len(source.time)
             return
@@ -67,6 +68,7 @@ class RunFile:
         with open_reader(source) as reader:
             self.coordinates, self.constraints = reader.coordinates, reader.constraints
             self.outputs, self.terms = reader.outputs, reader.terms
+            self.conserved_names = reader.conserved_names
             self.record = reader.record
             self.count = reader.count()
 

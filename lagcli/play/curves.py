@@ -57,6 +57,8 @@ class Curves:
             return False
         if quantity.name == "residual_position":
             return any(c.kind == "holonomic" for c in self._model.constraints)
+        if quantity.along == "conserved_quantity":  # found again for each run
+            return False
         of_constraints = quantity.along == "constraint" or quantity.name == "constraint_force"
         return bool(self._model.constraints) or not of_constraints
 

@@ -37,9 +37,10 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         ``options``, ``counts``, ``seconds``, ``initial_correction``; the largest magnitudes of
         ``residual_position`` and ``residual_velocity`` by constraint (``max``, and ``scaled`` by
         the constraint's own scale), of ``residual_equation``, and of ``energy_balance``
-        (``max``, and ``relative`` to the largest \\|T\\| + \\|V\\|); ``multipliers`` by constraint
-        (``min``, ``max``, ``time_min``, ``time_max``). What the file does not say is None, or
-        empty.
+        (``max``, and ``relative`` to the largest \\|T\\| + \\|V\\|); ``conserved`` quantities by
+        name (``formula``, ``first`` value and largest ``drift`` from it); ``multipliers`` by
+        constraint (``min``, ``max``, ``time_min``, ``time_max``). What the file does not
+        say is None, or empty.
 
     Raises
     ------
@@ -50,11 +51,12 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     path = os.fspath(path)
     with open_reader(path) as file:
-        extremes = Extremes(file.constraints)
+        extremes = Extremes(file.constraints, file.conserved_names)
         for columns in file.columns(Extremes.COLUMNS):
             extremes.add(columns)
     metadata = to_metadata(file.record)
     model = metadata.pop("model")
+    formulas = metadata.pop("conserved_formulas")
     balance = known(extremes.energy_balance)
     return {
         "path": path,
@@ -82,6 +84,14 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         },
         "residual_equation": known(extremes.residual_equation),
         "energy_balance": {"max": balance, "relative": _ratio(balance, extremes.energy_scale)},
+        "conserved": {
+            name: {
+                "formula": formulas.get(name),
+                "first": known(found.first),
+                "drift": known(found.drift),
+            }
+            for name, found in extremes.conserved.items()
+        },
         "multipliers": {
             name: {
                 "min": known(found.low),
@@ -141,6 +151,18 @@ def format_info(info: Mapping[str, Any]) -> str:
     lines += _entry("energy balance", f"{number(balance['max'], 3)} J at worst")
     lines += _entry("  relative", number(balance["relative"], 3))
     lines += _entry("equation residual", f"{number(info['residual_equation'], 3)} at worst")
+    formulas = {
+        n: x["formula"] for n, x in info["conserved"].items() if x["formula"] not in (n, None)
+    }
+    lines += _entry("conserved", "; ".join(f"{n} = {x}" for n, x in formulas.items()))
+    if info["conserved"]:
+        lines += _table(
+            ("conserved quantity", "first", "drift"),
+            {
+                name: [number(found["first"]), number(found["drift"], 3)]
+                for name, found in info["conserved"].items()
+            },
+        )
     if info["constraints"]:
         lines += _table(
             ("constraint residual", "position", "scaled", "velocity", "scaled"),

@@ -32,6 +32,7 @@ MAPPINGS = (
     "initial_correction",
     "tolerances",
     "freedom",
+    "conserved_formulas",
 )
 
 #: The field of `Record` that is a list of texts.
@@ -96,7 +97,8 @@ def from_metadata(metadata: Mapping[str, Any]) -> dict[str, Any]:
         fields[name] = dict(_of_type(Mapping, metadata.get(name, {}), name))
     for name in ("parameters", "seconds", "tolerances"):
         fields[name] = {k: from_number(v) for k, v in fields[name].items()}
-    for name, kind in (("units", str), ("counts", int), ("initial_correction", list)):
+    kinds = {"units": str, "counts": int, "initial_correction": list, "conserved_formulas": str}
+    for name, kind in kinds.items():
         for key, value in fields[name].items():
             _of_type(kind, value, f"{name} of {key}")
     fields["initial_correction"] = {k: _pair(v) for k, v in fields["initial_correction"].items()}

@@ -9,6 +9,7 @@ from lagcli.engine.evaluator import Batch
 from lagcli.engine.scales import least_scales_of_entries, usable
 from lagcli.engine.system import System
 from lagcli.equations.derivation.column_expressions import REPORTED
+from lagcli.simulations.monitor import NO_MONITOR, Monitor
 from lagcli.trajectory.samples import Array, Samples, Terms
 
 
@@ -24,6 +25,8 @@ class DerivedColumns:
     system : System
     p : tuple of float
         Values of its parameters.
+    monitor : Monitor, optional
+        Evaluates the conserved quantities.
 
     Attributes
     ----------
@@ -31,8 +34,8 @@ class DerivedColumns:
         How many were completed.
     """
 
-    def __init__(self, system: System, p: tuple[float, ...]):
-        self.system, self.p = system, p
+    def __init__(self, system: System, p: tuple[float, ...], monitor: Monitor = NO_MONITOR):
+        self.system, self.p, self.monitor = system, p, monitor
         self.samples = 0
         shape = (len(system.constraints), len(system.coordinates))
         order = sorted(system.jacobian_pattern)
@@ -116,6 +119,8 @@ class DerivedColumns:
             residual_position=np.ascontiguousarray(position.T),
             residual_velocity=np.ascontiguousarray((velocity + e.drift).T),
             residual_equation=np.abs(equation - e.forcing - forces).max(axis=0, initial=0.0),
+            conserved_names=self.monitor.names,
+            conserved=self.monitor(block, self.p),
             outputs=dict(zip(system.outputs, outputs, strict=True)),
             **reported,
         )

@@ -27,6 +27,7 @@ from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.simulations.memory import check_fits
+from lagcli.simulations.monitor import NO_MONITOR, Monitor, monitor_of
 from lagcli.simulations.sampling import absolute_tolerances, sample_times
 from lagcli.simulations.start import find_start, freedom_at, negative_inertia, undefined_at
 from lagcli.simulations.threads import one_thread
@@ -113,8 +114,9 @@ def prepare(model: Model, settings: SettingsOverrides | None = None) -> Simulati
     equations = derive(model)
     derived = time.perf_counter()
     system = lower(equations)
+    monitor = monitor_of(equations)
     seconds = {"derive": derived - began, "compile": time.perf_counter() - derived}
-    return ready(equations, system, chosen, seconds)
+    return ready(equations, system, chosen, seconds, monitor=monitor)
 
 
 def ready(
@@ -123,6 +125,7 @@ def ready(
     settings: Settings,
     seconds: dict[str, float],
     prepared: Prepared | None = None,
+    monitor: Monitor = NO_MONITOR,
 ) -> Simulation:
     """Find the start of a model whose System is there; the end of `prepare`.
 
@@ -136,12 +139,16 @@ def ready(
         Time spent so far, by phase.
     prepared : Prepared, optional
         As in `lagcli.engine.contract.Request`.
+    monitor : Monitor, optional
+        Of the conserved quantities.
     """
     began = time.perf_counter()
     with one_thread():
         start = find_start(equations, system, settings.t_start)
     seconds = {**seconds, "integrate": time.perf_counter() - began}
-    return Simulation(equations.model, settings, equations, system, start, seconds, prepared)
+    return Simulation(
+        equations.model, settings, equations, system, start, seconds, prepared, monitor=monitor
+    )
 
 
 @dataclass(frozen=True)
@@ -162,6 +169,8 @@ class Simulation:
         As in `lagcli.engine.contract.Request`.
     on_event : callable, optional
         As in `lagcli.engine.contract.Request`.
+    monitor : Monitor, optional
+        Of the conserved quantities.
     """
 
     model: Model
@@ -172,6 +181,7 @@ class Simulation:
     seconds: dict[str, float]
     prepared: Prepared | None = None
     on_event: Callable[[Event], Reaction] | None = None
+    monitor: Monitor = NO_MONITOR
 
     @property
     def request(self) -> IntegrationRequest:
@@ -244,7 +254,7 @@ class Simulation:
             As in `Trajectory`; the run's status among it.
         """
         began = time.perf_counter()
-        columns = DerivedColumns(self.system, self.start.state.p)
+        columns = DerivedColumns(self.system, self.start.state.p, self.monitor)
         trust = Trust(self.system, self.start.state.p)
         elsewhere = 0.0  # seconds that are not the engine's
 
@@ -302,6 +312,7 @@ class Simulation:
             seconds={**self.seconds, "integrate": self.seconds["integrate"] + integrating},
             initial_correction=dict(self.start.moved),
             freedom=self.freedom.to_mapping(),
+            conserved_formulas=dict(self.monitor.formulas),
             lagcli_version=__version__,
         )
 

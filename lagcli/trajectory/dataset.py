@@ -31,6 +31,7 @@ def to_dataset(trajectory: Trajectory) -> Any:
         "coordinate": list(trajectory.coordinates),
         "constraint": list(trajectory.constraints),
         "term": names,
+        "conserved_quantity": list(trajectory.conserved_names),
     }
     along = {
         q.name: units_along(q, trajectory.coordinates, trajectory.constraints, units)

@@ -13,6 +13,14 @@ from lagcli.trajectory.samples import Array
 
 
 @dataclass(eq=False)
+class Drift:
+    """The first value of a conserved quantity and the largest difference from it; NaN without."""
+
+    first: float = math.nan
+    drift: float = math.nan
+
+
+@dataclass(eq=False)
 class Extreme:
     """The least and the greatest value of one quantity, and when, s; NaN where it has none."""
 
@@ -31,6 +39,8 @@ class Extremes:
     ----------
     constraints : sequence of str
         Names, in the model's order.
+    conserved : sequence of str
+        Names of the conserved quantities.
 
     Attributes
     ----------
@@ -43,15 +53,23 @@ class Extremes:
         The largest magnitude by constraint; NaN where there is none.
     residual_equation, energy_balance : float
         The largest magnitude; NaN where there is none.
+    conserved : dict of str to Drift
+        By conserved quantity.
     """
 
     #: The fields of `Samples` that are looked at.
-    COLUMNS = ("time", "multipliers", *(q.name for q in (*ERRORS, *PANELS["energies"])))
+    COLUMNS = (
+        "time",
+        "multipliers",
+        "conserved",
+        *(q.name for q in (*ERRORS, *PANELS["energies"])),
+    )
 
-    def __init__(self, constraints: Sequence[str]):
+    def __init__(self, constraints: Sequence[str], conserved: Sequence[str]):
         self.samples = 0
         self.first = self.last = math.nan
         self.multipliers = {name: Extreme() for name in constraints}
+        self.conserved = {name: Drift() for name in conserved}
         self.residual_position = np.full(len(constraints), math.nan)
         self.residual_velocity = np.full(len(constraints), math.nan)
         self.residual_equation = self.energy_balance = math.nan
@@ -84,6 +102,10 @@ class Extremes:
             self.multipliers.values(), columns["multipliers"].T, strict=True
         ):
             widen(extreme, time, values)
+        for found, values in zip(self.conserved.values(), columns["conserved"].T, strict=True):
+            if math.isnan(found.first):
+                found.first = float(values[0])
+            found.drift = float(np.fmax(found.drift, np.fmax.reduce(np.abs(values - found.first))))
         widen(self._potential, time, columns["energy_potential"])
         for quantity in ERRORS:
             largest = np.fmax.reduce(np.abs(columns[quantity.name]), axis=0)

@@ -120,11 +120,14 @@ class Samples(Columns):
         `constraint_force_of` gives the forces of one constraint.
     outputs : mapping of str to (nt,) array
         The model's own columns.
+    conserved_names : tuple of str
+        Of the conserved quantities.
     """
 
     coordinates: tuple[str, ...]
     constraints: tuple[str, ...]
     terms: Terms
+    conserved_names: tuple[str, ...] = ()
     outputs: Mapping[str, Array] = field(default_factory=dict)
 
     @property
@@ -198,6 +201,9 @@ class Record:
         The degrees of freedom at the start: ``coordinates``, ``constraints``, ``rank`` of B,
         ``degrees_of_freedom``, and ``redundant``, the sets of ``constraints`` that depend on each
         other and how many of each (``surplus``) follow from the others. Empty where not recorded.
+    conserved_formulas : mapping of str to str
+        The conserved quantities by the momenta ``p_q`` of the coordinates and Jacobi's integral
+        ``h``, such as ``x*p_y - y*p_x``.
     """
 
     scale_position: Array
@@ -215,4 +221,5 @@ class Record:
     tolerances: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     freedom: Mapping[str, Any] = field(default_factory=dict)
+    conserved_formulas: Mapping[str, str] = field(default_factory=dict)
     lagcli_version: str = ""

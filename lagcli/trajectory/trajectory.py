@@ -63,6 +63,7 @@ def joined(blocks: Sequence[Samples]) -> Samples:
         coordinates=first.coordinates,
         constraints=first.constraints,
         terms=first.terms,
+        conserved_names=first.conserved_names,
         outputs=outputs,
         **arrays,
     )

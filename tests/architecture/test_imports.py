@@ -72,9 +72,10 @@ HEAVY = {
     "scipy": {"engine"},
     "numpy": {
         *("arrays", "engine", "trajectory", "simulations", "results", "sweeps", "pictures"),
+        "analysis",
         *("play", "cli"),
     },
-    "symengine": {"model", "equations", "engine", "simulations", "pictures", "sweeps"},
+    "symengine": {"model", "equations", "engine", "simulations", "pictures", "sweeps", "analysis"},
 }
 #: Modules of HDF5 files, themselves imported where they are used.
 OF_HDF5 = ("lagcli.results.hdf5", "lagcli.sweeps.file.store")
@@ -181,7 +182,7 @@ def test_no_room_imports_itself_by_way_of_others() -> None:
     assert circles(graph) == []
 
 
-@pytest.mark.parametrize("above", ["engine", "sweeps", "results", "pictures"])
+@pytest.mark.parametrize("above", ["engine", "sweeps", "results", "pictures", "analysis"])
 def test_no_folder_of_a_room_imports_itself_by_way_of_others(above: str) -> None:
     inside = f"lagcli.{above}."
     graph: dict[str, set[str]] = {}

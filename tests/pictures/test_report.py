@@ -144,6 +144,18 @@ def test_applied_forces_are_there_where_there_are_some(crank, result, tmp_path):
     assert "Applied forces" not in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
+def test_conserved_quantities_are_there_with_their_proofs(result, tmp_path):
+    report(result("bead_on_rotating_hoop"), tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    system, plots = text.split('id="plots"')
+    assert "<h3>Conserved quantities</h3>" in system
+    assert 'aria-label="h − Ω ∂L/∂φ̇ = ½ m (ṙ² + r² θ̇² + r² φ̇² sin² θ)' in system
+    assert 'aria-label="Ω − Ω = 0"' in system
+    assert "<h3>Conserved quantities</h3>" in plots
+    report(result("car_axis"), tmp_path / "none.html")
+    assert "Conserved" not in (tmp_path / "none.html").read_text(encoding="utf-8")
+
+
 def test_title_and_text_are_escaped(crank):
     text = crank.read_text(encoding="utf-8")
     assert "<h1>Slider &lt;crank&gt; &amp; co.</h1>" in text

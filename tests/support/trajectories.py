@@ -31,6 +31,7 @@ def make(
     coordinates: tuple[str, ...] = ("phi", "psi"),
     constraints: tuple[str, ...] = ("guide",),
     outputs: tuple[str, ...] = ("rod_force", "a_first"),
+    conserved_names: tuple[str, ...] = ("p_phi",),
     seed: int = 0,
     **changes: Any,
 ) -> Trajectory:
@@ -38,7 +39,7 @@ def make(
     random = np.random.default_rng(seed)
     terms = changes.pop("terms", None) or all_terms(len(constraints), len(coordinates))
     length = {"time": nt, "coordinate": len(coordinates), "constraint": len(constraints)}
-    length["term"] = len(terms.constraint)
+    length |= {"term": len(terms.constraint), "conserved_quantity": len(conserved_names)}
     arrays = {}
     for quantity in QUANTITIES:
         if quantity.name in ARRAYS:
@@ -56,10 +57,12 @@ def make(
         "options": {"rtol": 1e-9, "method": "dop853", "times": [0.5, 1.0], "events": None},
         "counts": {"steps": 120, "rejected": 3, "evaluations": 1443},
         "seconds": {"derive": 0.014, "integrate": 0.002},
+        "conserved_formulas": dict.fromkeys(conserved_names, "p_phi"),
         "initial_correction": {"psi": (0.1, 0.16057), "psi_dot": (0.0, 2.9)},
         "lagcli_version": "0.1.0",
     }
     names = {"coordinates": coordinates, "constraints": constraints, "terms": terms}
+    names["conserved_names"] = conserved_names
     all_fields = {**names, **arrays, **fields, **changes}
     digest = hashlib.sha256(all_fields["model"].encode()).hexdigest()
     return Trajectory(**{"model_sha256": digest, **all_fields})
@@ -124,11 +127,12 @@ def random_trajectories(
     def build(draw: st.DrawFn) -> Trajectory:
         nt = draw(st.integers(0, 4))
         coordinates, constraints, outputs = draw(names), draw(names), draw(names)
+        conserved_names = draw(names)
         length = {"time": nt, "coordinate": len(coordinates), "constraint": len(constraints)}
         pairs = list(np.ndindex(len(constraints), len(coordinates)))
         acting = sorted(draw(st.sets(st.sampled_from(pairs)))) if pairs else []
         terms = Terms.of(acting, (len(constraints), len(coordinates)))
-        length["term"] = len(acting)
+        length |= {"term": len(acting), "conserved_quantity": len(conserved_names)}
 
         def array(axes: tuple[str, ...]) -> np.ndarray:
             shape = tuple(length[axis] for axis in axes)
@@ -140,6 +144,7 @@ def random_trajectories(
             coordinates,
             constraints,
             terms=terms,
+            conserved_names=conserved_names,
             **{q.name: array(q.axes) for q in QUANTITIES if q.name in ARRAYS[1:]},
             outputs={name: array(("time",)) for name in outputs},
             units=draw(st.dictionaries(st.sampled_from([*coordinates, *outputs, "m"]), texts)),

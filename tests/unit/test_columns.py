@@ -32,6 +32,7 @@ from lagcli.model.loader import load
 MODELS = Path(__file__).parents[2] / "models"
 COORDINATES = ("phi", "x[3]", "x_dot", "energy")
 CONSTRAINTS = ("guide", "rod[2]")
+CONSERVED = ("p_phi",)
 TERMS = (("guide", "phi"), ("rod[2]", "x[3]"))
 NAMES = {
     "t": ColumnName("time"),
@@ -63,9 +64,10 @@ def test_other_texts_are_no_columns(text: str) -> None:
 
 
 def test_every_column_has_a_name_of_its_own() -> None:
-    names = [n for q in SAMPLED for n in column_names(q, COORDINATES, CONSTRAINTS, TERMS)]
+    axes = COORDINATES, CONSTRAINTS, TERMS, CONSERVED
+    names = [n for q in SAMPLED for n in column_names(q, *axes)]
     assert len(set(map(str, names))) == len(names)
-    assert [read_column_name(str(n), COORDINATES, CONSTRAINTS) for n in names] == names
+    assert [read_column_name(str(n), COORDINATES, CONSTRAINTS, CONSERVED) for n in names] == names
 
 
 @pytest.mark.parametrize(
@@ -87,9 +89,9 @@ def test_files_have_the_columns_that_the_documentation_names() -> None:
     header = (
         "t phi phi_dot phi_ddot lambda.guide Qc.phi Qc.guide.phi energy_kinetic energy_potential"
         " energy_total power_applied power_constraint power_time energy_balance"
-        " residual_position.guide residual_velocity.guide residual_equation"
+        " residual_position.guide residual_velocity.guide residual_equation conserved.p_phi"
     )
-    named = [column_names(q, ["phi"], ["guide"], [("guide", "phi")]) for q in SAMPLED]
+    named = [column_names(q, ["phi"], ["guide"], [("guide", "phi")], ["p_phi"]) for q in SAMPLED]
     assert " ".join(str(name) for names in named for name in names) == header
 
 

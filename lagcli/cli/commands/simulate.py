@@ -91,7 +91,7 @@ def simulate(
             " the reference engine, which is slower",
             file=sys.stderr,
         )
-    extremes = Extremes(loaded.constraint_names)
+    extremes = Extremes(loaded.constraint_names, simulation.monitor.names)
     writing = 0.0
     with (
         Interruption(signal.SIGINT, signal.SIGTERM) as interruption,

@@ -76,8 +76,8 @@ def _before(f: Formulas) -> list[Step]:
         _coordinates(f),
         _all_definitions(f),
         _energies(f),
-        _constraints(f, False),
-        _freedom(f),
+        constraints_step(f, False),
+        freedom_step(f),
     ]
     return IndexForm(f.model).steps([step for step in found if step is not None])
 
@@ -92,9 +92,9 @@ _FREEDOM = "Degrees of freedom"
 
 @lru_cache(maxsize=1)  # measured first, then printed
 def _written_out(f: Formulas) -> list[Step]:
-    constraints, equations = _constraints(f), _equations(f)
+    constraints, equations = constraints_step(f), _equations(f)
     shown = [equations, *([constraints] if constraints else [])]
-    found = [_coordinates(f), _definitions(f, shown), constraints, _freedom(f), equations]
+    found = [_coordinates(f), _definitions(f, shown), constraints, freedom_step(f), equations]
     return [*(step for step in found if step is not None), convention(f)]
 
 
@@ -152,7 +152,8 @@ def _definitions(f: Formulas, shown: list[Step]) -> Step | None:
     return Step("Definitions used below", lines) if lines else None
 
 
-def _constraints(f: Formulas, variations: bool = True) -> Step | None:
+def constraints_step(f: Formulas, variations: bool = True) -> Step | None:
+    """Return the constraints with their kinds and virtual displacements; None without any."""
     constraints = f.equations.constraints
     if not constraints:
         return None
@@ -165,7 +166,8 @@ def _constraints(f: Formulas, variations: bool = True) -> Step | None:
     return Step(f"Constraints: r = {len(constraints)}", tuple(lines))
 
 
-def _freedom(f: Formulas) -> Step:
+def freedom_step(f: Formulas) -> Step:
+    """Return the degrees of freedom with the redundant constraints."""
     k, r = len(f.coordinates), len(f.equations.constraints)
     if not r:
         return Step(_FREEDOM, (Line((Sign("k", "k"), whole(k))),))

@@ -83,6 +83,7 @@ class Catalogue:
         self.run = run
         self._places = {name: i for i, name in enumerate(run.coordinates)}
         self._constraints = {name: i for i, name in enumerate(run.constraints)}
+        self._conserved = {name: i for i, name in enumerate(run.conserved_names)}
 
     def find(self, text: str) -> list[Curve]:
         """Return the curves of a name, in which * stands for anything.
@@ -117,7 +118,7 @@ class Catalogue:
         return curve
 
     def _named(self, name: str) -> Curve | None:
-        found = read_column_name(name, self._places, self._constraints)
+        found = read_column_name(name, self._places, self._constraints, self._conserved)
         if found is not None:
             return self._of(found)
         if name in _RESIDUALS:
@@ -137,6 +138,7 @@ class Catalogue:
         unit = unit_of_column(name, self.run.record.units) or ""
         place = [self._constraints[name.constraint]] if name.constraint else []
         place += [self._places[name.coordinate]] if name.coordinate else []
+        place += [self._conserved[name.conserved]] if name.conserved else []
         return Curve(
             *(str(name), quantity.name, tuple(place), quantity.panel, unit, self._label(name)),
             log=quantity.role == "residual",
@@ -151,8 +153,8 @@ class Catalogue:
             return self._force(name.coordinate, name.constraint)
         if quantity.name == "multipliers":
             return self._multiplier(name)
-        if name.constraint:
-            return _raw(name.constraint)
+        if name.constraint or name.conserved:
+            return _raw(name.constraint or name.conserved)
         label = quantity.label or str(name)
         return f"${label}$" if len(label) == 1 else label
 
@@ -170,7 +172,8 @@ class Catalogue:
         for quantity in SAMPLED:
             pairs = len(q) * len(constraints) <= _LISTED and quantity.along == "term"
             terms = list(product(constraints, q)) if pairs else ()
-            yield from map(str, column_names(quantity, q, constraints, terms))
+            conserved = self.run.conserved_names
+            yield from map(str, column_names(quantity, q, constraints, terms, conserved))
         yield from _RESIDUALS
         yield from self.run.outputs
 
@@ -198,12 +201,14 @@ class Catalogue:
             forces = [str(of_one._replace(quantity="constraint_force", constraint="")), str(of_one)]
         rates = [str(ColumnName(rate, "", q[0])) for rate in _RATES] if q else []
         multipliers = [str(ColumnName("multipliers", c)) for c in constraints]
+        kept = self.run.conserved_names
         scalars = (*(quantity.name for quantity in SCALARS), *_RESIDUALS)
         lines = [
             ("coordinates", _listed(q)),
             ("velocities, …", ", ".join(rates)),
             ("multipliers", _listed(multipliers)),
             ("forces", ", ".join(filter(self.named, forces))),
+            ("conserved", _listed([str(ColumnName("conserved", conserved=n)) for n in kept])),
             ("outputs", _listed(self.run.outputs)),
             ("of all runs", ", ".join(filter(self.named, scalars))),
         ]

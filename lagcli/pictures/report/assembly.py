@@ -102,6 +102,7 @@ def assembled(run: RunFile, title: str | None = None) -> str:
         energies=system.energies(),
         forces=system.forces(),
         constraints=system.constraints(),
+        conserved=system.conserved(),
         equations=system.motion(),
         convention=system.convention(),
         plots=_plots(found, run.count),
@@ -154,7 +155,7 @@ def _looked_at(run: RunFile, system: EquationSystem) -> list[ReportCurve]:
 
 
 def _residuals(run: RunFile) -> Extremes:
-    found = Extremes(run.constraints)
+    found = Extremes(run.constraints, run.conserved_names)
     for columns in run.blocks(Extremes.COLUMNS):
         found.add(columns)
     return found

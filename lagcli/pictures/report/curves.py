@@ -132,6 +132,11 @@ def sections(run: RunFile, names: Notation) -> list[Section]:
             _scalars(names),
         ),
         Section(
+            "Conserved quantities",
+            "Quantities that the motion leaves constant; their formulas stand with the system.",
+            _conserved(run, names),
+        ),
+        Section(
             "Residuals",
             "How well the written numbers satisfy constraints, equations and energy balance:"
             " magnitudes, on a logarithmic scale.",
@@ -220,7 +225,7 @@ def label(name: ColumnName, names: Notation) -> str:
             return names.multiplier(name.constraint)
     if name.coordinate:
         return names.text(name.coordinate)
-    return name.constraint or BY_NAME[name.quantity].label or str(name)
+    return name.constraint or name.conserved or BY_NAME[name.quantity].label or str(name)
 
 
 def curve_of(
@@ -315,6 +320,14 @@ def _scalars(names: Notation) -> list[Plot]:
         Plot(panel.capitalize(), PANELS[panel][0].unit, scalar_curves(panel, names))
         for panel in panels
     ]
+
+
+def _conserved(run: RunFile, names: Notation) -> list[Plot]:
+    curves = [
+        curve_of(ColumnName("conserved", conserved=name), names, (i,))
+        for i, name in enumerate(run.conserved_names)
+    ]
+    return [_abridged(Plot("", "", curves))] if curves else []
 
 
 def _residuals(run: RunFile, names: Notation) -> list[Plot]:

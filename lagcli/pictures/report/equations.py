@@ -7,6 +7,7 @@ from functools import cached_property
 from html import escape
 
 from lagcli.equations.derivation.lagrange import ConstraintEquation
+from lagcli.equations.presentation.conserved import conserved_step
 from lagcli.equations.presentation.extent import abridged, is_large
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
 from lagcli.equations.presentation.general import Signs, force
@@ -18,6 +19,8 @@ from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.html import equation, inline
 from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
+from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities
+from lagcli.equations.symmetry.generality import generalized
 from lagcli.pictures.report.writing import chosen, elided, number, table, unit
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.samples import Array
@@ -207,6 +210,28 @@ class EquationSystem:
             f" <strong>{_number_of(freedom.degrees, 'degree')} of freedom</strong>{condition}.</p>"
             + remarks
         )
+
+    def conserved(self) -> str:
+        """Return the conserved quantities that the run monitors, and the energy, with proofs."""
+        eq, parts = self.equations, []
+        for quantity in conserved_quantities(eq, QUICK).quantities:
+            step = conserved_step(self.formulas, generalized(eq, quantity))
+            remark = f"<p class='note'>{escape(step.remark)}</p>" if step.remark else ""
+            title = step.title.removeprefix("Conserved: ")
+            groups: list[tuple[str, list[str]]] = []
+            for line in step.lines:
+                if isinstance(line.label, str):
+                    groups.append((line.label, []))
+                groups[-1][1].append(self._limited(line))
+            listed = "".join(
+                f'<dt><span class="name">{escape(name)}</span></dt><dd>{"".join(shown)}</dd>'
+                for name, shown in groups
+            )
+            parts.append(
+                f"<h4>{escape(title[0].upper() + title[1:])}</h4>"
+                f'<dl class="constraints">{listed}</dl>{remark}'
+            )
+        return f"<h3>Conserved quantities</h3>{''.join(parts)}" if parts else ""
 
     def motion(self) -> str:
         """Return the equations of motion, those that are too long by their size."""

@@ -47,9 +47,9 @@ class CsvReader:
     def __init__(self, path: str, file: TextIO):
         self._path, self._file = path, file
         self._header = next(csv.reader(file, strict=True), [])
-        self.coordinates, self.constraints, self.terms, self.outputs, self._missing = _names(
-            path, self._header
-        )
+        names = _names(path, self._header)
+        self.coordinates, self.constraints, self.terms, self.conserved_names = names[:4]
+        self.outputs, self._missing = names[4:]
         self.layout = SCHEMA_VERSION
         self._reached = -math.inf  # the time of the last sample so far
         self.record = read_sidecar(path, len(self.constraints))
@@ -75,6 +75,7 @@ class CsvReader:
             coordinates=self.coordinates,
             constraints=self.constraints,
             terms=self.terms,
+            conserved_names=self.conserved_names,
             **columns,
             **vars(self.record),
         )
@@ -86,12 +87,13 @@ class CsvReader:
             "coordinate": len(self.coordinates),
             "constraint": len(self.constraints),
             "term": len(self.terms.constraint),
+            "conserved_quantity": len(self.conserved_names),
         }
         fields: dict[str, Any] = {}
         position = 0
         names = term_names(self.terms, self.coordinates, self.constraints)
         for name, of_name in titles(
-            self.coordinates, self.constraints, names, self.outputs
+            self.coordinates, self.constraints, names, self.conserved_names, self.outputs
         ).items():
             if name in self._missing:
                 block = np.full((len(table), len(of_name)), np.nan)
@@ -132,8 +134,8 @@ def _check_last_line(path: str) -> None:
 
 def _names(
     path: str, header: list[str]
-) -> tuple[tuple[str, ...], tuple[str, ...], Terms, tuple[str, ...], set[str]]:
-    """Return the coordinates, constraints, terms and outputs that the header names.
+) -> tuple[tuple[str, ...], tuple[str, ...], Terms, tuple[str, ...], tuple[str, ...], set[str]]:
+    """Return the coordinates, constraints, terms, conserved quantities and outputs of a header.
 
     The last are the quantities that it lacks: those that were added after the file was written.
     """
@@ -146,7 +148,8 @@ def _names(
     constraints = tuple(n.constraint for n in named if n.quantity == "multipliers")
     pairs = [(n.constraint, n.coordinate) for n in named if n.quantity == "constraint_force_by"]
     terms = _terms(pairs, coordinates, constraints)
-    blocks, there = titles(coordinates, constraints, pairs, ()), set(header)
+    conserved = tuple(n.conserved for n in named if n.conserved)
+    blocks, there = titles(coordinates, constraints, pairs, conserved, ()), set(header)
     missing = {
         name
         for name, texts in blocks.items()
@@ -158,10 +161,10 @@ def _names(
             f"cannot read {path}: it is CSV, but not of lagcli, whose columns are t, coordinates, "
             "their _dot and _ddot, lambda.CONSTRAINT, …; name a file of lagcli simulate"
         )
-    for names in (coordinates, constraints, header[len(fixed) :]):
+    for names in (coordinates, constraints, conserved, header[len(fixed) :]):
         if len(set(names)) < len(names):
             raise FileError(f"cannot read {path}: two of its columns have one name")
-    return coordinates, constraints, terms, tuple(header[len(fixed) :]), missing
+    return coordinates, constraints, terms, conserved, tuple(header[len(fixed) :]), missing
 
 
 def _terms(

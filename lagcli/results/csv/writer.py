@@ -28,6 +28,7 @@ def titles(
     coordinates: Sequence[str],
     constraints: Sequence[str],
     terms: Sequence[tuple[str, str]],
+    conserved: Sequence[str],
     outputs: Iterable[str],
 ) -> dict[str, list[str]]:
     """Return the names of the columns of a CSV file.
@@ -38,6 +39,8 @@ def titles(
         Names, in the model's order.
     terms : sequence of (constraint, coordinate)
         Of the constraint forces.
+    conserved : sequence of str
+        Names of the conserved quantities.
 
     Returns
     -------
@@ -46,7 +49,9 @@ def titles(
         running fastest.
     """
     found = {
-        quantity.name: list(map(str, column_names(quantity, coordinates, constraints, terms)))
+        quantity.name: list(
+            map(str, column_names(quantity, coordinates, constraints, terms, conserved))
+        )
         for quantity in SAMPLED
     }
     return {**found, "outputs": list(outputs)}
@@ -171,7 +176,8 @@ def _header(samples: Samples) -> bytes:
 def _titles(samples: Samples) -> dict[str, list[str]]:
     """Return the names of the columns of samples."""
     q, constraints = samples.coordinates, samples.constraints
-    return titles(q, constraints, term_names(samples.terms, q, constraints), samples.outputs)
+    terms = term_names(samples.terms, q, constraints)
+    return titles(q, constraints, terms, samples.conserved_names, samples.outputs)
 
 
 def _lines(samples: Samples) -> Iterator[bytes]:

@@ -163,7 +163,7 @@ def _copy_trajectory(root: h5py.File, target: str) -> None:
     for rows in slabs:
         acting |= (read(dense, rows) != 0).any(axis=0)
     terms = Terms.of(np.argwhere(acting), (nc, nq))
-    columns = [q for q in SAMPLED if q.name != "constraint_force"]
+    columns = [q for q in SAMPLED if q.name not in ("constraint_force", "conserved")]
     with Hdf5Writer(target) as writer:
         for rows in slabs:
             arrays = {q.name: read(q, rows) for q in columns if "term" not in q.axes}
@@ -174,6 +174,8 @@ def _copy_trajectory(root: h5py.File, target: str) -> None:
                     constraints=names["constraint"],
                     terms=terms,
                     constraint_force_by=by[:, terms.constraint, terms.coordinate],
+                    conserved_names=(),
+                    conserved=np.empty((len(by), 0)),
                     outputs={n: _output(outputs, n, nt, rows) for n in outputs},
                     **arrays,
                 )

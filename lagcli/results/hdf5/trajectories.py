@@ -60,6 +60,9 @@ _SLAB = 1 << 23
 
 _OUTPUTS = "outputs/"
 
+#: The axis of the conserved quantities.
+_CONSERVED = "conserved_quantity"
+
 
 def check_hdf5_target(path: str, force: bool = False, meta: bool = False) -> None:
     """Raise FileError if `Hdf5Writer` could not write there now."""
@@ -109,6 +112,7 @@ class Hdf5Writer(FileWriter):
 
     def _begin(self, first: Samples) -> None:
         self._coordinates, self._constraints = first.coordinates, first.constraints
+        self._conserved = first.conserved_names
         self._terms, self._families = first.terms, output_families(first.outputs)
         columns = _columns(first, self._families)
         self._shapes = {name: values.shape[1:] for name, values in columns.items()}
@@ -157,12 +161,14 @@ class Hdf5Writer(FileWriter):
             "coordinate": add_texts(root, "coordinate", self._coordinates),
             "constraint": add_texts(root, "constraint", self._constraints),
             "term": add_texts(root, "term", list(map(".".join, names))),
+            _CONSERVED: add_texts(root, _CONSERVED, self._conserved),
         }
         for name, axis in axes.items():
             make_axis(axis, name)
         _say(axes["coordinate"], "names of the coordinates", "none")
         _say(axes["constraint"], "names of the constraints", "none")
         _say(axes["term"], "constraint and coordinate of each constraint_force_by", "none")
+        _say(axes[_CONSERVED], "names of the conserved quantities", "none")
         for name, places in (("constraint", terms.constraint), ("coordinate", terms.coordinate)):
             dataset = add_indices(root, f"term_{name}", places)
             attach_axes(dataset, [axes["term"]])
@@ -232,12 +238,17 @@ class Hdf5Reader:
         self.coordinates, self.constraints = (
             read_texts(self._root, name) for name in ("coordinate", "constraint")
         )
+        # files that were written before have none
+        self.conserved_names = (
+            read_texts(self._root, _CONSERVED) if _CONSERVED in self._root else ()
+        )
         self._outputs = OutputDatasets(self._root, lead=1)
         self.outputs = self._outputs.names
         self._length = {
             "time": numbers(self._root, "time").shape[0],
             "coordinate": len(self.coordinates),
             "constraint": len(self.constraints),
+            _CONSERVED: len(self.conserved_names),
         }
         check_times(self._array("time"))
         self.terms = self._read_terms()
@@ -284,6 +295,7 @@ class Hdf5Reader:
             coordinates=self.coordinates,
             constraints=self.constraints,
             terms=self.terms,
+            conserved_names=self.conserved_names,
             outputs=self._outputs.all(self._length["time"]),
             **arrays,
             **vars(self.record),

@@ -37,6 +37,9 @@ def _run() -> Trajectory:
         energy_potential=np.array([-2.0, -3.0, -1.0]),
         energy_total=np.array([-1.0, -1.0, -0.5]),
         energy_balance=np.array([0.0, -1e-9, 5e-10]),
+        conserved=np.array([[2.0, 5.0], [2.0 + 1e-9, 5.0], [2.0 - 3e-9, 5.0]]),
+        conserved_names=("p_phi", "J_1"),
+        conserved_formulas={"p_phi": "p_phi", "J_1": "p_phi + p_psi"},
     )
 
 
@@ -82,6 +85,10 @@ def test_everything_of_hdf5(tmp_path: Path) -> None:
         },
         "residual_equation": 3e-10,
         "energy_balance": {"max": 1e-9, "relative": 1e-9 / 2.0},
+        "conserved": {
+            "p_phi": {"formula": "p_phi", "first": 2.0, "drift": pytest.approx(3e-9)},
+            "J_1": {"formula": "p_phi + p_psi", "first": 5.0, "drift": 0.0},
+        },
         "multipliers": {
             "guide": {"min": -4.0, "time_min": 1.5, "max": 2.5, "time_max": 2.0},
             "knife": {"min": None, "time_min": None, "max": None, "time_max": None},
@@ -153,6 +160,11 @@ start moved         psi 0.1 -> 0.16057, psi_dot 0 -> 2.9
 energy balance      1e-09 J at worst
   relative          5e-10
 equation residual   3e-10 at worst
+conserved           J_1 = p_phi + p_psi
+
+conserved quantity          first          drift
+p_phi                           2          3e-09
+J_1                             5              0
 
 constraint residual       position         scaled       velocity         scaled
 guide                        4e-12          2e-12              0              0

@@ -41,6 +41,7 @@ def blocks_of(run: Trajectory, rows: int) -> Iterator[Samples]:
             coordinates=run.coordinates,
             constraints=run.constraints,
             terms=run.terms,
+            conserved_names=run.conserved_names,
             outputs={name: values[some] for name, values in run.outputs.items()},
             **{
                 name: getattr(run, name)[some]
@@ -213,7 +214,8 @@ def test_a_long_run_opens_in_other_programs(tmp_path: Path, held: object) -> Non
             writer.append(block)
         writer.finish(run)
     with xr.open_dataset(tmp_path / "run.h5", engine="h5netcdf") as data:
-        assert dict(data.sizes) == {"time": 1000, "coordinate": 2, "constraint": 1, "term": 2}
+        sizes = {"time": 1000, "coordinate": 2, "constraint": 1, "term": 2}
+        assert dict(data.sizes) == {**sizes, "conserved_quantity": 1}
         assert data["constraint_force_by"].dims == ("time", "term")
         np.testing.assert_array_equal(data["constraint_force"], run.constraint_force)
         np.testing.assert_array_equal(data["time"], run.time)

@@ -24,7 +24,7 @@ def _run() -> Trajectory:
 @pytest.mark.parametrize("rows", [1, 7, 25, 50, 51])
 def test_blocks_do_not_matter(rows: int) -> None:
     run = _run()
-    extremes = Extremes(run.constraints)
+    extremes = Extremes(run.constraints, run.conserved_names)
     for start in range(0, 50, rows):
         block = {name: getattr(run, name)[start : start + rows] for name in Extremes.COLUMNS}
         extremes.add(block)
@@ -44,6 +44,9 @@ def test_blocks_do_not_matter(rows: int) -> None:
     )
     assert extremes.residual_equation == np.abs(run.residual_equation).max()
     assert extremes.energy_balance == np.abs(run.energy_balance).max()
+    values = run.conserved[:, 0]
+    assert extremes.conserved["p_phi"].first == values[0]
+    assert extremes.conserved["p_phi"].drift == np.abs(values - values[0]).max()
     assert extremes.energy_scale == max(
         np.abs(run.energy_kinetic).max(),
         np.abs(run.energy_total).max(),
@@ -52,10 +55,11 @@ def test_blocks_do_not_matter(rows: int) -> None:
 
 
 def test_without_samples_there_are_none() -> None:
-    extremes = Extremes(("rod",))
+    extremes = Extremes(("rod",), ("p_phi",))
     extremes.add({name: getattr(make(0), name) for name in Extremes.COLUMNS})
     assert extremes.samples == 0
     assert math.isnan(extremes.first)
     assert math.isnan(extremes.energy_balance)
     assert np.isnan(extremes.residual_velocity).all()
+    assert math.isnan(extremes.conserved["p_phi"].drift)
     assert extremes.energy_scale == 0.0

@@ -39,7 +39,8 @@ SCALARS_AND_RESIDUALS = ",".join(
 )
 HEADER = (
     "t,phi,psi,phi_dot,psi_dot,phi_ddot,psi_ddot,lambda.guide,lambda.pin,Qc.phi,Qc.psi,"
-    f"Qc.guide.phi,Qc.guide.psi,Qc.pin.phi,Qc.pin.psi,{SCALARS_AND_RESIDUALS},rod_force,a_first"
+    f"Qc.guide.phi,Qc.guide.psi,Qc.pin.phi,Qc.pin.psi,{SCALARS_AND_RESIDUALS},conserved.p_phi,"
+    "rod_force,a_first"
 )
 
 

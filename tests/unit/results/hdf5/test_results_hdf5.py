@@ -39,6 +39,8 @@ LAYOUT = {
     ("time", "constraint"): "multipliers residual_position residual_velocity",
     ("time", "term"): "constraint_force_by",
     ("term",): "term term_constraint term_coordinate",
+    ("time", "conserved_quantity"): "conserved",
+    ("conserved_quantity",): "conserved_quantity",
 }
 
 SIZES: dict[str, dict[str, Any]] = {
@@ -131,6 +133,7 @@ def test_xarray_opens_it_as_it_is(tmp_path: Path, size: str) -> None:
             "coordinate": len(run.coordinates),
             "constraint": len(run.constraints),
             "term": len(run.terms.constraint),
+            "conserved_quantity": len(run.conserved_names),
         }
         assert data["constraint_force_by"].dims == ("time", "term")
         assert data["constraint"].values.tolist() == list(run.constraints)

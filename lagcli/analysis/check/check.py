@@ -1,0 +1,120 @@
+"""Check a model: what it tells before it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import symengine as se
+
+from lagcli.analysis.check.integrability import VelocityConstraint, check_integrability
+from lagcli.analysis.check.rank import RankCheck, check_rank, random_states
+from lagcli.analysis.check.time_scales import TimeScales, time_scales
+from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.engine.lowering import lower
+from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.equations.derivation.lagrange import Equations, derive
+from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities
+from lagcli.equations.symmetry.generality import generalized
+from lagcli.model.model import TIME, Model
+from lagcli.simulations.start import find_start, freedom_at
+from lagcli.simulations.threads import one_thread
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """What a model tells before it moves.
+
+    Parameters
+    ----------
+    equations : Equations
+        Of the model.
+    start : ConsistentState
+        The consistent start, and what it moved.
+    index : int
+        The index of the differential-algebraic equations in the coordinates and multipliers: 3 with
+        position constraints, 2 with velocity constraints alone, 0 without constraints.
+    rank : RankCheck
+        The rank of B, the degrees of freedom, and the uniqueness of the multipliers.
+    velocity_constraints : mapping of str to VelocityConstraint
+        Whether they are integrable, by name.
+    conserved : Conserved
+        The conserved quantities.
+    conserved_values : mapping of str to float
+        Their values at the start.
+    time_scales : TimeScales or None
+        Of small motions about the start; None of large models.
+    """
+
+    equations: Equations
+    start: ConsistentState
+    index: int
+    rank: RankCheck
+    velocity_constraints: Mapping[str, VelocityConstraint]
+    conserved: Conserved
+    conserved_values: Mapping[str, float]
+    time_scales: TimeScales | None
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """k − rank B at the start."""
+        return self.rank.freedom.degrees
+
+
+def check(model: Model) -> Check:
+    """Check a model at its consistent start.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    Check
+
+    Raises
+    ------
+    ModelError
+        The fixed initial values contradict the constraints.
+    NumericalError
+        There is no start: no consistent state near the guesses, no finite value there, or a
+        coordinate without inertia.
+    """
+    equations = derive(model)
+    system = lower(equations)
+    with one_thread():
+        start = find_start(equations, system, model.settings.t_start or 0.0)
+        freedom = freedom_at(equations, system, start)
+        states = random_states(system, start)
+        rank = check_rank(system, start, freedom, states)
+        scales = time_scales(system, start)
+    found = conserved_quantities(equations)
+    conserved = replace(
+        found, quantities=tuple(generalized(equations, q) for q in found.quantities)
+    )
+    return Check(
+        equations=equations,
+        start=start,
+        index=_index(equations),
+        rank=rank,
+        velocity_constraints=check_integrability(equations, start, states),
+        conserved=conserved,
+        conserved_values=_values(equations, conserved, start),
+        time_scales=scales,
+    )
+
+
+def _index(equations: Equations) -> int:
+    if any(c.position is not None for c in equations.constraints):
+        return 3
+    return 2 if equations.constraints else 0
+
+
+def _values(equations: Equations, found: Conserved, start: ConsistentState) -> dict[str, float]:
+    eq, s = equations, start.state
+    parameters = [se.Symbol(name) for name in eq.model.parameters]
+    expressions = [q.expression for q in found.quantities]
+    tape = ScalarTape(compile_tape(expressions, [TIME, *eq.q, *eq.v], parameters))
+    values = tape((s.t, *s.q.tolist(), *s.v.tolist(), *s.p))
+    return {q.name: float(x) for q, x in zip(found.quantities, values, strict=True)}

@@ -1,0 +1,199 @@
+"""A check as one page of text."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from itertools import islice
+
+from lagcli.analysis.check.check import Check
+from lagcli.analysis.check.rank import Combination
+from lagcli.equations.presentation.conserved import conserved_step, minus
+from lagcli.equations.presentation.extent import Extent
+from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.overview import constraints_step, freedom_step
+from lagcli.equations.presentation.typeset import (
+    ONE,
+    Node,
+    Sign,
+    Symbol,
+    product_of,
+    sum_of,
+)
+from lagcli.equations.render.formula_text import TextFormula
+from lagcli.equations.render.names import Notation
+from lagcli.equations.render.numbers import written_decimals
+from lagcli.equations.render.text import render_text
+
+#: Fastest decay over slowest motion from which it is said.
+_STIFF = 10.0
+#: Initial values and names that are listed.
+_LISTED = 12
+
+_INDEX = {
+    0: "ordinary differential equations: there is no multiplier.",
+    2: "differential-algebraic equations with velocity constraints.",
+    3: "differential-algebraic equations with position constraints.",
+}
+_SEARCHED = {
+    "linear": "Symmetries ξ = A q + b of L and the constraints were looked for.",
+    "translations": "Of this large system, symmetries with constant ξ were looked for.",
+    "absent coordinates": "Of this large system, coordinates that occur nowhere were looked for.",
+}
+
+
+def page(found: Check, width: int = 80) -> str:
+    """Return the text that ``lagcli check`` prints.
+
+    Parameters
+    ----------
+    found : Check
+    width : int
+        Columns, at least 40.
+
+    Returns
+    -------
+    str
+        Ends with a newline.
+    """
+    model = found.equations.model
+    f = Formulas(found.equations, freedom=found.rank.freedom)
+    steps = [
+        constraints_step(f),
+        *_integrability(f, found),
+        _freedom(f, found),
+        _multipliers(found),
+        *_conserved(f, found),
+        _start(found),
+        _time_scales(found),
+    ]
+    formula = TextFormula(Notation(model), written_decimals(model))
+    shown = Extent(f).shortened([step for step in steps if step is not None])
+    return render_text(model, shown, formula, width, numbered=False)
+
+
+def _integrability(f: Formulas, found: Check) -> list[Step]:
+    if not found.velocity_constraints:
+        return []
+    lines = []
+    for name, x in found.velocity_constraints.items():
+        if x.integral is not None and x.value is not None:
+            sides = (f.arrange(x.integral.expression), _number(x.value))
+            lines.append(Line(sides, name, "integrable: it also restricts the positions"))
+            continue
+        said = {
+            "alone": "integrable; no integral was found",
+            "together": "integrable with the other constraints: they also restrict the positions",
+            "no": "not integrable: it leaves all positions accessible",
+            "not tested": "not tested: too many variables",
+        }[x.integrable]
+        lines.append(Line((Symbol(name, kind="constraint"),), note=said))
+    return [Step("Velocity constraints (Frobenius)", tuple(lines))]
+
+
+def _freedom(f: Formulas, found: Check) -> Step:
+    step, rank = freedom_step(f), found.rank
+    said = [f"Index {found.index}: {_INDEX[found.index]}"]
+    if f.equations.constraints:
+        counts = sorted(Counter(rank.random_ranks).items())
+        shown = ", ".join(f"{n} at {count}" for n, count in counts)
+        said.append(
+            f"Rank of B at random consistent states: {shown}."
+            if shown
+            else "The constraints determine all positions."
+            if not rank.freedom.degrees
+            else "In this large system, the rank is not looked at elsewhere."
+        )
+        if rank.special:
+            said.append(
+                "The start is a special configuration: the rank is less there than nearby, and a"
+                " run that starts there may not be determined."
+            )
+    sets = [
+        f"Redundant: {x.surplus} of {', '.join(x.constraints)}"
+        f" follow{'s' if x.surplus == 1 else ''} from the others."
+        for x in rank.freedom.redundant
+    ]
+    return Step(step.title, step.lines, " ".join([*sets, *said]))
+
+
+def _multipliers(found: Check) -> Step | None:
+    rank = found.rank
+    if not found.equations.constraints:
+        return None
+    title = "Multipliers"
+    if not rank.not_unique:
+        return Step(title, (), "All are unique.")
+    said = f"Not unique: {_names(rank.not_unique)}."
+    said += f" Unique: {_names(rank.unique)}." if rank.unique else " None is unique."
+    if rank.combinations:
+        said += " The combinations above are unique at the start; constraint forces always are."
+    lines = tuple(Line((_combination(c),)) for c in rank.combinations)
+    return Step(title, lines, said)
+
+
+def _combination(c: Combination) -> Node:
+    terms = (
+        (1, product_of([ONE if x == 1 else _number(x), Symbol(name, kind="multiplier")]))
+        for name, x in c.factors.items()
+    )
+    return sum_of(terms)
+
+
+def _conserved(f: Formulas, found: Check) -> list[Step]:
+    steps = [
+        conserved_step(f, q, found.conserved_values[q.name]) for q in found.conserved.quantities
+    ]
+    said = _SEARCHED[found.conserved.extent]
+    if not steps:
+        return [Step("Conserved quantities", (), f"None was found. {said}")]
+    return steps
+
+
+def _start(found: Check) -> Step:
+    start = found.start
+    t = Line((Sign("t", "t"), _number(start.state.t)))
+    if not start.moved:
+        return Step("Consistent start", (t,), "The initial values satisfy the constraints.")
+    lines = [t]
+    for name, (before, after) in islice(start.moved.items(), _LISTED):
+        base = name.rstrip("'")
+        note = f"moved from {minus(before, 8)}"
+        symbol = Symbol(base, len(name) - len(base))
+        lines.append(Line((symbol, _number(after, 10)), note=note))
+    more = len(start.moved) - _LISTED
+    said = f"And {more} more values were moved onto the constraints." if more > 0 else None
+    return Step("Consistent start", tuple(lines), said)
+
+
+def _time_scales(found: Check) -> Step | None:
+    x = found.time_scales
+    if x is None:
+        return None
+    said = []
+    if x.largest_frequency:
+        period = 2 * math.pi / x.largest_frequency
+        said.append(
+            f"Largest frequency {x.largest_frequency:.6g} rad/s (period {period:.4g} s), damping"
+            f" ratio {x.damping_ratio:.4g}."
+        )
+    else:
+        said.append("No oscillation.")
+    if x.fastest_decay:
+        said.append(f"Fastest decay {x.fastest_decay:.6g} 1/s.")
+    if x.fastest_growth:
+        said.append(f"Fastest growth {x.fastest_growth:.6g} 1/s.")
+    if x.stiffness > _STIFF:
+        said.append(f"The fastest decay is {x.stiffness:.3g} times the slowest motion.")
+    said.append("Of small motions about the start, with the coefficients that hold there.")
+    return Step("Time scales", (), " ".join(said))
+
+
+def _names(names: tuple[str, ...]) -> str:
+    more = len(names) - _LISTED
+    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _number(value: float, digits: int = 6) -> Node:
+    text = f"{abs(value):.{digits}g}"
+    return sum_of([(-1 if value < 0 else 1, Sign(text, text))])

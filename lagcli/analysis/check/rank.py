@@ -1,0 +1,218 @@
+"""The rank of B at the start and at random consistent states, and which multipliers are unique."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.constraints.initial import (
+    ConsistentState,
+    NoConsistentState,
+    UndefinedStart,
+    consistent_state,
+)
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.linear.dense import decompose
+from lagcli.engine.state import State
+from lagcli.engine.system import System
+from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
+
+Array = NDArray[np.float64]
+
+#: Consistent states that are looked for, and the most coordinates with which they are: with more,
+#: each takes seconds.
+_STATES, _LARGEST = 20, 60
+#: How far from the start they lie, as part of the coordinates' sizes.
+_SPREAD = 0.5
+#: Entries of normalized combinations that count: those that vanish are some 1e-8, the tolerance
+#: of the rank.
+_COUNTS = 1e-6
+_LARGEST_DENOMINATOR = 1000
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A combination Σ c_β λ_β of multipliers that the motion determines.
+
+    Parameters
+    ----------
+    factors : mapping of str to float
+        The nonzero c_β by constraint; the first is 1.
+    """
+
+    factors: dict[str, float]
+
+
+@dataclass(frozen=True)
+class RankCheck:
+    """The rank of B.
+
+    Parameters
+    ----------
+    freedom : DegreesOfFreedom
+        At the start, with the sets of dependent constraints.
+    random_ranks : tuple of int
+        Ranks at random consistent states near the start.
+    unique : tuple of str
+        Constraints whose multiplier is unique: their row of the null space of Bᵀ is zero.
+    not_unique : tuple of str
+        The others.
+    combinations : tuple of Combination
+        A basis of the combinations of these that are unique, at the start.
+    """
+
+    freedom: DegreesOfFreedom
+    random_ranks: tuple[int, ...]
+    unique: tuple[str, ...]
+    not_unique: tuple[str, ...]
+    combinations: tuple[Combination, ...]
+
+    @property
+    def special(self) -> bool:
+        """Whether the rank at the start is less than at the random states."""
+        rank = self.freedom.rank
+        return rank is not None and max(self.random_ranks, default=rank) > rank
+
+
+def check_rank(
+    system: System,
+    start: ConsistentState,
+    freedom: DegreesOfFreedom,
+    states: Sequence[ConsistentState],
+) -> RankCheck:
+    """Return the rank of B and what it says about the multipliers.
+
+    Parameters
+    ----------
+    system : System
+    start : ConsistentState
+    freedom : DegreesOfFreedom
+        At the start.
+    states : sequence of ConsistentState
+        Others, of `random_states`.
+    """
+    ranks = tuple(found.rank for found in states)
+    names = system.constraints
+    if start.rank == len(names):
+        return RankCheck(freedom, ranks, names, (), ())
+    null = _null_space(system, start)
+    loose = np.abs(null).max(axis=1) > _COUNTS
+    unique = tuple(n for n, x in zip(names, loose, strict=True) if not x)
+    sets = [[names.index(n) for n in found.constraints] for found in freedom.redundant]
+    return RankCheck(
+        freedom,
+        ranks,
+        unique,
+        tuple(n for n, x in zip(names, loose, strict=True) if x),
+        tuple(c for members in sets for c in _combinations(null, members, names)),
+    )
+
+
+def random_states(system: System, start: ConsistentState) -> list[ConsistentState]:
+    """Return random consistent states near the start, always the same ones.
+
+    A random walk: each state is a step along the position constraints from the one before, moved
+    onto them. Guesses far from the constraints would be drawn to singular configurations.
+
+    Parameters
+    ----------
+    system : System
+    start : ConsistentState
+
+    Returns
+    -------
+    list of ConsistentState
+        Up to 20; none of a large system, without constraints, or where these determine all
+        positions.
+    """
+    random, state = np.random.default_rng(8), start.state
+    free = np.zeros(len(state.q), dtype=bool)
+    if not system.constraints or len(free) > _LARGEST:
+        return []
+    size = _sizes(system, state)
+    found: list[ConsistentState] = []
+    for _ in range(2 * _STATES):
+        tangents = _tangents(system, state)
+        if not tangents.shape[1]:
+            break
+        step = tangents @ random.normal(size=tangents.shape[1])
+        step *= _SPREAD * random.uniform() / (np.abs(step / size).max() or 1.0)
+        v = state.v + random.normal(size=len(free)) * np.maximum(np.abs(state.v), size)
+        try:
+            guess = State(state.t, state.q + step, v, state.p)
+            found.append(consistent_state(system, guess, free, free))
+        except (NoConsistentState, UndefinedStart, np.linalg.LinAlgError):
+            state = start.state
+            continue
+        state = found[-1].state
+        if len(found) == _STATES:
+            break
+    return found
+
+
+def _tangents(system: System, state: State) -> Array:
+    """Return changes of the coordinates that the position constraints allow, (nq, n)."""
+    evaluator = Evaluator(system, state.p)
+    sizes = evaluator.sizes(state.t, state.q, state.v)
+    if not system.holonomic:
+        return np.diag(sizes)
+    jacobian = evaluator.constraints(state.t, state.q, state.v).jacobian
+    return decompose(jacobian[list(system.holonomic)], sizes=sizes).null
+
+
+def _sizes(system: System, state: State) -> Array:
+    """Return the sizes of the coordinates, (nq,): what the largest is for the others."""
+    evaluator = Evaluator(system, state.p)
+    sizes = evaluator.sizes(state.t, state.q, state.v)
+    largest = np.abs(state.q / sizes).max(initial=0.0) or 1.0
+    return np.maximum(np.abs(state.q), np.minimum(largest * sizes, 1.0))
+
+
+def _null_space(system: System, start: ConsistentState) -> Array:
+    """Return combinations of multipliers without effect, (nc, nc − rank), of length 1."""
+    evaluator, s = Evaluator(system, start.state.p), start.state
+    c = evaluator.constraints(s.t, s.q, s.v)
+    sizes = evaluator.sizes(s.t, s.q, s.v)
+    lengths = evaluator.row_lengths(c, s.q, s.v, sizes)
+    d = decompose(c.jacobian, start.rank, scale=lengths, sizes=sizes)
+    null = d.dependent / d.scale[:, None]
+    return np.asarray(null / np.linalg.norm(null, axis=0))
+
+
+def _combinations(null: Array, members: list[int], names: tuple[str, ...]) -> list[Combination]:
+    """Return the combinations of a dependent set on which the null space has no effect."""
+    inside = null[members]
+    _, values, rows = np.linalg.svd(inside.T)
+    rank = int((values > _COUNTS).sum())
+    reduced = _reduced(rows[rank:])
+    return [
+        Combination({names[i]: x for i, x in zip(members, row, strict=True) if x})
+        for row in reduced.tolist()
+    ]
+
+
+def _reduced(rows: Array) -> Array:
+    """Return the reduced row echelon form, with simple fractions where entries are such."""
+    rows, pivot = rows.copy(), 0
+    for column in range(rows.shape[1]):
+        if pivot == len(rows):
+            break
+        best = pivot + int(np.abs(rows[pivot:, column]).argmax())
+        if abs(rows[best, column]) <= _COUNTS:
+            continue
+        rows[[pivot, best]] = rows[[best, pivot]]
+        rows[pivot] /= rows[pivot, column]
+        for other in range(len(rows)):
+            if other != pivot:
+                rows[other] -= rows[other, column] * rows[pivot]
+        pivot += 1
+    return np.vectorize(_simple, otypes=[float])(rows) if rows.size else rows
+
+
+def _simple(value: float) -> float:
+    found = float(Fraction(value).limit_denominator(_LARGEST_DENOMINATOR))
+    return found if abs(found - value) < 1e-9 else value

@@ -1,0 +1,42 @@
+"""`lagcli check`: what a model tells before it moves."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from lagcli.cli.options import Json, ModelPath, SetInitial, SetParameter, assignments
+
+
+def check(
+    model: ModelPath,
+    set: SetParameter = None,
+    set_initial: SetInitial = None,
+    width: Annotated[int, typer.Option("--width", min=40, max=1000, help="Columns of text.")] = 80,
+    json: Json = False,
+) -> None:
+    """Check a model: degrees of freedom, multipliers, conserved quantities, time scales.
+
+    Shows the constraints with their kinds and virtual displacements, the rank of their Jacobian at
+    the start and nearby, redundant constraints and which multipliers are unique, whether velocity
+    constraints are integrable, conserved quantities with the lines that prove them, what the
+    consistent start moved, and the time scales there.
+    """
+    from lagcli.analysis.check.check import check as check_model
+    from lagcli.model.loader import load
+
+    loaded = load(
+        model,
+        set=assignments("--set", set),
+        set_initial=assignments("--set-initial", set_initial),
+    )
+    found = check_model(loaded)
+    if json:
+        from lagcli.analysis.check.mapping import to_mapping
+        from lagcli.cli.summary import to_json
+
+        print(to_json(to_mapping(found)))
+        return
+    from lagcli.analysis.check.page import page
+
+    sys.stdout.write(page(found, width))

@@ -1,0 +1,138 @@
+"""Conserved quantities with the lines that prove them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import islice
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.general import Signs
+from lagcli.equations.presentation.typeset import (
+    ZERO,
+    Node,
+    Partial,
+    Sign,
+    Symbol,
+    VirtualDisplacement,
+    product_of,
+    sum_of,
+    weight,
+)
+from lagcli.equations.symmetry.conserved import ConservedQuantity
+from lagcli.equations.symmetry.proof import Proof
+from lagcli.model.model import coordinate
+
+#: Characters of a formula that is written out.
+_LONG = 300
+#: Operations of products that are arranged.
+_OPERATIONS = 400
+#: Constraints whose products are listed.
+_CONSTRAINTS = 12
+_JACOBI = Sign("h", "h")
+
+
+def title_of(quantity: ConservedQuantity, names: tuple[str, ...]) -> str:
+    """Return what a conserved quantity is, in words.
+
+    Parameters
+    ----------
+    quantity : ConservedQuantity
+    names : tuple of str
+        Of the coordinates.
+    """
+    along = ", ".join(islice((names[i] for i in quantity.field), 8))
+    along += ", …" if len(quantity.field) > 8 else ""
+    coordinates = set(map(coordinate, names))
+    constant = all(coordinates.isdisjoint(x.free_symbols) for x in quantity.field.values())
+    if quantity.gauge != 0 and quantity.time != 0:
+        return "Jacobi's integral h and the work of constant forces"
+    if quantity.kind == "energy":
+        return "energy, h = T + V"
+    if quantity.kind == "jacobi":
+        if quantity.field:
+            return f"Jacobi's integral, in a frame that moves with {along}"
+        return "Jacobi's integral h"
+    if quantity.name == f"p_{along}":
+        return f"momentum of {along}, a cyclic coordinate"
+    return f"momentum along {along}" if constant else f"momentum of a rotation of {along}"
+
+
+def conserved_step(f: Formulas, quantity: ConservedQuantity, value: float | None = None) -> Step:
+    """Return a conserved quantity with its proof.
+
+    Parameters
+    ----------
+    f : Formulas
+        Of its system.
+    quantity : ConservedQuantity
+    value : float, optional
+        Its value at the start.
+    """
+    lines = [Line(_sides(f, quantity), quantity.name), *_proof(f, quantity)]
+    said = [] if value is None else [f"Value at the start: {minus(value)}."]
+    if not quantity.general:
+        said.append(
+            "It holds for these values of the parameters; with others its numbers change, or it"
+            " drifts."
+        )
+    title = title_of(quantity, f.model.coordinate_names)
+    return Step(f"Conserved: {title}", tuple(lines), " ".join(said) or None)
+
+
+def minus(value: float, digits: int = 6) -> str:
+    """Return a number with a minus sign that is as long as a plus sign."""
+    return f"{value:.{digits}g}".replace("-", "−")
+
+
+def _sides(f: Formulas, quantity: ConservedQuantity) -> tuple[Node, ...]:
+    """Return the quantity by the momenta ∂L/∂q̇, and written out where that is short."""
+    lagrangian = Signs(f.model).lagrangian
+    sign = -1 if quantity.time != 0 else 1
+    terms: list[tuple[int, Node]] = []
+    if quantity.time != 0:
+        terms.append((1, _JACOBI))
+    for i, x in quantity.field.items():
+        momentum = Partial(lagrangian, Symbol(f.coordinates[i].name, 1))
+        terms.append((sign, product_of([f.arrange(x), momentum])))
+    terms.append((-sign, f.arrange(quantity.gauge)))
+    short = sum_of(terms)
+    written = f.arrange(quantity.expression)
+    return (short, written) if weight(written) <= _LONG else (short,)
+
+
+def _proof(f: Formulas, quantity: ConservedQuantity) -> list[Line]:
+    """Return the symmetry, and the conditions that it satisfies, with their terms."""
+    proof = Proof(f.equations, quantity)
+    found = [
+        Line((VirtualDisplacement(f.coordinates[i]), f.arrange(x)))
+        for i, x in quantity.field.items()
+    ]
+    if quantity.time != 0:
+        found.append(Line((Sign("δt", r"\delta t"), f.arrange(quantity.time))))
+    rate = f.arrange(proof.rate(quantity.gauge))
+    change = _sum(f, proof.products())
+    found.append(Line((Sign("δL", r"\delta L"), *([change] if change else []), rate)))
+    lines = []
+    for beta, c in enumerate(f.equations.constraints):
+        change = _sum(f, proof.constraint_products(beta))
+        if change is None:
+            continue
+        multiple = f.arrange(proof.multiple(beta))
+        sides = (change, ZERO) if multiple == ZERO else (change, multiple, ZERO)
+        lines.append(Line(sides, c.constraint.name))
+    return [*found, *lines[:_CONSTRAINTS]]
+
+
+def _sum(f: Formulas, products: Iterable[tuple[Basic, Basic]]) -> Node | None:
+    """Return a sum of products as it stands, or the number of its terms; None if all vanish."""
+    kept = [(x, y) for x, y in products if x != 0 and y != 0]
+    if not kept:
+        return None
+    if sum(se.count_ops(x) + se.count_ops(y) for x, y in kept) <= _OPERATIONS:
+        node = sum_of((1, product_of([f.arrange(x), f.arrange(y)])) for x, y in kept)
+        if weight(node) <= _LONG:
+            return node
+    return Sign(f"({len(kept)} products)", rf"({len(kept)}\text{{ products}})")

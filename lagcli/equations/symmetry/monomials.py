@@ -1,0 +1,112 @@
+"""Expressions as sums of independent monomials with rational coefficients.
+
+A sum vanishes identically if and only if all of its coefficients vanish, once sines and cosines are
+written in exponentials: cos θ = (E + 1/E)/2, sin θ = (E − 1/E)/(2i) with E = exp(iθ). By this the
+identities of trigonometry hold without further rules. Other functions, roots and denominators count
+as independent: a relation between them may be missed, but no false one is found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.model.expression.linearity import count_terms, expand_terms
+
+ONE, TWO = se.Integer(1), se.Integer(2)
+_SMALL_DENOMINATOR = 10**6
+_ROUNDING = 4e-16  # of a parameter that was computed from others
+
+
+def rational(value: float) -> Fraction:
+    """Return the simple rational number that a double stands for: 3/4000 for 7.5e-4."""
+    found = Fraction(value).limit_denominator(_SMALL_DENOMINATOR)
+    if abs(found - Fraction(value)) <= _ROUNDING * abs(Fraction(value)):
+        return found
+    return Fraction(repr(value))
+
+
+def symbolic(value: Fraction) -> Basic:
+    """Return a fraction as an expression."""
+    return se.Integer(value.numerator) / se.Integer(value.denominator)
+
+
+class Monomials:
+    """Writes expressions as sums of monomials.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Values of parameters that are put in. Parameters that are left out count as independent
+        symbols, so that what vanishes does so for all of their values.
+    """
+
+    def __init__(self, values: Mapping[str, float]):
+        self._values = {se.Symbol(n): symbolic(rational(x)) for n, x in values.items()}
+        self._exponentials: dict[Basic, Basic] = {}
+
+    def exponential(self, expression: Basic) -> Basic:
+        """Return an expression with the parameters' values, and exponentials for sin and cos."""
+        for x in expression.atoms(se.RealDouble):
+            expression = expression.xreplace({x: symbolic(rational(float(x)))})
+        put_in = expression.xreplace(self._values)
+        waves = {f: self._wave(f) for f in put_in.atoms(se.sin, se.cos)}
+        return put_in.xreplace(waves) if waves else put_in
+
+    def terms(self, exponential: Basic) -> Iterator[tuple[Basic, Fraction, Fraction]]:
+        """Yield the monomials of a result of `exponential`, with real and imaginary coefficient."""
+        expanded = expand_terms(exponential)
+        if isinstance(expanded, se.Number):
+            parts = {ONE: expanded}
+        else:
+            parts = expanded.as_coefficients_dict()
+        for monomial, coefficient in parts.items():
+            if coefficient != 0:
+                yield monomial, *_parts(_number(coefficient))
+
+    def _wave(self, function: Basic) -> Basic:
+        """Return sin or cos of a linear combination of terms by their exponentials."""
+        angle = expand_terms(function.args[0])
+        factors = []
+        for term, coefficient in (
+            {ONE: angle} if isinstance(angle, se.Number) else angle.as_coefficients_dict()
+        ).items():
+            if term not in self._exponentials:
+                self._exponentials[term] = se.Symbol(f"\ufdd1{len(self._exponentials)}")
+            factors.append(self._exponentials[term] ** coefficient)
+        wave = se.Mul(*factors)
+        if isinstance(function, se.cos):
+            return (wave + 1 / wave) / TWO
+        return (wave - 1 / wave) / (TWO * se.I)
+
+
+def term_count(exponential: Basic) -> float:
+    """Return an upper bound of the number of monomials."""
+    return count_terms(exponential)
+
+
+def _number(coefficient: Basic | int) -> Basic:
+    """Return a coefficient as SymEngine's; of single terms it is Python's."""
+    return se.Integer(coefficient) if isinstance(coefficient, int) else coefficient
+
+
+def _parts(coefficient: Basic) -> tuple[Fraction, Fraction]:
+    if isinstance(coefficient, se.Rational):
+        return _fraction(coefficient), Fraction(0)
+    return _fraction(coefficient.real_part()), _fraction(coefficient.imaginary_part())
+
+
+def _fraction(number: Basic) -> Fraction:
+    numerator, denominator = number.get_num_den()
+    return Fraction(int(numerator), int(denominator))
+
+
+def coefficients(expression: Basic) -> dict[Basic, Basic]:
+    """Return the terms of a sum, without their numerical coefficients, with these."""
+    if isinstance(expression, se.Number):
+        return {ONE: expression} if expression != 0 else {}
+    found = expression.as_coefficients_dict().items()
+    return {term: _number(x) for term, x in found if x != 0}

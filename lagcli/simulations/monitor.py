@@ -1,0 +1,67 @@
+"""Conserved quantities of a model, evaluated along a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import symengine as se
+
+from lagcli.engine.contract import Block
+from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.tape.interpreter import run_arrays
+from lagcli.engine.tape.tape import Tape
+from lagcli.equations.derivation.lagrange import Equations
+from lagcli.equations.symmetry.conserved import monitored_quantities
+from lagcli.model.model import TIME
+from lagcli.trajectory.samples import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Monitor:
+    """Evaluates conserved quantities.
+
+    Parameters
+    ----------
+    formulas : mapping of str to str
+        The quantities by the momenta and Jacobi's integral, by name.
+    tape : Tape, optional
+        (t, q, v, parameters) → the quantities.
+    """
+
+    formulas: Mapping[str, str] = field(default_factory=dict)
+    tape: Tape | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the quantities."""
+        return tuple(self.formulas)
+
+    def __call__(self, block: Block, p: tuple[float, ...]) -> Array:
+        """Return the values at the samples of a block, (nt, ni)."""
+        count = len(block.time)
+        if self.tape is None:
+            return np.empty((count, 0))
+        values = run_arrays(self.tape, [block.time, *block.q.T, *block.v.T, *p], count)
+        return np.ascontiguousarray(values.T)
+
+
+#: Evaluates nothing.
+NO_MONITOR = Monitor()
+
+
+def monitor_of(equations: Equations) -> Monitor:
+    """Return what evaluates the conserved quantities of a model besides its energy.
+
+    The energy balance shows the drift of the energy already. To find the quantities takes a few per
+    cent of the time before the first step; in a large model only coordinates that occur nowhere are
+    looked for.
+    """
+    eq = equations
+    quantities = monitored_quantities(eq)
+    if not quantities:
+        return NO_MONITOR
+    parameters = [se.Symbol(name) for name in eq.model.parameters]
+    tape = compile_tape([q.expression for q in quantities], [TIME, *eq.q, *eq.v], parameters)
+    return Monitor({q.name: q.in_momenta for q in quantities}, tape)

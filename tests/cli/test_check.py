@@ -1,0 +1,130 @@
+"""`lagcli check`: the page, the JSON object and its schema, wrong input."""
+
+import json
+from pathlib import Path
+
+import fastjsonschema
+import pytest
+
+from lagcli.cli.app import run
+
+ROOT = Path(__file__).parents[2]
+MODELS = ROOT / "models"
+SCHEMA = json.loads((ROOT / "docs" / "schemas" / "check.json").read_text(encoding="utf-8"))
+VALID = fastjsonschema.compile(SCHEMA)
+
+
+@pytest.fixture
+def lagcli(capsys):
+    def call(*arguments):
+        status = run([str(x) for x in arguments])
+        out, err = capsys.readouterr()
+        assert "Traceback" not in out + err
+        return status, out, err
+
+    return call
+
+
+def test_the_page_fits_eighty_columns_and_says_what_is_redundant(lagcli):
+    status, out, err = lagcli("check", MODELS / "parallelogram.yaml")
+    assert (status, err) == (0, "")
+    assert max(map(len, out.splitlines())) <= 80
+    assert "4 − 3 = 1" in out
+    words = " ".join(out.split())
+    assert "1 of right_x, right_y, middle_x, middle_y follows from the others." in words
+    assert "Not unique: right_x, right_y, middle_x, middle_y. None is unique." in words
+    assert "Largest frequency 5.85961 rad/s" in words
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["parallelogram", "knife_edge_incline", "heavy_top", "driven_slider_crank", "andrews_squeezer"],
+)
+def test_the_object_follows_its_schema(lagcli, name):
+    status, out, _ = lagcli("check", MODELS / f"{name}.yaml", "--json")
+    assert status == 0
+    found = VALID(json.loads(out))
+    assert found["command"] == "check"
+    assert found["model"] == name
+    assert found["degrees_of_freedom"] == len(found["coordinates"]) - found["rank"]
+
+
+def test_every_key_of_the_schema_is_described():
+    def undescribed(node, path):
+        for name, inner in node.get("properties", {}).items():
+            if "description" not in inner:
+                yield f"{path}/{name}"
+            yield from undescribed(inner, f"{path}/{name}")
+        for part in (node.get("items"), *node.get("oneOf", ())):
+            if isinstance(part, dict):
+                yield from undescribed(part, path)
+
+    assert not list(undescribed(SCHEMA, ""))
+
+
+def test_a_knife_edge_and_a_straight_edge(lagcli, tmp_path):
+    out = lagcli("check", MODELS / "knife_edge_incline.yaml", "--json")[1]
+    (skate,) = json.loads(out)["constraints"]
+    assert (skate["integrable"], skate["integral"]) == ("no", None)
+    model = tmp_path / "straight.yaml"
+    model.write_text(
+        "coordinates: [x, y]\nT: x'^2 + y'^2\nconstraints: {edge: x' = y'}\n"
+        "initial: {x: 0.5, y: 0, x': 1, y': {guess: 0}}\n"
+    )
+    found = VALID(json.loads(lagcli("check", model, "--json")[1]))
+    (edge,) = found["constraints"]
+    assert (edge["integrable"], edge["integral"], edge["integral_value"]) == ("alone", "x - y", 0.5)
+    assert found["start"]["moved"] == {"y'": [0.0, 1.0]}
+    assert "x − y = 0.5" in lagcli("check", model)[1]
+
+
+def test_values_and_initial_values_are_replaced(lagcli):
+    path = MODELS / "knife_edge_incline.yaml"
+    options = ("--set", "J=0.3", "--set-initial", "phi'=7", "--json")
+    found = json.loads(lagcli("check", path, *options)[1])
+    (spin,) = (q for q in found["conserved"]["quantities"] if q["name"] == "p_phi")
+    assert spin["value"] == pytest.approx(2.1)
+    assert spin["symmetry"] == {"phi": "1"}
+
+
+def test_a_model_without_a_start_is_an_error(lagcli, tmp_path):
+    model = tmp_path / "torn.yaml"
+    model.write_text(
+        "coordinates: [x]\nT: x'^2\nconstraints: {one: x = 1, two: x = 2}\n"
+        "initial: {x: {guess: 0}, x': {guess: 0}}\n"
+    )
+    status, out, err = lagcli("check", model)
+    assert (status, out) == (2, "")
+    assert f"{model}:3:15: error[contradicting-constraints]" in err
+    assert lagcli("check", tmp_path / "none.yaml")[0] == 4
+    assert lagcli("check", model, "--width", "5")[0] == 2
+    assert lagcli("check", MODELS / "atwood.yaml", "--set", "q=1")[0] == 2
+
+
+def test_a_run_monitors_what_check_finds(lagcli, tmp_path):
+    target = tmp_path / "run.h5"
+    options = ("--t-end", "0.1", "-o", target, "--json")
+    summary = json.loads(lagcli("simulate", MODELS / "heavy_top.yaml", *options)[1])
+    found = json.loads(lagcli("check", MODELS / "heavy_top.yaml", "--json")[1])
+    expected = {
+        q["name"]: (q["in_momenta"], q["value"])
+        for q in found["conserved"]["quantities"]
+        if q["kind"] == "momentum"
+    }
+    assert set(summary["conserved"]) == set(expected) == {"J_1", "J_2"}
+    info = json.loads(lagcli("info", target, "--json")[1])
+    for name, (formula, value) in expected.items():
+        for said in (summary["conserved"][name], info["conserved"][name]):
+            assert said["formula"] == formula
+            assert said["first"] == pytest.approx(value, rel=1e-12)
+            assert 0 < said["drift"] < 1e-6
+    text = lagcli("info", target)[1]
+    assert "conserved           J_1 = X*p_Y - Y*p_X" in text
+    assert "J_2 = e0*p_e2/2" in " ".join(text.split())
+    shown = lagcli("simulate", MODELS / "heavy_top.yaml", "--t-end", "0.1")[1]
+    assert "conserved   J_1 = -70.3" in shown
+
+
+def test_the_energy_alone_is_not_monitored(lagcli):
+    summary = json.loads(lagcli("simulate", MODELS / "atwood.yaml", "--json")[1])
+    assert summary["conserved"] == {}
