@@ -43,6 +43,7 @@ FOREIGN = {
     "simulations": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
     "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
     "sweeps": {"yaml", "sympy", "typer", "rich", "pint"},
+    "analysis": {"yaml", "typer", "rich", "pint", "matplotlib"},
     "pictures": {"yaml", "sympy", "scipy", "h5py", "typer", "rich", "pint"},
     "play": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy", "symengine"},
 }
