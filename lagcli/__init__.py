@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from lagcli.pictures.plots.plot import plot
     from lagcli.pictures.report import report
     from lagcli.results import read, write
+    from lagcli.simulations.partition import partition
     from lagcli.simulations.simulation import simulate
     from lagcli.simulations.start import degrees_of_freedom
     from lagcli.sweeps.run import sweep
@@ -32,6 +33,7 @@ __all__ = [
     "derive",
     "load",
     "load_text",
+    "partition",
     "plot",
     "read",
     "render",
@@ -48,6 +50,7 @@ _PLACES = {
     "derive": "lagcli.equations.derivation.lagrange",
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",
+    "partition": "lagcli.simulations.partition",
     "plot": "lagcli.pictures.plots.plot",
     "read": "lagcli.results",
     "render": "lagcli.equations.render",

@@ -14,10 +14,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from lagcli.arrays import Array
 
 _PER_JOULE = {"m": "N", "rad": "N*m", "1": "J", "": "J", "C": "V"}
 
@@ -67,6 +64,11 @@ class ResultQuantity(NamedTuple):
     def pattern(self) -> str:
         """The names of its columns, with ``{coordinate}`` and ``{constraint}``."""
         return self.text or self.name + (".{constraint}" if self.along == "constraint" else "")
+
+    @property
+    def scale(self) -> str:
+        """The field of `Record` that a residual is judged by."""
+        return self.name.replace("residual", "scale")
 
     def unit_at(self, coordinate_unit: str | None) -> str | None:
         """Return the unit of a column, given that of its coordinate; None where none is stated.
@@ -240,10 +242,20 @@ QUANTITIES = tuple(_quantities())
 BY_NAME = {quantity.name: quantity for quantity in QUANTITIES}
 #: Those with values at each sample.
 SAMPLED = tuple(quantity for quantity in QUANTITIES if quantity.axes[0] == "time")
+#: The names in the first files of the layout, which all have. A file that lacks another was written
+#: before there was such a column, and is read with NaN for it.
+REQUIRED = {
+    *("time", "q", "v", "a", "multipliers", "constraint_force", "constraint_force_by"),
+    *("energy_kinetic", "energy_potential", "energy_total", "energy_balance"),
+    *("power_applied", "power_constraint", "power_time", "scale_position", "scale_velocity"),
+    *("residual_position", "residual_velocity", "residual_equation"),
+}
 #: Those with one number at each sample, which is a function of that sample.
 SCALARS = tuple(q for q in SAMPLED if not q.along and q.name != "time")
 #: The residuals of each constraint.
 RESIDUALS = tuple(q for q in SAMPLED if q.along == "constraint" and q.role == "residual")
+#: What is zero for an exact run.
+ERRORS = tuple(q for q in SAMPLED if q.role)
 #: The titles of plots, in their order, with the quantities that they show.
 PANELS = {
     panel: tuple(q for q in SAMPLED if q.panel == panel)

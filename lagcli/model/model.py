@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -252,12 +252,3 @@ class Model:
     def parameter_values(self) -> dict[str, float]:
         """Parameter values in SI, by name."""
         return {name: p.value for name, p in self.parameters.items()}
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return names and values for machine-readable summaries."""
-        return {
-            "name": self.name,
-            "coordinates": list(self.coordinate_names),
-            "constraints": {c.name: c.kind for c in self.constraints},
-            "parameters": self.parameter_values,
-        }

@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block, Event, IntegrationRequest, Interrupted, Reaction
 from lagcli.engine.integrate.engines import engine_named
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
     from lagcli.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 
 #: Numbers of a block that are written at once: as CSV, the slowest, they take less than 0.1 s.
 _BLOCK_NUMBERS = 1 << 16
@@ -227,7 +226,7 @@ class Simulation:
         progress: Callable[[float], None] | None = None,
         interruption: Interruption | None = None,
     ) -> Record:
-        """Run, and hand the samples over as they come.
+        """Run, and emit the samples as they come.
 
         Parameters
         ----------
@@ -270,7 +269,8 @@ class Simulation:
             run = engine(self.system, self.request, take, check_cancelled)
         integrating = time.perf_counter() - began - elsewhere
         if not columns.samples:
-            take(_no_samples(self.system))
+            layout = self.system.sample_layout
+            take(Block.of_rows(np.empty((0, layout.size)), layout))
         if run.undefined is not None:
             run.message += "; " + undefined_at(self.equations, run.undefined).with_line
         options = self.settings.as_dict()
@@ -311,7 +311,7 @@ def warnings_of(
     p: tuple[float, ...],
     settings: Settings,
     rank: int,
-    samples: NDArray[np.float64],
+    samples: Array,
     steps: int,
 ) -> tuple[str, ...]:
     """Return why a completed run cannot be trusted, from its samples alone.
@@ -346,11 +346,6 @@ def _distrust(
     projected = settings.formulation == "projection"
     scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
     return trust.warnings(settings.rtol, steps, projected, scales)
-
-
-def _no_samples(system: System) -> Block:
-    layout = system.sample_layout
-    return Block.of_rows(np.empty((0, layout.size)), layout)
 
 
 def _block_rows(system: System) -> int:

@@ -60,10 +60,6 @@ class Column(NamedTuple):
     unit: str
     long_name: str
 
-    def as_json(self) -> dict[str, str]:
-        """Return it as a JSON value."""
-        return dict(self._asdict())
-
 
 def varied_columns(model: Model, names: tuple[str, ...]) -> list[Column]:
     """Return the columns of the varied quantities."""

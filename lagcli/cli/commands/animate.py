@@ -1,20 +1,18 @@
 """`lagcli animate`: a page that plays the motion, GIF, MP4."""
 
 import re
-import sys
 from functools import partial
 from typing import Annotated
 
 import typer
 
-from lagcli.cli.options import Force, NoColor, Quiet
-from lagcli.cli.streams import tell
+from lagcli.cli.options import Force, NoColor, Quiet, ResultFile, ViewModel
+from lagcli.cli.streams import print_notes, tell
 from lagcli.errors import UsageError
-from lagcli.results.formats import SUFFIX_NAMES
 
 
 def animate(
-    file: Annotated[str, typer.Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}.")],
+    file: ResultFile,
     output: Annotated[
         str,
         typer.Option(
@@ -24,12 +22,7 @@ def animate(
             help="The animation: .html plays by itself in a browser, .gif and .mp4 are films.",
         ),
     ],
-    model: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MODEL", help="Model file with the view, in place of the text in the result."
-        ),
-    ] = None,
+    model: ViewModel = None,
     start: Annotated[
         float | None, typer.Option("--from", help="Begin at this time of the motion, s.")
     ] = None,
@@ -83,8 +76,7 @@ def animate(
         force=force,
         progress=partial(Progress, enabled=not quiet, color=not no_color, doing="drawing"),
     )
-    for note in made.notes:
-        print(f"note: {note}", file=sys.stderr)
+    print_notes(made.notes)
     if not quiet:
         tell(made.summary)
 

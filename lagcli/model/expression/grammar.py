@@ -25,7 +25,7 @@ from collections.abc import Callable
 from fractions import Fraction
 
 from lagcli.model.expression.syntax_hints import choice, unexpected_token
-from lagcli.model.expression.tokens import ExpressionError, Token, tokenize
+from lagcli.model.expression.tokens import ExpressionError, Token, error_at, tokenize
 from lagcli.model.expression.trees import (
     CallExpr,
     Comparison,
@@ -263,11 +263,10 @@ class _Parser:
         mantissa, _, exponent = token.text.lower().partition("e")
         power = int(exponent[:9] or 0)
         if len(mantissa) > MAX_DIGITS or not MIN_EXPONENT <= power <= MAX_EXPONENT:
-            raise ExpressionError(
+            raise error_at(
                 "bad-number",
                 "this number is beyond what a double can hold",
-                token.start,
-                token.end,
+                token,
                 f"numbers have at most {MAX_DIGITS} digits and exponents from {MIN_EXPONENT} to"
                 f" {MAX_EXPONENT}",
             )

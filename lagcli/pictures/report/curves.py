@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Indices
 from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName, unit_of_column
 from lagcli.equations.render.names import Notation
 from lagcli.pictures.plots.thinning import thin
@@ -207,7 +207,7 @@ def _thinned(time: Array, values: Array, numbers: float) -> tuple[Array, Array]:
     if len(time) * (width + 1) <= numbers:
         return time, values
     columns = max(1, int(numbers / ((width + 1) * (2 + 2 * width))))
-    kept: NDArray[np.intp] = thin(time, values, columns)
+    kept: Indices = thin(time, values, columns)
     return time[kept], values[kept]
 
 
@@ -320,7 +320,7 @@ def _scalars(names: Notation) -> list[Plot]:
 def _residuals(run: RunFile, names: Notation) -> list[Plot]:
     plots = []
     for quantity in RESIDUALS:
-        scales = getattr(run.record, quantity.name.replace("residual", "scale"))
+        scales = getattr(run.record, quantity.scale)
         curves = [
             curve_of(ColumnName(quantity.name, c), names, (i,), _usable(scales[i]))
             for i, c in enumerate(run.constraints)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import symengine as se
-from numpy.typing import NDArray
 from symengine import Basic
 
+from lagcli.arrays import Indices
 from lagcli.columns import read_dotted_name
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
@@ -28,8 +28,6 @@ from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.point_force import PointForce, point_force
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, extent_of, scaled
 from lagcli.trajectory.samples import Array, Terms
-
-Indices = NDArray[np.intp]
 
 #: Numbers that a tape holds at once: 32 MB.
 _HELD = 1 << 22
