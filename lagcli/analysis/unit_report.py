@@ -70,14 +70,14 @@ class UnitReport:
             "findings": [_json(d) for d in self.findings],
         }
 
-    def lines(self) -> Iterator[str]:
-        """Yield it as text: the summary, the derived units by group, and the findings."""
-        yield self.summary
+    def sentences(self) -> Iterator[str]:
+        """Yield it as text: the summary, and the derived units by group."""
+        yield f"{self.summary[0].upper()}{self.summary[1:]}."
         for title, units in (
-            ("multipliers", self.multipliers),
-            ("forces", self.forces),
-            ("outputs", self.outputs),
-            ("definitions", self.definitions),
+            ("Multipliers", self.multipliers),
+            ("Generalized forces", self.forces),
+            ("Outputs", self.outputs),
+            ("Definitions", self.definitions),
         ):
             by_unit: dict[str, list[str]] = {}
             for name, unit in units.items():
@@ -85,9 +85,7 @@ class UnitReport:
                     by_unit.setdefault(unit, []).append(name)
             if by_unit:
                 listed = (f"{_names(names)} in {unit}" for unit, names in by_unit.items())
-                yield f"{title}: " + "; ".join(listed)
-        for finding in self.findings:
-            yield from finding.render().split("\n")
+                yield f"{title}: {'; '.join(listed)}."
 
 
 def report_units(model: Model) -> UnitReport:

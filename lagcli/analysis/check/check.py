@@ -10,6 +10,7 @@ import symengine as se
 from lagcli.analysis.check.integrability import VelocityConstraint, check_integrability
 from lagcli.analysis.check.rank import RankCheck, check_rank, random_states
 from lagcli.analysis.check.time_scales import TimeScales, time_scales
+from lagcli.analysis.unit_report import UnitReport, report_units
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.lowering import lower
 from lagcli.engine.tape.compiler import compile_tape
@@ -45,6 +46,8 @@ class Check:
         Their values at the start.
     time_scales : TimeScales or None
         Of small motions about the start; None of large models.
+    units : UnitReport
+        Units as given and derived, and what disagrees.
     """
 
     equations: Equations
@@ -55,6 +58,7 @@ class Check:
     conserved: Conserved
     conserved_values: Mapping[str, float]
     time_scales: TimeScales | None
+    units: UnitReport
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -102,6 +106,7 @@ def check(model: Model) -> Check:
         conserved=conserved,
         conserved_values=_values(equations, conserved, start),
         time_scales=scales,
+        units=report_units(model),
     )
 
 

@@ -70,6 +70,7 @@ def to_mapping(found: Check) -> dict[str, Any]:
             "slowest": scales.slowest,
             "stiffness": scales.stiffness,
         },
+        "units": found.units.to_mapping(),
     }
 
 

@@ -66,6 +66,7 @@ def page(found: Check, width: int = 80) -> str:
         *_conserved(f, found),
         _start(found),
         _time_scales(found),
+        Step("Units", (), " ".join(found.units.sentences())),
     ]
     formula = TextFormula(Notation(model), written_decimals(model))
     shown = Extent(f).shortened([step for step in steps if step is not None])
