@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 from lagcli.version import __version__
 
 if TYPE_CHECKING:
+    from lagcli.analysis.linear.linear_model import linearize
+    from lagcli.analysis.linear.modes import modes
     from lagcli.equations.derivation.lagrange import derive
     from lagcli.equations.render import render
     from lagcli.model.loader import load, load_text
@@ -29,8 +31,10 @@ __all__ = [
     "animate",
     "degrees_of_freedom",
     "derive",
+    "linearize",
     "load",
     "load_text",
+    "modes",
     "plot",
     "read",
     "render",
@@ -45,8 +49,10 @@ _PLACES = {
     "animate": "lagcli.pictures.animation.animate",
     "degrees_of_freedom": "lagcli.simulations.start",
     "derive": "lagcli.equations.derivation.lagrange",
+    "linearize": "lagcli.analysis.linear.linear_model",
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",
+    "modes": "lagcli.analysis.linear.modes",
     "plot": "lagcli.pictures.plots.plot",
     "read": "lagcli.results",
     "render": "lagcli.equations.render",

@@ -43,6 +43,7 @@ FOREIGN = {
     "simulations": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy"},
     "results": {"scipy", "symengine", "sympy", "yaml", "typer"},
     "sweeps": {"yaml", "sympy", "typer", "rich", "pint"},
+    "analysis": {"yaml", "typer", "rich", "pint", "matplotlib"},
     "pictures": {"yaml", "sympy", "scipy", "h5py", "typer", "rich", "pint"},
     "play": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "scipy", "symengine"},
 }
@@ -68,7 +69,7 @@ HEAVY = {
     "h5py": set(),
     "scipy": {"engine"},
     "numpy": {
-        *("engine", "trajectory", "simulations", "results", "sweeps", "pictures"),
+        *("engine", "trajectory", "simulations", "results", "sweeps", "pictures", "analysis"),
         *("play", "cli"),
     },
     "symengine": {"model", "equations", "engine", "simulations", "pictures", "sweeps"},
@@ -178,7 +179,7 @@ def test_no_room_imports_itself_by_way_of_others() -> None:
     assert circles(graph) == []
 
 
-@pytest.mark.parametrize("above", ["engine", "sweeps", "results", "pictures"])
+@pytest.mark.parametrize("above", ["engine", "sweeps", "results", "pictures", "analysis"])
 def test_no_folder_of_a_room_imports_itself_by_way_of_others(above: str) -> None:
     inside = f"lagcli.{above}."
     graph: dict[str, set[str]] = {}
