@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 from lagcli.version import __version__
 
 if TYPE_CHECKING:
+    from lagcli.analysis.equilibria.diagram import follow_equilibria
+    from lagcli.analysis.equilibria.equilibrium import equilibrium
     from lagcli.analysis.linear.linear_model import linearize
     from lagcli.analysis.linear.modes import modes
     from lagcli.equations.derivation.lagrange import derive
@@ -31,6 +33,8 @@ __all__ = [
     "animate",
     "degrees_of_freedom",
     "derive",
+    "equilibrium",
+    "follow_equilibria",
     "linearize",
     "load",
     "load_text",
@@ -49,6 +53,8 @@ _PLACES = {
     "animate": "lagcli.pictures.animation.animate",
     "degrees_of_freedom": "lagcli.simulations.start",
     "derive": "lagcli.equations.derivation.lagrange",
+    "equilibrium": "lagcli.analysis.equilibria.equilibrium",
+    "follow_equilibria": "lagcli.analysis.equilibria.diagram",
     "linearize": "lagcli.analysis.linear.linear_model",
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",

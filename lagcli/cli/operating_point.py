@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lagcli.cli.options import assignments
+from lagcli.errors import UsageError
 
 if TYPE_CHECKING:
     from lagcli.model.model import Model
@@ -52,7 +53,53 @@ def load_steady(
     if not held:
         return loaded, {}
     names = {text: velocity_coordinate(loaded.coordinate_names, text) for text in held}
-    velocities = {f"{names[text]}'": value for text, value in held.items()}
+    # as guesses: constraints that determine them are for the analysis to report
+    velocities = {f"{names[text]}'": f"{{guess: {value}}}" for text, value in held.items()}
     given = {name: value for name, value in initial.items() if f"{name}'" not in velocities}
     again = load_text(loaded.text, loaded.path, parameters, {**given, **velocities})
     return again, {f"{name}'": again.initial_velocities[name].value for name in names.values()}
+
+
+def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
+    """Read NAME=START:END, and load the model with the parameter at its start.
+
+    Both ends are read as values of the parameter, or as initial velocities: with units.
+
+    Returns
+    -------
+    model : Model
+    name : str
+        The parameter, or a velocity (``phi'``).
+    start, end : float
+        SI.
+
+    Raises
+    ------
+    ModelError, UsageError
+        It is not of this form, or there is no such parameter or velocity.
+    """
+    from lagcli.analysis.local.steady_states import velocity_coordinate
+    from lagcli.model.loader import load_text
+
+    name, equals, span = along.partition("=")
+    first, colon, last = span.partition(":")
+    name, ends = name.strip(), (first.strip(), last.strip())
+    if not (equals and colon and name and all(ends)) or ":" in last:
+        raise UsageError(f"--along {along!r} is not of the form NAME=START:END, as in P=0:3")
+    if name in model.parameters or not name.endswith(("'", "_dot")):
+        models = [
+            load_text(model.text, model.path, {**model.set, name: end}, model.set_initial)
+            for end in ends
+        ]
+        start, end = (m.parameters[name].value for m in models)
+        return models[0], name, start, end
+    coordinate = velocity_coordinate(model.coordinate_names, name)
+    given = {k: x for k, x in model.set_initial.items() if k not in (name, f"{coordinate}'")}
+    models = [
+        load_text(
+            model.text, model.path, model.set, {**given, f"{coordinate}'": f"{{guess: {end}}}"}
+        )
+        for end in ends
+    ]
+    start, end = (m.initial_velocities[coordinate].value for m in models)
+    return models[0], f"{coordinate}'", start, end

@@ -11,8 +11,8 @@ import numpy as np
 from lagcli.analysis.linear.linear_model import LinearModel
 from lagcli.analysis.linear.modes import ModalAnalysis, Mode
 from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.analysis.text import WIDTH, entry, listed, without_rounding
 
-_WIDTH = 80
 _SHOWN = 6  # components of a shape
 _ENTRIES = 12  # rows and columns of matrices that fit on a page
 
@@ -100,7 +100,7 @@ def format_linear(content: Mapping[str, Any]) -> str:
     lines.append(f"  {'form':<9}{form}: {equation}; {n} state{'s' * (n != 1)}")
     for name, label in (("states", "x"), ("inputs", "u"), ("outputs", "y")):
         if content[name]:
-            lines += _entry(label, ", ".join(content[name]))
+            lines += entry(label, ", ".join(content[name]))
     shown = ["A", *(["E"] if form == "descriptor" else [])]
     shown += ["B"] * bool(m) + ["C"] * bool(o) + ["D"] * bool(m and o)
     for name in shown:
@@ -136,7 +136,7 @@ def format_modes(content: Mapping[str, Any]) -> str:
         for text in (f"δq: {shape}", *([f"δλ: {forces}"] if forces else ())):
             lines += textwrap.wrap(
                 text,
-                _WIDTH,
+                WIDTH,
                 initial_indent=head,
                 subsequent_indent=" " * 12,
                 break_long_words=False,
@@ -149,28 +149,12 @@ def _head(content: Mapping[str, Any], what: str) -> list[str]:
     point = content["operating_point"]
     lines = [f"{content['model']}: {what} {point['name']}"]
     rates = {f"{name}'": value for name, value in point["v"].items() if value}
-    values = _clean(point["q"]) | {k: x for k, x in _clean(rates).items() if x}
-    lines += _entry("q", _cut([f"{name} = {value:.6g}" for name, value in values.items()]))
+    values = without_rounding(point["q"]) | {k: x for k, x in without_rounding(rates).items() if x}
+    lines += entry("q", listed([f"{name} = {value:.6g}" for name, value in values.items()]))
     if point["multipliers"]:
-        values = _clean(point["multipliers"])
-        lines += _entry("λ", _cut([f"{name} {value:.6g}" for name, value in values.items()]))
+        values = without_rounding(point["multipliers"])
+        lines += entry("λ", listed([f"{name} {value:.6g}" for name, value in values.items()]))
     return lines
-
-
-def _clean(values: Mapping[str, float]) -> dict[str, float]:
-    """Return values without those that are rounding errors beside the largest."""
-    least = 1e-13 * max(map(abs, values.values()), default=0.0)
-    return {name: value if abs(value) > least else 0.0 for name, value in values.items()}
-
-
-def _cut(items: Sequence[str], most: int = 12) -> str:
-    more = [f"and {len(items) - most} more (--json)"] if len(items) > most else []
-    return ", ".join([*items[:most], *more])
-
-
-def _entry(label: str, text: str) -> list[str]:
-    first, *rest = textwrap.wrap(text, _WIDTH - 11, break_long_words=False) or [""]
-    return [f"  {label:<9}{first}", *(f"{'':<11}{line}" for line in rest)]
 
 
 def _eigenvalue(s: complex) -> str:
@@ -212,5 +196,5 @@ def _matrix(name: str, rows: Sequence[Sequence[float]]) -> Iterator[str]:
 def _notes(content: Mapping[str, Any]) -> Iterator[str]:
     for note in content["notes"]:
         yield from textwrap.wrap(
-            f"note: {note}", _WIDTH, initial_indent="  ", subsequent_indent=" " * 8
+            f"note: {note}", WIDTH, initial_indent="  ", subsequent_indent=" " * 8
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from lagcli.analysis.linear.linear_model import LinearModel, linear_model
 from lagcli.analysis.linear.operating_points import find_operating_point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.analysis.local.tangent import least
 from lagcli.model.model import Model
 
 Array = NDArray[np.float64]
@@ -160,27 +161,19 @@ def _order(s: complex) -> tuple[float, float]:
 def symmetric_eigenpairs(
     local: LocalEquations, operating_point: OperatingPoint
 ) -> tuple[ComplexArray, ComplexArray] | None:
-    """Return eigenvalues and states of an undamped model at rest; None of any other.
+    """Return eigenvalues and states where K is symmetric and D vanishes; None elsewhere.
 
     Each oscillation is returned once, a neutral mode too, and a pair ±κ as two.
     """
     from scipy.linalg import LinAlgError, eigh
 
-    point, tangent = operating_point.point, operating_point.tangent
-    basis = tangent.velocity_basis
-    n = basis.shape[1]
-    if np.any(point.v) or tangent.position_basis.shape != basis.shape:
+    reduced = reduced_matrices(local, operating_point)
+    if reduced is None or not reduced.symmetric or not reduced.undamped:
         return None
-    jac = local.jacobians(point)
-    mass = local.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
-    stiffness, inertia = reduced_stiffness(local, operating_point), basis.T @ mass @ basis
-    damping = basis.T @ jac.force_velocity @ basis
-    size = np.abs(basis).T @ np.abs(jac.force_velocity) @ np.abs(basis)
-    asymmetry = np.abs(stiffness - stiffness.T).max(initial=0.0)
-    if (np.abs(damping) > _ROUNDING * size).any() or (
-        asymmetry > _ROUNDING * np.abs(stiffness).max(initial=0.0)
-    ):
-        return None
+    inertia, _, stiffness, _ = reduced
+    n = len(inertia)
+    if not n:
+        return np.empty(0, complex), np.empty((0, 0), complex)
     try:
         squares, shapes = eigh((stiffness + stiffness.T) / 2, (inertia + inertia.T) / 2)
     except LinAlgError:  # inertia is not positive
@@ -196,14 +189,67 @@ def symmetric_eigenpairs(
     return np.array(values), np.array(states, dtype=complex).reshape(-1, 2 * n).T
 
 
-def reduced_stiffness(local: LocalEquations, operating_point: OperatingPoint) -> Array:
-    """Return K = −Z_vᵀ (∂G/∂q) Z_q: of a conservative model at rest, the reduced Hessian.
+class ReducedMatrices(NamedTuple):
+    """M, D and K of M ẍ + D ẋ + K x = 0 in independent coordinates, (n, n) each.
 
-    It is Zᵀ (∂²V/∂q² − Σ λ_β ∂²φ_β/∂q²) Z then.
+    At rest, K is the reduced Hessian Zᵀ (∂²V/∂q² − Σ λ_β ∂²φ_β/∂q²) Z, less that of Q.
+
+    Parameters
+    ----------
+    mass, damping, stiffness : (n, n) arrays
+    damping_scale : (n, n) array
+        Sums of the magnitudes of the terms of D.
     """
-    tangent = operating_point.tangent
-    jac = local.jacobians(operating_point.point)
-    return np.asarray(-tangent.velocity_basis.T @ jac.force_position @ tangent.position_basis)
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    damping_scale: Array
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether K is symmetric but for rounding errors."""
+        size = np.abs(self.stiffness).max(initial=0.0)
+        difference = np.abs(self.stiffness - self.stiffness.T).max(initial=0.0)
+        return bool(difference <= _ROUNDING * size)
+
+    @property
+    def undamped(self) -> bool:
+        """Whether D vanishes but for rounding errors."""
+        return not (np.abs(self.damping) > _ROUNDING * self.damping_scale).any()
+
+
+def reduced_matrices(
+    local: LocalEquations, operating_point: OperatingPoint
+) -> ReducedMatrices | None:
+    """Return M, D and K by independent coordinates.
+
+    None where independent coordinates and velocities are not the same, as with nonholonomic
+    constraints.
+    """
+    point, tangent = operating_point.point, operating_point.tangent
+    if tangent.positions != tangent.velocities:
+        return None
+    basis, shift = tangent.velocity_basis, tangent.velocity_by_position
+    jac, d = local.jacobians(point), tangent.decomposition
+    mass = local.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
+
+    def force(dq: Array, dv: Array) -> Array:
+        demanded = least(d, jac.rhs_position @ dq + jac.rhs_velocity @ dv)
+        demanded -= basis @ demanded[list(tangent.velocities)]
+        forces = jac.force_position @ dq + jac.force_velocity @ dv - mass @ demanded
+        return np.asarray(basis.T @ forces)
+
+    still = np.zeros_like(basis)
+    terms = np.abs(basis).T @ np.abs(jac.force_velocity) @ np.abs(basis)
+    inertial = np.abs(least(d, np.abs(jac.rhs_velocity) @ np.abs(basis)))
+    terms += np.abs(basis).T @ np.abs(mass) @ inertial
+    return ReducedMatrices(
+        basis.T @ mass @ basis,
+        -force(still, basis),
+        -force(tangent.position_basis, shift),
+        terms,
+    )
 
 
 def general_eigenpairs(matrix: Array) -> tuple[ComplexArray, ComplexArray]:

@@ -44,8 +44,8 @@ def angles(equations: Equations, evaluator: Evaluator, t: float, q: Array) -> Fl
             known = np.isfinite(before) & np.isfinite(after)
             size = np.abs(before[known]).max(initial=0.0) + np.abs(after[known]).max(initial=0.0)
             change = np.abs(after[known] - before[known]).max(initial=0.0)
-            enters = known.any() and _enters(equations, int(j))
-            found[j] = bool(enters and change <= _SAME * size)
+            matters = known.any() and enters(equations, int(j))
+            found[j] = bool(matters and change <= _SAME * size)
     return found
 
 
@@ -54,7 +54,7 @@ def _numbers(evaluator: Evaluator, t: float, q: Array, v: Array) -> Array:
     return np.concatenate([evaluator.entries(t, q, v), c.position, c.drift])
 
 
-def _enters(eq: Equations, j: int) -> bool:
+def enters(eq: Equations, j: int) -> bool:
     """Whether the equations depend on a coordinate; one that is absent has no period."""
     symbol = eq.q[j]
     expressions = [eq.lagrangian, *eq.applied_forces, *(c.velocity for c in eq.constraints)]

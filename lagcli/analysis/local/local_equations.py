@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.analysis.local.coordinate_ranges import angles, lengths
+from lagcli.analysis.local.coordinate_ranges import angles, enters, lengths
 from lagcli.analysis.local.gradients import Gradients, MotionJacobians, MotionJacobianTape, Point
 from lagcli.analysis.local.tangent import Indices, Response, Tangent, tangent_of
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.constraints.initial import ConsistentState
-from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.evaluator import Constraints, Evaluator
 from lagcli.engine.linear.dense import Decomposition, SingularSystem, decompose
 from lagcli.engine.lowering import lower
 from lagcli.engine.scales import LEAST_PART, row_lengths
@@ -61,6 +61,11 @@ class LocalEquations:
         return find_start(self.equations, self.system, self.t)
 
     @cached_property
+    def entering(self) -> tuple[int, ...]:
+        """Coordinates on which the equations depend; along others all configurations are alike."""
+        return tuple(j for j in range(len(self.equations.q)) if enters(self.equations, j))
+
+    @cached_property
     def angles(self) -> Flags:
         """Which coordinates have the period 2π, (nq,)."""
         return angles(self.equations, self.evaluator(self.p), self.t, self.start.state.q)
@@ -70,6 +75,19 @@ class LocalEquations:
         """Changes of the coordinates that are large, (nq,)."""
         evaluator = self.evaluator(self.p)
         return lengths(evaluator, self.t, self.start.state.q, self.angles)
+
+    @cached_property
+    def least_forces(self) -> Array:
+        """Forces that are small: a part of those after large changes of the coordinates, (nq,).
+
+        The terms of a force may cancel at an equilibrium, so that it does not say how large it is.
+        """
+        q, zero = self.start.state.q, np.zeros(len(self.equations.q))
+        multipliers = np.zeros(len(self.equations.constraints))
+        found = self.jacobian_tape.at(Point(self.t, q, zero, zero, multipliers, self.p))
+        forcing = self.evaluator(self.p).dynamics(self.t, q, zero).forcing
+        forces = np.abs(forcing) + np.abs(found.force_position) @ self.lengths
+        return np.asarray(LEAST_PART * np.where(np.isfinite(forces), forces, 0.0))
 
     def evaluator(self, p: tuple[float, ...]) -> Evaluator:
         """Return the evaluator of M, f, B, γ, φ and ψ with these values of the parameters."""
@@ -91,24 +109,24 @@ class LocalEquations:
 
     def tangent(self, point: Point, preferred: Indices = ()) -> Tangent:
         """Return the tangent space of the constraints at a point."""
-        whole = self.decomposition(point.t, point.q, point.v, point.p)
-        holonomic = self.decomposition(point.t, point.q, point.v, point.p, holonomic=True)
+        evaluator, rows = self.evaluator(point.p), list(self.system.holonomic)
+        c = evaluator.constraints(point.t, point.q, point.v)
+        sizes = evaluator.sizes(point.t, point.q, point.v)
+        whole = self.decomposition(c, sizes, point.v)
+        holonomic = whole
+        if len(rows) < len(c.jacobian):
+            holonomic = decompose(c.jacobian[rows], scale=whole.scale[rows], sizes=sizes)
         return tangent_of(whole, holonomic, self.velocity_gradient(point), preferred)
 
-    def decomposition(
-        self, t: float, q: Array, v: Array, p: tuple[float, ...], *, holonomic: bool = False
-    ) -> Decomposition:
-        """Return the decomposition of B, or of its holonomic rows.
+    def decomposition(self, c: Constraints, sizes: Array, v: Array) -> Decomposition:
+        """Return the decomposition of B.
 
         A row that is small beside the terms of its constraint over large changes of the
         coordinates is judged by these, so that one that vanishes is seen to vanish.
         """
-        evaluator, rows = self.evaluator(p), list(self.system.holonomic)
-        c, sizes = evaluator.constraints(t, q, v), evaluator.sizes(t, q, v)
+        rows = list(self.system.holonomic)
         scale = row_lengths(c.jacobian, sizes, c.velocity_scale, v)
         scale[rows] = row_lengths(c.jacobian[rows], sizes, c.position_scale, self.lengths)
-        if holonomic:
-            return decompose(c.jacobian[rows], scale=scale[rows], sizes=sizes)
         return decompose(c.jacobian, scale=scale, sizes=sizes)
 
     def response(self, point: Point, tangent: Tangent) -> Response:
@@ -197,7 +215,8 @@ class LocalEquations:
         d = evaluator.dynamics(point.t, point.q, point.v)
         force = np.abs(d.forcing) + np.abs(d.jacobian.T) @ np.abs(point.multipliers)
         force += np.abs(d.mass_matrix @ point.a) if inertial is None else inertial
-        return shared_scale(force, evaluator.sizes(point.t, point.q, point.v))
+        sizes = evaluator.sizes(point.t, point.q, point.v)
+        return shared_scale(np.maximum(force, self.least_forces), sizes)
 
 
 def shared_scale(force: Array, sizes: Array) -> Array:

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations, shared_scale
-from lagcli.analysis.local.tangent import Indices, Tangent, independent, least, multipliers_of
+from lagcli.analysis.local.tangent import Indices, independent, least, multipliers_of
+from lagcli.engine.evaluator import Dynamics
 from lagcli.engine.linear import dense
+from lagcli.engine.scales import LEAST_PART
 from lagcli.errors import UsageError
 
 Array = NDArray[np.float64]
@@ -23,6 +25,10 @@ ACCEPTED, REACHED = 1e-10, 1e-15
 _ITERATIONS, _RELAXATIONS = 60, 200
 #: Of the terms' magnitudes: residuals at which Newton's method takes over.
 _NEAR = 1e-4
+#: Of the coordinates' lengths: what is zero but for rounding.
+_ROUNDING = 1e-14
+#: Of the applied forces: constraint forces at which a configuration is taken for singular.
+_STRAINED = 1e6
 
 
 class Residual(NamedTuple):
@@ -40,6 +46,9 @@ class Residual(NamedTuple):
         Of B.
     independent : tuple of int
         The coordinates whose velocities are held.
+    basis : (nq, n) array
+        What B allows, by the independent velocities.
+    dynamics : Dynamics
     """
 
     point: Point
@@ -47,6 +56,8 @@ class Residual(NamedTuple):
     scale: Array
     decomposition: dense.Decomposition
     independent: Indices
+    basis: Array
+    dynamics: Dynamics
 
     @property
     def relative(self) -> float:
@@ -92,9 +103,9 @@ class SteadyProblem:
         sizes = evaluator.sizes(self.t, q, zero)
         if not (np.isfinite(c.jacobian).all() and np.isfinite(sizes).all()):
             return self._undefined(q, multipliers, p)
-        d = self.local.decomposition(self.t, q, zero, p)
+        d = self.local.decomposition(c, sizes, zero)
         preferred = tuple(self.held) if chosen is None else chosen
-        free, basis = independent(d.null, sizes, preferred)
+        free, basis = independent(d.null, sizes, preferred, self.local.entering)
         target = np.array([self.held.get(j, 0.0) for j in free])
         v = self._completed(d, -c.drift, free, basis) + basis @ target
         dynamics = evaluator.dynamics(self.t, q, v)
@@ -105,19 +116,28 @@ class SteadyProblem:
         balance = dynamics.forcing - inertial + dynamics.jacobian.T @ multipliers
         scale = np.abs(dynamics.forcing) + np.abs(dynamics.mass_matrix) @ np.abs(a)
         scale += np.abs(dynamics.jacobian.T) @ np.abs(multipliers)
+        scale = np.maximum(scale, self.local.least_forces)
+        # all terms of a constraint may vanish at a root
+        reach = np.abs(c.jacobian[self.holonomic]) @ self.local.lengths
+        position = np.maximum(c.position_scale, LEAST_PART * reach)
         return Residual(
             Point(self.t, q, v, a, multipliers, p),
             np.concatenate([balance, c.position]),
-            np.concatenate([shared_scale(scale, sizes), c.position_scale]),
+            np.concatenate([shared_scale(scale, sizes), position]),
             d,
             free,
+            basis,
+            dynamics,
         )
 
     def _undefined(self, q: Array, multipliers: Array, p: tuple[float, ...]) -> Residual:
         nan = np.full(self.nq + len(self.holonomic), np.nan)
-        empty = dense.decompose(np.zeros((len(multipliers), self.nq)), 0)
-        point = Point(self.t, q, nan[: self.nq], nan[: self.nq], multipliers, p)
-        return Residual(point, nan, nan, empty, ())
+        zero = np.zeros(self.nq)
+        point = Point(self.t, q, zero, zero, multipliers, p)
+        jacobian = np.zeros((len(multipliers), self.nq))
+        empty = dense.decompose(jacobian, 0)
+        dynamics = self.local.evaluator(p).dynamics(self.t, q, zero)
+        return Residual(point, nan, nan, empty, (), np.zeros((self.nq, 0)), dynamics)
 
     @staticmethod
     def _completed(d: dense.Decomposition, rhs: Array, free: Indices, basis: Array) -> Array:
@@ -127,47 +147,24 @@ class SteadyProblem:
 
     def multipliers(self, found: Residual) -> Array:
         """Return the λ that balance the forces best, of least norm."""
-        balance = found.value[: self.nq]
-        jacobian = self.local.evaluator(found.point.p).dynamics(
-            self.t, found.point.q, found.point.v
-        )
-        forces = jacobian.jacobian.T @ found.point.multipliers - balance
+        forces = found.dynamics.jacobian.T @ found.point.multipliers - found.value[: self.nq]
         return multipliers_of(found.decomposition, forces[:, None])[:, 0]
 
     # its Jacobian
 
     def jacobian(self, found: Residual) -> Array:
         """Return ∂R/∂(q, λ), (nq + nh, nq + nc)."""
-        point, tangent = found.point, self._kinematics(found)
-        jac = self.local.jacobians(point)
-        gradient = self.local.velocity_gradient(point)
-        dv = self._changed(tangent, -gradient)
-        force = self._force(tangent, jac.force_position, jac.rhs_position, dv, found)
-        d = self.local.evaluator(point.p).dynamics(self.t, point.q, point.v)
-        nh = len(self.holonomic)
-        top = np.hstack([force, d.jacobian.T])
-        bottom = np.hstack([d.jacobian[self.holonomic], np.zeros((nh, len(d.jacobian)))])
-        return np.vstack([top, bottom])
+        jac, d = self.local.jacobians(found.point), found.dynamics
+        dv = self.changed(found, -self.local.velocity_gradient(found.point))
+        da = self.changed(found, jac.rhs_position + jac.rhs_velocity @ dv)
+        force = jac.force_position + jac.force_velocity @ dv - d.mass_matrix @ da
+        held = d.jacobian[self.holonomic]
+        return np.block([[force, d.jacobian.T], [held, np.zeros((len(held), len(d.jacobian)))]])
 
-    def _kinematics(self, found: Residual) -> Tangent:
-        d, free = found.decomposition, found.independent
-        _, basis = independent(d.null, d.sizes, free)
-        empty = np.zeros((self.nq, 0))
-        return Tangent((), free, empty, basis, empty, d)
-
-    def _changed(self, tangent: Tangent, rhs: Array) -> Array:
+    def changed(self, found: Residual, rhs: Array) -> Array:
         """Return the X with B X = rhs whose rows of the independent velocities are zero."""
-        found = least(tangent.decomposition, rhs)
-        return found - tangent.velocity_basis @ found[list(tangent.velocities)]
-
-    def _force(
-        self, tangent: Tangent, forces: Array, rates: Array, dv: Array, found: Residual
-    ) -> Array:
-        """Return δ(f − M a + Bᵀλ) for changes of forces, of B a = γ, and of v."""
-        jac = self.local.jacobians(found.point)
-        d = self.local.evaluator(found.point.p).dynamics(self.t, found.point.q, found.point.v)
-        da = self._changed(tangent, rates + jac.rhs_velocity @ dv)
-        return np.asarray(forces + jac.force_velocity @ dv - d.mass_matrix @ da)
+        x = least(found.decomposition, rhs)
+        return np.asarray(x - found.basis @ x[list(found.independent)])
 
     # Newton's method
 
@@ -187,10 +184,8 @@ class SteadyProblem:
         matrix, nq = self.jacobian(found), self.nq
         rows, columns = self.scales(found, matrix)
         if inertia:
-            point = found.point
-            d = self.local.evaluator(point.p).dynamics(self.t, point.q, point.v)
             weight = rows[0] / columns[0]  # of forces by sizes: 1 over the stiffness
-            matrix[:nq, :nq] -= inertia / weight * d.mass_matrix
+            matrix[:nq, :nq] -= inertia / weight * found.dynamics.mass_matrix
         scaled = matrix * np.outer(rows, columns)
         u, s, vt = np.linalg.svd(scaled, full_matrices=False)
         rank = int((s > RANK * s.max(initial=0.0)).sum())
@@ -223,19 +218,41 @@ class SteadyProblem:
             return None
         if multipliers is None:
             found = self.residual(q, self.multipliers(found), p, found.independent)
+        root = self.polished(found)
+        return self.polished(self._relaxed(found)) if root is None else root
+
+    def polished(self, found: Residual) -> Residual | None:
+        """Return the root to which damped Newton steps lead, or None; of λ, the least."""
         root = self._newton(found)
-        if root is None:
-            root = self._newton(self._relaxed(found))
-        if root is None:
+        if root is None or self._strained(root):
             return None
-        return self.residual(root.point.q, self.multipliers(root), p, root.independent)
+        q = np.where(np.abs(root.point.q) > _ROUNDING * self.local.lengths, root.point.q, 0.0)
+        return self.residual(q, self.multipliers(root), root.point.p, root.independent)
+
+    def _strained(self, root: Residual) -> bool:
+        """Whether constraint forces are without measure, as near singular configurations."""
+        sizes, d, point = root.decomposition.sizes, root.dynamics, root.point
+        applied = (np.abs(d.forcing) + np.abs(d.mass_matrix @ point.a)) * sizes
+        reaction = (np.abs(d.jacobian.T) @ np.abs(point.multipliers)) * sizes
+        largest = applied.max(initial=0.0)
+        return bool(largest and reaction.max(initial=0.0) > _STRAINED * largest)
+
+    def moved(self, found: Residual, step: Array) -> Residual:
+        """Return the residual after a step, (nq + nc,)."""
+        point = found.point
+        return self.residual(
+            point.q + step[: self.nq],
+            point.multipliers + step[self.nq :],
+            point.p,
+            found.independent,
+        )
 
     def _newton(self, found: Residual) -> Residual | None:
         """Return the root to which damped Newton steps lead; None if they lead to none."""
         for _ in range(_ITERATIONS):
             if found.relative <= REACHED:
                 break
-            better = self._search(found, self._limited(self.newton_step(found)))
+            better = self._search(found, self.limited(self.newton_step(found)))
             if better is None:
                 break
             found = better
@@ -250,13 +267,8 @@ class SteadyProblem:
         """
         inertia, before = 2.0, found.relative
         for _ in range(_RELAXATIONS):
-            step = self._limited(self.newton_step(found, inertia)) / 2
-            after = self.residual(
-                found.point.q + step[: self.nq],
-                found.point.multipliers + step[self.nq :],
-                found.point.p,
-                found.independent,
-            )
+            step = self.limited(2 * self.newton_step(found, inertia)) / 2
+            after = self.moved(found, step)
             if not np.isfinite(after.value).all():
                 break
             found = after
@@ -266,7 +278,7 @@ class SteadyProblem:
             before = found.relative
         return found
 
-    def _limited(self, step: Array) -> Array:
+    def limited(self, step: Array) -> Array:
         """Return a step that is not longer than the coordinates' lengths."""
         longest = np.abs(step[: self.nq] / self.local.lengths).max(initial=0.0)
         return step / max(1.0, longest)
@@ -276,14 +288,7 @@ class SteadyProblem:
         scale = np.where(found.scale > 0.0, found.scale, 1.0)
         before = np.linalg.norm(found.value / scale)
         for halving in range(12):
-            part = 0.5**halving * step
-            point = found.point
-            trial = self.residual(
-                point.q + part[: self.nq],
-                point.multipliers + part[self.nq :],
-                point.p,
-                found.independent,
-            )
+            trial = self.moved(found, 0.5**halving * step)
             if np.linalg.norm(trial.value / scale) < before:
                 return trial
         return None

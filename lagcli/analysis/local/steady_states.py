@@ -80,7 +80,7 @@ def nearest_steady_state(local: LocalEquations, steady: Mapping[str, float]) -> 
     q = local.start.state.q
     found = problem.solve(q, local.p)
     if found is None:
-        raise _none_found(local, problem, q)
+        raise none_found(local, problem, q)
     return completed(problem, found)
 
 
@@ -109,8 +109,8 @@ def completed(problem: SteadyProblem, found: Residual) -> SteadyState:
     return SteadyState(point, found, problem.neutral(found))
 
 
-def _none_found(local: LocalEquations, problem: SteadyProblem, q: Array) -> NumericalError:
-    """Say which forces are not balanced."""
+def none_found(local: LocalEquations, problem: SteadyProblem, q: Array) -> NumericalError:
+    """Return the error of a search without result, with the forces that are not balanced."""
     start = problem.residual(q, np.zeros(len(local.system.constraints)), local.p)
     what = "steady motion" if problem.held else "equilibrium"
     text = f"no {what} of {local.model.name} was found from its initial values"

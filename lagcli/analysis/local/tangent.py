@@ -68,7 +68,9 @@ def tangent_of(
     return Tangent(positions, velocities, position_basis, velocity_basis, shift, whole)
 
 
-def independent(null: Array, sizes: Array, preferred: Indices = ()) -> tuple[Indices, Array]:
+def independent(
+    null: Array, sizes: Array, preferred: Indices = (), next_best: Indices = ()
+) -> tuple[Indices, Array]:
     """Choose independent coordinates, and write the null space by them.
 
     Parameters
@@ -79,6 +81,8 @@ def independent(null: Array, sizes: Array, preferred: Indices = ()) -> tuple[Ind
         Changes of the coordinates that count as equal.
     preferred : tuple of int
         Coordinates to be chosen if they are independent.
+    next_best : tuple of int
+        Coordinates to be chosen before the others.
 
     Returns
     -------
@@ -93,8 +97,9 @@ def independent(null: Array, sizes: Array, preferred: Indices = ()) -> tuple[Ind
     if not n:
         return (), null
     weight = 1.0 / sizes
-    for j in preferred:
-        weight[j] *= 1e3  # before all others, unless the null space barely moves it
+    # before others, unless the null space barely moves them
+    weight[list(next_best)] *= 30.0
+    weight[list(preferred)] *= 1e3
     _, _, pivots = qr((null * weight[:, None]).T, mode="economic", pivoting=True)
     chosen = sorted(pivots[:n].tolist())
     basis = np.asarray(np.linalg.solve(null[chosen].T, null.T).T, dtype=np.float64)

@@ -64,8 +64,9 @@ def linearize(
 
     About the start, or about the point that --equilibrium, --steady or --at choose.
     """
+    from lagcli.analysis.files import check_analysis_target
     from lagcli.analysis.linear.description import describe_linear, format_linear
-    from lagcli.analysis.linear.files import LINEAR_SUFFIXES, check_analysis_target, write_linear
+    from lagcli.analysis.linear.files import LINEAR_SUFFIXES, write_linear
     from lagcli.analysis.linear.linear_model import linearize as linear_model
     from lagcli.cli.summary import to_json
 

@@ -41,8 +41,9 @@ def modes(
 
     About the start, or about the point that --equilibrium, --steady or --at choose.
     """
+    from lagcli.analysis.files import check_analysis_target
     from lagcli.analysis.linear.description import describe_modes, format_modes
-    from lagcli.analysis.linear.files import MODES_SUFFIXES, check_analysis_target, write_modes
+    from lagcli.analysis.linear.files import MODES_SUFFIXES, write_modes
     from lagcli.analysis.linear.modes import modes as find_modes
     from lagcli.cli.summary import to_json
 
