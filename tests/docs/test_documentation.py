@@ -83,19 +83,18 @@ def test_every_option_is_documented(command):
     page = (ROOT / "docs" / "command-line.md").read_text()
     options = program().commands[command].params
     names = [n for p in options for n in p.opts if n.startswith("--")]
-    missing = [n for n in names if n != "--help" and f"`{n}" not in page]
-    assert len(names) >= 1
-    assert not missing
+    assert f"## lagcli {command}" in page
+    assert not [n for n in names if n != "--help" and f"`{n}" not in page]
 
 
 def test_every_model_key_and_function_is_documented():
     from lagcli.model.expression.building import TENSOR_FUNCTIONS
     from lagcli.model.expression.functions import FUNCTIONS
-    from lagcli.model.loader import KEYS
+    from lagcli.model.keys import MODEL, keys_of
 
     page = (ROOT / "docs" / "model-file.md").read_text()
     words = set(re.findall(r"\w+", page))
-    names = [*KEYS, *FUNCTIONS, *TENSOR_FUNCTIONS]
+    names = [*keys_of(MODEL), *FUNCTIONS, *TENSOR_FUNCTIONS]
     assert not [n for n in names if n not in words]
 
 

@@ -1,4 +1,4 @@
-"""`lagcli info`: say what a result or sweep file holds."""
+"""`lagcli info`: describe a result or sweep file."""
 
 from typing import Annotated, Any
 
@@ -17,7 +17,7 @@ def info(
     ],
     json: Json = False,
 ) -> None:
-    """Say what a file holds: sizes, status, residuals, multipliers, provenance."""
+    """Describe a result file: sizes, status, residuals, multipliers, provenance."""
     description, text = _described(file)
     if json:
         from lagcli.cli.summary import to_json
@@ -28,15 +28,14 @@ def info(
 
 
 def _described(file: str) -> tuple[dict[str, Any], str]:
-    from lagcli.results.formats import format_of
+    from lagcli.results.formats import format_read
 
-    if format_of(file).sweeps == "all":
+    if format_read(file).sweeps == "all":
         from lagcli.results.hdf5.analysis_file import analysis_kind
         from lagcli.sweeps.file.store import is_sweep
 
         if analysis_kind(file):
             return _analysis(file)
-
         if is_sweep(file):
             from lagcli.sweeps.file.description import describe_sweep, format_sweep
 

@@ -12,7 +12,7 @@ from lagcli.pictures.plots.run_plot import plot_runs
 from lagcli.pictures.plots.sweep_plot import PlottedTable, plot_table
 from lagcli.pictures.plots.sweep_rows import Rows
 from lagcli.pictures.run_file import RunFile
-from lagcli.results.formats import format_of
+from lagcli.results.formats import format_read
 from lagcli.trajectory.trajectory import Trajectory
 
 Source = str | os.PathLike[str] | Trajectory
@@ -38,8 +38,8 @@ def plot(
     output : path
         A name that ends with ``.png``, ``.svg`` or ``.pdf``.
     names : sequence of str
-        What to plot: see docs/pictures.md. By default, of runs, coordinates, multipliers, energy
-        balance and residuals; of a sweep, its measures; of branches, what changes.
+        What to plot: see docs/pictures.md. By default, of runs, coordinates, multipliers and
+        energies; of a sweep, its measures; of branches, what changes.
     title : str, optional
         By default the model's name, and what went wrong with a run that is not complete.
     size : (float, float), optional
@@ -95,7 +95,7 @@ def plot(
 
 def _analysis(source: Source) -> str | None:
     """Return the name of a file of an analysis; None for anything else."""
-    if isinstance(source, Trajectory) or format_of(source).sweeps != "all":
+    if isinstance(source, Trajectory) or format_read(source).sweeps != "all":
         return None
     from lagcli.results.hdf5.analysis_file import analysis_kind
 
@@ -105,7 +105,7 @@ def _analysis(source: Source) -> str | None:
 
 def _sweep(source: Source) -> str | None:
     """Return the name of a sweep file; None for anything else."""
-    if isinstance(source, Trajectory) or format_of(source).sweeps != "all":
+    if isinstance(source, Trajectory) or format_read(source).sweeps != "all":
         return None
     from lagcli.sweeps.file.store import is_sweep
 
