@@ -8,12 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagcli.analysis.linear.linear_model import linear_model
-from lagcli.analysis.linear.modes import (
-    ReducedMatrices,
-    general_eigenpairs,
-    reduced_matrices,
-    symmetric_eigenpairs,
-)
+from lagcli.analysis.linear.modes import ReducedMatrices, eigenpairs, reduced_matrices
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
 
@@ -70,10 +65,8 @@ def stability_of(
        doi:10.1007/978-1-4612-4046-4.
     """
     stiffness = hessian_eigenvalues(reduced_matrices(local, operating_point))
-    pairs = symmetric_eigenpairs(local, operating_point)
-    if pairs is None:
-        pairs = general_eigenpairs(linear_model(local, operating_point).A)
-    values = pairs[0][np.argsort(np.abs(pairs[0]), kind="stable")]
+    found, _, _ = eigenpairs(local, linear_model(local, operating_point))
+    values = found[np.argsort(np.abs(found), kind="stable")]
     return Stability(_verdict(values, stiffness, dimension), values, stiffness)
 
 

@@ -143,11 +143,7 @@ def modes_about(local: LocalEquations, operating_point: OperatingPoint) -> Modal
     point = operating_point.point
     mass = local.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
     weights = np.sqrt(local.system.inertia(np.abs(np.diag(mass))))
-    pairs = symmetric_eigenpairs(local, operating_point)
-    undamped = pairs is not None
-    if pairs is None:
-        pairs = general_eigenpairs(linear.A)
-    values, vectors = pairs
+    values, vectors, undamped = eigenpairs(local, linear)
     order = sorted(range(len(values)), key=lambda i: _order(complex(values[i])))
     found = tuple(_mode(linear, complex(values[i]), vectors[:, i], weights) for i in order)
     return ModalAnalysis(linear, found, undamped)
@@ -252,21 +248,43 @@ def reduced_matrices(
     )
 
 
-def general_eigenpairs(matrix: Array) -> tuple[ComplexArray, ComplexArray]:
+def eigenpairs(
+    local: LocalEquations, linear: LinearModel
+) -> tuple[ComplexArray, ComplexArray, bool]:
+    """Return the eigenvalues and states of a reduced model, and whether it is undamped.
+
+    Of complex pairs, those with positive imaginary part.
+    """
+    operating_point = linear.operating_point
+    pairs = symmetric_eigenpairs(local, operating_point)
+    if pairs is not None:
+        return *pairs, True
+    tangent = operating_point.tangent
+    n, sizes = len(tangent.positions), tangent.decomposition.sizes
+    rate = np.sqrt(np.abs(linear.A[n:, :n]).max(initial=0.0)) or 1.0
+    velocities = rate * sizes[list(tangent.velocities)]
+    scale = np.concatenate([sizes[list(tangent.positions)], velocities])
+    return *general_eigenpairs(linear.A, scale), False
+
+
+def general_eigenpairs(matrix: Array, sizes: Array) -> tuple[ComplexArray, ComplexArray]:
     """Return eigenvalues and right eigenvectors, each pair of complex ones once.
 
-    Entries that are rounding errors beside the others of a balanced matrix are set to zero, so
-    that coordinates on which nothing depends give eigenvalues that vanish to the last digit.
-    """
-    from scipy.linalg import matrix_balance
+    Entries that are rounding errors beside the others are set to zero, so that coordinates on
+    which nothing depends give eigenvalues that vanish to the last digit.
 
+    Parameters
+    ----------
+    matrix : (n, n) array
+    sizes : (n,) array
+        Values of the states that count as equal.
+    """
     if not len(matrix):
         return np.empty(0, complex), np.empty((0, 0), complex)
-    balanced, units = matrix_balance(matrix, permute=False)
-    rounding = len(matrix) * np.finfo(float).eps * np.abs(balanced).max()
-    balanced = np.where(np.abs(balanced) > rounding, balanced, 0.0)
-    values, vectors = np.linalg.eig(balanced)
-    values = values.astype(complex)
+    scaled = matrix * sizes / sizes[:, None]
+    rounding = len(matrix) * np.finfo(float).eps * np.abs(scaled).max()
+    values, vectors = np.linalg.eig(np.where(np.abs(scaled) > rounding, scaled, 0.0))
+    values, vectors = values.astype(complex), vectors.astype(complex)
     values[np.abs(values) < _ZERO * np.abs(values).max(initial=0.0)] = 0.0
     real = np.abs(values.imag) <= _UNDAMPED * np.abs(values)
     values[real] = values[real].real
@@ -274,7 +292,7 @@ def general_eigenpairs(matrix: Array) -> tuple[ComplexArray, ComplexArray]:
     small = np.abs(vectors) < _ZERO * np.abs(vectors).max(axis=0, initial=0.0)
     vectors[small & (values == 0.0)] = 0.0
     keep = values.imag >= 0
-    return values[keep], (units @ vectors)[:, keep].astype(complex)
+    return values[keep], (sizes[:, None] * vectors)[:, keep]
 
 
 def _mode(linear: LinearModel, s: complex, state: ComplexArray, weights: Array) -> Mode:
