@@ -126,3 +126,15 @@ def test_a_file_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture
     assert path.read_text() == "mine"
     assert run(["linearize", CRANK, "-o", str(path), "--force"]) == 0
     assert "written" in capsys.readouterr().out
+
+
+def test_modes_are_animated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "mode.html"
+    arguments = ["animate", CHAIN, *HANGING, "--mode", "2", "-o", str(page)]
+    assert run([*arguments, "--amplitude", "0.05"]) == 0
+    assert "181 samples" in capsys.readouterr().out
+    assert "rod" in page.read_text()
+    assert run([*arguments[:-3], "9", "-o", str(tmp_path / "x.html")]) == 2
+    assert "3 modes" in capsys.readouterr().err
+    assert run(["animate", "run.h5", "--equilibrium", "-o", str(tmp_path / "x.html")]) == 2
+    assert "--mode" in capsys.readouterr().err

@@ -41,7 +41,7 @@ initial: {w: h, u: 0, w': 0, u': 0}
 
 
 def test_pendulum_rests_below_and_above() -> None:
-    found = lagcli.equilibrium(lagcli.load(MODELS / "pendulum_cartesian.yaml"), all=True)
+    found = lagcli.equilibrium(lagcli.load(MODELS / "pendulum_cartesian.yaml"), all=True, starts=8)
     below, above = found.equilibria
     parameters = lagcli.load(MODELS / "pendulum_cartesian.yaml").parameter_values
     m, g, l = (parameters[name] for name in ("m", "g", "l"))
@@ -56,7 +56,9 @@ def test_pendulum_rests_below_and_above() -> None:
 
 
 def test_all_four_configurations_of_a_double_pendulum_are_found() -> None:
-    found = lagcli.equilibrium(lagcli.load(MODELS / "double_pendulum_cartesian.yaml"), all=True)
+    found = lagcli.equilibrium(
+        lagcli.load(MODELS / "double_pendulum_cartesian.yaml"), all=True, starts=24
+    )
     heights = {tuple(np.round(x.operating_point.point.q[[1, 3]], 9)) for x in found.equilibria}
     assert heights == {(-0.6, -1.0), (-0.6, -0.2), (0.6, 0.2), (0.6, 1.0)}
     assert [x.stability.verdict for x in found.equilibria] == ["stable", *["unstable"] * 3]
@@ -175,6 +177,22 @@ def test_truss_snaps_through_at_a_fold() -> None:
     assert (branch.stable == (branch.q[:, 0] > w)).all()
     # it goes on past the fold, down to no load
     assert branch.parameter[-1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_whipple_bicycle_is_stable_between_its_weave_and_its_capsize_speed() -> None:
+    # Meijaard, Papadopoulos, Ruina, Schwab 2007, sec. 4: 4.29238253634111 and 6.02426201538837 m/s
+    model = lagcli.load(ROOT / "tests" / "found" / "whipple_bicycle.yaml", set={"eps": "0"})
+    diagram = lagcli.follow_equilibria(model, "x'", 3.0, 8.0)
+    weave, capsize = diagram.special
+    assert (weave.kind, capsize.kind) == ("Hopf point", "branch point")
+    # the growth rate is known to 1e-9 of the largest eigenvalue; five neutral coordinates disturb
+    # the determinant
+    assert weave.parameter == pytest.approx(4.29238253634111, rel=1e-8)
+    assert capsize.parameter == pytest.approx(6.02426201538837, rel=1e-6)
+    (branch,) = diagram.branches
+    between = (branch.parameter > weave.parameter) & (branch.parameter < capsize.parameter)
+    assert (branch.stable == between).all()
 
 
 def test_velocity_is_a_parameter_of_steady_motions() -> None:

@@ -31,6 +31,7 @@ Flags = NDArray[np.bool_]
 _MOST_BRANCHES = 32
 #: Of scaled unknowns: the step with which another branch is entered, and what counts as the same.
 _ENTRY, _SAME = 1e-2, 1e-4
+_ROUNDING = 1e-13  # of scaled unknowns
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,10 +230,16 @@ class _Diagram:
             oscillating = values[values.imag > 0]
             if len(oscillating):
                 frequency = float(oscillating[np.argmax(oscillating.real)].imag)
-        value = self.extended.value(z)
+        value, q = self._clean(found.point)
         self.special.append(
-            SpecialPoint(found.kind, number, value, point.q, point.v, point.multipliers, frequency)
+            SpecialPoint(found.kind, number, value, q, point.v, point.multipliers, frequency)
         )
+
+    def _clean(self, traced: Traced) -> tuple[float, Array]:
+        """Return s and q, with zeros for what are rounding errors beside large changes."""
+        columns, z = self.extended.columns, traced.place.z
+        rounded = np.where(np.abs(z) > _ROUNDING, z, 0.0) * columns
+        return float(rounded[-1]), rounded[: self.extended.nq]
 
     def trace_others(self) -> None:
         """Trace the branches that cross those that are known, both ways."""
@@ -263,10 +270,11 @@ class _Diagram:
 
     def _branch(self, points: list[tuple[Traced, Stability]], origin: int | None) -> Branch:
         at = [traced.place.found.point for traced, _ in points]
+        clean = [self._clean(traced) for traced, _ in points]
         growth = [s.eigenvalues.real.max(initial=-np.inf) for _, s in points]
         return Branch(
-            np.array([self.extended.value(traced.place.z) for traced, _ in points]),
-            np.array([point.q for point in at]),
+            np.array([value for value, _ in clean]),
+            np.array([q for _, q in clean]),
             np.array([point.v for point in at]),
             np.array([point.multipliers for point in at]),
             np.array([s.verdict != "unstable" for _, s in points]),

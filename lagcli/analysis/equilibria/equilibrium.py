@@ -91,7 +91,7 @@ def equilibrium(
     *,
     steady: Mapping[str, float] | None = None,
     all: bool = False,
-    starts: int = 32,
+    starts: int = 64,
 ) -> Equilibria:
     """Find equilibria, or steady motions with given velocities.
 

@@ -21,7 +21,10 @@ Flags = NDArray[np.bool_]
 _SAME = 1e-6
 _REACH = 2.0  # of the coordinates' lengths: how far from the start others may lie
 _RELAXED = 4  # starts from which motions are followed to where they come to rest
-_STEPS, _SEED = 25, 1
+_STEPS, _SEED = 40, 1
+#: Of the coordinates' lengths: the longest step. Of the terms' magnitudes: where a root is near.
+_LIMIT, _NEAR = 0.5, 1e-9
+_LEAST = 0.05  # the smallest divisor of a deflated step
 
 
 class _Known(NamedTuple):
@@ -133,7 +136,9 @@ def _difference(problem: SteadyProblem, q: Array, other: Array) -> Array:
 def _deflated(problem: SteadyProblem, q: Array, known: list[_Known]) -> Residual | None:
     """Return a root that is not known, by Newton steps for m(q) R(q, λ), or None.
 
-    m = Π (1 + 1/d²) grows beside the known roots, so that steps do not lead there.
+    m = Π (1 + 1/d²) grows beside the known roots, so that steps do not lead there. Steps are
+    limited and not damped: an iteration that wanders about finds more than one that comes to rest
+    where |R| is least.
     """
     local = problem.local
     found = problem.residual(q, np.zeros(len(local.system.constraints)), local.p)
@@ -141,42 +146,25 @@ def _deflated(problem: SteadyProblem, q: Array, known: list[_Known]) -> Residual
         return None
     found = problem.residual(q, problem.multipliers(found), local.p, found.independent)
     for _ in range(_STEPS):
-        if found.relative <= 1e-9:
+        if found.relative <= _NEAR:
             return problem.polished(found)
         step = problem.newton_step(found)
-        _, slope = _deflation(problem, found.point.q, known)
-        change = slope @ step[: problem.nq]
-        step = step / (1.0 - change) if abs(1.0 - change) > 1e-3 else step
-        trial = _shortened(problem, found, problem.limited(step), known)
-        if trial is None:
+        change = _slope(problem, found.point.q, known) @ step[: problem.nq]
+        # the step for m R, by the formula of Sherman and Morrison
+        step = step / (1.0 - change) if abs(1.0 - change) > _LEAST else step / _LEAST
+        found = problem.moved(found, problem.limited(step / _LIMIT) * _LIMIT)
+        if not np.isfinite(found.value).all():
             return None
-        found = trial
     return None
 
 
-def _shortened(
-    problem: SteadyProblem, found: Residual, step: Array, known: list[_Known]
-) -> Residual | None:
-    """Halve a step until m |R| falls; None if it does not."""
-    scale = np.where(found.scale > 0.0, found.scale, 1.0)
-    factor, _ = _deflation(problem, found.point.q, known)
-    before = factor * np.linalg.norm(found.value / scale)
-    for halving in range(8):
-        trial = problem.moved(found, 0.5**halving * step)
-        factor, _ = _deflation(problem, trial.point.q, known)
-        if factor * np.linalg.norm(trial.value / scale) < before:
-            return trial
-    return None
-
-
-def _deflation(problem: SteadyProblem, q: Array, known: list[_Known]) -> tuple[float, Array]:
-    """Return m(q), and ∇m/m."""
-    factor, slope = 1.0, np.zeros(len(q))
+def _slope(problem: SteadyProblem, q: Array, known: list[_Known]) -> Array:
+    """Return ∇m/m."""
+    slope, lengths = np.zeros(len(q)), problem.local.lengths
     for root in known:
-        far = _difference(problem, q, root.state.operating_point.point.q) / problem.local.lengths
+        far = _difference(problem, q, root.state.operating_point.point.q) / lengths
         far = np.where(root.compared, far, 0.0)
         square = float(far @ far)
         if square:
-            factor *= 1.0 + 1.0 / square
-            slope -= 2 * far / problem.local.lengths / (square * (square + 1.0))
-    return factor, slope
+            slope -= 2 * far / lengths / (square * (square + 1.0))
+    return slope

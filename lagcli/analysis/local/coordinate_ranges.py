@@ -74,9 +74,8 @@ def lengths(evaluator: Evaluator, t: float, q: Array, periodic: Flags) -> Array:
     others = ~periodic
     largest = np.abs(q / sizes)[others].max(initial=0.0)
     rows = c.jacobian[list(evaluator.system.holonomic)] * sizes
-    if len(rows):
-        reach = c.position_scale / dense.row_scale(rows)
-        largest = max(largest, float(reach.max()))
+    if not largest and len(rows):
+        largest = float((c.position_scale / dense.row_scale(rows)).max())
     found = (largest or 1.0) * sizes
     found[periodic] = 1.0
     return np.asarray(found)

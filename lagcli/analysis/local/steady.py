@@ -27,6 +27,7 @@ _ITERATIONS, _RELAXATIONS = 60, 200
 _NEAR = 1e-4
 #: Of the coordinates' lengths: what is zero but for rounding.
 _ROUNDING = 1e-14
+_BESIDE = 1e-2  # of these lengths: where other roots of a set are looked for
 #: Of the applied forces: constraint forces at which a configuration is taken for singular.
 _STRAINED = 1e6
 
@@ -296,14 +297,28 @@ class SteadyProblem:
     # what a root is
 
     def neutral(self, found: Residual) -> Array:
-        """Return the changes of q that lead from a root to others, (nq, dimension)."""
+        """Return the changes of q that lead from a root to others, (nq, dimension).
+
+        Directions in which forces vanish to first order alone lead back to the root.
+        """
         matrix = self.jacobian(found)
         rows, columns = self.scales(found, matrix)
         _, s, vt = np.linalg.svd(matrix * np.outer(rows, columns))
         rank = int((s > RANK * s.max(initial=0.0)).sum())
         null = vt[rank:, : self.nq].T  # scaled; redundant multipliers have no part in q
         u, s, _ = np.linalg.svd(null, full_matrices=False)
-        return np.asarray(columns[: self.nq, None] * u[:, s > 1e-6])
+        lasting = [x for x in u[:, s > 1e-6].T if self._leads_to_others(found, columns, x)]
+        return np.asarray(columns[: self.nq, None] * np.array(lasting).reshape(-1, self.nq).T)
+
+    def _leads_to_others(self, found: Residual, columns: Array, direction: Array) -> bool:
+        """Whether there are roots beside one in a scaled direction."""
+        sizes, point = columns[: self.nq], found.point
+        step = _BESIDE / np.abs(sizes * direction / self.local.lengths).max()
+        beside = point.q + step * sizes * direction
+        root = self._newton(self.residual(beside, point.multipliers, point.p, found.independent))
+        if root is None:
+            return False
+        return bool(direction @ ((root.point.q - point.q) / sizes) > step / 2)
 
     def check_held(self, found: Residual) -> None:
         """Raise UsageError where the constraints determine a velocity that is to be held."""

@@ -25,7 +25,7 @@ def equilibrium(
     ] = False,
     starts: Annotated[
         int, typer.Option("--starts", metavar="N", help="Starts for --all.", min=1)
-    ] = 32,
+    ] = 64,
     steady: Annotated[
         list[str] | None,
         typer.Option(
