@@ -71,6 +71,8 @@ def test_spectrum_of_modes_is_plotted(tmp_path: Path, capsys: pytest.CaptureFixt
     file = str(tmp_path / "modes.h5")
     assert run(["modes", CRANK, "--equilibrium", "-o", file, "-q"]) == 0
     assert run(["plot", file, "-o", str(tmp_path / "spectrum.svg")]) == 0
+    assert run(["animate", file, "-o", str(tmp_path / "x.html")]) == 4
+    assert "holds the result of lagcli modes" in capsys.readouterr().err
     assert "divergence" in (tmp_path / "spectrum.svg").read_text()
     assert run(["info", file]) == 0
     assert "modes about the equilibrium" in capsys.readouterr().out

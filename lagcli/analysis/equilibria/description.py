@@ -83,6 +83,8 @@ def format_equilibria(content: Mapping[str, Any]) -> str:
 
 def _verdict(x: Mapping[str, Any]) -> str:
     verdict, stiffness = x["stability"], x["stiffness"]
+    if not x["eigenvalues"]:
+        return "determined by the constraints"
     if verdict == "unstable":
         growing = [complex(*s) for s in x["eigenvalues"] if s[0] > 0]
         largest = max(growing, key=lambda s: s.real, default=0j)

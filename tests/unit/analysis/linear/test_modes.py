@@ -52,3 +52,4 @@ def test_zero_degrees_of_freedom_have_no_modes() -> None:
     assert found.linear_model.states == ()
     (one,) = lagcli.equilibrium(lagcli.load_text(text)).equilibria
     assert one.operating_point.point.multipliers == pytest.approx([1.0])
+    assert one.stability.verdict == "stable"
