@@ -54,7 +54,13 @@ def methods_table() -> str:
 def columns_table() -> str:
     """Return the table of the datasets and columns of results; [q] is a coordinate's unit."""
     rows = (
-        (f"`{x.name}`", _shape(x), x.description, x.unit.replace("{u}", "[q]"), _column(x))
+        (
+            f"`{x.name}`",
+            _shape(x),
+            x.description,
+            x.unit.replace("{u}", "[q]").replace("{c}", "[c]"),
+            _column(x),
+        )
         for x in QUANTITIES
     )
     return _table(("dataset", "shape", "meaning", "unit", "column"), rows)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from lagcli.pictures.plots.plot import plot
     from lagcli.pictures.report import report
     from lagcli.results import read, write
+    from lagcli.simulations.partition import partition
     from lagcli.simulations.simulation import simulate
     from lagcli.simulations.start import degrees_of_freedom
     from lagcli.sweeps.run import sweep
@@ -40,6 +41,7 @@ __all__ = [
     "load",
     "load_text",
     "modes",
+    "partition",
     "plot",
     "read",
     "render",
@@ -60,6 +62,7 @@ _PLACES = {
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",
     "modes": "lagcli.analysis.linear.modes",
+    "partition": "lagcli.simulations.partition",
     "plot": "lagcli.pictures.plots.plot",
     "read": "lagcli.results",
     "render": "lagcli.equations.render",

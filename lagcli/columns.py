@@ -8,19 +8,15 @@ these declarations. Inside the program a column of numbers is a `ColumnName`; it
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from lagcli.arrays import Array
 
-    Array = NDArray[np.float64]
-
-_MIXED = "mixed: as each constraint"
-_PER_JOULE = {"m": "N", "rad": "N*m", "1": "N*m", "": "N*m"}
+_PER_JOULE = {"m": "N", "rad": "N*m", "1": "J", "": "J", "C": "V"}
 
 
 class ResultQuantity(NamedTuple):
@@ -35,7 +31,7 @@ class ResultQuantity(NamedTuple):
     description : str
         The ``long_name`` in HDF5 files.
     unit : str
-        ``{u}`` stands for the unit of the coordinate.
+        ``{u}`` stands for the unit of the coordinate, ``{c}`` for that of the constraint.
     panel : str
         The title of the plots that show it, in lower case; none of what is not along the time.
     label : str
@@ -69,15 +65,25 @@ class ResultQuantity(NamedTuple):
         """The names of its columns, with ``{coordinate}`` and ``{constraint}``."""
         return self.text or self.name + (".{constraint}" if self.along == "constraint" else "")
 
+    @property
+    def scale(self) -> str:
+        """The field of `Record` that a residual is judged by."""
+        return self.name.replace("residual", "scale")
+
     def unit_at(self, coordinate_unit: str | None) -> str | None:
-        """Return the unit of a column, given that of its coordinate; None where none is stated."""
-        if "{u}" not in self.unit:
+        """Return the unit of a column, given that of its coordinate; None where none is stated.
+
+        The unit of a column of a constraint does not follow from it: `unit_of_column`.
+        """
+        if "{" not in self.unit:
             return self.unit
         if coordinate_unit is None or self.unit == "{u}":
             return coordinate_unit
         if self.unit == "J/{u}" and coordinate_unit in _PER_JOULE:
             return _PER_JOULE[coordinate_unit]
-        grouped = any(sign in coordinate_unit for sign in "*/ ")
+        grouped = "/" in coordinate_unit or (
+            self.unit.startswith("J/") and any(sign in coordinate_unit for sign in "* ")
+        )
         return self.unit.format(u=f"({coordinate_unit})" if grouped else coordinate_unit or "1")
 
 
@@ -152,7 +158,7 @@ class Columns:
     )
     multipliers: Array = _column(
         "Lagrange multipliers",
-        "mixed: J or W per unit of each position or velocity constraint",
+        "J/{c}",
         "multipliers",
         along="constraint",
         text="lambda.{constraint}",
@@ -185,7 +191,7 @@ class Columns:
     )
     residual_position: Array = _column(
         "residual of each position constraint",
-        _MIXED,
+        "{c}",
         "position residuals",
         "position",
         along="constraint",
@@ -193,7 +199,7 @@ class Columns:
     )
     residual_velocity: Array = _column(
         "residual of each velocity constraint",
-        _MIXED,
+        "{c}/s",
         "velocity residuals",
         "velocity",
         along="constraint",
@@ -227,7 +233,8 @@ def _quantities() -> Iterator[ResultQuantity]:
         yield ResultQuantity(declared.name, **declared.metadata)
     for what in ("position", "velocity"):
         said = f"scale by which the {what} residual is judged"
-        yield ResultQuantity(f"scale_{what}", ("constraint",), said, _MIXED)
+        unit = "{c}" if what == "position" else "{c}/s"
+        yield ResultQuantity(f"scale_{what}", ("constraint",), said, unit)
 
 
 #: Every array of a result but the model's own outputs, in the order of files.
@@ -235,10 +242,20 @@ QUANTITIES = tuple(_quantities())
 BY_NAME = {quantity.name: quantity for quantity in QUANTITIES}
 #: Those with values at each sample.
 SAMPLED = tuple(quantity for quantity in QUANTITIES if quantity.axes[0] == "time")
+#: The names in the first files of the layout, which all have. A file that lacks another was written
+#: before there was such a column, and is read with NaN for it.
+REQUIRED = {
+    *("time", "q", "v", "a", "multipliers", "constraint_force", "constraint_force_by"),
+    *("energy_kinetic", "energy_potential", "energy_total", "energy_balance"),
+    *("power_applied", "power_constraint", "power_time", "scale_position", "scale_velocity"),
+    *("residual_position", "residual_velocity", "residual_equation"),
+}
 #: Those with one number at each sample, which is a function of that sample.
 SCALARS = tuple(q for q in SAMPLED if not q.along and q.name != "time")
 #: The residuals of each constraint.
 RESIDUALS = tuple(q for q in SAMPLED if q.along == "constraint" and q.role == "residual")
+#: What is zero for an exact run.
+ERRORS = tuple(q for q in SAMPLED if q.role)
 #: The titles of plots, in their order, with the quantities that they show.
 PANELS = {
     panel: tuple(q for q in SAMPLED if q.panel == panel)
@@ -265,6 +282,24 @@ class ColumnName(NamedTuple):
         return BY_NAME[self.quantity].pattern.format(
             constraint=self.constraint, coordinate=self.coordinate
         )
+
+
+def unit_of_column(name: ColumnName, units: Mapping[str, str]) -> str | None:
+    """Return the unit of a column; None where it is not known.
+
+    Parameters
+    ----------
+    name : ColumnName
+    units : mapping of str to str
+        Units of coordinates, and of the columns of constraints (``lambda.guide``), as
+        ``Record.units`` has them.
+    """
+    quantity = BY_NAME[name.quantity]
+    if name.coordinate:
+        return quantity.unit_at(units.get(name.coordinate))
+    if name.constraint:
+        return units.get(str(name._replace(quantity=name.quantity.replace("scale", "residual"))))
+    return None if "{" in quantity.unit else quantity.unit
 
 
 def column_names(
@@ -340,3 +375,45 @@ def read_dotted_name(text: str) -> ColumnName | None:
     text.
     """
     return next(_readings(text), None) if "." in text else None
+
+
+class UnitDataset(NamedTuple):
+    """A dataset with the unit of each entry along an axis.
+
+    Parameters
+    ----------
+    name, axis : str
+    quantity : str
+        The array that the units are those of.
+    """
+
+    name: str
+    axis: str
+    quantity: str
+
+
+#: The units of entries along axes, where results state them.
+UNIT_DATASETS = (
+    UnitDataset("coordinate_unit", "coordinate", "q"),
+    UnitDataset("force_unit", "coordinate", "constraint_force"),
+    UnitDataset("multiplier_unit", "constraint", "multipliers"),
+    UnitDataset("position_unit", "constraint", "residual_position"),
+    UnitDataset("velocity_unit", "constraint", "residual_velocity"),
+)
+
+
+def units_along(
+    quantity: ResultQuantity,
+    coordinates: Sequence[str],
+    constraints: Sequence[str],
+    units: Mapping[str, str],
+) -> list[str | None]:
+    """Return the unit of each column of a quantity, None where it is not known.
+
+    Terms of constraint forces have the units of the forces on the coordinates.
+    """
+    if quantity.along == "term":
+        quantity = BY_NAME["constraint_force"]
+    names = column_names(quantity, coordinates, constraints)
+    found = [unit_of_column(name, units) for name in names]
+    return [unit if unit is None else unit or "1" for unit in found]

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from lagcli.cli import streams
+from lagcli.cli.options import BUG_STATUS, FAILED_STATUS, INTERRUPTED_STATUS
 from lagcli.errors import LagcliError
 from lagcli.simulations.memory import check_address_space
 from lagcli.simulations.threads import limit_process
@@ -23,9 +24,6 @@ _FIRST = ("derive", "simulate", "sweep")
 _MODULES = sorted((Path(__file__).parent / "commands").glob("[!_]*.py"))
 #: The commands, in the order of the help; each is the function in the module of its name.
 COMMANDS = (*_FIRST, *(name for m in _MODULES if (name := m.stem.replace("_", "-")) not in _FIRST))
-
-BUG_STATUS = 1
-INTERRUPTED_STATUS = 130
 
 
 class _Interrupted(Exception):
@@ -135,7 +133,7 @@ def run(arguments: list[str]) -> int:
             "error: there is not enough memory for this; ask for fewer samples, close other"
             " programs, or raise the limit (ulimit -v)"
         )
-        return 3
+        return FAILED_STATUS
     except Exception as error:
         return _other(error)
     return result if isinstance(result, int) else 0

@@ -7,6 +7,10 @@ from typing import Annotated
 import typer
 
 from lagcli.errors import UsageError
+from lagcli.results.formats import SUFFIX_NAMES
+
+#: Exit statuses that are no error's own.
+BUG_STATUS, FAILED_STATUS, INTERRUPTED_STATUS = 1, 3, 130
 
 ModelPath = Annotated[
     str,
@@ -30,6 +34,15 @@ SetInitial = Annotated[
         metavar="NAME=VALUE",
         help="Set and fix an initial value, e.g. phi=0.3 or phi_dot=2; 'phi={guess: 0.3}' frees it."
         " Repeatable.",
+    ),
+]
+ResultFile = Annotated[str, typer.Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}.")]
+ViewModel = Annotated[
+    str | None,
+    typer.Option(
+        "--model",
+        metavar="MODEL",
+        help="Model file whose view is used, instead of the text in the result.",
     ),
 ]
 Output = Annotated[str | None, typer.Option("--output", "-o", metavar="FILE", help="Output file.")]

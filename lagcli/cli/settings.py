@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from lagcli.errors import UsageError
+from lagcli.cli.streams import tell
+from lagcli.errors import LagcliError, UsageError
 from lagcli.settings.kinds import Choice, Flag, Setting, Times, WholeNumber
 from lagcli.settings.settings import SettingsOverrides
 
@@ -43,6 +44,23 @@ def with_settings(*names: str) -> Callable[[Command], Command]:
         return command
 
     return decorate
+
+
+def errors_as_json(function: Command) -> Command:
+    """Let a command print its error as JSON too, where ``--json`` is given."""
+
+    @functools.wraps(function)
+    def command(**arguments: Any) -> int:
+        try:
+            return function(**arguments)
+        except LagcliError as error:
+            if arguments["json"]:
+                from lagcli.cli.summary import error_object, to_json
+
+                tell(to_json(error_object(error)))
+            raise
+
+    return command
 
 
 def _option(setting: Setting[Any]) -> inspect.Parameter:

@@ -6,7 +6,7 @@ import io
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any
 
@@ -103,6 +103,12 @@ def tell(text: str) -> None:
         sys.stdout.flush()
     except (FileError, OSError):
         discard()
+
+
+def print_notes(notes: Iterable[str]) -> None:
+    """Print what the user should know, on standard error."""
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
 
 
 def discard() -> None:

@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from lagcli.cli.streams import visible_json
+from lagcli.columns import RESIDUALS, ColumnName, unit_of_column
 from lagcli.errors import LagcliError
+from lagcli.json_values import json_values
 from lagcli.trajectory.extremes import Extremes, known
 from lagcli.trajectory.samples import ENDED, Array, Record
 
@@ -47,8 +49,7 @@ def summarize(
         "rtol": options["rtol"],
         "atol": options.get("atol"),
         "tolerances": dict(record.tolerances),
-        "residual_position": _worst(extremes.residual_position, record.scale_position),
-        "residual_velocity": _worst(extremes.residual_velocity, record.scale_velocity),
+        **{q.name: _worst(getattr(extremes, q.name), getattr(record, q.scale)) for q in RESIDUALS},
         "energy_balance": known(extremes.energy_balance) or 0.0,
         "energy_scale": extremes.energy_scale,
         "multipliers": {
@@ -57,6 +58,7 @@ def summarize(
                 "t_min": found.low_time,
                 "max": found.high,
                 "t_max": found.high_time,
+                "unit": unit_of_column(ColumnName("multipliers", name), record.units),
             }
             for name, found in extremes.multipliers.items()
             if known(found.low) is not None
@@ -88,17 +90,7 @@ def to_json(value: Mapping[str, Any]) -> str:
     file of JSON lines.
     """
     indent = 2 if sys.stdout.isatty() else None
-    return visible_json(json.dumps(_finite(value), indent=indent, ensure_ascii=False))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return visible_json(json.dumps(json_values(value), indent=indent, ensure_ascii=False))
 
 
 def error_object(error: LagcliError) -> dict[str, Any]:
@@ -159,11 +151,7 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
         ]
     if s["redundant"]:
         lines += _redundancy(s)
-    residuals = [
-        f"{what} {s[f'residual_{what}']:.1e}"
-        for what in ("position", "velocity")
-        if s[f"residual_{what}"] is not None
-    ]
+    residuals = [f"{q.label} {s[q.name]:.1e}" for q in RESIDUALS if s[q.name] is not None]
     if residuals:
         lines.append(
             f"  {'residuals':<12}{', '.join(residuals)} (largest, relative to each constraint's"
@@ -173,11 +161,16 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     relative = f", {s['energy_balance'] / scale:.1e} of {scale:.4g} J" if scale else ""
     lines.append(f"  {'energy':<12}balance within {s['energy_balance']:.1e} J{relative}")
     if s["multipliers"]:
-        width = max(len(f"lambda.{n}") for n in s["multipliers"])
+        listed = dict(islice(s["multipliers"].items(), _LISTED))
+        labels = {
+            n: f"lambda.{n} [{m['unit']}]" if m["unit"] else f"lambda.{n}"
+            for n, m in listed.items()
+        }
+        width = max(map(len, labels.values()))
         lines.append("  multipliers")
-        for n, m in islice(s["multipliers"].items(), _LISTED):
+        for n, m in listed.items():
             lines.append(
-                f"    {'lambda.' + n:<{width}}  min {m['min']:>13.6g} at t = {m['t_min']:<9.4g}"
+                f"    {labels[n]:<{width}}  min {m['min']:>13.6g} at t = {m['t_min']:<9.4g}"
                 f"  max {m['max']:>13.6g} at t = {m['t_max']:.4g}"
             )
         if len(s["multipliers"]) > _LISTED:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.layout import SampleLayout
 from lagcli.engine.state import State
 from lagcli.engine.system import System
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
     from lagcli.engine.linear.elimination import Elimination
 
-Array = NDArray[np.float64]
 Status = Literal["completed", "stopped-by-event", "failed", "interrupted"]
 
 
@@ -102,7 +101,7 @@ class IntegrationRequest:
 
 
 class Block(NamedTuple):
-    """Consecutive samples, as an engine hands them over.
+    """Consecutive samples, as an engine emits them; `np.column_stack` makes sample rows of them.
 
     Parameters
     ----------
@@ -143,10 +142,10 @@ class Outcome:
     """
 
     status: Status
-    message: str
-    steps: int
-    rejected: int
-    evaluations: int
+    message: str = ""
+    steps: int = 0
+    rejected: int = 0
+    evaluations: int = 0
     undefined: State | None = None
     methods: tuple[str, ...] = ()
     tolerances: Array | None = None
@@ -188,7 +187,7 @@ class Stopped(Exception):
 
 
 class Interrupted(Exception):
-    """Ends a run at the user's wish; raised by what an engine is given as ``progress``."""
+    """Ends a run that the user cancels; raised by what an engine is given as ``progress``."""
 
 
 class Limits:
@@ -217,17 +216,17 @@ class Limits:
             )
 
 
-def outcome(integrate: Callable[[], None]) -> tuple[Status, str, State | None]:
-    """Integrate, and return how it ended: status, message and undefined state, as in Run."""
+def outcome(integrate: Callable[[], None]) -> Outcome:
+    """Integrate, and return how it ended."""
     try:
         integrate()
     except Stop as stop:
-        return "failed", str(stop), stop.undefined
+        return Outcome("failed", str(stop), undefined=stop.undefined)
     except Stopped as stopped:
-        return "stopped-by-event", str(stopped), None
+        return Outcome("stopped-by-event", str(stopped))
     except Interrupted:
-        return "interrupted", "interrupted; the samples so far are kept", None
-    return "completed", "", None
+        return Outcome("interrupted", "interrupted; the samples so far are kept")
+    return Outcome("completed")
 
 
 class Engine(Protocol):
@@ -248,9 +247,8 @@ class Engine(Protocol):
         request : Request
         sink : callable
             Takes the samples in blocks, in order: whatever ends the run, those reached by then
-            are handed over. What it raises ends the run at once and goes on to the caller.
+            are emitted. What it raises ends the run at once and goes on to the caller.
         progress : callable, optional
             Called with the time reached, s, several times per 0.1 s, as far as single steps and
             samples allow. May raise `Interrupted`.
         """
-        ...

@@ -6,16 +6,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Indices
 from lagcli.engine.layout import ConstraintLayout, DynamicsLayout
 from lagcli.engine.scales import coordinate_sizes, row_lengths
 from lagcli.engine.state import State
 from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
-
-Array = NDArray[np.float64]
-Places = NDArray[np.intp]
 
 
 class Dynamics(NamedTuple):
@@ -49,15 +46,17 @@ class Constraints(NamedTuple):
 
 
 class Entries(NamedTuple):
-    """M, f, B, φ, b_0 and the constraints' own scales at many states, along the last axis.
+    """The outputs of the dynamics and constraint tapes at many states, along the last axis.
 
     M (nm, n) and B (nb, n) are in their entries at the places of the System's patterns; f is
-    (nq, n), φ and its scale (nh, n), b_0 and the scale of ψ (nc, n).
+    (nq, n), γ, b_0 and the scale of ψ (nc, n), φ and its scale (nh, n), the power (1, n).
     """
 
     mass_matrix: Array
     forcing: Array
     jacobian: Array
+    rhs: Array
+    power: Array
     position: Array
     drift: Array
     position_scale: Array
@@ -74,35 +73,26 @@ class _Matrices:
         self.mass = self._flat(system.mass_pattern)
         self.jacobian = self._flat(system.jacobian_pattern)
 
-    def _flat(self, pattern: Pattern) -> Places:
+    def _flat(self, pattern: Pattern) -> Indices:
         return np.array([i * self.nq + j for i, j in pattern], dtype=np.intp)
 
-    def matrix(self, rows: int, places: Places, values: Array) -> Array:
+    def matrix(self, rows: int, places: Indices, values: Array) -> Array:
         """Return a matrix with nq columns from its nonzero entries."""
         flat = np.zeros((rows * self.nq, *values.shape[1:]))
         flat[places] = values
         return flat.reshape(rows, self.nq, *values.shape[1:])
 
     def dynamics(self, out: Array, finite: bool) -> Dynamics:
-        at = self.of_dynamics
-        return Dynamics(
-            mass_matrix=self.matrix(self.nq, self.mass, out[at.mass_matrix]),
-            forcing=out[at.forcing],
-            jacobian=self.matrix(self.nc, self.jacobian, out[at.jacobian]),
-            rhs=out[at.rhs],
-            power=out[at.power][0],
-            finite=finite,
-        )
+        parts = self.of_dynamics.split(out)
+        parts["mass_matrix"] = self.matrix(self.nq, self.mass, parts["mass_matrix"])
+        parts["jacobian"] = self.matrix(self.nc, self.jacobian, parts["jacobian"])
+        parts["power"] = parts["power"][0]
+        return Dynamics(**parts, finite=finite)
 
     def constraints(self, out: Array) -> Constraints:
-        at = self.of_constraint
-        return Constraints(
-            position=out[at.position],
-            jacobian=self.matrix(self.nc, self.jacobian, out[at.jacobian]),
-            drift=out[at.drift],
-            position_scale=out[at.position_scale],
-            velocity_scale=out[at.velocity_scale],
-        )
+        parts = self.of_constraint.split(out)
+        parts["jacobian"] = self.matrix(self.nc, self.jacobian, parts["jacobian"])
+        return Constraints(**parts)
 
 
 class Evaluator:
@@ -182,17 +172,9 @@ class Batch:
         """Return M, f, B and the constraints without the zeros."""
         s = self.system
         inputs = [*self._state, *self.p]
-        out, at = run_arrays(s.dynamics, inputs, self.count), self._matrices.of_dynamics
-        own, of = run_arrays(s.constraint, inputs, self.count), self._matrices.of_constraint
-        return Entries(
-            mass_matrix=out[at.mass_matrix],
-            forcing=out[at.forcing],
-            jacobian=out[at.jacobian],
-            position=own[of.position],
-            drift=own[of.drift],
-            position_scale=own[of.position_scale],
-            velocity_scale=own[of.velocity_scale],
-        )
+        dynamics = self._matrices.of_dynamics.split(run_arrays(s.dynamics, inputs, self.count))
+        own = self._matrices.of_constraint.split(run_arrays(s.constraint, inputs, self.count))
+        return Entries(**{**own, **dynamics})
 
     def report(self, a: Array, multipliers: Array) -> Array:
         """Return the report tape's outputs, (outputs, n); a is (n, nq) and λ (n, nc)."""

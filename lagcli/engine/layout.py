@@ -7,7 +7,7 @@ the standard library alone.
 from __future__ import annotations
 
 from functools import cache
-from typing import Annotated, NamedTuple, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 
 class Counts(NamedTuple):
@@ -43,6 +43,10 @@ class Layout:
             setattr(self, name, slice(first, stop if part else None))
             first = stop
         self.size = first
+
+    def split(self, values: Any) -> dict[str, Any]:
+        """Return the parts of an array, or of a list, by name."""
+        return {name: values[getattr(self, name)] for name in self.parts()}
 
     @classmethod
     @cache

@@ -7,11 +7,9 @@ vanish along a motion, so its scale is at least what the sizes of the coordinate
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.system import Pattern
-
-Array = NDArray[np.float64]
 
 #: Part of the system's size √max(M_jj x_j²) that a coordinate has at least, by its own inertia.
 #: With 1, a light body's constraints would be judged by the size of the heaviest.

@@ -7,13 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lagcli.arrays import Array
 from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.engine.tape.tape import Tape
 
-Array = NDArray[np.float64]
 Pattern = tuple[tuple[int, int], ...]
 
 

@@ -12,7 +12,7 @@ from lagcli.model.diagnostics import Broken, Diagnostics
 from lagcli.model.expression.building import build, name_errors
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tensors import Tensor
-from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import Tree
 from lagcli.model.model import NO_INDICES
 from lagcli.model.names.renaming import ExpressionTemplate
@@ -267,11 +267,10 @@ class Formula:
             return None
         if isinstance(sized.value, Tensor):
             self.good = False
-            error = ExpressionError(
+            error = error_at(
                 "shape",
                 f"{self.context.where} must be a scalar, not {sized.value.kind}",
-                self.parsed.tree.start,
-                self.parsed.tree.end,
+                self.parsed.tree,
                 "a scalar product is `dot(a, b)`",
             )
             self.draft.report.add_expression_error(error, self.parsed.node)

@@ -6,9 +6,12 @@ import gc
 import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
+from lagcli.errors import ModelError
 from lagcli.model.diagnostics import Diagnostics
+from lagcli.model.dimensions.deriving import derive_units
 from lagcli.model.draft import Draft
 from lagcli.model.keys import MODEL, keys_of
 from lagcli.model.model import Model
@@ -124,7 +127,7 @@ def _model(
     description = draft.text(draft.get("description"), "`description`")
     draft.report.finish()
     assert potential is not None
-    return Model(
+    model = Model(
         name=name,
         description=description,
         path=draft.source.path,
@@ -150,6 +153,12 @@ def _model(
         set_initial=dict(initial_overrides),
         view=view,
     )
+    units = derive_units(model)
+    if units.throughout and units.findings:
+        from lagcli.model.dimensions.reporting import unit_diagnostics
+
+        raise ModelError(unit_diagnostics(model, units))
+    return replace(model, units=units)
 
 
 def _declarations(draft: Draft, key: str, what: str) -> list[Declaration]:

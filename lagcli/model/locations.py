@@ -43,6 +43,20 @@ class ExpressionLocations:
             node = node.entries["expr"][1]
         return node
 
+    def at(self, block: str, place: SourceLocation) -> YamlNode | None:
+        """Return the node of a value in a block; None if there is none at this location."""
+        found = self._root.entries.get(block)
+        stack = [found[1]] if found else []
+        while stack:
+            node = stack.pop()
+            if node.location == place:
+                return node
+            if isinstance(node, Mapping):
+                stack.extend(value for _, _, value in node)
+            elif isinstance(node, Sequence):
+                stack.extend(node.items)
+        return None
+
     def location(self, node: YamlNode | None, tree: Tree | None = None) -> SourceLocation | None:
         """Return the location of an entry, or of a subexpression."""
         if node is None:

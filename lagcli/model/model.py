@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.columns import ColumnName
 from lagcli.errors import SourceLocation
+from lagcli.model.dimensions.model_units import ModelUnits
 from lagcli.model.expression.trees import Tree
 from lagcli.model.expression.units import Factor
 from lagcli.model.names.scoping import Value
@@ -196,7 +197,8 @@ class Model:
     ``kinetic`` and ``potential`` are T and V; a model written with L has ``kinetic`` None and
     ``potential`` −L. Expressions are in the symbols of this module's functions and the
     parameters' names. ``set`` and ``set_initial`` are the values that replaced the file's;
-    ``settings_need`` are the parameters that the settings depend on.
+    ``settings_need`` are the parameters that the settings depend on; ``units`` are the units of all
+    quantities, as they follow from the text.
     """
 
     name: str
@@ -223,6 +225,7 @@ class Model:
     set: Mapping[str, object]
     set_initial: Mapping[str, object]
     view: View | None = None
+    units: ModelUnits = field(default_factory=ModelUnits)
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
@@ -249,12 +252,3 @@ class Model:
     def parameter_values(self) -> dict[str, float]:
         """Parameter values in SI, by name."""
         return {name: p.value for name, p in self.parameters.items()}
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return names and values for machine-readable summaries."""
-        return {
-            "name": self.name,
-            "coordinates": list(self.coordinate_names),
-            "constraints": {c.name: c.kind for c in self.constraints},
-            "parameters": self.parameter_values,
-        }

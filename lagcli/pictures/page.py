@@ -5,11 +5,12 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-import math
 from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.resources import files
 from typing import Any
+
+from lagcli.json_values import json_values
 
 #: What draws scenes and plays them, in the order in which the scripts need each other.
 PLAYER_SCRIPTS = ("camera.js", "motion.js", "shapes.js", "scene.js", "player.js")
@@ -29,7 +30,9 @@ def script_data(value: Any) -> str:
     value : mappings, sequences, NumPy arrays, texts, numbers
         Numbers that are not finite become null.
     """
-    text = json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(
+        json_values(value), ensure_ascii=False, allow_nan=False, separators=(",", ":")
+    )
     # neither may end the script nor begin a comment in it; both are in texts alone
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
@@ -91,16 +94,3 @@ def page(
 </body>
 </html>
 """
-
-
-def _plain(value: Any) -> Any:
-    """Return a value in JSON's own types."""
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -8,8 +8,8 @@ from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Indices
 from lagcli.errors import ModelError, UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
@@ -17,8 +17,6 @@ from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.results.formats import open_reader
 from lagcli.trajectory.samples import Array, Record
 from lagcli.trajectory.trajectory import Trajectory
-
-Indices = NDArray[np.intp]
 
 _NONE = np.empty(0)
 
@@ -135,7 +133,8 @@ class RunFile:
         record = self.record
         # as expressions: they are in SI, whatever unit the file gives to a parameter
         parameters = {name: f"{value!r}*1" for name, value in record.parameters.items()}
-        initial = self._initial()
+        # the text alone may lack some
+        initial = self.initial
         if self._model_file is not None:
             model = self._other_model(self._model_file, parameters, initial)
         elif not record.model:
@@ -165,8 +164,9 @@ class RunFile:
                 f"{path} is not the model of {self.name}: {options[0].message}"
             ) from None
 
-    def _initial(self) -> Mapping[str, float]:
-        """Return the first sample as initial values: the text alone may lack some."""
+    @property
+    def initial(self) -> Mapping[str, float]:
+        """The first sample as initial values by name (``phi'``); none without samples."""
         if not self.count:
             return {}
         first = self.columns(("q", "v"), np.zeros(1, dtype=np.intp))

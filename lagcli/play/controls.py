@@ -12,6 +12,7 @@ from lagcli.model.model import Coordinate, InitialValue, Model, Parameter, Writt
 from lagcli.model.names.members import family_of
 from lagcli.model.sections.parameters import names_used
 from lagcli.pictures.report.writing import unit as printed
+from lagcli.pictures.scene.timing import round_number
 from lagcli.settings.settings import Settings
 
 #: Of a slider; about as many places as it has pixels.
@@ -233,7 +234,6 @@ def _grid(low: float, high: float) -> tuple[float, float, float]:
     rough = (high - low) / _PLACES
     if not (math.isfinite(rough) and rough > 0):
         return low, high, 0.0
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(float(f"{k * power:.12g}") for k in (10, 5, 2, 1) if k * power <= rough * 1.000001)
+    step = round_number(rough * 1.000001)
     first, last = math.floor(low / step + 1e-6), math.ceil(high / step - 1e-6)
     return float(f"{first * step:.12g}"), float(f"{last * step:.12g}"), step

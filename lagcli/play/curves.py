@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lagcli.columns import BY_NAME, PANELS, ColumnName, ResultQuantity, column_names
+from lagcli.columns import PANELS, ColumnName, ResultQuantity, column_names, unit_of_column
 from lagcli.equations.render.names import Notation
 from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
 from lagcli.pictures.report.curves import label
 from lagcli.pictures.report.writing import chosen, unit
 from lagcli.trajectory.samples import Array, Samples
@@ -40,8 +41,7 @@ class Curves:
 
     def __init__(self, model: Model):
         self._model, self._names = model, Notation(model)
-        self._units = {c.name: c.unit for c in model.coordinates}
-        self._stated = any(self._units.values()) or any(p.unit for p in model.parameters.values())
+        self._units = result_units(model)
 
     def groups(self) -> dict[str, str]:
         """Return the groups that have curves, with their titles."""
@@ -105,15 +105,10 @@ class Curves:
         ]
 
     def _unit(self, name: ColumnName) -> str:
-        quantity = BY_NAME[name.quantity]
-        if name.coordinate:
-            return unit(quantity.unit_at(self._units[name.coordinate]))
-        stated = self._stated and not name.constraint and "{u}" not in quantity.unit
-        return unit(quantity.unit) if stated else ""
+        return unit(unit_of_column(name, self._units)) if self._model.units.stated else ""
 
     def _outputs(self, s: Samples) -> list[LiveCurve]:
-        units = self._model.output_units
         return [
-            LiveCurve(name, self._names.text(name), unit(units.get(name)), np.asarray(values))
+            LiveCurve(name, self._names.text(name), unit(self._units.get(name)), np.asarray(values))
             for name, values in s.outputs.items()
         ]

@@ -8,14 +8,14 @@ bits, little-endian). In the header an array stands as ``{"$array": [first, coun
 from __future__ import annotations
 
 import json
-import math
 import struct
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from lagcli.trajectory.samples import Array
+from lagcli.arrays import Array
+from lagcli.json_values import json_values
 
 
 def encode(value: Mapping[str, Any]) -> bytes:
@@ -27,24 +27,13 @@ def encode(value: Mapping[str, Any]) -> bytes:
         JSON values and one-dimensional arrays. A number that is not finite is null, but in arrays.
     """
     arrays: list[Array] = []
-    text = json.dumps(_plain(value, arrays, [0]), ensure_ascii=False, allow_nan=False)
+
+    def place(array: Array) -> dict[str, list[int]]:
+        arrays.append(array)
+        return {"$array": [sum(map(len, arrays[:-1])), len(array)]}
+
+    text = json.dumps(json_values(value, place), ensure_ascii=False, allow_nan=False)
     header = text.encode(errors="replace")  # a message of a page may hold halves of characters
     header += b" " * (-(4 + len(header)) % 8)
     body = b"".join(np.ascontiguousarray(a, dtype="<f8").tobytes() for a in arrays)
     return struct.pack("<I", len(header)) + header + body
-
-
-def _plain(value: Any, arrays: list[Array], place: list[int]) -> Any:
-    """Return a value as JSON; put its arrays into a list."""
-    if isinstance(value, np.ndarray):
-        first, count = place[0], len(value)
-        arrays.append(value)
-        place[0] += count
-        return {"$array": [first, count]}
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v, arrays, place) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(v, arrays, place) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value

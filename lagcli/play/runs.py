@@ -31,6 +31,8 @@ from lagcli.trajectory.trajectory import joined
 
 #: Samples that a page can draw in a moment; a run that asks for more is sampled so often.
 MOST_SAMPLES = 4001
+#: Seconds that a run may take, unless others are given.
+TIMEOUT = 5.0
 #: Members that the page derives equations for; more take seconds, which nobody waits for.
 MOST_MEMBERS = 500
 
@@ -88,10 +90,8 @@ class Played:
     ----------
     model : Model
         As the program was started with.
-    t_end : float, optional
-        The end of the run, s, in place of the model's.
-    timeout : float
-        Seconds that a run may take.
+    settings : SettingsOverrides, optional
+        The end of the run, and the seconds that a run may take: `TIMEOUT` by default.
 
     Attributes
     ----------
@@ -106,8 +106,9 @@ class Played:
         A setting is out of its range.
     """
 
-    def __init__(self, model: Model, t_end: float | None = None, timeout: float = 5.0):
-        self._started, self._t_end, self._timeout = model, t_end, timeout
+    def __init__(self, model: Model, settings: SettingsOverrides | None = None):
+        self._started = model
+        self._given = (settings or SettingsOverrides()).over(SettingsOverrides(timeout=TIMEOUT))
         self._take(model)
 
     def _take(self, model: Model) -> None:
@@ -130,8 +131,7 @@ class Played:
         self._variants.varied()
 
     def _settings(self, t_end: str) -> SettingsOverrides:
-        end = _number(t_end, "t_end") if t_end else self._t_end
-        return SettingsOverrides(t_end=end, timeout=self._timeout)
+        return self._given.replace(t_end=_number(t_end, "t_end")) if t_end else self._given
 
     def run(self, request: PlayRequest, interruption: Interruption) -> dict[str, Any]:
         """Run a request.
@@ -207,7 +207,7 @@ class Played:
         model, start = simulation.model, simulation.start.state
         values = {**model.parameter_values, **{n: x.value for n, x in model.initial.items()}}
         states = zip(model.coordinate_names, start.q.tolist(), start.v.tolist(), strict=True)
-        begun = {
+        first = {
             name: x for q, *state in states for name, x in zip((q, f"{q}'"), state, strict=True)
         }
         shown = {name: self.controls[name].shown for name in values}
@@ -218,7 +218,7 @@ class Played:
             "message": record.message if record.status != "completed" else "",
             "values": {name: shown[name](x) for name, x in values.items()},
             "start": {
-                name: shown[name](begun[name]) for name, x in model.initial.items() if not x.fixed
+                name: shown[name](first[name]) for name, x in model.initial.items() if not x.fixed
             },
             "t_end": simulation.settings.t_end,
             "method": record.options["method"],
@@ -252,7 +252,7 @@ class Played:
         ):
             for name, value in values.items():
                 words += [option, f"{name}={value}"]
-        end = request.t_end or self._t_end
+        end = request.t_end or self._given.t_end
         if end:
             words += ["--t-end", str(end)]
         return shlex.join([*words, "-o", "run.h5"])

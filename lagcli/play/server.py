@@ -16,6 +16,7 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from lagcli.errors import FileError, LagcliError
+from lagcli.model.model import Model
 from lagcli.pictures.plots.style import PALETTE
 from lagcli.play.access import HOST, Access
 from lagcli.play.client import Client
@@ -60,22 +61,18 @@ class Server:
     ----------
     play : callable
         Returns a new `Played`: each client has its own.
-    name : str
-        Of the model.
-    description : str
+    model : Model
     listening : socket
         From `listen`.
     """
 
-    def __init__(
-        self,
-        play: Callable[[], Played],
-        name: str,
-        description: str,
-        listening: socket.socket,
-    ):
+    def __init__(self, play: Callable[[], Played], model: Model, listening: socket.socket):
         self._play, self._socket = play, listening
-        self._title = {"name": name, "description": description, "palette": list(PALETTE)}
+        self._title = {
+            "name": model.name,
+            "description": model.description or "",
+            "palette": list(PALETTE),
+        }
         self._access = Access(listening.getsockname()[1])
         self._clients: dict[web.WebSocketResponse, Client] = {}
         self._threads: list[Client] = []

@@ -8,7 +8,7 @@ import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from typing import BinaryIO
+from typing import Any, BinaryIO, Self
 
 from lagcli.errors import FileError
 from lagcli.results import reasons
@@ -93,18 +93,24 @@ def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
     sync_folder(folder)
 
 
-def abandon(opened: ExitStack, error: BaseException | None) -> None:
-    """Leave files that were not finished, so that nothing remains of them.
+class FileWriter:
+    """A context in which files are written; of those that are not finished nothing remains.
 
-    Parameters
+    Attributes
     ----------
     opened : ExitStack
-        Holds their `whole_file` contexts; those of finished files are closed already.
-    error : exception, optional
-        Why.
+        Holds their `whole_file` contexts; to close it finishes the files.
     """
-    error = error or RuntimeError("not finished")
-    opened.__exit__(type(error), error, error.__traceback__)
+
+    def __init__(self) -> None:
+        self.opened = ExitStack()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: Any) -> None:
+        error = raised[1] or RuntimeError("not finished")
+        self.opened.__exit__(type(error), error, error.__traceback__)
 
 
 def _names(path: str, force: bool) -> tuple[str, str]:

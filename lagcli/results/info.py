@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import os
-import textwrap
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from lagcli.columns import RESIDUALS, ColumnName
 from lagcli.results.formats import FORMATS, format_of, open_reader
+from lagcli.results.listing import WIDTH, entry, number, pairs
 from lagcli.results.metadata import KIND, model_name, to_metadata
 from lagcli.trajectory.extremes import Extremes, known
 from lagcli.trajectory.samples import Array
 
-_WIDTH = 100
-_LABEL = 20  # columns for the labels on the left
+_entry = partial(entry, width=20)
 
 
 def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -73,12 +74,12 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         "constraints": list(file.constraints),
         "outputs": list(file.outputs),
         "time": {"first": known(extremes.first), "last": known(extremes.last)},
-        "residual_position": _residuals(
-            file.constraints, extremes.residual_position, file.record.scale_position
-        ),
-        "residual_velocity": _residuals(
-            file.constraints, extremes.residual_velocity, file.record.scale_velocity
-        ),
+        **{
+            q.name: _residuals(
+                file.constraints, getattr(extremes, q.name), getattr(file.record, q.scale)
+            )
+            for q in RESIDUALS
+        },
         "residual_equation": known(extremes.residual_equation),
         "energy_balance": {"max": balance, "relative": _ratio(balance, extremes.energy_scale)},
         "multipliers": {
@@ -108,7 +109,7 @@ def format_info(info: Mapping[str, Any]) -> str:
     """
     sizes, time, units = info["sizes"], info["time"], info["units"]
     balance = info["energy_balance"]
-    span = f"{_number(time['first'])} to {_number(time['last'])} s, " if sizes["samples"] else ""
+    span = f"{number(time['first'])} to {number(time['last'])} s, " if sizes["samples"] else ""
     digest = f" (sha256 {info['model_sha256'][:12]}…)" if info["model_sha256"] else ""
     writer = f"lagcli {info['lagcli_version']}, " if info["lagcli_version"] else ""
     title = next(f.title for f in FORMATS if f.name == info["format"])
@@ -124,29 +125,29 @@ def format_info(info: Mapping[str, Any]) -> str:
     lines += _entry("model", f"{info['model_name'] or 'without a name'}{digest}" if digest else "")
     lines += _entry("time", f"{span}{sizes['samples']} samples")
     for name in ("coordinates", "constraints", "outputs"):
-        shown = [f"{n} [{units[n]}]" if n in units else n for n in info[name]]
+        shown = [_with_unit(n, units.get(n)) for n in info[name]]
         lines += _entry(name, ", ".join(shown) or "none")
-    lines += _entry("parameters", _pairs(info["parameters"], units))
-    lines += _entry("options", _pairs(info["options"]))
-    lines += _entry("atol at end", _pairs(info["tolerances"]))
-    lines += _entry("counts", _pairs(info["counts"]))
-    lines += _entry("seconds", _pairs(info["seconds"]))
+    lines += _entry("parameters", pairs(info["parameters"], units))
+    lines += _entry("options", pairs(info["options"]))
+    lines += _entry("atol at end", pairs(info["tolerances"]))
+    lines += _entry("counts", pairs(info["counts"]))
+    lines += _entry("seconds", pairs(info["seconds"]))
     moved = [
-        f"{n} {_number(before)} -> {_number(after)}"
+        f"{n} {number(before)} -> {number(after)}"
         for n, (before, after) in info["initial_correction"].items()
     ]
     lines += _entry("start moved", ", ".join(moved))
     lines += _entry("freedom", _freedom(info["freedom"]))
-    lines += _entry("energy balance", f"{_number(balance['max'], 3)} J at worst")
-    lines += _entry("  relative", _number(balance["relative"], 3))
-    lines += _entry("equation residual", f"{_number(info['residual_equation'], 3)} at worst")
+    lines += _entry("energy balance", f"{number(balance['max'], 3)} J at worst")
+    lines += _entry("  relative", number(balance["relative"], 3))
+    lines += _entry("equation residual", f"{number(info['residual_equation'], 3)} at worst")
     if info["constraints"]:
         lines += _table(
             ("constraint residual", "position", "scaled", "velocity", "scaled"),
             {
-                name: [
-                    _number(info[field][name][key], 3)
-                    for field in ("residual_position", "residual_velocity")
+                _with_unit(name, units.get(str(ColumnName("residual_position", name)))): [
+                    number(info[field][name][key], 3)
+                    for field in (q.name for q in RESIDUALS)
                     for key in ("max", "scaled")
                 ]
                 for name in info["constraints"]
@@ -155,11 +156,17 @@ def format_info(info: Mapping[str, Any]) -> str:
         lines += _table(
             ("multiplier", "min", "at time", "max", "at time"),
             {
-                name: [_number(found[k]) for k in ("min", "time_min", "max", "time_max")]
+                _with_unit(name, units.get(str(ColumnName("multipliers", name)))): [
+                    number(found[k]) for k in ("min", "time_min", "max", "time_max")
+                ]
                 for name, found in info["multipliers"].items()
             },
         )
     return "\n".join(lines)
+
+
+def _with_unit(name: str, unit: str | None) -> str:
+    return f"{name} [{unit}]" if unit else name
 
 
 def _ratio(value: float | None, scale: float | None) -> float | None:
@@ -179,13 +186,6 @@ def _residuals(
         name: {"max": known(value), "scaled": _ratio(known(value), float(scale))}
         for name, value, scale in zip(constraints, largest, scales, strict=True)
     }
-
-
-def _number(value: Any, digits: int = 6) -> str:
-    """Return a number as people read it; a dash for none."""
-    if value is None:
-        return "-"
-    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
 def _size(count: int) -> str:
@@ -208,27 +208,10 @@ def _freedom(found: Mapping[str, Any]) -> str:
     return text
 
 
-def _pairs(values: Mapping[str, Any], units: Mapping[str, str] | None = None) -> str:
-    """Return ``name = value unit`` for each entry."""
-    shown = []
-    for name, value in values.items():
-        symbol = (units or {}).get(name)
-        shown.append(f"{name} = {_number(value)}{' ' + symbol if symbol else ''}")
-    return ", ".join(shown)
-
-
-def _entry(label: str, text: str) -> list[str]:
-    """Return a label with its text, wrapped and indented; nothing for no text."""
-    text = "".join(c if c.isprintable() or c.isspace() else "�" for c in text)
-    lines = textwrap.wrap(text, _WIDTH - _LABEL, break_on_hyphens=False)
-    labels = [label] + [""] * len(lines)
-    return [f"{left:<{_LABEL}}{line}" for left, line in zip(labels, lines, strict=False)]
-
-
 def _table(head: tuple[str, ...], rows: Mapping[str, list[str]]) -> list[str]:
     """Return a table after an empty line: names on the left, numbers right-aligned."""
     cells = 13  # -1.23457e-308
-    widest = _WIDTH - (len(head) - 1) * (cells + 2)
+    widest = WIDTH - (len(head) - 1) * (cells + 2)
     left = min(widest, max(len(name) for name in (head[0], *rows)))
     lines = [""]
     for name, *numbers in (head, *((name, *numbers) for name, numbers in rows.items())):

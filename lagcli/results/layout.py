@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from lagcli.columns import ResultQuantity
+from lagcli.columns import BY_NAME, UNIT_DATASETS, ResultQuantity, units_along
 from lagcli.trajectory.samples import Terms
 
 #: What `units` says where the model states none.
 NOT_STATED = "not stated"
 
-#: What `units` says where the coordinates differ.
-MIXED = "mixed: see coordinate_unit"
 
-#: What `units` says of a family of outputs whose members differ.
-MIXED_OUTPUTS = "mixed"
+#: The dataset that has the units of the entries of an array.
+_SEE = {
+    **{x.quantity: x.name for x in UNIT_DATASETS},
+    **{"v": "coordinate_unit", "a": "coordinate_unit", "constraint_force_by": "force_unit"},
+    **{"scale_position": "position_unit", "scale_velocity": "velocity_unit"},
+}
 
 
 def shared_unit(names: Sequence[str], units: Mapping[str, str]) -> str:
-    """Return the unit of some outputs; where it differs between them, `MIXED_OUTPUTS`."""
-    found = {units.get(name, NOT_STATED) for name in names}
-    return found.pop() if len(found) == 1 else MIXED_OUTPUTS
+    """Return the unit of some outputs; where it differs between them, all of them."""
+    found = [units.get(name, NOT_STATED) for name in names]
+    return found[0] if len(set(found)) == 1 else ", ".join(found)
 
 
 def term_names(
@@ -31,32 +33,36 @@ def term_names(
     return [(constraints[i], coordinates[j]) for i, j in pairs]
 
 
-def unit(quantity: ResultQuantity, coordinates: Sequence[str], units: Mapping[str, str]) -> str:
+def unit(
+    quantity: ResultQuantity,
+    coordinates: Sequence[str],
+    constraints: Sequence[str],
+    units: Mapping[str, str],
+) -> str:
     """Return what a quantity is measured in.
 
     Parameters
     ----------
     quantity : ResultQuantity
         Of `lagcli.columns.QUANTITIES`.
-    coordinates : sequence of str
+    coordinates, constraints : sequence of str
         Names.
     units : mapping of str to str
-        Their units, by name, where the model states them.
+        As ``Record.units``.
 
     Returns
     -------
     str
-        The unit; `MIXED` where it differs between coordinates; `NOT_STATED` where the model
-        states none for them.
+        The unit; where it differs between columns, which of `UNIT_DATASETS` has it; `NOT_STATED`
+        where it is not known.
     """
-    if "{u}" not in quantity.unit:
+    if "{" not in quantity.unit:
         return quantity.unit
-    found = {units.get(name) for name in coordinates}
+    if not quantity.along:  # the largest of residuals in several units
+        among = BY_NAME["constraint_force"]
+        found = set(units_along(among, coordinates, constraints, units))
+        return (found.pop() or NOT_STATED) if len(found) == 1 else NOT_STATED
+    found = set(units_along(quantity, coordinates, constraints, units))
     if found <= {None}:
         return NOT_STATED
-    if len(found) > 1:
-        return MIXED
-    symbol = found.pop() or "1"
-    if quantity.unit.startswith("J/") and any(sign in symbol for sign in "*/ "):
-        symbol = f"({symbol})"
-    return quantity.unit.format(u=symbol)
+    return found.pop() or "" if len(found) == 1 else f"see {_SEE[quantity.name]}"

@@ -80,19 +80,17 @@ class DerivedColumns:
         power = np.zeros(count)
         for i in range(nc):
             power += multipliers[i] * velocity[i]
-        equation = np.zeros((nq, count))
+        equation, mass_diagonal = np.zeros((2, nq, count))
         for (i, j), entry in zip(system.mass_pattern, e.mass_matrix, strict=True):
             equation[i] += entry * a[j]
+            if i == j:
+                mass_diagonal[i] = entry
         position = np.full((nc, count), np.nan)
         position[list(system.holonomic)] = e.position
 
         if count and not self.samples:
             self._energy_before = total[0] - block.work[0]
         self.samples += count
-        mass_diagonal = np.zeros((nq, count))
-        for (i, j), entry in zip(system.mass_pattern, e.mass_matrix, strict=True):
-            if i == j:
-                mass_diagonal[i] = entry
         inertia = np.ascontiguousarray(system.inertia(mass_diagonal.T).T)
         scales = [
             least_scales_of_entries(inertia, system.jacobian_pattern, e.jacobian, nc, x)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.settings.settings import Settings
-
-Array = NDArray[np.float64]
 
 
 def sample_times(settings: Settings) -> Array:

@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.contract import Block, Event, IntegrationRequest, Interrupted, Reaction
 from lagcli.engine.integrate.engines import engine_named
@@ -21,6 +21,7 @@ from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.model.expression.units import si_notation
 from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
     from lagcli.trajectory.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 
 #: Numbers of a block that are written at once: as CSV, the slowest, they take less than 0.1 s.
 _BLOCK_NUMBERS = 1 << 16
@@ -226,7 +226,7 @@ class Simulation:
         progress: Callable[[float], None] | None = None,
         interruption: Interruption | None = None,
     ) -> Record:
-        """Run, and hand the samples over as they come.
+        """Run, and emit the samples as they come.
 
         Parameters
         ----------
@@ -269,7 +269,8 @@ class Simulation:
             run = engine(self.system, self.request, take, check_cancelled)
         integrating = time.perf_counter() - began - elsewhere
         if not columns.samples:
-            take(_no_samples(self.system))
+            layout = self.system.sample_layout
+            take(Block.of_rows(np.empty((0, layout.size)), layout))
         if run.undefined is not None:
             run.message += "; " + undefined_at(self.equations, run.undefined).with_line
         options = self.settings.as_dict()
@@ -286,7 +287,7 @@ class Simulation:
             ),
             scale_position=columns.scale_position,
             scale_velocity=columns.scale_velocity,
-            units=_units(self.model),
+            units=result_units(self.model),
             status=run.status,
             message=run.message,
             model=self.model.text,
@@ -310,7 +311,7 @@ def warnings_of(
     p: tuple[float, ...],
     settings: Settings,
     rank: int,
-    samples: NDArray[np.float64],
+    samples: Array,
     steps: int,
 ) -> tuple[str, ...]:
     """Return why a completed run cannot be trusted, from its samples alone.
@@ -347,11 +348,6 @@ def _distrust(
     return trust.warnings(settings.rtol, steps, projected, scales)
 
 
-def _no_samples(system: System) -> Block:
-    layout = system.sample_layout
-    return Block.of_rows(np.empty((0, layout.size)), layout)
-
-
 def _block_rows(system: System) -> int:
     """Return how many samples may be under way at once, by the memory and the time they take."""
     held = max(system.dynamics.registers, system.report.registers)
@@ -370,9 +366,3 @@ def _stored(system: System) -> int:
     """Return how many numbers are stored of each sample."""
     nq, nc = len(system.coordinates), len(system.constraints)
     return 3 * nq + 3 * nc + len(system.jacobian_pattern) + len(system.outputs) + 10
-
-
-def _units(model: Model) -> dict[str, str]:
-    units = {c.name: c.unit for c in model.coordinates if c.unit}
-    units |= {p.name: si_notation(p.unit) for p in model.parameters.values() if p.unit}
-    return units | dict(model.output_units)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.initial import (
     ConsistentState,
     NoConsistentState,
@@ -14,7 +15,7 @@ from lagcli.engine.constraints.initial import (
     consistent_state,
 )
 from lagcli.engine.constraints.redundancy import dependent_sets
-from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.lowering import lower
 from lagcli.engine.state import State
 from lagcli.engine.system import System
@@ -25,9 +26,6 @@ from lagcli.model.model import InitialValue, Model, velocity
 
 if TYPE_CHECKING:
     from lagcli.simulations.undefined import UndefinedExpression
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 def find_start(equations: Equations, system: System, t: float) -> ConsistentState:
@@ -168,26 +166,37 @@ def _check_inertia(equations: Equations, system: System, start: ConsistentState)
     d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
     if not d.finite:
         raise _undefined_start(equations, state)
-    nq = len(state.q)
-    free = np.eye(nq)
+    values, directions = _free_inertia(d, start.rank)
+    weakest = int(np.argmin(np.abs(values))) if len(values) else 0
+    if len(values) and abs(values[weakest]) <= 1e-12:
+        raise _no_inertia(equations.model, _moving(system, directions[:, weakest]))
+
+
+def _own_sizes(mass: Array) -> Array:
+    """Return 1/√M_jj, by which coordinates of different units are compared; 1 without inertia."""
+    size = np.sqrt(np.abs(np.diag(mass)))
+    return 1 / np.where(size > 0, size, 1.0)
+
+
+def _free_inertia(d: Dynamics, rank: int) -> tuple[Array, Array]:
+    """Return the eigenvalues of M scaled, in the directions that B allows, and these directions."""
+    free = np.eye(len(d.forcing))
     if len(d.jacobian):
         from lagcli.engine.linear.dense import decompose
 
-        free = decompose(d.jacobian, start.rank).null
-    if not free.shape[1]:
-        return
-    # coordinates of different units are compared by their own inertia
-    size = np.sqrt(np.abs(np.diag(d.mass_matrix)))
-    size = 1 / np.where(size > 0, size, 1.0)
+        free = decompose(d.jacobian, rank).null
+    size = _own_sizes(d.mass_matrix)
     basis, _ = np.linalg.qr(free / size[:, None])
     reduced = basis.T @ (d.mass_matrix * np.outer(size, size)) @ basis
     values, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
-    weakest = int(np.argmin(np.abs(values)))
-    if abs(values[weakest]) > 1e-12:
-        return
-    direction = np.abs(size * (basis @ vectors[:, weakest]))
-    moving = [i for i, x in enumerate(direction) if x > 1e-6 * direction.max()]
-    raise _no_inertia(equations.model, [system.coordinates[i] for i in moving])
+    return values, size[:, None] * (basis @ vectors)
+
+
+def _moving(system: System, direction: Array) -> list[str]:
+    """Return the coordinates that change in a direction."""
+    change = np.abs(direction)
+    named = zip(system.coordinates, change, strict=True)
+    return [name for name, x in named if x > 1e-6 * change.max()]
 
 
 def _no_inertia(model: Model, coordinates: list[str]) -> NumericalError:
@@ -234,30 +243,14 @@ def negative_inertia(system: System, state: State, rank: int) -> list[str]:
     mass, nq = d.mass_matrix, len(state.q)
     if not nq or not np.isfinite(mass).all():
         return []
-    size = np.sqrt(np.abs(np.diag(mass)))
-    size = 1 / np.where(size > 0, size, 1.0)
-    scaled = mass * np.outer(size, size)
-    try:
-        np.linalg.cholesky(scaled + 1e-9 * np.eye(nq))
-    except np.linalg.LinAlgError:
-        pass
-    else:
+    size = _own_sizes(mass)
+    with suppress(np.linalg.LinAlgError):
+        np.linalg.cholesky(mass * np.outer(size, size) + 1e-9 * np.eye(nq))
         return []
-    free = np.eye(nq)
-    if len(d.jacobian):
-        from lagcli.engine.linear.dense import decompose
-
-        free = decompose(d.jacobian, rank).null
-    basis, _ = np.linalg.qr(free / size[:, None])
-    values, vectors = np.linalg.eigh(basis.T @ scaled @ basis)
+    values, directions = _free_inertia(d, rank)
     if not len(values) or values[0] > -1e-9:
         return []
-    direction = np.abs(size * (basis @ vectors[:, 0]))
-    names = [
-        f"`{name}`"
-        for name, x in zip(system.coordinates, direction, strict=True)
-        if x > 1e-6 * direction.max()
-    ]
+    names = [f"`{name}`" for name in _moving(system, directions[:, 0])]
     return [
         f"the inertia of {', '.join(names[:6])}{', …' if len(names) > 6 else ''} is negative:"
         " `T` falls as the velocity grows; check the signs of masses and of `T`"

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import symengine as se
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Flags
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.lowering import lower
 from lagcli.engine.system import System
@@ -30,9 +30,6 @@ from lagcli.simulations.start import find_start
 
 if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 class Values(NamedTuple):

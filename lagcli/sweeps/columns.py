@@ -5,12 +5,22 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from lagcli.columns import QUANTITIES, SAMPLED, SCALARS, ColumnName, ResultQuantity
+from lagcli.columns import (
+    QUANTITIES,
+    SAMPLED,
+    SCALARS,
+    ColumnName,
+    ResultQuantity,
+    read_column_name,
+    unit_of_column,
+)
 from lagcli.errors import UsageError
+from lagcli.model.dimensions.deriving import expression_unit
 from lagcli.model.expression.grammar import parse
-from lagcli.model.expression.trees import CallExpr, Name, SumExpr, Tree
-from lagcli.model.expression.units import si_notation
+from lagcli.model.expression.trees import CallExpr, Name, SumExpr, Tree, walk
+from lagcli.model.expression.units import read_unit
 from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
 from lagcli.model.sections.measures import REDUCTIONS
 from lagcli.results.layout import NOT_STATED
 
@@ -27,8 +37,8 @@ RESERVED = {
 KEPT = tuple(quantity for quantity in SAMPLED if quantity.kept)
 COUNTS = ("steps", "rejected", "evaluations")
 
-#: The units of the columns that have one number at each sample.
-_UNITS = {"t": "s", **{q.name: q.unit for q in SCALARS if "{u}" not in q.unit}}
+#: Dimensions of the columns that have one number at each sample.
+_SCALARS = {q.name: read_unit(q.unit).dimension for q in SCALARS if "{" not in q.unit}
 
 _NAMED = re.compile(r"\s*([^\W\d_]\w*)\s*=(?!=)\s*(.*)", re.DOTALL)
 
@@ -49,10 +59,6 @@ class Column(NamedTuple):
     dataset: str
     unit: str
     long_name: str
-
-    def as_json(self) -> dict[str, str]:
-        """Return it as a JSON value."""
-        return dict(self._asdict())
 
 
 def varied_columns(model: Model, names: tuple[str, ...]) -> list[Column]:
@@ -126,32 +132,23 @@ def _unit(model: Model, tree: Tree) -> str:
     if tree.function in ("argmax", "argmin", "time_of"):
         return "s"
     inner = tree.arguments[0]
-    while isinstance(inner, CallExpr) and inner.function in ("abs", "fabs"):
-        inner = inner.arguments[0]
-    if isinstance(inner, SumExpr) and len(inner.terms) == 1:
-        inner = inner.terms[0][1]
-    if isinstance(inner, Name) and not inner.indices:
-        return _unit_of_name(model, inner.text + "'" * inner.primes)
-    return NOT_STATED
+    columns = [x for x in walk(inner) if isinstance(x, Name) and x.text.startswith("residual_")]
+    if columns:
+        return _unit_of_name(model, columns[0].text) if columns == [inner] else NOT_STATED
+    return expression_unit(model, inner, _SCALARS) or NOT_STATED
 
 
 def _unit_of_name(model: Model, name: str) -> str:
     """Return the SI unit of a name, where the model states it."""
-    if name in model.parameters:
-        unit = model.parameters[name].unit
-        return si_notation(unit) if unit else NOT_STATED
-    if name in model.output_units:
-        return model.output_units[name]
-    if name in _UNITS:
-        return _UNITS[name]
-    base, dots = name.rstrip("'"), len(name) - len(name.rstrip("'"))
-    for ending, order in (("_ddot", 2), ("_dot", 1)):
-        if base.removesuffix(ending) in model.coordinate_names and base.endswith(ending):
-            base, dots = base.removesuffix(ending), dots + order
-    for coordinate in model.coordinates:
-        if coordinate.name == base and coordinate.unit:
-            return coordinate.unit + ("", "/s", "/s^2")[min(dots, 2)]
-    return NOT_STATED
+    if name in model.outputs:
+        return model.units.of_output(name) or NOT_STATED
+    if name in model.parameters or name in model.definitions:
+        return model.units.of(name) or NOT_STATED
+    base = name.rstrip("'")
+    plain = base + ("", "_dot", "_ddot")[min(len(name) - len(base), 2)]
+    column = read_column_name(plain, model.coordinate_names, model.constraint_names)
+    unit = None if column is None else unit_of_column(column, result_units(model))
+    return unit or NOT_STATED
 
 
 def default_measures(model: Model) -> tuple[tuple[str, str], ...]:

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
+from lagcli.arrays import Array, Numbers
 
 #: The status of a row, by its number; MISSING is none that a result has.
 STATUSES = ("completed", "failed", "error", "missing")
@@ -38,6 +37,6 @@ class Results(NamedTuple):
     numbers: Numbers
     status: NDArray[np.int8]
     messages: list[str]
-    counts: NDArray[np.int64]
+    counts: Numbers
     measures: Array
     kept: Array

@@ -6,11 +6,9 @@ import re
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Numbers
 from lagcli.sweeps.row_results import COMPLETED, MISSING, STATUSES, Results
-
-Numbers = NDArray[np.int64]
 
 _MOST_CAUSES = 1000  # counted separately
 _LONGEST = 200  # characters of a cause

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from lagcli.results.formats import format_of
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
 from lagcli.sweeps.columns import named_measure
+from lagcli.sweeps.file.journal import Journal
 from lagcli.sweeps.file.resume import OpenedSweep, opened
 from lagcli.sweeps.file.table_csv import export_csv
 from lagcli.sweeps.plan.spec import Spec
@@ -156,65 +159,76 @@ def sweep(
     request = SweepRequest(vary, sample, seed, zipped, tuple(given), keep, strict)
     prepared = prepare_sweep(text, name, set or {}, set_initial or {}, settings, request, path)
     with opened(prepared, path, resume, retry_failed, force) as state:
+        found = _Sweep(prepared, state, path, began)
         if state.journal is None:
-            return _summary(prepared, state, "completed", path, 0, began)
-        return _Sweep(prepared, state, path, jobs, progress, executor, began).run()
+            return found.summary("completed", path, 0)
+        jobs = jobs or _processors()
+        return found.run(
+            state.journal,
+            jobs,
+            progress or (lambda done, rows: None),
+            executor or partial(run_here, jobs=jobs),
+        )
 
 
 class _Sweep:
     """One call: runs what is missing, and writes the file."""
 
-    def __init__(
+    def __init__(self, prepared: PreparedSweep, state: OpenedSweep, path: str, began: float):
+        self.prepared, self.state, self.path, self.began = prepared, state, path, began
+        self.row_status = state.row_status
+
+    def run(
         self,
-        prepared: PreparedSweep,
-        state: OpenedSweep,
-        path: str,
-        jobs: int | None,
-        progress: Callable[[int, int], None] | None,
-        executor: Executor | None,
-        began: float,
-    ):
-        assert state.journal is not None
-        self.state = state
-        self.prepared, self.path, self.began = prepared, path, began
-        self.journal, self.row_status, self.replace = state.journal, state.row_status, state.replace
-        self.jobs = jobs or _processors()
-        self.progress = progress or (lambda done, all_: None)
-        self.executor = executor or self._here
-
-    def _here(
-        self, spec: Spec, chunks: Chunks, check_cancelled: Callable[[], None]
-    ) -> Iterable[Results]:
-        return run_here(spec, chunks, check_cancelled, self.jobs)
-
-    def run(self) -> Summary:
+        journal: Journal,
+        jobs: int,
+        progress: Callable[[int, int], None],
+        executor: Executor,
+    ) -> Summary:
+        self.journal = journal
         missing = MissingRows(self.row_status)
         before = self.row_status.done
-        chunks = Chunks(missing, self.prepared.row_bytes, self.jobs)
+        chunks = Chunks(missing, self.prepared.row_bytes, jobs)
         done, all_ = before, self.prepared.spec.plan.length
-        with Interruption(*_signals()) as interruption:
+        with Interruption(signal.SIGINT, signal.SIGTERM) as interruption:
 
             def check_cancelled() -> None:
                 if interruption.requested():
                     raise Interrupted
 
             try:
-                for results in self.executor(self.prepared.spec, chunks, check_cancelled):
+                for results in executor(self.prepared.spec, chunks, check_cancelled):
                     self._keep(results)
                     done += len(results.numbers)
-                    self.progress(done, all_)
+                    progress(done, all_)
                     check_cancelled()
             except (Interrupted, KeyboardInterrupt):
-                kept = None if self.journal.lost else self.journal.path
-                self.journal.close()
-                return self._summary("interrupted", kept, done - before)
+                kept = None if journal.lost else journal.path
+                journal.close()
+                return self.summary("interrupted", kept, done - before)
         seconds = time.monotonic() - self.began
         self._write(seconds)
-        self.journal.remove()
-        return self._summary("completed", self.path, done - before)
+        journal.remove()
+        return self.summary("completed", self.path, done - before)
 
-    def _summary(self, status: str, output: str | None, run: int) -> Summary:
-        return _summary(self.prepared, self.state, status, output, run, self.began)
+    def summary(self, status: str, output: str | None, run: int) -> Summary:
+        """Return what has become of the sweep; so many rows were run now."""
+        row_status, spec = self.row_status, self.prepared.spec
+        seconds = time.monotonic() - self.began
+        return Summary(
+            status=status,
+            output=output,
+            rows=len(row_status.status),
+            done=row_status.done,
+            ok=row_status.count(COMPLETED),
+            failed=row_status.failures(),
+            run=run,
+            rows_per_second=run / seconds,
+            seconds=seconds,
+            keep=spec.keep,
+            measures=[name for name, _ in spec.measures],
+            notes=self.state.notes,
+        )
 
     def _keep(self, results: Results) -> None:
         folder = os.path.dirname(self.journal.path) or "."
@@ -243,39 +257,27 @@ class _Sweep:
             if format_of(self.path).sweeps == "table":
                 self._write_csv(seconds)
             else:
-                self._write_hdf5(self.path, seconds, self.replace)
+                self._write_hdf5(self.path, seconds, self.state.replace)
         except FileError as error:
             raise self._noted(error, "all rows are kept", "writes the file") from error
 
     def _write_hdf5(self, path: str, seconds: float, force: bool) -> None:
         from lagcli.sweeps.file.store import write_sweep
 
-        prepared = self.prepared
         facts = {
-            "options": prepared.options,
             "rows": self.row_status.statuses(),
             "failures": self.row_status.failures(),
             "seconds": {"total": seconds},
         }
-        results = self.journal.results(*prepared.spec.size)
-        write_sweep(
-            path,
-            prepared.spec,
-            prepared.model,
-            prepared.times,
-            prepared.columns,
-            prepared.measures,
-            results,
-            facts,
-            force,
-        )
+        results = self.journal.results(*self.prepared.spec.size)
+        write_sweep(path, self.prepared, results, facts, force)
 
     def _write_csv(self, seconds: float) -> None:
         """Write CSV by way of a file that is removed."""
         hidden = f"{self.path}.{os.getpid()}.h5"
         try:
             self._write_hdf5(hidden, seconds, force=True)
-            export_csv(hidden, self.path, self.replace)
+            export_csv(hidden, self.path, self.state.replace)
         finally:
             Path(hidden).unlink(missing_ok=True)
 
@@ -285,35 +287,3 @@ def _processors() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def _signals() -> list[Any]:
-    import signal
-
-    return [signal.SIGINT, signal.SIGTERM]
-
-
-def _summary(
-    prepared: PreparedSweep,
-    state: OpenedSweep,
-    status: str,
-    output: str | None,
-    run: int,
-    began: float,
-) -> Summary:
-    row_status = state.row_status
-    seconds = time.monotonic() - began
-    return Summary(
-        status=status,
-        output=output,
-        rows=len(row_status.status),
-        done=row_status.done,
-        ok=row_status.count(COMPLETED),
-        failed=row_status.failures(),
-        run=run,
-        rows_per_second=run / seconds,
-        seconds=seconds,
-        keep=prepared.spec.keep,
-        measures=[name for name, _ in prepared.spec.measures],
-        notes=state.notes,
-    )

@@ -6,9 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
@@ -26,8 +24,6 @@ from lagcli.sweeps.columns import (
 from lagcli.sweeps.plan.plan import make_plan
 from lagcli.sweeps.plan.spec import Spec
 from lagcli.sweeps.rows.rows import Runner
-
-Array = NDArray[np.float64]
 
 #: Bytes of samples up to which trajectories are kept where nothing is said.
 KEPT_UNASKED = 10**9

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from lagcli.columns import QUANTITIES
+from lagcli.columns import QUANTITIES, UNIT_DATASETS, units_along
 from lagcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -25,19 +26,23 @@ def to_dataset(trajectory: Trajectory) -> Any:
         for c, q in zip(terms.constraint, terms.coordinate, strict=True)
     ]
     units = trajectory.units
-    axes = {
+    axes: dict[str, Any] = {
         "time": ("time", trajectory.time, {"units": "s"}),
         "coordinate": list(trajectory.coordinates),
         "constraint": list(trajectory.constraints),
         "term": names,
-        "coordinate_unit": ("coordinate", [units.get(q, "") for q in trajectory.coordinates]),
     }
+    along = {
+        q.name: units_along(q, trajectory.coordinates, trajectory.constraints, units)
+        for q in QUANTITIES
+    }
+    for name, axis, quantity in UNIT_DATASETS:
+        axes[name] = (axis, [unit or "" for unit in along[quantity]])
     variables = {
         quantity.name: (
             quantity.axes,
             getattr(trajectory, quantity.name),
-            {"long_name": quantity.description}
-            | ({} if quantity.along else {"units": quantity.unit}),
+            {"long_name": quantity.description} | _units(along[quantity.name]),
         )
         for quantity in QUANTITIES
         if quantity.name != "time"
@@ -48,3 +53,9 @@ def to_dataset(trajectory: Trajectory) -> Any:
     described = ("status", "message", "model", "model_sha256", "lagcli_version")
     attributes = {name: getattr(trajectory, name) for name in described}
     return xarray.Dataset(variables, axes, attributes)
+
+
+def _units(along: Sequence[str | None]) -> dict[str, str]:
+    """Return the attribute of an array whose columns have one unit; nothing of any other."""
+    (unit,) = set(along) if len(set(along)) == 1 else (None,)
+    return {"units": unit} if unit else {}

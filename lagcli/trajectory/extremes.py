@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lagcli.columns import ERRORS, PANELS
 from lagcli.trajectory.samples import Array
 
 
@@ -45,17 +46,7 @@ class Extremes:
     """
 
     #: The fields of `Samples` that are looked at.
-    COLUMNS = (
-        "time",
-        "multipliers",
-        "residual_position",
-        "residual_velocity",
-        "residual_equation",
-        "energy_balance",
-        "energy_kinetic",
-        "energy_total",
-        "energy_potential",
-    )
+    COLUMNS = ("time", "multipliers", *(q.name for q in (*ERRORS, *PANELS["energies"])))
 
     def __init__(self, constraints: Sequence[str]):
         self.samples = 0
@@ -94,12 +85,10 @@ class Extremes:
         ):
             widen(extreme, time, values)
         widen(self._potential, time, columns["energy_potential"])
-        for name in ("residual_position", "residual_velocity"):
-            largest = np.fmax.reduce(np.abs(columns[name]), axis=0)
-            setattr(self, name, np.fmax(getattr(self, name), largest))
-        for name in ("residual_equation", "energy_balance"):
-            largest = np.fmax.reduce(np.abs(columns[name]))
-            setattr(self, name, float(np.fmax(getattr(self, name), largest)))
+        for quantity in ERRORS:
+            largest = np.fmax.reduce(np.abs(columns[quantity.name]), axis=0)
+            found = np.fmax(getattr(self, quantity.name), largest)
+            setattr(self, quantity.name, found if quantity.along else float(found))
         for name in ("energy_kinetic", "energy_total"):
             largest = np.fmax.reduce(np.abs(columns[name]))
             self._energy = float(np.fmax(self._energy, largest))

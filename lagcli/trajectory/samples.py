@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Indices
 from lagcli.columns import Columns
 from lagcli.errors import UsageError
-
-Array = NDArray[np.float64]
 
 #: Version of the layout of result files.
 SCHEMA_VERSION = "2"
@@ -44,8 +42,8 @@ class Terms(NamedTuple):
         nc and nq.
     """
 
-    constraint: NDArray[np.intp]
-    coordinate: NDArray[np.intp]
+    constraint: Indices
+    coordinate: Indices
     shape: tuple[int, int]
 
     @classmethod

@@ -35,6 +35,8 @@ FOREIGN = {
     "version": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "errors": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "settings": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich", "pint"},
+    "arrays": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "json_values": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "columns": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "model": {"numpy", "scipy", "sympy", "h5py", "typer", "rich"},
     "equations": {"numpy", "scipy", "h5py", "yaml", "typer", "rich"},
@@ -69,7 +71,8 @@ HEAVY = {
     "h5py": set(),
     "scipy": {"engine"},
     "numpy": {
-        *("engine", "trajectory", "simulations", "results", "sweeps", "pictures", "analysis"),
+        *("arrays", "engine", "trajectory", "simulations", "results", "sweeps", "pictures"),
+        "analysis",
         *("play", "cli"),
     },
     "symengine": {"model", "equations", "engine", "simulations", "pictures", "sweeps"},

@@ -522,7 +522,7 @@ def killed_and_resumed(tmp_path: Path, times: int, rng: random.Random) -> None:
 
 
 def test_killed_and_resumed_it_is_as_if_nothing_had_been(tmp_path: Path) -> None:
-    killed_and_resumed(tmp_path, 3, random.Random(1))
+    killed_and_resumed(tmp_path, 2, random.Random(1))
 
 
 @pytest.mark.slow

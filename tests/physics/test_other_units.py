@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 import lagcli
 from lagcli.engine.integrate.batch import Finished, prepare_batch, run_batch, suits_batch
 from lagcli.model.model import Model
+from lagcli.settings.methods import methods_of
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
 from lagcli.trajectory.trajectory import Trajectory
@@ -23,8 +24,6 @@ ROOT = Path(__file__).parents[2]
 FOUND = ROOT / "tests" / "found"
 #: At 1e-9, eight digits.
 DIGITS = 1e-8
-
-METHODS = ["DOP853", "Taylor", "Rodas5P", "Radau"]
 
 
 def completed(model: Model, **options: Any) -> Trajectory:
@@ -177,7 +176,7 @@ simulation: {t_end: 3, samples: 31}
 
 @pytest.mark.parametrize(
     ("method", "engine"),
-    [*((m, "compiled") for m in METHODS), ("RK45", "scipy"), ("LSODA", "scipy")],
+    [*((m, "compiled") for m in methods_of("compiled")), ("RK45", "scipy"), ("LSODA", "scipy")],
 )
 def test_what_is_at_rest_is_driven_later(method: str, engine: str) -> None:
     run = completed(STEP, method=method, engine=engine, max_steps=20_000, rtol=1e-7)
@@ -189,7 +188,7 @@ def test_what_is_at_rest_is_driven_later(method: str, engine: str) -> None:
 
 @pytest.mark.parametrize(
     ("method", "engine"),
-    [*((m, "compiled") for m in METHODS), ("DOP853", "scipy"), ("BDF", "scipy")],
+    [*((m, "compiled") for m in methods_of("compiled")), ("DOP853", "scipy"), ("BDF", "scipy")],
 )
 def test_rest_stays_at_rest(method: str, engine: str) -> None:
     model = lagcli.load_text("""

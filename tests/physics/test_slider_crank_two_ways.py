@@ -72,8 +72,9 @@ def test_at_rest_the_guide_carries_the_weight_of_b_and_what_the_rod_presses_down
     phi, m, r, l, g = 0.4, 1.0, 0.1, 0.3, 9.81
     psi = np.arcsin(r * np.sin(phi) / l)
     tau = m * g * r * np.cos(phi) - load * r * (np.sin(phi) + np.cos(phi) * np.tan(psi))
+    text = text.replace("x_B: -c*x_B'", "x_B: -F")
     model = lagcli.load_text(
-        text.replace("x_B: -c*x_B'", f"x_B: -{load}"),
+        text.replace("  g: 9.81 m/s^2", f"  g: 9.81 m/s^2\n  F: {load} N"),
         set={"tau": float(tau)},
         set_initial={"phi": phi, "phi'": 0},
     )

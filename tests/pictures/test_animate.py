@@ -21,7 +21,7 @@ from lagcli.errors import FileError, UsageError
 from lagcli.pictures.animation.animate import animate
 from lagcli.pictures.animation.film import check_film
 from lagcli.pictures.run_file import RunFile
-from lagcli.pictures.scene.drawing import SceneDrawing, round_length, three_digits
+from lagcli.pictures.scene.drawing import SceneDrawing, round_number, three_digits
 from lagcli.pictures.scene.timing import Timing, timing, usual_speed
 from lagcli.pictures.scene.view_evaluator import scene_of
 
@@ -101,8 +101,8 @@ def test_endless_films_are_refused():
         Timing(0, 10, 1e-6).frames(25)
 
 
-def test_round_lengths():
-    assert [round_length(x) for x in (0.034, 0.99, 1, 1.9, 2, 7, 12)] == pytest.approx(
+def test_round_numbers():
+    assert [round_number(x) for x in (0.034, 0.99, 1, 1.9, 2, 7, 12)] == pytest.approx(
         [0.02, 0.5, 1, 1, 2, 5, 10]
     )
 

@@ -72,9 +72,9 @@ def test_every_column_has_a_name_of_its_own() -> None:
     ("name", "units"),
     [
         ("q", {"rad": "rad", "1": "1", "kg*m^2": "kg*m^2"}),
-        ("v", {"m": "m/s", "1": "1/s", "kg*m^2": "(kg*m^2)/s"}),
+        ("v", {"m": "m/s", "1": "1/s", "kg*m^2": "kg*m^2/s", "m/s": "(m/s)/s"}),
         ("a", {"m": "m/s^2"}),
-        ("constraint_force", {"m": "N", "rad": "N*m", "1": "N*m", "kg*m^2": "J/(kg*m^2)"}),
+        ("constraint_force", {"m": "N", "rad": "N*m", "1": "J", "kg*m^2": "J/(kg*m^2)"}),
         ("energy_total", {"m": "J"}),
     ],
 )

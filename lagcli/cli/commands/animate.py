@@ -1,15 +1,14 @@
 """`lagcli animate`: a page that plays the motion, GIF, MP4."""
 
 import re
-import sys
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lagcli.cli.operating_point import At, Equilibrium, Steady, load_steady
-from lagcli.cli.options import Force, NoColor, Quiet, SetInitial, SetParameter
-from lagcli.cli.streams import tell
+from lagcli.cli.options import Force, NoColor, Quiet, SetInitial, SetParameter, ViewModel
+from lagcli.cli.streams import print_notes, tell
 from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_NAMES
 
@@ -34,12 +33,7 @@ def animate(
             help="The animation: .html plays by itself in a browser, .gif and .mp4 are films.",
         ),
     ],
-    model: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MODEL", help="Model file with the view, in place of the text in the result."
-        ),
-    ] = None,
+    model: ViewModel = None,
     start: Annotated[
         float | None, typer.Option("--from", help="Begin at this time of the motion, s.")
     ] = None,
@@ -124,8 +118,7 @@ def animate(
         force=force,
         progress=partial(Progress, enabled=not quiet, color=not no_color, doing="drawing"),
     )
-    for note in made.notes:
-        print(f"note: {note}", file=sys.stderr)
+    print_notes(made.notes)
     if not quiet:
         tell(made.summary)
 

@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+from contextlib import suppress
 from enum import StrEnum
 from typing import Annotated
 
@@ -17,6 +18,7 @@ from lagcli.cli.options import (
     refuse_same_file,
 )
 from lagcli.cli.streams import visible_json
+from lagcli.errors import LagcliError, UsageError
 
 
 class Format(StrEnum):
@@ -33,6 +35,28 @@ def derive(
     format: Annotated[Format, typer.Option("--format", "-f", help="How to print.")] = Format.text,
     steps: Annotated[
         bool, typer.Option("--steps", help="Show the derivation, the textbook's way.")
+    ] = False,
+    kind: Annotated[
+        str | None,
+        typer.Option(
+            "--kind",
+            metavar="KINDS",
+            help="first: with multipliers; second: in independent coordinates; maggi: projected on"
+            " the null space of B. Several, separated by commas, are compared."
+            " [default: first; with --steps also second, where it is short]",
+        ),
+    ] = None,
+    independent: Annotated[
+        str | None,
+        typer.Option(
+            "--independent",
+            metavar="NAMES",
+            help="Independent coordinates, separated by commas, for the kinds second and maggi."
+            " [default: those with fixed initial values]",
+        ),
+    ] = None,
+    solve: Annotated[
+        bool, typer.Option("--solve", help="Give λ and q'' in closed form, where that is short.")
     ] = False,
     numeric: Annotated[
         bool, typer.Option("--numeric", help="Put in the values of the parameters.")
@@ -61,16 +85,19 @@ def derive(
     json: Annotated[bool, typer.Option("--json", help="The same as --format json.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Derive Lagrange's equations of the first kind and print them.
+    """Derive Lagrange's equations and print them.
 
     Shows the coordinates, the constraints with their kinds and virtual displacements, the degrees
-    of freedom, and the equations with Σ λ b on the right.
+    of freedom, and the equations of the first kind, with Σ λ b on the right. With --kind also
+    those of the second kind and Maggi's equations.
     """
     from lagcli.equations.derivation.lagrange import derive as derive_equations
+    from lagcli.equations.reduction.second_kind import second_kind_is_short
     from lagcli.equations.render import render
     from lagcli.equations.render.names import invalid_latex_warnings
     from lagcli.model.loader import load
     from lagcli.results.atomic import check_writable, whole_file
+    from lagcli.simulations.partition import partition
     from lagcli.simulations.start import degrees_of_freedom
 
     refuse_same_file(model, output)
@@ -82,6 +109,16 @@ def derive(
         for warning in invalid_latex_warnings(loaded):
             print(warning.render(), file=sys.stderr)
     equations = derive_equations(loaded)
+    kinds = _kinds(kind or "first")
+    names = _names(independent)
+    divided = None
+    if solve or names is not None or kinds != ["first"]:
+        divided = partition(equations, names)
+    elif steps:
+        with suppress(LagcliError):  # without a consistent start, the first kind is printed anyway
+            divided = partition(equations)
+            if kind is None and second_kind_is_short(divided):
+                kinds.append("second")
     text = render(
         equations,
         format="json" if json else format.value,
@@ -91,6 +128,9 @@ def derive(
         fragment=fragment,
         freedom=degrees_of_freedom(equations),
         full=full,
+        kinds=kinds,
+        partition=divided,
+        solve=solve,
     )
     if not text.endswith("\n"):
         text += "\n"
@@ -101,6 +141,22 @@ def derive(
         file.write(text.encode())
     if not quiet:
         print(f"written: {target}", file=sys.stderr)
+
+
+def _kinds(text: str) -> list[str]:
+    """Return the kinds of an option, each once."""
+    from lagcli.equations.presentation.assembly import KINDS
+
+    kinds = [x.strip() for x in text.split(",")]
+    for kind in kinds:
+        if kind not in KINDS:
+            raise UsageError(f"--kind: there is no kind `{kind}`; known are {', '.join(KINDS)}")
+    return list(dict.fromkeys(kinds))
+
+
+def _names(text: str | None) -> list[str] | None:
+    """Return the names of an option."""
+    return None if text is None else [x.strip() for x in text.split(",") if x.strip()]
 
 
 def _terminal_width() -> int:

@@ -12,7 +12,7 @@ from lagcli.cli.settings import with_settings
 from lagcli.settings.settings import SettingsOverrides
 
 
-@with_settings("t_end")
+@with_settings("t_end", "timeout")
 def play(
     model: ModelPath,
     port: Annotated[
@@ -26,14 +26,12 @@ def play(
     set_initial: SetInitial = None,
     *,
     settings: SettingsOverrides,
-    timeout: Annotated[
-        float, typer.Option(help="Seconds after which a run on the page is given up.")
-    ] = 5.0,
     quiet: Quiet = False,
 ) -> int:
     """Move a model's values on a page, and see its motion, its λ and its energy follow.
 
     The page is served to this machine alone, at the address on standard output. Ctrl-C closes it.
+    A run that takes longer than --timeout, 5 s by default, is shown as far as it came.
     """
     from lagcli.errors import UsageError
     from lagcli.model.loader import load
@@ -49,13 +47,8 @@ def play(
     from lagcli.play.runs import Played
 
     loaded = load(model, assignments("--set", set), assignments("--set-initial", set_initial))
-    Played(loaded, settings.t_end, timeout).check()
-    server = Server(
-        lambda: Played(loaded, settings.t_end, timeout),
-        loaded.name,
-        loaded.description or "",
-        listen(port or 0),
-    )
+    Played(loaded, settings).check()
+    server = Server(lambda: Played(loaded, settings), loaded, listen(port or 0))
 
     def ready() -> None:
         print(server.address, flush=True)

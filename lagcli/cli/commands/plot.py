@@ -1,11 +1,11 @@
 """`lagcli plot`: draw the curves of runs."""
 
-import sys
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from lagcli.cli.options import Force
+from lagcli.cli.streams import print_notes
 from lagcli.errors import UsageError
 from lagcli.results.formats import MODEL_SUFFIXES, SUFFIX_NAMES, SUFFIXES
 
@@ -56,6 +56,6 @@ def plot(
             f" {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; lagcli simulate writes one"
         )
     inches = size_of(size) if size is not None else None
-    look: dict[str, Any] = {"title": title, "size": inches, "dpi": dpi}
-    for note in draw(files, output, names, model=model, force=force, **look):
-        print(f"note: {note}", file=sys.stderr)
+    print_notes(
+        draw(files, output, names, title=title, size=inches, dpi=dpi, model=model, force=force)
+    )

@@ -1,28 +1,20 @@
 """`lagcli report`: a run on one page."""
 
-import sys
 from typing import Annotated
 
 import typer
 
-from lagcli.cli.options import Force, Quiet
-from lagcli.cli.streams import tell
-from lagcli.results.formats import SUFFIX_NAMES
+from lagcli.cli.options import Force, Quiet, ResultFile, ViewModel
+from lagcli.cli.streams import print_notes, tell
 
 
 def report(
-    file: Annotated[str, typer.Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}.")],
+    file: ResultFile,
     output: Annotated[
         str, typer.Option("--output", "-o", metavar="FILE", help="Page to write, .html.")
     ],
     title: Annotated[str | None, typer.Option(help="Title, instead of the model's name.")] = None,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MODEL",
-            help="Model file whose view is used, instead of the text in the result.",
-        ),
-    ] = None,
+    model: ViewModel = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
@@ -34,7 +26,6 @@ def report(
     from lagcli.pictures.report import report as make
 
     made = make(file, output, title=title, model=model, force=force)
-    for note in made.notes:
-        print(f"note: {note}", file=sys.stderr)
+    print_notes(made.notes)
     if not quiet:
         tell(made.summary)

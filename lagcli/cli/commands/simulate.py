@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from lagcli.cli.options import (
+    FAILED_STATUS,
+    INTERRUPTED_STATUS,
     Force,
     Json,
     ModelPath,
@@ -19,16 +21,15 @@ from lagcli.cli.options import (
     assignments,
     refuse_same_file,
 )
-from lagcli.cli.settings import with_settings
+from lagcli.cli.settings import errors_as_json, with_settings
 from lagcli.cli.streams import tell
-from lagcli.errors import LagcliError, UsageError
+from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_TEXT
 from lagcli.settings.settings import SettingsOverrides
 
-FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
-
 
 @with_settings()
+@errors_as_json
 def simulate(
     model: ModelPath,
     output: Annotated[
@@ -62,42 +63,6 @@ def simulate(
     Without -o, only a summary is printed. If a run fails or is interrupted, the samples up to that
     time are written, and the result is marked.
     """
-    try:
-        return _run(
-            model,
-            output,
-            assignments("--set", set),
-            assignments("--set-initial", set_initial),
-            settings,
-            strict=strict,
-            meta=meta,
-            force=force,
-            quiet=quiet,
-            json=json,
-            no_color=no_color,
-        )
-    except LagcliError as error:
-        if json:
-            from lagcli.cli.summary import error_object, to_json
-
-            tell(to_json(error_object(error)))
-        raise
-
-
-def _run(
-    model: str,
-    output: str | None,
-    parameters: dict[str, str],
-    initial: dict[str, str],
-    settings: SettingsOverrides,
-    *,
-    strict: bool,
-    meta: bool,
-    force: bool,
-    quiet: bool,
-    json: bool,
-    no_color: bool,
-) -> int:
     from lagcli.cli import summary
     from lagcli.cli.output_name import resolve_name
     from lagcli.cli.progress import Progress
@@ -112,7 +77,7 @@ def _run(
     if output == "-" and json:
         raise UsageError("-o - and --json both want standard output; write to a file, or drop one")
     began = time.perf_counter()
-    loaded = load(model, set=parameters, set_initial=initial)
+    loaded = load(model, assignments("--set", set), assignments("--set-initial", set_initial))
     load_seconds = time.perf_counter() - began
     if output is not None:
         output = resolve_name(output, loaded)

@@ -9,6 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from lagcli.cli.options import (
+    FAILED_STATUS,
+    INTERRUPTED_STATUS,
     Force,
     Json,
     ModelPath,
@@ -19,12 +21,11 @@ from lagcli.cli.options import (
     assignments,
     refuse_same_file,
 )
-from lagcli.cli.settings import with_settings
-from lagcli.cli.streams import tell, visible
-from lagcli.errors import LagcliError, UsageError
+from lagcli.cli.settings import errors_as_json, with_settings
+from lagcli.cli.streams import print_notes, tell, visible
+from lagcli.errors import UsageError
 from lagcli.settings.settings import SettingsOverrides
 
-FAILED_STATUS, INTERRUPTED_STATUS = 3, 130
 _CAUSES = 10  # that a person reads
 
 
@@ -36,6 +37,7 @@ class Keep(StrEnum):
 
 
 @with_settings()
+@errors_as_json
 def sweep(
     model: ModelPath,
     output: Annotated[
@@ -127,33 +129,48 @@ def sweep(
     A failed row does not stop the others; its status and message are in the file, and the
     exit status is 3. A sweep that is interrupted or killed goes on with --resume.
     """
-    options: dict[str, Any] = {
-        "measures": measure or [],
-        "keep": keep.value if keep else None,
-        "sample": sample,
-        "seed": seed,
-        "zipped": zip_,
-        "jobs": jobs,
-        "resume": resume,
-        "retry_failed": retry_failed,
-        "strict": strict,
-        "force": force,
-        "settings": settings,
-    }
-    try:
-        options["set"] = assignments("--set", set)
-        options["set_initial"] = assignments("--set-initial", set_initial)
-        refuse_same_file(model, output)
-        with _workers(scheduler, jobs, quiet) as options["executor"]:
-            return _run(
-                model, vary or [], output, options, quiet=quiet, json=json, color=not no_color
-            )
-    except LagcliError as error:
-        if json:
-            from lagcli.cli.summary import error_object, to_json
+    from lagcli.cli.progress import RowProgress
+    from lagcli.sweeps.run import sweep as run_sweep
 
-            tell(to_json(error_object(error)))
-        raise
+    refuse_same_file(model, output)
+    with (
+        _workers(scheduler, jobs, quiet) as executor,
+        RowProgress(enabled=not quiet, color=not no_color) as progress,
+    ):
+        summary = run_sweep(
+            model,
+            vary or [],
+            output,
+            measures=measure or [],
+            keep=keep.value if keep else None,
+            sample=sample,
+            seed=seed,
+            zipped=zip_,
+            set=assignments("--set", set),
+            set_initial=assignments("--set-initial", set_initial),
+            jobs=jobs,
+            resume=resume,
+            retry_failed=retry_failed,
+            strict=strict,
+            force=force,
+            progress=progress,
+            executor=executor,
+            settings=settings,
+        )
+    print_notes(summary.notes)
+    if json:
+        from lagcli.cli.summary import to_json
+
+        print(to_json(summary.as_dict()))
+    elif not quiet:
+        tell(_text(summary))
+    if summary.status == "interrupted":
+        print(f"error: interrupted; {_kept(summary)}", file=sys.stderr)
+        return INTERRUPTED_STATUS
+    if summary.ok < summary.rows:
+        print(f"error: {summary.rows - summary.ok} of {summary.rows} rows failed", file=sys.stderr)
+        return FAILED_STATUS
+    return 0
 
 
 @contextmanager
@@ -175,38 +192,6 @@ def _workers(scheduler: str | None, jobs: int | None, quiet: bool) -> Iterator[A
 
     with Cluster(scheduler, say) as cluster:
         yield cluster.run
-
-
-def _run(
-    model: str,
-    vary: list[str],
-    output: str,
-    options: dict[str, Any],
-    *,
-    quiet: bool,
-    json: bool,
-    color: bool,
-) -> int:
-    from lagcli.cli.progress import RowProgress
-    from lagcli.sweeps.run import sweep as run_sweep
-
-    with RowProgress(enabled=not quiet, color=color) as progress:
-        summary = run_sweep(model, vary, output, progress=progress, **options)
-    for note in summary.notes:
-        print(f"note: {note}", file=sys.stderr)
-    if json:
-        from lagcli.cli.summary import to_json
-
-        print(to_json(summary.as_dict()))
-    elif not quiet:
-        tell(_text(summary))
-    if summary.status == "interrupted":
-        print(f"error: interrupted; {_kept(summary)}", file=sys.stderr)
-        return INTERRUPTED_STATUS
-    if summary.ok < summary.rows:
-        print(f"error: {summary.rows - summary.ok} of {summary.rows} rows failed", file=sys.stderr)
-        return FAILED_STATUS
-    return 0
 
 
 def _kept(summary: Any) -> str:

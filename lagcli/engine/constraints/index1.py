@@ -8,13 +8,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.state import State
-
-Array = NDArray[np.float64]
 
 #: Relative defect of B a = γ beyond which redundant constraints contradict each other.
 _CONTRADICTION = 1e-6

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at
@@ -15,9 +15,6 @@ from lagcli.engine.scales import least_scales, usable
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 Level = Literal["position", "velocity"]
 
 #: Fixed values may violate a constraint by this much of its scale: they were written with so many

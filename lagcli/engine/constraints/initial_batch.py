@@ -5,18 +5,15 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.constraints.initial import ACCEPTED, LONGEST, OF_GUESS, REACHED, REGULAR
 from lagcli.engine.core import binding
+from lagcli.engine.evaluator import Constraints
 from lagcli.engine.layout import ConstraintLayout, DynamicsLayout
 from lagcli.engine.program.program import assemble
 from lagcli.engine.scales import coordinate_sizes, least_scales, usable
 from lagcli.engine.system import Pattern, System
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Rows = NDArray[np.intp]
 
 _ITERATIONS = 50
 _HALVINGS = 30
@@ -90,21 +87,11 @@ class StartSearch:
         return Starts(q, v, found)
 
 
-class _Constraints(NamedTuple):
-    """φ (n, nh), B (n, nc, nq), b_0 (n, nc) and the constraints' own scales."""
-
-    position: Array
-    jacobian: Array
-    drift: Array
-    position_scale: Array
-    velocity_scale: Array
-
-
 class _StartSearch:
     """The search for starts with the same free entries."""
 
     def __init__(
-        self, system: System, tables: tuple[Any, ...], t: float, free_q: Rows, free_v: Rows
+        self, system: System, tables: tuple[Any, ...], t: float, free_q: Indices, free_v: Indices
     ):
         self.system, self.t, self.free_q, self.free_v = system, t, free_q, free_v
         self.constraint, self.dynamics = tables
@@ -123,17 +110,13 @@ class _StartSearch:
     def inputs(self, parameters: Array, q: Array, v: Array) -> Array:
         return np.hstack([np.full((len(q), 1), self.t), q, v, parameters])[None]
 
-    def constraints(self, parameters: Array, q: Array, v: Array) -> _Constraints:
-        layout = ConstraintLayout(self.system.counts)
-        out = self.constraint(self.inputs(parameters, q, v), np.empty((1, 0)))[0].T
+    def constraints(self, parameters: Array, q: Array, v: Array) -> Constraints:
+        """Return φ (n, nh), B (n, nc, nq), b_0 (n, nc) and scales."""
+        out = self.constraint(self.inputs(parameters, q, v), np.empty((1, 0)))[0]
+        parts = {k: x.T for k, x in ConstraintLayout(self.system.counts).split(out).items()}
         pattern = self.system.jacobian_pattern
-        return _Constraints(
-            position=out[:, layout.position],
-            jacobian=_matrices(out[:, layout.jacobian], pattern, self.nc, self.nq),
-            drift=out[:, layout.drift],
-            position_scale=out[:, layout.position_scale],
-            velocity_scale=out[:, layout.velocity_scale],
-        )
+        parts["jacobian"] = _matrices(parts["jacobian"], pattern, self.nc, self.nq)
+        return Constraints(**parts)
 
     def entries(self, parameters: Array, q: Array, v: Array) -> Array:
         """Return the outputs of the dynamics tape, (n, outputs)."""
@@ -203,8 +186,8 @@ class _StartSearch:
         jacobian: Array,
         mass: Array,
         sizes: Array,
-        free: Rows,
-        constraints: Rows,
+        free: Indices,
+        constraints: Indices,
     ) -> tuple[Array, Flags]:
         """Return the least change of the free entries that removes a residual, and where."""
         # what no free entry is in cannot be helped; the others then decide, where they can
@@ -224,7 +207,7 @@ class _StartSearch:
         v: Array,
         phi: Array,
         jacobian: Array,
-        rows: Rows,
+        rows: Indices,
         step: Array,
     ) -> Flags:
         """Take the steps of some rows, halved until the residual falls; return where it does."""

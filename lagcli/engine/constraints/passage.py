@@ -13,12 +13,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.polynomial.polynomial import polyint, polyval, polyvander
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.contract import Stop
 
-Array = NDArray[np.float64]
 Project = Callable[[float, Array, Array], tuple[Array, Array]]
 
 _ITERATIONS = 6

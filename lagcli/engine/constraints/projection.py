@@ -6,16 +6,13 @@ Hairer & Wanner, Solving Ordinary Differential Equations II, VII.2.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Indices
 from lagcli.engine.contract import Stop, Undefined
 from lagcli.engine.evaluator import Constraints, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import coordinate_sizes, least_scales, usable
 from lagcli.engine.system import System
-
-Array = NDArray[np.float64]
-Places = NDArray[np.intp]
 
 #: Newton steps: from the drift of one step, two reach rounding error; a drift of a tenth of the
 #: coordinates (rtol = 0.1) needs five.
@@ -122,7 +119,7 @@ class Projection:
         return dense.least_change(jacobian, residual, mass, rank, lengths, self.sizes)
 
     def _stop(
-        self, t: float, bad: Places, residual: Array, jacobian: Array, lengths: Array
+        self, t: float, bad: Indices, residual: Array, jacobian: Array, lengths: Array
     ) -> Stop:
         listed = ", ".join(f"`{self.names[self.holonomic[i]]}`" for i in bad)
         parts = dense.decompose(jacobian, scale=lengths, sizes=self.sizes)

@@ -15,15 +15,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.constraints.projection import Projection
 from lagcli.engine.contract import Stop
 from lagcli.engine.evaluator import Constraints
 from lagcli.engine.linear import dense
 
-Array = NDArray[np.float64]
 Path = Callable[[float], Array]  # time → (q, v, …)
 
 #: The weakest singular value that marks a singular configuration.

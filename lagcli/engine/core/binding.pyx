@@ -337,7 +337,7 @@ cdef class Integrator:
         s.stream = arguments.stream(program.stream)
         s.convolutions, s.order = program.convolutions, program.order
         s.invariant, s.numbers = program.invariant, program.numbers
-        s.begins, s.begun = arguments.integers(program.begins), len(program.begins)
+        s.begins, s.begin_count = arguments.integers(program.begins), len(program.begins)
         s.origin, s.layer = program.origin, program.layer
         s.state, s.size = arguments.integers(program.state), program.size
         self.series_order = s.order

@@ -100,8 +100,8 @@ typedef struct {
     lag_stream stream;
     int convolutions, order;
     int invariant, numbers;
-    const int32_t *begins;             /* begun */
-    int begun;
+    const int32_t *begins;             /* begin_count */
+    int begin_count;
     int origin, layer;
     const int32_t *state;              /* n + 1: t, q, v, W */
     long size;

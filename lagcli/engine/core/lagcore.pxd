@@ -70,7 +70,7 @@ cdef extern from "lagcore.h" nogil:
         lag_stream stream
         int convolutions, order, invariant, numbers
         const int32_t *begins
-        int begun, origin, layer
+        int begin_count, origin, layer
         const int32_t *state
         long size
 

@@ -34,7 +34,7 @@ typedef struct {
     double rtol;
     double *atol;                      /* n: of the next step */
     const double *given;               /* n: those that are given; 0 where they follow the size */
-    double *size, *gross, *later;      /* n, nq, nq: S, A and R of sizes.h */
+    double *size, *acceleration_terms, *future_acceleration;      /* n, nq, nq: S, A and R of sizes.h */
     int kinds;                         /* of coordinates, by their unit */
     const int32_t *kind;               /* nq */
     double *largest;                   /* 2 kinds: size of the coordinates and the velocities */

@@ -112,8 +112,8 @@ static void allocate(lag_run *run)
     step->dense = lag_doubles(pool, 7 * (n + 7));
     step->work = lag_doubles(pool, 2 * (n + size) + 3 * nc);
     run->tolerances.size = lag_doubles(pool, n);
-    run->tolerances.gross = lag_doubles(pool, nq);
-    run->tolerances.later = lag_doubles(pool, nq);
+    run->tolerances.acceleration_terms = lag_doubles(pool, nq);
+    run->tolerances.future_acceleration = lag_doubles(pool, nq);
     run->tolerances.largest = lag_doubles(pool, 2 * kinds);
     run->projection.scale_position = lag_doubles(pool, run->system.nh);
     run->projection.scale_velocity = lag_doubles(pool, nc);
@@ -238,8 +238,8 @@ int lag_use_series(lag_run *run, const lag_series_program *given)
         .order = given->order,
         .invariant = given->invariant,
         .numbers = given->numbers,
-        .begun = given->begun,
-        .begins = lag_copy_integers(pool, given->begins, given->begun),
+        .begin_count = given->begin_count,
+        .begins = lag_copy_integers(pool, given->begins, given->begin_count),
         .origin = given->origin,
         .layer = given->layer,
         .state = lag_copy_integers(pool, given->state, 2 * run->system.nq + 2),

@@ -11,7 +11,7 @@
 static double kinetic_energy(const lag_run *run, const double *v, double h)
 {
     const lag_system *s = &run->system;
-    const double *a = run->tolerances.gross, *b = run->tolerances.later;
+    const double *a = run->tolerances.acceleration_terms, *b = run->tolerances.future_acceleration;
     double sum = 0.0;
     for (int m = 0; m < s->nm; ++m) {
         const int i = s->mass_row[m], j = s->mass_column[m];
@@ -44,7 +44,7 @@ static void look_ahead(lag_run *run)
             continue;
         for (int i = 0; i < nq; ++i)
             if (y[i] == 0.0 && y[nq + i] == 0.0 && a[i] == 0.0)
-                run->tolerances.later[i] = fmax(run->tolerances.later[i], fabs(f[nq + i]));
+                run->tolerances.future_acceleration[i] = fmax(run->tolerances.future_acceleration[i], fabs(f[nq + i]));
     }
 }
 
@@ -90,22 +90,22 @@ void lag_sizes_start(lag_run *run)
     for (int i = 0; i < nq; ++i) {
         const double noise = undefined ? 0.0 : fabs(found[1][nq + i] - found[0][nq + i]);
         const double a = fmax(fabs(run->step.f[nq + i]), noise / DBL_EPSILON);
-        run->tolerances.gross[i] = fmax(run->tolerances.gross[i], a);
+        run->tolerances.acceleration_terms[i] = fmax(run->tolerances.acceleration_terms[i], a);
     }
     memset(run->tolerances.largest, 0, (size_t)run->tolerances.kinds * sizeof(double));
     for (int i = 0; i < nq; ++i) {
         double *largest = run->tolerances.largest + run->tolerances.kind[i];
-        *largest = fmax(*largest, run->tolerances.gross[i]);
+        *largest = fmax(*largest, run->tolerances.acceleration_terms[i]);
     }
     count_forces(run, run->tolerances.largest);
     for (int i = 0; i < nq; ++i)
-        run->tolerances.gross[i] = run->tolerances.largest[run->tolerances.kind[i]];
+        run->tolerances.acceleration_terms[i] = run->tolerances.largest[run->tolerances.kind[i]];
     look_ahead(run);
 }
 
 int lag_sizes_again(lag_run *run)
 {
-    memset(run->tolerances.gross, 0, (size_t)run->system.nq * sizeof(double));
+    memset(run->tolerances.acceleration_terms, 0, (size_t)run->system.nq * sizeof(double));
     if (lag_derivative(run, run->step.t, run->step.y, run->step.f))
         return LAG_UNDEFINED;
     lag_sizes_start(run);
@@ -131,7 +131,7 @@ void lag_sizes_update(lag_run *run)
     for (int part = 0; part < 2; ++part)
         for (int i = 0; i < nq; ++i) {
             const int m = part * nq + i;
-            const double noise = (h * run->tolerances.gross[i] + length * run->tolerances.later[i])
+            const double noise = (h * run->tolerances.acceleration_terms[i] + length * run->tolerances.future_acceleration[i])
                                  * (part ? 1.0 : run->step.h);
             const double all = largest[part * run->tolerances.kinds + run->tolerances.kind[i]];
             run->tolerances.atol[m] = run->tolerances.given[m] > 0.0
@@ -151,7 +151,8 @@ void lag_first_step(lag_run *run, double order)
     double *change = run->step.stages;
     lag_first_step_rule rule = {
         .nq = nq, .stride = 1, .kinds = run->tolerances.kinds, .kind = run->tolerances.kind, .y = y, .f = f,
-        .gross = run->tolerances.gross, .later = run->tolerances.later, .largest = run->tolerances.largest,
+        .acceleration_terms = run->tolerances.acceleration_terms,
+        .future_acceleration = run->tolerances.future_acceleration, .largest = run->tolerances.largest,
         .weight = run->step.trial,
         .length = run->step.t_end - run->step.t, .h_max = run->step.h_max,
     };

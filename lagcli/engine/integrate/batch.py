@@ -17,8 +17,8 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Indices
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.core import binding
 from lagcli.engine.core.status import LaneStatus, Status
@@ -28,9 +28,6 @@ from lagcli.engine.program.program import assemble
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.engine.tape.tape import Tape
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 #: Seconds that the core may take before it comes back, and the tries of a step it begins with.
 _SLICE = 0.03
@@ -55,7 +52,7 @@ class Finished(NamedTuple):
         How each ended, and what it took.
     """
 
-    rows: Rows
+    rows: Indices
     samples: Array
     runs: list[Outcome]
 
@@ -91,7 +88,7 @@ def run_batch(
     sink: Callable[[Finished], None],
     progress: Callable[[], None] | None = None,
 ) -> None:
-    """Integrate many runs; each is handed over once, in no certain order.
+    """Integrate many runs; each is emitted once, in no certain order.
 
     Several threads may do so at once: the core holds no lock while it runs.
 
@@ -230,13 +227,8 @@ def _singly(
     if run.status == "interrupted":
         raise Interrupted
     width = system.sample_layout.size
-    rows = np.concatenate([np.empty((0, width)), *(_as_rows(block) for block in blocks)])
+    rows = np.concatenate([np.empty((0, width)), *map(np.column_stack, blocks)])
     return Finished(np.array([row]), rows[None], [run])
-
-
-def _as_rows(block: Block) -> Array:
-    """Return a block's samples by row: the inverse of `Block.of_rows`."""
-    return np.column_stack([block.time, block.q, block.v, block.a, block.multipliers, block.work])
 
 
 class SampleTape:

@@ -15,8 +15,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.contract import (
     Block,
     Event,
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from lagcli.engine.constraints.singular import RankWatch
     from lagcli.engine.linear.elimination import Elimination
 
-Array = NDArray[np.float64]
 
 #: Seconds that a slice of steps should take: what an interrupt waits for.
 _SLICE = 0.03
@@ -241,20 +240,12 @@ class Integration:
 
     def run(self) -> Outcome:
         """Integrate, once."""
-        status, message, undefined = outcome(self.integrate)
-        message = "; ".join(filter(None, [message, self.methods.message()]))
+        run = outcome(self.integrate)
+        run.message = "; ".join(filter(None, [run.message, self.methods.message()]))
         self.collect()
-        steps, rejected, evaluations = self.core.counts
-        return Outcome(
-            status=status,
-            message=message,
-            steps=steps,
-            rejected=rejected,
-            evaluations=evaluations,
-            undefined=undefined,
-            methods=self.methods.used,
-            tolerances=self.core.absolute_tolerances,
-        )
+        run.steps, run.rejected, run.evaluations = self.core.counts
+        run.methods, run.tolerances = self.methods.used, self.core.absolute_tolerances
+        return run
 
     def integrate(self) -> None:
         """Integrate; a run that cannot be completed raises `Stop`."""

@@ -6,13 +6,10 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lagcli.arrays import Array
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape
 
-Array = NDArray[np.float64]
 Path = Callable[[float], Array]  # t → (q, v, W) inside the last step
 
 _PARTS = 8  # of a step, at whose ends the signs are compared

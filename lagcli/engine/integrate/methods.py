@@ -10,13 +10,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.contract import IntegrationRequest
 from lagcli.engine.system import System
 from lagcli.settings.methods import METHODS
-
-Array = NDArray[np.float64]
 
 #: From this relative tolerance on, Rodas5P takes less time than Radau for the same error.
 _LOOSE = 1e-4

@@ -64,10 +64,7 @@ class Prepared(NamedTuple):
 
     def serves(self, elimination: Elimination | None) -> bool:
         """Return whether it is what an order of elimination, or None, is made ready by."""
-        own = self.elimination
-        if own is None or elimination is None:
-            return own is elimination
-        return own.same_as(elimination)
+        return self.elimination == elimination
 
     @property
     def worth_unrolling(self) -> bool:

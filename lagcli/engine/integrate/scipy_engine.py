@@ -10,10 +10,10 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import integrate
 from scipy.integrate import BDF, LSODA, OdeSolver
 
+from lagcli.arrays import Array
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.constraints.passage import Crossing
 from lagcli.engine.constraints.projection import Projection, is_far, jumped
@@ -33,8 +33,6 @@ from lagcli.engine.integrate.events import EventSearch
 from lagcli.engine.integrate.tolerances import Sizes
 from lagcli.engine.system import System
 from lagcli.settings.methods import METHODS
-
-Array = NDArray[np.float64]
 
 #: Baumgarte's α = β times the step size, where the user gives none.
 _BAUMGARTE_STEP = 0.1
@@ -56,21 +54,16 @@ def run(
     integration = _Integration(system, request, sink, progress)
     # numbers that overflow are seen by what becomes of them
     with np.errstate(all="ignore"):
-        status, message, undefined = outcome(integration.integrate)
-        integration.hand_over()
-    return Outcome(
-        status=status,
-        message=message,
-        steps=integration.steps,
-        rejected=integration.rejected,
-        evaluations=integration.motion.evaluations,
-        undefined=undefined,
-        tolerances=integration.sizes.tolerances if integration.sizes else None,
-    )
+        found = outcome(integration.integrate)
+        integration.emit()
+    found.steps, found.rejected = integration.steps, integration.rejected
+    found.evaluations = integration.motion.evaluations
+    found.tolerances = integration.sizes.tolerances if integration.sizes else None
+    return found
 
 
 class _Integration:
-    """One run: its state, its samples that wait to be handed over, and its counts."""
+    """One run: its state, its samples that wait to be emitted, and its counts."""
 
     def __init__(
         self,
@@ -93,11 +86,7 @@ class _Integration:
         self.sampled = 0
         self.limits = Limits(self.settings)
         if self.settings.formulation == "baumgarte":
-            alpha = 1.0 if self.settings.alpha is None else self.settings.alpha
-            self.motion.damping = (
-                alpha,
-                alpha if self.settings.beta is None else self.settings.beta,
-            )
+            self.damp(1.0 if self.settings.alpha is None else self.settings.alpha)
 
     def integrate(self) -> None:
         request, watch = self.request, self.watch
@@ -256,11 +245,7 @@ class _Integration:
         else:
             solver.atol = self.sizes.tolerances / math.sqrt(len(y))
         if self.settings.formulation == "baumgarte" and self.settings.alpha is None:
-            alpha = _BAUMGARTE_STEP / abs(solver.step_size)
-            self.motion.damping = (
-                alpha,
-                alpha if self.settings.beta is None else self.settings.beta,
-            )
+            self.damp(_BAUMGARTE_STEP / abs(solver.step_size))
             damped = True
         if y is solver.y and not damped:
             return solver
@@ -275,6 +260,11 @@ class _Integration:
             solver.f = self.motion.rate(t, y)
         solver.y = y
         return solver
+
+    def damp(self, alpha: float) -> None:
+        """Set Baumgarte's α, and β, which is equal unless it is given."""
+        beta = self.settings.beta
+        self.motion.damping = alpha, alpha if beta is None else beta
 
     def project(self, t: float, y: Array) -> Array:
         """Return the consistent state next to y; y itself where nothing is projected."""
@@ -307,12 +297,12 @@ class _Integration:
         self.keep(t, q, v, a, multipliers, float(y[-1]))
 
     def keep(self, t: float, q: Array, v: Array, a: Array, multipliers: Array, work: float) -> None:
-        """Add a sample to those that wait, and hand them over when they fill a block."""
+        """Add a sample to those that wait, and emit them when they fill a block."""
         self.rows.append(np.concatenate([[t], q, v, a, multipliers, [work]]))
         if len(self.rows) == self.request.block_rows:
-            self.hand_over()
+            self.emit()
 
-    def hand_over(self) -> None:
+    def emit(self) -> None:
         """Emit the samples that are complete."""
         rows, self.rows = self.rows, []
         if rows:

@@ -7,12 +7,10 @@ change of the state instead of by rounding up and down.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.contract import IntegrationRequest
-
-Array = NDArray[np.float64]
 
 #: The numbers of core/sizes.h, by the same names.
 _FOLLOWING = 0.1
@@ -51,12 +49,12 @@ class Sizes:
         self.size = np.zeros(len(y))
         self.length = self.settings.t_end - self.start
         rate = motion.rate(self.start, y)
-        self.gross = self._gross(y, rate)
-        self.later = self._later(y, rate)
+        self.acceleration_terms = self._acceleration_terms(y, rate)
+        self.future_acceleration = self._future_acceleration(y, rate)
         self.tolerances = self.given
         self.update(self.start, y, self.first_step(self.start, y, 8.0))
 
-    def _gross(self, y: Array, rate: Array) -> Array:
+    def _acceleration_terms(self, y: Array, rate: Array) -> Array:
         """Return what accelerations are made of, the largest of each kind: A."""
         nq, t = self.nq, self.start
         found = np.abs(rate[nq:-1])
@@ -79,7 +77,7 @@ class Sizes:
         np.maximum.at(largest, self.kind, values)
         return np.asarray(largest[self.kind])
 
-    def _later(self, y: Array, rate: Array) -> Array:
+    def _future_acceleration(self, y: Array, rate: Array) -> Array:
         """Return the largest acceleration to come of each coordinate that is at rest: R."""
         nq = self.nq
         resting = (y[:nq] == 0) & (y[nq:-1] == 0) & (rate[nq:-1] == 0)
@@ -96,12 +94,13 @@ class Sizes:
         mass = self.motion.evaluator.dynamics(t, *self.motion.split(y)).mass_matrix
         v = y[nq:-1]
         if not size.any():  # M at the start, where velocities may be zero: those after the step
-            v = v + np.copysign(h * (self.gross + self.later), v)
+            v = v + np.copysign(h * (self.acceleration_terms + self.future_acceleration), v)
         energy = 0.5 * abs(float(v @ mass @ v))
         np.fmax(size, np.abs(y), out=size)
         if np.isfinite(energy):
             size[-1] = max(size[-1], energy)
-        noise = _SUMMING * h * self.gross + _TIMING * self.length * self.later
+        noise = _SUMMING * h * self.acceleration_terms
+        noise += _TIMING * self.length * self.future_acceleration
         floor = np.concatenate(
             [
                 _ROUNDING * self._of_kind(size[:nq]) + noise * h,
@@ -121,7 +120,8 @@ class Sizes:
         nq = self.nq
         horizon = _HORIZON * (self.settings.t_end - t)
         most = min(self.settings.max_step, self.settings.t_end - t)
-        q, v, a = np.abs(y[:nq]), np.abs(y[nq:-1]), self.gross + self.later
+        a = self.acceleration_terms + self.future_acceleration
+        q, v = np.abs(y[:nq]), np.abs(y[nq:-1])
         w = q + _BESIDE * self._of_kind(q) + horizon * (v + horizon * a)
         w = np.concatenate([w, v + _BESIDE * self._of_kind(v) + horizon * a + np.sqrt(a * w)])
         w = np.where(w > 0, w, np.inf)

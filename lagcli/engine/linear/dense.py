@@ -11,11 +11,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.scales import coordinate_sizes
-
-Array = NDArray[np.float64]
 
 #: Singular values of the row-scaled B below this are taken for zero. Directions weaker than this
 #: would carry an error of 1e-16/1e-8 into the accelerations.

@@ -24,16 +24,15 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import accumulate
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.layout import DynamicsLayout
 from lagcli.engine.system import Pattern, System
 
-Array = NDArray[np.float64]
 Rows = list[dict[int, Array]]
 
 #: A pivot is at least this part of the largest entry of its row, at every sampled state.
@@ -64,23 +63,18 @@ class Elimination:
         Below each place, the places where L is not zero; those of a pair are alike.
     smallest : float
         The smallest pivot at the sampled states, of the matrix scaled to entries near one; near 0
-        where the matrix is nearly singular.
+        where the matrix is nearly singular. Orders that differ in it alone are equal.
     """
 
     order: tuple[int, ...]
     paired: tuple[bool, ...]
     columns: tuple[tuple[int, ...], ...]
-    smallest: float
+    smallest: float = field(compare=False)
 
     @property
     def updates(self) -> int:
         """Updates of entries that the factorization takes."""
         return sum(len(c) * (len(c) + 1) // 2 for c in self.columns)
-
-    def same_as(self, other: Elimination) -> bool:
-        """Return whether another one is the same, whatever states it was found at."""
-        mine, its = ((e.order, e.paired, e.columns) for e in (self, other))
-        return mine == its
 
     @property
     def starts(self) -> list[int]:
@@ -110,7 +104,8 @@ class Elimination:
         """
         n = len(self.order)
         place = {unknown: k for k, unknown in enumerate(self.order)}
-        number = {(i, k): e for e, (k, i) in enumerate(self._entries())}
+        entries = ((i, k) for k, column in enumerate(self.columns) for i in column)
+        number = {entry: e for e, entry in enumerate(entries)}
         found = []
         for row, column in places:
             i, k = place[row], place[column]
@@ -121,9 +116,6 @@ class Elimination:
             else:
                 found.append(n + k if self.paired[k] and i == k + 1 else 2 * n + number[i, k])
         return found
-
-    def _entries(self) -> Iterable[tuple[int, int]]:
-        return ((k, i) for k, column in enumerate(self.columns) for i in column)
 
 
 def order_at(system: System, states: Sequence[Sequence[float]]) -> Elimination:
@@ -231,7 +223,7 @@ def find_order(
                 heapq.heappush(queue, entry)
             touched, waiting, most = set(), [], math.inf
             continue
-        pivots = pivots or _refuge(rows, refused)
+        pivots = pivots or _fallback_pivot(rows, refused)
         neighbours = sorted({j for i in pivots for j in rows[i]} - set(pivots))
         updates += len(pivots) * len(neighbours) * (len(neighbours) + 1) // 2
         if updates > MOST_UPDATES:
@@ -287,7 +279,7 @@ def _large(row: dict[int, Array], i: int) -> float:
     return float((own / np.maximum(np.maximum.reduce(others), 1e-300)).min())
 
 
-def _refuge(rows: Rows, refused: set[int]) -> tuple[int, ...]:
+def _fallback_pivot(rows: Rows, refused: set[int]) -> tuple[int, ...]:
     """Return the best pivot where no diagonal entry is large enough: a pair, or the largest."""
     best: tuple[float, int, tuple[int, ...]] = (-_LEAST, 0, ())
     for i in sorted(refused, key=lambda i: len(rows[i])):

@@ -9,18 +9,17 @@ Methods for Sparse Matrices, ch. 7.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lagcli.arrays import Array, Int32
 
 if TYPE_CHECKING:
     from lagcli.engine.system import JacobianTapes, System
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int32]
 Rows = list[dict[int, float]]
 
 #: A pivot's least part of the largest entry in its row and in its column, of the balanced matrix.
@@ -44,12 +43,12 @@ class MatrixPattern:
         Where each number that the matrix is summed of goes.
     """
 
-    start: Indices
-    columns: Indices
-    parts: Indices
+    start: Int32
+    columns: Int32
+    parts: Int32
 
     @property
-    def rows(self) -> Indices:
+    def rows(self) -> Int32:
         """The row of each entry."""
         return np.repeat(np.arange(len(self.start) - 1, dtype=np.int32), np.diff(self.start))
 
@@ -70,12 +69,12 @@ class PivotOrder:
         Where the matrix's entries go.
     """
 
-    row: Indices
-    column: Indices
-    start: Indices
-    columns: Indices
-    diagonal: Indices
-    places: Indices
+    row: Int32
+    column: Int32
+    start: Int32
+    columns: Int32
+    diagonal: Int32
+    places: Int32
 
 
 def matrix_pattern(system: System, variation: JacobianTapes, rank: int) -> MatrixPattern:
@@ -187,19 +186,13 @@ class _Elimination:
         for count in range(1, self.n + 1):
             if best is not None and (searched >= _SEARCHED or least <= (count - 1) ** 2):
                 break
-            for j in self.column_counts[count]:
-                for i in self.columns[j]:
-                    cost = (len(self.rows[i]) - 1) * (count - 1)
+            for line in chain(
+                ([(i, j) for i in self.columns[j]] for j in self.column_counts[count]),
+                ([(i, j) for j in self.rows[i]] for i in self.row_counts[count]),
+            ):
+                for i, j in line:
+                    cost = (len(self.rows[i]) - 1) * (len(self.columns[j]) - 1)
                     x = abs(self.rows[i][j])
-                    if (cost < least or (cost == least and x > size)) and self.suits(i, j, x):
-                        best, least, size = (i, j), cost, x
-                searched += 1
-                if searched >= _SEARCHED and best is not None:
-                    return best
-            for i in self.row_counts[count]:
-                for j, value in self.rows[i].items():
-                    cost = (len(self.columns[j]) - 1) * (count - 1)
-                    x = abs(value)
                     if (cost < least or (cost == least and x > size)) and self.suits(i, j, x):
                         best, least, size = (i, j), cost, x
                 searched += 1
@@ -291,7 +284,7 @@ class _Elimination:
             diagonal.append(start[-1] + len(lower))
             columns += [*lower, int(position[j]), *upper]
             start.append(len(columns))
-            places.update(_numbered(i, columns[start[-2] :], start[-2]))
+            places.update(((i, columns[e]), e) for e in range(start[-2], start[-1]))
         where = position[pattern.columns].tolist()
         return PivotOrder(
             row,
@@ -304,7 +297,3 @@ class _Elimination:
                 dtype=np.int32,
             ),
         )
-
-
-def _numbered(row: int, columns: Iterable[int], first: int) -> dict[tuple[int, int], int]:
-    return {(row, j): first + k for k, j in enumerate(columns)}

@@ -29,9 +29,11 @@ def unroll(system: System, elimination: Elimination) -> Tape:
     -------
     Tape
         Outputs lie as in `UnrolledLayout`. There are nq + 2 nc more inputs at the end: another
-        right side, in the order of the unknowns, and one for the constraints alone. The parts that
-        pivots keep of the terms that they are the sum of are scaled so that 1 stands for no
-        cancellation; they and the two further solutions are asked for apart, the latter alone, too.
+        right side, in the order of the unknowns, and one for the constraints alone. Cancellation is
+        given by pivot: of order one twice its magnitude over the sum of the magnitudes of its
+        terms, which is between 0 and 2; of order two the magnitude of its determinant over that
+        of the determinant's terms, between 0 and 1. Cancellation and the two further solutions
+        are deferred, and the further solutions are an output subset.
     """
     return _Unrolling(system, elimination).tape()
 

@@ -12,8 +12,8 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Int32
 from lagcli.engine.program.nodes import Node
 from lagcli.engine.program.subprograms import excerpt
 from lagcli.engine.program.vectorize import LONG, WORTH, Packing
@@ -51,12 +51,12 @@ class Program(NamedTuple):
         Number of input registers, but for those that only later outputs depend on.
     """
 
-    prelude: NDArray[np.int32]
-    main: NDArray[np.int32]
-    deferred: tuple[NDArray[np.int32], ...]
-    output_subsets: tuple[NDArray[np.int32], ...]
-    registers: NDArray[np.float64]
-    outputs: NDArray[np.int32]
+    prelude: Int32
+    main: Int32
+    deferred: tuple[Int32, ...]
+    output_subsets: tuple[Int32, ...]
+    registers: Array
+    outputs: Int32
     size: int
     inputs: int
 
@@ -154,7 +154,7 @@ def _arranged(
     place: dict[int, int],
     families: Sequence[str | None],
     isomorphic: Sequence[Sequence[int]],
-) -> tuple[list[NDArray[np.int32]], int]:
+) -> tuple[list[Int32], int]:
     """Return the streams of successive parts, whose needed results are kept, and how many places
     there are; complete ``place``.
     """
@@ -303,7 +303,7 @@ def _placed(node: Node, place: dict[int, int]) -> Node:
     return op, tuple(place[x] for x in destinations), tuple(place[x] for x in operands)
 
 
-def stream(nodes: list[Node], end: int = Op.END) -> NDArray[np.int32]:
+def stream(nodes: list[Node], end: int = Op.END) -> Int32:
     """Return the stream of operations whose operands have places."""
     numbers: list[int] = []
     at, kind = 0, -1

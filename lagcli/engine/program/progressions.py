@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lagcli.arrays import Indices, Numbers
 from lagcli.engine.program.nodes import INDEXED, LONGEST
 
 #: Operations that a vector is worth: a shorter one takes as long as its parts.
@@ -58,16 +59,16 @@ def progressions(points: ArrayLike) -> tuple[list[list[int]], list[int]]:
     return found, [*left.tolist(), *again.tolist()]
 
 
-def _sorted(points: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _sorted(points: Numbers) -> tuple[Indices, Indices]:
     """Return the order of points, and of those that are there already."""
     order = np.lexsort(points.T[::-1])
     new = np.append(True, (points[order][1:] != points[order][:-1]).any(axis=1))
     return order[new], order[~new]
 
 
-def _best_progressions(points: NDArray[np.int64]) -> list[NDArray[np.intp]]:
+def _best_progressions(points: Numbers) -> list[Indices]:
     """Return the progressions with the step by which they save most, as numbers of points."""
-    best: list[NDArray[np.intp]] = []
+    best: list[Indices] = []
     most, operands = 0.0, points.shape[1]
     for indexed in range(-1, operands if operands > 1 else 0):
         kept = points if indexed < 0 else np.delete(points, indexed, axis=1)

@@ -9,7 +9,7 @@ from collections import Counter
 LINE = 8
 
 
-class Memory:
+class Slots:
     """Free places, by intervals; a vector's places become free together."""
 
     def __init__(self, end: int):
@@ -37,7 +37,7 @@ class Memory:
         self.alive[start] = values
         return start
 
-    def give_back(self, at: int) -> None:
+    def release(self, at: int) -> None:
         """Free a place, with its vector when that has no other in use."""
         first, size = self.vector[at]
         self.alive[first] -= 1

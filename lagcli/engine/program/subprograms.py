@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Int32
 from lagcli.engine.program.nodes import INDEXED, VECTOR
 from lagcli.engine.tape.operations import PLACES, Op
 
@@ -24,7 +24,7 @@ class _Step(NamedTuple):
     operands: list[Registers]
 
 
-def excerpt(stream: NDArray[np.int32], registers: int, results: Iterable[int]) -> NDArray[np.int32]:
+def excerpt(stream: Int32, registers: int, results: Iterable[int]) -> Int32:
     """Return the operations of a stream that some registers at its end depend on.
 
     Parameters
@@ -47,7 +47,7 @@ def excerpt(stream: NDArray[np.int32], registers: int, results: Iterable[int]) -
     return _joined((step.op, step.size, step.numbers) for step in reversed(kept))
 
 
-def unpacked(stream: NDArray[np.int32]) -> NDArray[np.int32]:
+def unpacked(stream: Int32) -> Int32:
     """Return a stream with the same operations one by one."""
     return _joined(_one_by_one(step) for step in _steps(stream.tolist()))
 
@@ -61,7 +61,7 @@ def _one_by_one(step: _Step) -> tuple[int, int, list[int]]:
     return step.op - VECTOR, step.size, [x for one in zip(*columns, strict=True) for x in one]
 
 
-def _joined(parts: Iterable[tuple[int, int, list[int]]]) -> NDArray[np.int32]:
+def _joined(parts: Iterable[tuple[int, int, list[int]]]) -> Int32:
     """Return a stream of operations; those of a kind that follow each other are one run."""
     numbers: list[int] = []
     at = kind = -1

@@ -18,11 +18,11 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Int32
 from lagcli.engine.program.nodes import VECTOR, Node
 from lagcli.engine.program.progressions import SHORTEST, pieces, progressions, steps
-from lagcli.engine.program.slots import LINE, Memory
+from lagcli.engine.program.slots import LINE, Slots
 from lagcli.engine.tape.operations import Kind, Op
 
 #: What the core does on vectors.
@@ -72,7 +72,7 @@ class Packing:
         families: Sequence[str | None] = (),
         isomorphic: Sequence[Sequence[int]] = (),
     ):
-        self.place, self.memory, self.isomorphic = place, Memory(count), isomorphic
+        self.place, self.slots, self.isomorphic = place, Slots(count), isomorphic
         self.packed = 0
         self.families: dict[str, list[int]] = {}
         for x, family in enumerate(families):
@@ -82,11 +82,9 @@ class Packing:
     @property
     def count(self) -> int:
         """The first place after all."""
-        return self.memory.end
+        return self.slots.end
 
-    def streams(
-        self, parts: Sequence[Sequence[Node]], needed: Sequence[set[int]]
-    ) -> list[NDArray[np.int32]]:
+    def streams(self, parts: Sequence[Sequence[Node]], needed: Sequence[set[int]]) -> list[Int32]:
         """Return the streams of parts: all but the first are run only where they are asked for.
 
         Parameters
@@ -106,7 +104,7 @@ class Packing:
             self.place.update(inputs)
         return [main, *deferred]
 
-    def _stream(self, nodes: Sequence[Node], kept: set[int]) -> NDArray[np.int32]:
+    def _stream(self, nodes: Sequence[Node], kept: set[int]) -> Int32:
         """Return the stream of operations.
 
         Parameters
@@ -127,12 +125,12 @@ class Packing:
         for unit, ends in zip(units, dying, strict=True):
             numbers += self._emitted(unit)
             for x in ends:
-                self.memory.give_back(self.place[x])
+                self.slots.release(self.place[x])
         return np.array([*numbers, Op.END, 0], dtype=np.int32)
 
     def _units(self, nodes: Sequence[Node]) -> list[Unit]:
         """Return operations in vectors and runs, in an order in which every operand is ready."""
-        place, free = dict(self.place), self.memory.end  # as if no place were used again
+        place, free = dict(self.place), self.slots.end  # as if no place were used again
 
         def side_by_side(values: Sequence[int]) -> None:
             nonlocal free
@@ -171,13 +169,13 @@ class Packing:
         before = [self.place[x] for x in unit.results] if op == Op.MOVE else []
         first = self._side_by_side(unit.results)
         for place in before:
-            if place in self.memory.vector:  # else it is an input's own
-                self.memory.give_back(place)
+            if place in self.slots.vector:  # else it is an input's own
+                self.slots.release(place)
         return [VECTOR + op, len(nodes), first, *chain.from_iterable(places)]
 
     def _side_by_side(self, values: Sequence[int]) -> int:
         """Give values places side by side; return the first."""
-        first = self.memory.take(len(values))
+        first = self.slots.take(len(values))
         self.place.update(zip(values, range(first, first + len(values)), strict=True))
         return first
 

@@ -13,12 +13,10 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.tape.operations import ARITY, OPERATIONS, Kind, Op
 from lagcli.engine.tape.tape import Tape
-
-Array = NDArray[np.float64]
 
 #: Functions on floats that never raise.
 _TOTAL = (operator.add, operator.sub, operator.mul, operator.neg, abs, max)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from lagcli.engine.program.nodes import VECTOR, Node
 from lagcli.engine.program.progressions import SHORTEST, pieces, progressions, steps
-from lagcli.engine.program.slots import LINE, Memory
+from lagcli.engine.program.slots import LINE, Slots
 from lagcli.engine.program.vectorize import WORTH, last_uses, together
 from lagcli.engine.taylor.series_nodes import AHEAD, BEFORE, CONVOLVED, LONGEST, NUMBERS, SeriesOp
 
@@ -104,7 +104,7 @@ class _Layering:
         self.nodes, self.kept = nodes, set(kept)
         self.place: dict[int, int] = {}
         self.size = 0
-        self.memory = Memory(_TEMPORARY)
+        self.slots = Slots(_TEMPORARY)
         self.vectors: list[Sequence[int] | None] = []  # the nodes of each, or None: see below
         self.singles: list[list[int]] = []  # the nodes of each None
         self.packed = 0
@@ -141,7 +141,7 @@ class _Layering:
                 self.put_in_vectors(part, needs, placed)
             for x in dying:
                 if self.place[x] >= _TEMPORARY:
-                    self.memory.give_back(self.place[x])
+                    self.slots.release(self.place[x])
 
     def put_in_vectors(self, group: list[int], needs: Sequence[Node], placed: bool) -> None:
         """Find the vectors of a level, whose results have places or get them side by side."""
@@ -166,7 +166,7 @@ class _Layering:
     def take(self, names: Sequence[int]) -> None:
         """Give results places side by side."""
         if self.kept.isdisjoint(names):
-            self.put(names, self.memory.take(len(names)))
+            self.put(names, self.slots.take(len(names)))
         else:
             self.put(names, self.keep(len(names)))
 
@@ -237,7 +237,7 @@ class _Layering:
                 part = SeriesVector(part.op, to(part.results), operands)
             found.append(part)
         place = dict(zip(self.place, to(list(self.place.values())), strict=True))
-        return Layers(found, place, size, to([self.memory.end])[0], kept)
+        return Layers(found, place, size, to([self.slots.end])[0], kept)
 
 
 def vector_stream(vector: SeriesVector, place: Mapping[Any, int]) -> list[int]:

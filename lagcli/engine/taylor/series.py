@@ -17,8 +17,8 @@ from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Int32
 from lagcli.engine.layout import ConstraintLayout, UnrolledLayout
 from lagcli.engine.program.program import Node, allocate, in_order, stream
 from lagcli.engine.program.slots import LINE
@@ -79,15 +79,15 @@ class SeriesProgram(NamedTuple):
     """
 
     values: Tape
-    stream: NDArray[np.int32]
+    stream: Int32
     convolutions: int
     order: int
     invariant: int
     numbers: int
-    begins: NDArray[np.int32]
+    begins: Int32
     origin: int
     layer: int
-    state: NDArray[np.int32]
+    state: Int32
     size: int
 
 
@@ -260,7 +260,7 @@ def _in_layers(
     )
 
 
-def _array(values: Iterable[int]) -> NDArray[np.int32]:
+def _array(values: Iterable[int]) -> Int32:
     return np.array([*values], dtype=np.int32)
 
 
@@ -335,8 +335,8 @@ def _values(
     begins: Sequence[int],
     outputs: Sequence[int],
 ) -> Tape:
-    begun = map(expansion.begin, begins)
-    return expansion.builder.finish([*(x - NUMBER for x in numbers), *begun, *outputs])
+    first = map(expansion.begin, begins)
+    return expansion.builder.finish([*(x - NUMBER for x in numbers), *first, *outputs])
 
 
 def _merged(

@@ -24,6 +24,8 @@ ROOM = 380
 _LISTS = 340  # of these, for lists that are cut: they are measured less well
 #: Operations in M, f and B up to which equations are written out: that takes some seconds.
 _OPERATIONS = 12_000
+#: Of a model with families, whose formulas are short in index form.
+_OPERATIONS_OF_FAMILIES = 60_000
 #: Terms of a long sum that stand before and after the dots.
 _FIRST_TERMS, _LAST_TERMS = 5, 1
 _TITLE = 2.0  # lines: the title and a blank one
@@ -33,14 +35,16 @@ _LINE = 80.0
 
 def is_large(equations: Equations) -> bool:
     """Whether it would take long to write the equations out."""
-    total = 0
+    total, most = 0, _OPERATIONS
+    if any(name.endswith("]") for name in equations.model.coordinate_names):
+        most = _OPERATIONS_OF_FAMILIES
     for row, f in zip(equations.mass_matrix, equations.forcing, strict=True):
         total += sum(map(se.count_ops, row.values())) + se.count_ops(f)
-        if total > _OPERATIONS:
+        if total > most:
             return True
     for c in equations.constraints:
         total += sum(map(se.count_ops, c.row.values()))
-        if total > _OPERATIONS:
+        if total > most:
             return True
     return False
 
@@ -95,7 +99,7 @@ class Extent:
         lines = sum(self._line(line, margin) for line in step.lines)
         if step.packed:
             lines = math.ceil(sum(self._letters(line) for line in step.lines) / _LINE)
-        return _TITLE + lines + remark
+        return _TITLE + lines + remark + bool(step.lead)
 
     def _line(self, line: Line, margin: int) -> float:
         return float(math.ceil(self._letters(line) / (_LINE - margin)))

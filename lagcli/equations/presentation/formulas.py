@@ -12,6 +12,7 @@ from lagcli.equations.presentation import general
 from lagcli.equations.presentation.typeset import (
     ZERO,
     Node,
+    Sign,
     Symbol,
     VirtualDisplacement,
     product_of,
@@ -34,11 +35,20 @@ class Line:
         Coordinate or constraint to which the formula belongs.
     note : str, optional
         Remark on the formula.
+    span : Sign, optional
+        Range of the index of a formula that is that of many members: i = 2, …, N.
     """
 
     sides: tuple[Node, ...]
     label: Node | str | None = None
     note: str | None = None
+    span: Sign | None = None
+
+    @property
+    def remark(self) -> str | None:
+        """Note and range as plain text."""
+        span = self.span.text if self.span is not None else None
+        return "; ".join(x for x in (self.note, span) if x) or None
 
 
 @dataclass(frozen=True)
@@ -53,12 +63,15 @@ class Step:
         Explanation or source of the step.
     packed : bool
         Whether short lines may be placed side by side.
+    lead : str or None
+        What leads to the lines, printed before them: "Substituting the definitions gives".
     """
 
     title: str
     lines: tuple[Line, ...]
     remark: str | None = None
     packed: bool = False
+    lead: str | None = None
 
 
 class Formulas:
@@ -151,6 +164,15 @@ class Formulas:
         """Return the time derivative of both sides of a holonomic constraint."""
         sides = sides_built(c.constraint, self.model)
         rates = [self.arrange(general.total_rate(side, self.equations)) for side in sides]
+        return Line(tuple(rates) if len(rates) == 2 else (*rates, ZERO))
+
+    def acceleration_line(self, c: ConstraintEquation) -> Line:
+        """Return the constraint differentiated to accelerations, side by side as written."""
+        e = self.equations
+        sides = sides_built(c.constraint, self.model)
+        if c.position is not None:
+            sides = tuple(general.total_rate(side, e) for side in sides)
+        rates = [self.arrange(general.total_rate(side, e)) for side in sides]
         return Line(tuple(rates) if len(rates) == 2 else (*rates, ZERO))
 
     def right_side(self, i: int, forces_named: bool = False) -> Node:

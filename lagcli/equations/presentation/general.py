@@ -31,9 +31,11 @@ def force(coordinate: Symbol) -> Symbol:
 
 
 def total_rate(expression: Basic, equations: Equations) -> Basic:
-    """Return d/dt of an expression in q and t."""
+    """Return d/dt of an expression in q, v and t."""
+    free = expression.free_symbols
     terms = [derivative(expression, symbols.TIME)]
-    terms += [derivative(expression, q) * v for q, v in zip(equations.q, equations.v, strict=True)]
+    pairs = zip((*equations.q, *equations.v), (*equations.v, *equations.a), strict=True)
+    terms += [derivative(expression, x) * rate for x, rate in pairs if x in free]
     return se.Add(*terms)
 
 

@@ -10,6 +10,7 @@ from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.equations.presentation import general
 from lagcli.equations.presentation.extent import ROOM, Extent, abridged, is_large
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.matrices import Matrices
 from lagcli.equations.presentation.typeset import Sign, sum_of, whole
 
@@ -33,7 +34,7 @@ def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
     if in_matrices(f, full):
         return in_short(f)
     found = _written_out(f)
-    return tuple(found if full else Extent(f).shortened(found))
+    return tuple(found if full else Extent(f).shortened(IndexForm(f.model).steps(found)))
 
 
 def in_matrices(f: Formulas, full: bool = False) -> bool:
@@ -43,8 +44,8 @@ def in_matrices(f: Formulas, full: bool = False) -> bool:
     if is_large(f.equations):
         return True
     extent = Extent(f)
-    whole = extent.size(_written_out(f))
-    longest = extent.longest(_written_out(f))
+    written = IndexForm(f.model).steps(_written_out(f))
+    whole, longest = extent.size(written), extent.longest(written)
     if whole <= ROOM or longest <= _READABLE:
         return False
     return extent.size(_before(f)) + Matrices(f).size < _SHORTER * whole
@@ -78,7 +79,15 @@ def _before(f: Formulas) -> list[Step]:
         _constraints(f, False),
         _freedom(f),
     ]
-    return [step for step in found if step is not None]
+    return IndexForm(f.model).steps([step for step in found if step is not None])
+
+
+def before_equations(f: Formulas) -> list[Step]:
+    """Return coordinates, energies and constraints, without the degrees of freedom."""
+    return [step for step in _before(f) if step.title != _FREEDOM]
+
+
+_FREEDOM = "Degrees of freedom"
 
 
 @lru_cache(maxsize=1)  # measured first, then printed
@@ -97,8 +106,9 @@ def _all_definitions(f: Formulas) -> Step | None:
 def _energies(f: Formulas) -> Step:
     signs, trees = general.Signs(f.model), f.model.trees
     stated = {"T": signs.kinetic, "V": signs.potential, "L": signs.lagrangian}
+    index_form = IndexForm(f.model)
     lines = [
-        Line((sign, abridged(f.written(trees[key]))))
+        Line((sign, abridged(index_form.sums(f.written(trees[key])))))
         for key, sign in stated.items()
         if key in trees
     ]
@@ -158,7 +168,7 @@ def _constraints(f: Formulas, variations: bool = True) -> Step | None:
 def _freedom(f: Formulas) -> Step:
     k, r = len(f.coordinates), len(f.equations.constraints)
     if not r:
-        return Step("Degrees of freedom", (Line((Sign("k", "k"), whole(k))),))
+        return Step(_FREEDOM, (Line((Sign("k", "k"), whole(k))),))
     freedom = f.freedom
     less, subtracted = Sign("r", "r"), r
     note = "the constraints are independent at the start"
@@ -173,7 +183,7 @@ def _freedom(f: Formulas) -> Step:
         whole(freedom.degrees),
     )
     remark = " ".join(freedom.remarks) or None
-    return Step("Degrees of freedom", (Line(sides, note=note),), remark)
+    return Step(_FREEDOM, (Line(sides, note=note),), remark)
 
 
 def _equations(f: Formulas) -> Step:

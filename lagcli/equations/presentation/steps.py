@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from lagcli.equations.presentation import general
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
-from lagcli.equations.presentation.typeset import Node, Partial, Rate, Symbol, sum_of
+from lagcli.equations.presentation.substitution import substituted
+from lagcli.equations.presentation.typeset import Node, Partial, Rate, Symbol, sum_of, weight
+from lagcli.equations.presentation.written import differentiated_in
 
 
-def steps(f: Formulas) -> tuple[Step, ...]:
+def steps(f: Formulas, coordinates: Sequence[Step] = ()) -> tuple[Step, ...]:
     """Return the derivation of the equations step by step, as in the textbook.
 
     Parameters
     ----------
     f : Formulas
         Formulas of the system.
+    coordinates : sequence of Step
+        The sections on independent and dependent coordinates, which follow the constraints.
 
     Returns
     -------
@@ -22,38 +28,86 @@ def steps(f: Formulas) -> tuple[Step, ...]:
     signs = general.Signs(f.model)
     found = [_definitions(f), _energies(f, signs)]
     found += _derivatives(f, signs)
-    found += [_forces(f), _constraints(f), _variations(f), _unassembled(f, signs), _assembled(f)]
-    found.append(_closing(f))
+    found += [_forces(f), _constraints(f), _accelerations(f), _variations(f), *coordinates]
+    found += [_unassembled(f, signs), _assembled(f), _closing(f)]
     return tuple(step for step in found if step is not None)
 
 
+def before_equations(f: Formulas) -> list[Step]:
+    """Return definitions, energies, forces, constraints and virtual displacements."""
+    found = [_definitions(f), _energies(f, general.Signs(f.model)), _forces(f), _constraints(f)]
+    found += [_accelerations(f), _variations(f)]
+    return [step for step in found if step is not None]
+
+
 def _definitions(f: Formulas) -> Step | None:
-    lines = f.all_definition_lines()
-    return Step("Definitions", lines) if lines else None
+    """Return the definitions, and the rates of those whose rates the model uses."""
+    lines: list[Line] = []
+    rates = _rates(f)
+    for name, line in zip(f.model.definitions, f.all_definition_lines(), strict=True):
+        lines.append(line)
+        if name in rates:
+            lines.append(Line((Symbol(name, 1), rates[name])))
+    return Step("Definitions", tuple(lines)) if lines else None
+
+
+def _rates(f: Formulas) -> dict[str, Node]:
+    """Return the time derivatives of the definitions that T, V or L differentiates."""
+    used = {
+        x
+        for key in ("T", "V", "L")
+        if key in f.model.trees
+        for x in differentiated_in(f.model.trees[key], f.model)
+    }
+    return {
+        name: f.arrange(general.total_rate(d.value, f.equations))
+        for name, d in f.model.definitions.items()
+        if name in used
+    }
 
 
 def _energies(f: Formulas, signs: general.Signs) -> Step:
-    e, trees = f.equations, f.model.trees
     if f.model.kinetic is None:
-        sides: list[Node] = [signs.lagrangian, f.written(trees["L"])]
-        if f.uses_definitions(trees["L"]):
-            sides.append(f.arrange(e.lagrangian))
-        return Step("Lagrangian", (Line(tuple(sides)),))
-    lines, out = [], []
-    for sign, key, expression in (
-        (signs.kinetic, "T", e.kinetic),
-        (signs.potential, "V", e.potential),
-    ):
-        sides = [sign]
-        if key in trees:
-            sides.append(f.written(trees[key]))
-        if key not in trees or f.uses_definitions(trees[key]):
-            sides += [x for x in [f.arrange(expression)] if x not in sides]
-        out.append(sides[-1])
-        lines.append(Line(tuple(sides)))
+        lead = _DEFINED if f.uses_definitions(f.model.trees["L"]) else None
+        return Step("Lagrangian", (Line((signs.lagrangian, *_written(f, "L"))),), lead=lead)
+    lines = [
+        Line((sign, *_written(f, key)))
+        for sign, key in ((signs.kinetic, "T"), (signs.potential, "V"))
+    ]
     difference = sum_of([(1, signs.kinetic), (-1, signs.potential)])
-    lines.append(Line((signs.lagrangian, difference, sum_of([(1, out[0]), (-1, out[1])]))))
-    return Step("Kinetic energy, potential energy, Lagrangian", tuple(lines))
+    lines.append(Line((signs.lagrangian, difference, energy_sides(f))))
+    stated = [f.model.trees[x] for x in "TV" if x in f.model.trees]
+    lead = _DEFINED if any(map(f.uses_definitions, stated)) else None
+    return Step("Kinetic energy, potential energy, Lagrangian", tuple(lines), lead=lead)
+
+
+_DEFINED = "Substituting the definitions gives the energies in the coordinates."
+
+
+def _written(f: Formulas, key: str) -> list[Node]:
+    """Return T, V or L as written, and with its definitions expanded."""
+    e, trees = f.equations, f.model.trees
+    expression = {"T": e.kinetic, "V": e.potential, "L": e.lagrangian}[key]
+    sides = [f.written(trees[key])] if key in trees else []
+    if sides:
+        rates: dict[Node, Node] = {Symbol(name, 1): x for name, x in _rates(f).items()}
+        inserted = substituted(sides[0], rates)
+        if inserted is not None and inserted != sides[0] and weight(inserted) < _LONG:
+            sides.append(inserted)
+    if key not in trees or f.uses_definitions(trees[key]):
+        sides += [x for x in [f.arrange(expression)] if x not in sides]
+    return sides
+
+
+#: Characters of a formula beyond which it is not shown in two forms.
+_LONG = 240
+
+
+def energy_sides(f: Formulas) -> Node:
+    """Return L in the coordinates: as written where it uses no definitions."""
+    if f.model.kinetic is None:
+        return _written(f, "L")[-1]
+    return sum_of([(1, _written(f, "T")[-1]), (-1, _written(f, "V")[-1])])
 
 
 def _derivatives(f: Formulas, signs: general.Signs) -> list[Step]:
@@ -64,11 +118,30 @@ def _derivatives(f: Formulas, signs: general.Signs) -> list[Step]:
     by_velocity = [Partial(lag, x) for x in v]
     rates = [Rate(p) for p in by_velocity]
     return [
-        Step(title, tuple(Line((x, f.arrange(y))) for x, y in zip(left, right, strict=True)))
-        for title, left, right in (
-            ("Partial derivatives with respect to the coordinates", by_position, e.gradient),
-            ("Partial derivatives with respect to the velocities", by_velocity, e.momenta),
-            ("Total time derivatives", rates, e.momentum_rates),
+        Step(
+            title,
+            tuple(Line((x, f.arrange(y))) for x, y in zip(left, right, strict=True)),
+            lead=lead,
+        )
+        for title, left, right, lead in (
+            (
+                "Partial derivatives with respect to the coordinates",
+                by_position,
+                e.gradient,
+                "Differentiating L gives",
+            ),
+            (
+                "Partial derivatives with respect to the velocities",
+                by_velocity,
+                e.momenta,
+                None,
+            ),
+            (
+                "Total time derivatives",
+                rates,
+                e.momentum_rates,
+                "Differentiating these along the motion gives",
+            ),
         )
     ]
 
@@ -108,7 +181,17 @@ def _variations(f: Formulas) -> Step | None:
     if not lines:
         return None
     remark = "Virtual displacements are taken at fixed time (8.79)."
-    return Step("Virtual displacements", lines, remark)
+    lead = "Applying δ to the constraints gives"
+    return Step("Virtual displacements", lines, remark, lead=lead)
+
+
+def _accelerations(f: Formulas) -> Step | None:
+    constraints = f.equations.constraints
+    lines = tuple(Line(f.acceleration_line(c).sides, c.constraint.name) for c in constraints)
+    if not lines:
+        return None
+    lead = "Differentiating the velocity constraints once more gives"
+    return Step("Constraints at acceleration level", lines, lead=lead)
 
 
 def _unassembled(f: Formulas, signs: general.Signs) -> Step:
@@ -122,12 +205,15 @@ def _unassembled(f: Formulas, signs: general.Signs) -> Step:
     title = "Lagrange's equations of the first kind"
     if not f.equations.constraints:
         title, law = "Lagrange's equations", "without constraints"
-    return Step(title, tuple(lines), f"Equations {law}.")
+    lead = "Multiplying each relation by its λ and adding it to the virtual work gives"
+    if not f.equations.constraints:
+        lead = "The virtual displacements are independent, which gives"
+    return Step(title, tuple(lines), f"Equations {law}.", lead=lead)
 
 
 def _assembled(f: Formulas) -> Step:
     lines = tuple(Line(f.equation_line(i).sides, x) for i, x in enumerate(f.coordinates))
-    return Step("Equations of motion", lines)
+    return Step("Equations of motion", lines, lead="Substituting the derivatives gives")
 
 
 def _closing(f: Formulas) -> Step | None:

@@ -87,6 +87,16 @@ class Sum(Node):
 
 
 @dataclass(frozen=True)
+class IndexedSum(Node):
+    """Σ over an index from a first to a last value of a term."""
+
+    term: Node
+    index: str
+    first: Node
+    last: Node
+
+
+@dataclass(frozen=True)
 class Product(Node):
     """Factors from left to right; a number comes first."""
 
@@ -179,9 +189,15 @@ def signed(node: Node) -> tuple[int, Node]:
 def sum_of(terms: Iterable[tuple[int, Node]]) -> Node:
     """Return a sum without empty, nested or superfluous parts."""
     flat: list[tuple[int, Node]] = []
-    for sign, node in terms:
-        inner = node.terms if isinstance(node, Sum) else (signed(node),)
-        flat.extend((sign * s, n) for s, n in inner if n != ZERO)
+    stack = list(reversed(list(terms)))
+    while stack:
+        sign, node = stack.pop()
+        if isinstance(node, Sum):
+            stack.extend((sign * s, n) for s, n in reversed(node.terms))
+            continue
+        s, node = signed(node)
+        if node != ZERO:
+            flat.append((sign * s, node))
     if not flat:
         return ZERO
     if len(flat) == 1 and flat[0][0] == 1:
@@ -211,7 +227,7 @@ def product_of(factors: Iterable[Node]) -> Node:
         return ZERO
     parts = rest if value == 1 and rest else [Number(value), *rest]
     node = parts[0] if len(parts) == 1 else Product(tuple(parts))
-    return Sum(((-1, node),)) if minus else node
+    return sum_of([(-1, node)]) if minus else node
 
 
 def quotient_of(numerator: Node, denominator: Node) -> Node:
@@ -239,6 +255,8 @@ def children(node: Node) -> tuple[Node, ...]:
     match node:
         case Sum():
             return tuple(n for _, n in node.terms)
+        case IndexedSum():
+            return (node.term, node.first, node.last)
         case Product():
             return node.factors
         case Quotient():
@@ -288,7 +306,7 @@ def weight(node: Node) -> int:
                     total += len(str(item.value.denominator))
             case Sum():
                 total += len(item.terms)  # its characters, and possible brackets
-            case Call():
+            case Call() | IndexedSum():
                 total += 2
             case Power() if isinstance(item.exponent, Number):
                 total += 1

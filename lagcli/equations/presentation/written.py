@@ -79,6 +79,30 @@ def named_in(tree: Tree, model: Model, indices: Indices = _NONE) -> tuple[str, .
     return tuple(found)
 
 
+def differentiated_in(tree: Tree, model: Model) -> set[str]:
+    """Return the scalar definitions whose time derivatives a tree uses."""
+    scope = scope_of(model)
+    found: set[str] = set()
+    stack: list[tuple[Tree, Indices]] = [(tree, _NONE)]
+    while stack:
+        item, here = stack.pop()
+        scope.values.clear()
+        scope.values.update(here)
+        if isinstance(item, trees.Name):
+            name, dots = scope.named(item)
+            definition = model.definitions.get(name)
+            if definition is not None:
+                if dots and isinstance(definition.value, Basic):
+                    found.add(name)
+                stack.append((definition.tree, definition.indices))
+        elif isinstance(item, trees.IndexedSumExpr):
+            values = scope.indices.range(item.range)
+            stack.extend((item.term, {**here, item.index: k}) for k in values)
+        else:
+            stack.extend((part, here) for part in item.parts)
+    return found
+
+
 def sides_built(constraint: Constraint, model: Model) -> tuple[Basic, ...]:
     """Return the sides of a constraint as expressions, with definitions expanded."""
     scope = scope_of(model)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations
-from lagcli.equations.presentation.extent import Extent
-from lagcli.equations.presentation.formulas import Formulas, Step
-from lagcli.equations.presentation.overview import convention, in_matrices, in_short, overview
-from lagcli.equations.presentation.steps import steps as derivation
+from lagcli.equations.presentation.assembly import KINDS, Contents, shown_steps
+from lagcli.equations.presentation.formulas import Formulas
+from lagcli.equations.reduction.partition import CoordinatePartition
 from lagcli.errors import UsageError
 
 FORMATS = ("text", "latex", "markdown", "json")
@@ -22,6 +23,9 @@ def render(
     fragment: bool = False,
     freedom: DegreesOfFreedom | None = None,
     full: bool = False,
+    kinds: Sequence[str] = ("first",),
+    partition: CoordinatePartition | None = None,
+    solve: bool = False,
 ) -> str:
     """Render the equations of motion.
 
@@ -43,6 +47,13 @@ def render(
         assumed to be independent.
     full : bool
         Whether to write everything out, regardless of length.
+    kinds : sequence of str
+        ``first``, ``second`` and ``maggi``, in the order of printing.
+    partition : CoordinatePartition, optional
+        The independent and dependent coordinates from `lagcli.partition`; required for other kinds
+        than the first and for ``solve``.
+    solve : bool
+        Whether to give λ and the accelerations in closed form, where that is short.
 
     Returns
     -------
@@ -52,7 +63,8 @@ def render(
     Raises
     ------
     UsageError
-        The format is unknown, or the width is below 40.
+        The format or a kind is unknown, the partition is missing, the width is below 40, or the
+        second kind is asked for with nonholonomic constraints.
     """
     from lagcli.equations.render.formula_text import TextFormula
     from lagcli.equations.render.names import Notation
@@ -60,12 +72,18 @@ def render(
 
     if format not in FORMATS:
         raise UsageError(f"there is no format `{format}`; known are {', '.join(FORMATS)}")
+    for kind in kinds:
+        if kind not in KINDS:
+            raise UsageError(f"there is no kind `{kind}`; known are {', '.join(KINDS)}")
+    if partition is None and (solve or set(kinds) != {"first"}):
+        raise UsageError("the kinds second and maggi, and solve, need lagcli.partition(equations)")
     f = Formulas(equations, numeric, freedom=freedom)
+    contents = Contents(kinds, partition, solve, steps, full)
     if format == "json":
         from lagcli.equations.render.json import render_json
 
-        return render_json(f, steps, full)
-    shown = _derivation(f, full) if steps else overview(f, full)
+        return render_json(f, contents)
+    shown = shown_steps(f, contents)
     names = Notation(f.model)
     if format == "text":
         from lagcli.equations.render.text import NARROWEST, render_text
@@ -84,11 +102,3 @@ def render(
     from lagcli.equations.render.latex import render_latex
 
     return render_latex(f.model, shown, latex, numbered=steps, fragment=fragment)
-
-
-def _derivation(f: Formulas, full: bool) -> tuple[Step, ...]:
-    """Return the derivation step by step; for a large system, only the result."""
-    if in_matrices(f, full):
-        return in_short(f, "The derivation is long; --full writes it out.")
-    found = [*derivation(f), convention(f)]
-    return tuple(found if full else Extent(f).shortened(found))

@@ -1,11 +1,18 @@
-"""Base class of formula writers: dispatch by node type, and sums."""
+"""Base classes of formula writers: dispatch by node type, sums, lists, brackets."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any, ClassVar
 
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import Break, Token
 from lagcli.equations.render.names import Notation
+
+#: Functions whose argument needs no parentheses if it is a name: sin φ.
+PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")
 
 
 class FormulaWriter:
@@ -24,6 +31,8 @@ class FormulaWriter:
 
     #: Between terms, and before a first one that is negative.
     plus, minus, negative = "+ ", "- ", "-"
+    #: Between the items of a list.
+    comma = ","
 
     def __init__(
         self, names: Notation, decimals: frozenset[int] = frozenset(), numeric: bool = False
@@ -36,6 +45,20 @@ class FormulaWriter:
         found: list[Token] = write(node, depth)
         return found
 
+    def number(self, value: Fraction) -> str:
+        """Return a number."""
+        raise NotImplementedError
+
+    def _symbol(self, node: t.Symbol) -> str:
+        """Return a name."""
+        raise NotImplementedError
+
+    def _write_number(self, node: t.Number, depth: int) -> list[Token]:
+        return [self.number(node.value)]
+
+    def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
+        return [self._symbol(node)]
+
     def _write_sum(self, node: t.Sum, depth: int) -> list[Token]:
         """Return the tokens of a sum, with a possible break before each sign."""
         found: list[Token] = []
@@ -46,3 +69,57 @@ class FormulaWriter:
                 found.append(self.negative)
             found += self.tokens(term, depth + 1 if isinstance(term, t.Product) else depth)
         return found
+
+    def _listed(self, items: tuple[Node, ...], depth: int) -> list[Token]:
+        """Return the tokens of a list, with a possible break after each comma."""
+        found: list[Token] = []
+        for i, item in enumerate(items):
+            if i:
+                found += [self.comma, Break(depth + 1)]
+            found += self.tokens(item, depth + 2)
+        return found
+
+
+class DisplayWriter(FormulaWriter):
+    """Writer for formulas that are set in two dimensions, with fractions and roots."""
+
+    #: Between a function and a name, and what stands around the argument of ``abs`` and the like.
+    space = " "
+    fences: ClassVar[Mapping[str, Any]] = {}
+
+    def _fenced(self, inner: list[Token]) -> list[Token]:
+        """Return tokens in brackets of matching size."""
+        raise NotImplementedError
+
+    def _arguments(self, node: t.Call, depth: int) -> list[Token]:
+        first = node.arguments[0]
+        if node.function in PREFIX and len(node.arguments) == 1 and isinstance(first, t.Symbol):
+            return [self.space + self._symbol(first)]
+        return self._fenced(self._listed(node.arguments, depth))
+
+    def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
+        """Return a node as a factor or base, in parentheses if necessary."""
+        compound: tuple[type, ...] = (t.Sum, t.IndexedSum, t.Relation, t.Logical)
+        if not product:
+            compound += (t.Product, t.Quotient, t.Power, t.Rate, t.Root, t.Cases)
+        dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")
+        called = not product and isinstance(node, t.Call) and node.function not in self.fences
+        number = not product and isinstance(node, t.Number) and "frac" in self.number(node.value)
+        if isinstance(node, compound) or dotted or called or number:
+            return self._fenced(self.tokens(node, depth + 1))
+        return self.tokens(node, depth)
+
+
+def rows_of(node: t.Vector) -> list[tuple[Node, ...]]:
+    """Return the rows of a matrix; those of a vector have one item."""
+    return [item.items if isinstance(item, t.Vector) else (item,) for item in node.items]
+
+
+def cases_of(node: t.Cases) -> tuple[list[tuple[Node, Node]], Node]:
+    """Return the conditions with their values, and the value where none holds."""
+    found: list[tuple[Node, Node]] = []
+    rest: Node = node
+    while isinstance(rest, t.Cases):
+        found.append((rest.condition, rest.then))
+        rest = rest.otherwise
+    return found, rest

@@ -8,7 +8,7 @@ from fractions import Fraction
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
-from lagcli.equations.render.formula import FormulaWriter
+from lagcli.equations.render.formula import PREFIX, DisplayWriter, cases_of, rows_of
 from lagcli.equations.render.names import latex_ascii, latex_word, letter
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
 
@@ -17,7 +17,6 @@ _FUNCTIONS = {
     **{f: rf"\{f}" for f in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log", "min", "max")},
     **{"asin": r"\arcsin", "acos": r"\arccos", "atan": r"\arctan"},
 }
-_PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")
 _FENCES = {"abs": (r"\lvert ", r" \rvert"), "norm": (r"\lVert ", r" \rVert")}
 _FENCES["floor"] = (r"\lfloor ", r" \rfloor")
 _FENCES["ceil"] = _FENCES["ceiling"] = (r"\lceil ", r" \rceil")
@@ -25,18 +24,14 @@ _SHORT_BRACKET = 70
 _TALL = (r"\frac", r"\begin")
 
 
-class LatexFormula(FormulaWriter):
+class LatexFormula(DisplayWriter):
     """Writer for formulas in LaTeX."""
+
+    space, fences = " ", _FENCES
 
     def latex(self, node: Node) -> str:
         """Return a formula on one line."""
         return "".join(x.space if isinstance(x, Break) else x for x in self.tokens(node))
-
-    def _write_number(self, node: t.Number, depth: int) -> list[Token]:
-        return [self.number(node.value)]
-
-    def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
-        return [self._symbol(node)]
 
     def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
         return [rf"\delta {self._symbol(node.of)}"]
@@ -54,6 +49,11 @@ class LatexFormula(FormulaWriter):
     def _write_entry(self, node: t.Entry, depth: int) -> list[Token]:
         return [f"{node.matrix.latex}_{{{', '.join(map(self._symbol, node.indices))}}}"]
 
+    def _write_indexedsum(self, node: t.IndexedSum, depth: int) -> list[Token]:
+        first, last = self.latex(node.first), self.latex(node.last)
+        sign = rf"\textstyle\sum_{{{node.index}={first}}}^{{{last}}} "
+        return [sign, *self._tight(node.term, depth, product=True)]
+
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         return [rf"\frac{{{self.latex(node.numerator)}}}{{{self.latex(node.denominator)}}}"]
 
@@ -61,18 +61,9 @@ class LatexFormula(FormulaWriter):
         degree = "" if node.degree == 2 else f"[{node.degree}]"
         return [rf"\sqrt{degree}{{{self.latex(node.radicand)}}}"]
 
-    def _write_vector(self, node: t.Vector, depth: int) -> list[Token]:
-        return [self._vector(node)]
-
-    def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:
-        return [self._cases(node)]
-
     def _write_relation(self, node: t.Relation, depth: int) -> list[Token]:
         sign = _RELATIONS.get(node.operator, node.operator)
         return [f"{self.latex(node.left)} {sign} {self.latex(node.right)}"]
-
-    def _write_logical(self, node: t.Logical, depth: int) -> list[Token]:
-        return [self._logical(node)]
 
     def number(self, value: Fraction) -> str:
         """Return a number: \\tfrac{1}{2}, 0.1."""
@@ -112,7 +103,7 @@ class LatexFormula(FormulaWriter):
         base = node.base
         if (
             isinstance(base, t.Call)
-            and base.function in _PREFIX
+            and base.function in PREFIX
             and isinstance(node.exponent, t.Number)
         ):
             return [_FUNCTIONS[base.function], raised, *self._arguments(base, depth)]
@@ -139,51 +130,24 @@ class LatexFormula(FormulaWriter):
             macro = rf"\operatorname{{{latex_ascii(stem)}}}" + (f"_{{{index}}}" if index else "")
         return [macro, *self._arguments(node, depth)]
 
-    def _arguments(self, node: t.Call, depth: int) -> list[Token]:
-        first = node.arguments[0]
-        if node.function in _PREFIX and len(node.arguments) == 1 and isinstance(first, t.Symbol):
-            return [f" {self._symbol(first)}"]
-        found: list[Token] = []
-        for i, item in enumerate(node.arguments):
-            if i:
-                found += [",", Break(depth + 1)]
-            found += self.tokens(item, depth + 2)
-        return self._fenced(found)
+    def _write_vector(self, node: t.Vector, depth: int) -> list[Token]:
+        rows = [" & ".join(map(self.latex, items)) for items in rows_of(node)]
+        return [r"\begin{pmatrix} " + r" \\ ".join(rows) + r" \end{pmatrix}"]
 
-    def _vector(self, node: t.Vector) -> str:
-        lists = [item.items if isinstance(item, t.Vector) else (item,) for item in node.items]
-        rows = [" & ".join(map(self.latex, items)) for items in lists]
-        return r"\begin{pmatrix} " + r" \\ ".join(rows) + r" \end{pmatrix}"
-
-    def _cases(self, node: t.Cases) -> str:
-        rows = []
-        rest: Node = node
-        while isinstance(rest, t.Cases):
-            rows.append(rf"{self.latex(rest.then)} & \text{{if }} {self.latex(rest.condition)}")
-            rest = rest.otherwise
+    def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:
+        cases, rest = cases_of(node)
+        rows = [rf"{self.latex(x)} & \text{{if }} {self.latex(when)}" for when, x in cases]
         rows.append(rf"{self.latex(rest)} & \text{{else}}")
-        return r"\begin{cases} " + r" \\ ".join(rows) + r" \end{cases}"
+        return [r"\begin{cases} " + r" \\ ".join(rows) + r" \end{cases}"]
 
-    def _logical(self, node: t.Logical) -> str:
+    def _write_logical(self, node: t.Logical, depth: int) -> list[Token]:
         parts = [
             self._group(self.latex(o)) if isinstance(o, t.Logical) else self.latex(o)
             for o in node.operands
         ]
         if node.operator == "not":
-            return rf"\text{{not }} {self._group(parts[0])}"
-        return rf" \text{{ {node.operator} }} ".join(parts)
-
-    def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
-        """Return a node as a factor or base, in parentheses if necessary."""
-        compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
-        if not product:
-            compound += (t.Product, t.Quotient, t.Power, t.Rate, t.Root, t.Cases)
-        dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")
-        called = not product and isinstance(node, t.Call) and node.function not in _FENCES
-        number = not product and isinstance(node, t.Number) and "frac" in self.number(node.value)
-        if isinstance(node, compound) or dotted or called or number:
-            return self._fenced(self.tokens(node, depth + 1))
-        return self.tokens(node, depth)
+            return [rf"\text{{not }} {self._group(parts[0])}"]
+        return [rf" \text{{ {node.operator} }} ".join(parts)]
 
     def _fenced(self, inner: list[Token]) -> list[Token]:
         """Return tokens in brackets of matching size that may be broken across lines."""

@@ -11,13 +11,12 @@ from html import escape, unescape
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
-from lagcli.equations.render.formula import FormulaWriter
+from lagcli.equations.render.formula import PREFIX, DisplayWriter, cases_of, rows_of
 from lagcli.equations.render.formula_latex import needs_space
 from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
 
 _RELATIONS = {"<=": "≤", ">=": "≥", "!=": "≠", "==": "=", "<": "<", ">": ">"}
-_PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")
 _FUNCTIONS = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
 _FENCES = {"abs": ("|", "|"), "norm": ("‖", "‖"), "floor": ("⌊", "⌋"), "ceil": ("⌈", "⌉")}
 _FENCES["ceiling"] = _FENCES["ceil"]
@@ -39,21 +38,16 @@ def width(mathml: str) -> int:
     return len(re.sub("[\u2061\u2062]", "", unescape(re.sub(r"<[^>]*>", "", text))))
 
 
-class MathmlFormula(FormulaWriter):
+class MathmlFormula(DisplayWriter):
     """Writer for formulas in MathML."""
 
     plus, minus = operator("+"), operator("−")
-    negative = operator("−", "prefix")
+    negative, comma = operator("−", "prefix"), operator(",")
+    space, fences = _THIN, _FENCES
 
     def mathml(self, node: Node) -> str:
         """Return a formula without line breaks as one element."""
         return _row(_joined(self.tokens(node)))
-
-    def _write_number(self, node: t.Number, depth: int) -> list[Token]:
-        return [self.number(node.value)]
-
-    def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
-        return [self._symbol(node)]
 
     def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
         return [f"<mrow><mi>δ</mi>{self._symbol(node.of)}</mrow>"]
@@ -74,6 +68,11 @@ class MathmlFormula(FormulaWriter):
         below = comma.join(map(self._symbol, node.indices))
         return [f"<msub>{symbol_mathml(node.matrix.latex)}{_row(below)}</msub>"]
 
+    def _write_indexedsum(self, node: t.IndexedSum, depth: int) -> list[Token]:
+        below = _row(f"<mi>{node.index}</mi>{operator('=')}{self.mathml(node.first)}")
+        sign = f"<munderover><mo>∑</mo>{below}{self.mathml(node.last)}</munderover>"
+        return [sign, _THIN, *self._tight(node.term, depth, product=True)]
+
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         top, bottom = self.mathml(node.numerator), self.mathml(node.denominator)
         return [f"<mfrac>{top}{bottom}</mfrac>"]
@@ -84,18 +83,9 @@ class MathmlFormula(FormulaWriter):
             return [f"<msqrt>{inside}</msqrt>"]
         return [f"<mroot>{inside}<mn>{node.degree}</mn></mroot>"]
 
-    def _write_vector(self, node: t.Vector, depth: int) -> list[Token]:
-        return [self._vector(node)]
-
-    def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:
-        return [self._cases(node)]
-
     def _write_relation(self, node: t.Relation, depth: int) -> list[Token]:
         sign = operator(_RELATIONS.get(node.operator, node.operator))
         return [f"{self.mathml(node.left)}{sign}{self.mathml(node.right)}"]
-
-    def _write_logical(self, node: t.Logical, depth: int) -> list[Token]:
-        return [self._logical(node)]
 
     def number(self, value: Fraction) -> str:
         """Return a number: ½, 0.1."""
@@ -150,7 +140,7 @@ class MathmlFormula(FormulaWriter):
         raised, base = self.mathml(node.exponent), node.base
         if (
             isinstance(base, t.Call)
-            and base.function in _PREFIX
+            and base.function in PREFIX
             and isinstance(node.exponent, t.Number)
         ):
             name = f"<msup><mi>{base.function}</mi>{raised}</msup>"
@@ -185,56 +175,31 @@ class MathmlFormula(FormulaWriter):
             sign = f"<msub>{sign}<mi>{escape(index)}</mi></msub>"
         return [sign, _APPLY, *self._arguments(node, depth)]
 
-    def _arguments(self, node: t.Call, depth: int) -> list[Token]:
-        first = node.arguments[0]
-        if node.function in _PREFIX and len(node.arguments) == 1 and isinstance(first, t.Symbol):
-            return [_THIN, self._symbol(first)]
-        found: list[Token] = []
-        for i, item in enumerate(node.arguments):
-            if i:
-                found += [operator(","), Break(depth + 1)]
-            found += self.tokens(item, depth + 2)
-        return self._fenced(found)
-
-    def _vector(self, node: t.Vector) -> str:
-        lists = [item.items if isinstance(item, t.Vector) else (item,) for item in node.items]
+    def _write_vector(self, node: t.Vector, depth: int) -> list[Token]:
         rows = "".join(
             "<mtr>" + "".join(f"<mtd>{self.mathml(x)}</mtd>" for x in items) + "</mtr>"
-            for items in lists
+            for items in rows_of(node)
         )
-        return _between("(", f"<mtable>{rows}</mtable>", ")")
+        return [_between("(", f"<mtable>{rows}</mtable>", ")")]
 
-    def _cases(self, node: t.Cases) -> str:
+    def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:
+        cases, rest = cases_of(node)
         rows = []
-        rest: Node = node
-        while isinstance(rest, t.Cases):
-            condition = f"<mtext>if </mtext>{self.mathml(rest.condition)}"
-            rows.append(f"<mtd>{self.mathml(rest.then)}</mtd><mtd><mrow>{condition}</mrow></mtd>")
-            rest = rest.otherwise
+        for when, then in cases:
+            condition = f"<mtext>if </mtext>{self.mathml(when)}"
+            rows.append(f"<mtd>{self.mathml(then)}</mtd><mtd><mrow>{condition}</mrow></mtd>")
         rows.append(f"<mtd>{self.mathml(rest)}</mtd><mtd><mtext>else</mtext></mtd>")
         table = "".join(f"<mtr>{row}</mtr>" for row in rows)
-        return _between("{", f'<mtable class="cases">{table}</mtable>', "")
+        return [_between("{", f'<mtable class="cases">{table}</mtable>', "")]
 
-    def _logical(self, node: t.Logical) -> str:
+    def _write_logical(self, node: t.Logical, depth: int) -> list[Token]:
         parts = [
             _joined(self._fenced([self.mathml(o)])) if isinstance(o, t.Logical) else self.mathml(o)
             for o in node.operands
         ]
         if node.operator == "not":
-            return f"<mrow><mtext>not </mtext>{_joined(self._fenced([parts[0]]))}</mrow>"
-        return f"<mrow>{f'<mtext> {node.operator} </mtext>'.join(parts)}</mrow>"
-
-    def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
-        """Return a node as a factor or base, in parentheses if necessary."""
-        compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
-        if not product:
-            compound += (t.Product, t.Quotient, t.Power, t.Rate, t.Root, t.Cases)
-        dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")
-        called = not product and isinstance(node, t.Call) and node.function not in _FENCES
-        number = not product and isinstance(node, t.Number) and "mfrac" in self.number(node.value)
-        if isinstance(node, compound) or dotted or called or number:
-            return self._fenced(self.tokens(node, depth + 1))
-        return self.tokens(node, depth)
+            return [f"<mrow><mtext>not </mtext>{_joined(self._fenced([parts[0]]))}</mrow>"]
+        return [f"<mrow>{f'<mtext> {node.operator} </mtext>'.join(parts)}</mrow>"]
 
     def _fenced(self, inner: list[Token]) -> list[Token]:
         """Return tokens in brackets of matching size."""

@@ -7,7 +7,7 @@ from fractions import Fraction
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
-from lagcli.equations.render.formula import FormulaWriter
+from lagcli.equations.render.formula import PREFIX, FormulaWriter
 from lagcli.equations.render.names import SUBSCRIPTS, SUPERSCRIPTS
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
 
@@ -22,7 +22,6 @@ _VULGAR = {
 _RELATIONS = {"<=": "≤", ">=": "≥", "!=": "≠", "==": "="}
 _SHORT_BRACKET = 24
 _BRACKETS = (("(", ")"), ("[", "]"), ("{", "}"))
-_PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")  # sin φ needs no parentheses
 
 
 class TextFormula(FormulaWriter):
@@ -33,12 +32,6 @@ class TextFormula(FormulaWriter):
     def text(self, node: Node) -> str:
         """Return a formula on one line."""
         return "".join(x.space if isinstance(x, Break) else x for x in self.tokens(node))
-
-    def _write_number(self, node: t.Number, depth: int) -> list[Token]:
-        return [self.number(node.value)]
-
-    def _write_symbol(self, node: t.Symbol, depth: int) -> list[Token]:
-        return [self._symbol(node)]
 
     def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
         name = self._symbol(node.of)
@@ -55,6 +48,10 @@ class TextFormula(FormulaWriter):
 
     def _write_entry(self, node: t.Entry, depth: int) -> list[Token]:
         return [f"{node.matrix.text}[{', '.join(map(self._symbol, node.indices))}]"]
+
+    def _write_indexedsum(self, node: t.IndexedSum, depth: int) -> list[Token]:
+        span = f"{node.index}={self.text(node.first)}..{self.text(node.last)}"
+        return [f"Σ({span}) ", *self._tight(node.term, depth, product=True)]
 
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
         top = self._tight(node.numerator, depth, product=True)
@@ -128,7 +125,7 @@ class TextFormula(FormulaWriter):
         elif isinstance(top, t.Symbol):
             raised = f"^{self.text(top)}"
         base = node.base
-        if isinstance(base, t.Call) and base.function in _PREFIX and "^" not in raised:
+        if isinstance(base, t.Call) and base.function in PREFIX and "^" not in raised:
             return [base.function, raised, *self._arguments(base, depth)]
         return [*self._tight(base, depth), raised]
 
@@ -146,19 +143,11 @@ class TextFormula(FormulaWriter):
     def _arguments(self, node: t.Call, depth: int) -> list[Token]:
         """Return arguments in parentheses, or after a space: sin φ."""
         first = node.arguments[0]
-        if node.function in _PREFIX and len(node.arguments) == 1 and isinstance(first, t.Symbol):
+        if node.function in PREFIX and len(node.arguments) == 1 and isinstance(first, t.Symbol):
             text = self._symbol(first)
             if not first.dots and not text[1:].strip("₀₁₂₃₄₅₆₇₈₉")[:1].isalpha():
                 return [f" {text}"]
         return ["(", *self._listed(node.arguments, depth), ")"]
-
-    def _listed(self, items: tuple[Node, ...], depth: int) -> list[Token]:
-        found: list[Token] = []
-        for i, item in enumerate(items):
-            if i:
-                found += [",", Break(depth + 1)]
-            found += self.tokens(item, depth + 2)
-        return found
 
     def _write_logical(self, node: t.Logical, depth: int) -> list[Token]:
         if node.operator == "not":
@@ -175,12 +164,12 @@ class TextFormula(FormulaWriter):
 
     def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
         """Return a node as a factor, base or denominator, in parentheses if necessary."""
-        compound: tuple[type, ...] = (t.Sum, t.Relation, t.Logical)
+        compound: tuple[type, ...] = (t.Sum, t.IndexedSum, t.Relation, t.Logical)
         if not product:
             compound += (t.Product, t.Quotient, t.Power, t.Rate)
         dotted = isinstance(node, t.Call) and node.function in ("dot", "cross")
         fraction = isinstance(node, t.Number) and "/" in self.number(node.value)
-        prefix = not product and isinstance(node, t.Call) and node.function in _PREFIX
+        prefix = not product and isinstance(node, t.Call) and node.function in PREFIX
         if isinstance(node, compound) or dotted or fraction or prefix:
             return self._bracketed(node, depth)
         return self.tokens(node, depth)

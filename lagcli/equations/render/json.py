@@ -28,7 +28,21 @@ grammar, which `lagcli.model.expression.grammar` reads back, and LaTeX.
 ``applied_forces``  Q
 ``equations``       objects ``coordinate, lhs, rhs``: (8.85), assembled; null in matrix form
 ``sign_convention`` a sentence that defines the sign of λ
-``steps``           with ``--steps``: objects ``title, remark, lines``; a line has ``latex``,
+``kinds``           the kinds of equations that were asked for
+``partition``       null for the first kind alone; else ``independent`` and ``dependent``
+                    coordinates, the ``constraints`` that determine them, those that follow from
+                    others (``surplus``), and ``determinants``: their product is the determinant of
+                    the dependent columns of B
+``second``          with ``--kind second``: ``dependent``: objects ``coordinate, constraints``, and
+                    null or formulas: ``value``, ``angle, sine, cosine``; ``velocities`` by
+                    coordinate; ``lagrangian``, null if it is long; ``abbreviations``;
+                    ``mass_matrix`` and ``forcing`` of M a = f, by positions in ``independent``
+``maggi``           with ``--kind maggi``: ``null_space``: nonzero entries ``[i, k, formula]`` of
+                    J; ``drift`` J_0 of v = J v_independent + J_0; ``abbreviations``;
+                    ``mass_matrix`` JᵀM J and ``forcing``
+``solved``          with ``--solve``: by kind null, if it is long, or objects ``unknown``
+                    (``phi''``, ``lambda.guide``), ``numerator``, ``denominator``
+``steps``           with ``--steps``: objects ``title, lead, remark, lines``; a line has ``latex``,
                     ``label`` and ``note``
 ==================  ==========================================================================
 """
@@ -36,17 +50,29 @@ grammar, which `lagcli.model.expression.grammar` reads back, and LaTeX.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from symengine import Basic
 
 from lagcli.equations.derivation.integrability import integrable
 from lagcli.equations.derivation.lagrange import ConstraintEquation
+from lagcli.equations.presentation.abbreviations import abbreviate
+from lagcli.equations.presentation.assembly import Contents, shown_steps
 from lagcli.equations.presentation.formulas import Formulas, Line
+from lagcli.equations.presentation.kinds import LONGEST
 from lagcli.equations.presentation.matrices import PARTS, Matrices
 from lagcli.equations.presentation.overview import in_matrices
-from lagcli.equations.presentation.steps import steps as derivation
 from lagcli.equations.presentation.typeset import ZERO, Node, Symbol
+from lagcli.equations.reduction.elimination import (
+    SolvedUnknown,
+    solve_first_kind,
+    solve_maggi,
+    solve_second_kind,
+)
+from lagcli.equations.reduction.maggi import Maggi
+from lagcli.equations.reduction.second_kind import SecondKind, second_kind
+from lagcli.equations.reduction.small_systems import operations
 from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.grammar import grammar_text
 from lagcli.equations.render.names import Notation
@@ -60,30 +86,31 @@ SIGN_CONVENTION = (
 )
 
 
-def render_json(f: Formulas, steps: bool, full: bool) -> str:
+def render_json(f: Formulas, contents: Contents) -> str:
     """Return the equations as JSON in the schema of this module.
 
     Parameters
     ----------
     f : Formulas
         Formulas of the system.
-    steps : bool
-        Whether to add the derivation step by step.
-    full : bool
-        Whether to write everything out, regardless of length.
+    contents : Contents
+        What is printed; its steps are added as a list.
     """
+    full = contents.full
     plain = Formulas(f.equations, bool(f.values), named=False, freedom=f.freedom)
     matrices = Matrices(plain, PARTS) if in_matrices(f, full) else None
     writer = _JsonWriter(plain, matrices)
     content = writer.content()
-    if steps and matrices is None:
+    content |= writer.kinds(contents)
+    if contents.steps and matrices is None:
         content["steps"] = [
             {
                 "title": step.title,
+                "lead": step.lead,
                 "remark": step.remark,
                 "lines": [writer.line(line) for line in step.lines],
             }
-            for step in derivation(f)
+            for step in shown_steps(f, contents)
         ]
     return json.dumps(content, ensure_ascii=False, indent=2) + "\n"
 
@@ -111,7 +138,7 @@ class _JsonWriter:
         return {
             "latex": " = ".join(map(self.latex, line.sides)),
             "label": self.latex(label) if isinstance(label, Node) else label,
-            "note": line.note,
+            "note": line.remark,
         }
 
     def content(self) -> dict[str, Any]:
@@ -153,6 +180,101 @@ class _JsonWriter:
             if self.matrices is not None
             else [self.equation(i) for i in range(len(e.q))],
             "sign_convention": SIGN_CONVENTION,
+        }
+
+    def kinds(self, contents: Contents) -> dict[str, Any]:
+        p = contents.partition
+        found: dict[str, Any] = {"kinds": list(contents.kinds), "partition": None}
+        if p is None:
+            return found
+        names, constraints = self.f.model.coordinate_names, self.f.model.constraint_names
+        found["partition"] = {
+            "independent": [names[i] for i in p.independent],
+            "dependent": [names[i] for i in p.dependent],
+            "constraints": [constraints[i] for i in p.constraints],
+            "surplus": [constraints[i] for i in p.surplus],
+            "determinants": list(map(self.arranged, p.determinants)),
+        }
+        solved: dict[str, list[SolvedUnknown]] = {}
+        for kind in contents.kinds:
+            if kind == "second":
+                second = second_kind(p, contents.full)
+                found["second"] = self.second(second)
+                solved[kind] = solve_second_kind(second) if contents.solve else []
+            elif kind == "maggi":
+                found["maggi"] = self.maggi(Maggi(p))
+                solved[kind] = solve_maggi(Maggi(p)) if contents.solve else []
+            else:
+                solved[kind] = solve_first_kind(p) if contents.solve else []
+        if contents.solve:
+            found["solved"] = {kind: self.solved(x) for kind, x in solved.items()}
+        return found
+
+    def arranged(self, expression: Basic) -> dict[str, str]:
+        return self.node(self.f.arrange(expression))
+
+    def solved(self, found: list[SolvedUnknown]) -> list[dict[str, Any]] | None:
+        return [
+            {
+                "unknown": x.unknown.name,
+                "numerator": self.arranged(x.numerator),
+                "denominator": self.arranged(x.denominator),
+            }
+            for x in found
+        ] or None
+
+    def second(self, second: SecondKind) -> dict[str, Any]:
+        names = self.f.model.coordinate_names
+        dependent = []
+        for solved in second.blocks:
+            constraints = [self.f.model.constraint_names[i] for i in solved.block.rows]
+            values = {x.unknown.name: x for x in solved.solutions}
+            ordered = [*values, *(names[i] for i in solved.block.columns if names[i] not in values)]
+            for name in ordered:
+                x = values.get(name)
+                parts = {} if x is None else {"value": x.value, "angle": x.angle}
+                parts |= {} if x is None else {"sine": x.sine, "cosine": x.cosine}
+                dependent.append(
+                    {"coordinate": name, "constraints": constraints}
+                    | dict.fromkeys(("value", "angle", "sine", "cosine"))
+                    | {k: self.arranged(v) for k, v in parts.items() if v is not None}
+                )
+        return {
+            "dependent": dependent,
+            "velocities": {names[i]: self.arranged(x) for i, x in second.rates.items()},
+            "lagrangian": None if second.is_long else self.arranged(second.lagrangian),
+            **self.motion(second.mass_matrix, second.forcing),
+        }
+
+    def maggi(self, maggi: Maggi) -> dict[str, Any]:
+        p = maggi.partition
+        return {
+            "null_space": [
+                [i, k, self.arranged(x)]
+                for i, row in enumerate(p.null_space)
+                for k, x in sorted(row.items())
+            ],
+            "drift": list(map(self.arranged, p.drift)),
+            **self.motion(maggi.mass_matrix, maggi.forcing),
+        }
+
+    def motion(
+        self, mass_matrix: tuple[tuple[Basic, ...], ...], forcing: tuple[Basic, ...]
+    ) -> dict[str, Any]:
+        """Return M and f, with abbreviations if they are long."""
+        size = len(forcing)
+        entries = [*(x for row in mass_matrix for x in row), *forcing]
+        model = self.f.model
+        named: Mapping[str, Basic] = {}
+        if operations(entries) > LONGEST:
+            taken = (*model.coordinate_names, *model.parameters, *model.definitions)
+            named, shortened = abbreviate(entries, taken)
+            entries = list(shortened)
+        formulas = list(map(self.arranged, entries))
+        return {
+            "abbreviations": [{"name": n, **self.arranged(x)} for n, x in named.items()],
+            "mass_matrix": [formulas[i * size : (i + 1) * size] for i in range(size)],
+            "forcing": formulas[size * size :],
         }
 
     def equation(self, i: int) -> dict[str, Any]:

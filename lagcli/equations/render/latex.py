@@ -106,6 +106,8 @@ def render_latex(
     for i, step in enumerate(steps, 1):
         title = f"{i}. {step.title}" if numbered else step.title
         found.append(rf"\subsection*{{{_title(title)}}}")
+        if step.lead:
+            found.append(rf"\noindent {escape(step.lead)}")
         found += _body(step, formula)
         if step.remark:
             found.append(rf"\noindent {escape(step.remark)}")
@@ -149,17 +151,15 @@ def _body(step: Step, formula: LatexFormula) -> list[str]:
                 for part in displays(belonging, formula)
             )
             if named is not None:
-                note = f" ({escape(named.note)})" if named.note else ""
+                note = f" ({escape(named.remark)})" if named.remark else ""
                 label = rf"\textit{{{escape(str(named.label))}}}"
                 display = f"\\noindent {label}{note}:\n{display}"
             found.append(display)
-            others = [x.note for x in belonging if x.note and x is not named]
-            found += [rf"\noindent {escape(note)}" for note in others]
     return found
 
 
 def _item(line: Line, formula: LatexFormula) -> str:
-    note = f" --- {escape(line.note)}" if line.note else ""
+    note = f" --- {escape(line.remark)}" if line.remark else ""
     return rf"\item ${formula.latex(line.sides[0])}${note}"
 
 
@@ -180,9 +180,11 @@ def displays(group: Sequence[Line], formula: LatexFormula, width: float = TEXT_W
             whole = list(first)
             for side in others:
                 whole += [Break(-1), "= ", *side]
+            whole += _note(line)
             broken = lines(whole, measure, width, width - _INDENT)
             found += [rf"&{broken[0]}", *(rf"&\quad {x}" for x in broken[1:])]
             continue
+        others[-1] = [*others[-1], *_note(line)]
         head = _flat(first)
         room = width - aligned - measure("= ")
         rest = " = ".join(_flat(side) for side in others)
@@ -202,6 +204,18 @@ def displays(group: Sequence[Line], formula: LatexFormula, width: float = TEXT_W
             parts.append([])
         parts[-1].append(piece)
     return [apart.join(" \\\\\n".join(found) for found in part) for part in parts]
+
+
+def _note(line: Line) -> list[Token]:
+    """Return note and range of a line, to be written after the formula; a label's stand with it."""
+    if isinstance(line.label, str):
+        return []
+    parts = [rf"\text{{{escape(line.note)}}}"] if line.note else []
+    parts += [f"({line.span.latex})"] if line.span is not None else []
+    found: list[Token] = []
+    for part in parts:
+        found += [Break(0, r" \qquad "), part]
+    return found
 
 
 def _flat(tokens: Sequence[Token]) -> str:

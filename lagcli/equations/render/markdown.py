@@ -37,6 +37,8 @@ def render_markdown(
         found.append(escape(model.description))
     for i, step in enumerate(steps, 1):
         found.append(f"## {i}. {step.title}" if numbered else f"## {step.title}")
+        if step.lead:
+            found.append(escape(step.lead))
         found += _body(step, formula)
         if step.remark:
             found.append(escape(step.remark))
@@ -54,16 +56,15 @@ def _body(step: Step, formula: LatexFormula) -> list[str]:
             continue
         for named, belonging in paragraphs(list(group)):
             if named is not None:
-                note = f" ({escape(named.note)})" if named.note else ""
+                note = f" ({escape(named.remark)})" if named.remark else ""
                 found.append(f"*{escape(str(named.label))}*{note}:")
             found += [
                 f"$$\n\\begin{{aligned}}\n{part}\n\\end{{aligned}}\n$$"
                 for part in displays(belonging, formula)
             ]
-            found += [escape(x.note) for x in belonging if x.note and x is not named]
     return found
 
 
 def _item(line: Line, formula: LatexFormula) -> str:
-    note = f": {escape(line.note)}" if line.note else ""
+    note = f": {escape(line.remark)}" if line.remark else ""
     return f"- ${formula.latex(line.sides[0])}${note}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from contextlib import suppress
 from html import escape
@@ -153,9 +154,23 @@ def _latex(name: str) -> tuple[str, str]:
     return letter, f"_{{{_latex_subscript(subscript)}}}"
 
 
+#: An index of a general member, such as i, i−1 or N+1.
+_INDEX = re.compile(r"([A-Za-z]\w*)([+−]\d+)?")
+
+
 def _latex_subscript(subscript: str) -> str:
-    subscript = subscript.replace("[", "_").removesuffix("]")
-    return ",".join(_latex_letter(GREEK.get(p, p), r"\mathrm") for p in subscript.split("_") if p)
+    subscript, _, index = subscript.removesuffix("]").partition("[")
+    parts = [_latex_letter(GREEK.get(p, p), r"\mathrm") for p in subscript.split("_") if p]
+    return ",".join([*parts, *([_latex_index(index)] if index else [])])
+
+
+def _latex_index(index: str) -> str:
+    """Return the index of a member: 3, i, i-1."""
+    general = _INDEX.fullmatch(index)
+    if general is None:
+        return index
+    name, offset = general[1], (general[2] or "").replace("−", "-")
+    return _latex_letter(GREEK.get(name, name)) + offset
 
 
 def _mathml(name: str) -> tuple[str, str]:
@@ -183,10 +198,11 @@ def _latex_letter(text: str, font: str = r"\mathit") -> str:
 
 def latex_word(name: str) -> str:
     """Return a constraint's name as a subscript: rod_1 with a nested subscript."""
-    name = name.replace("[", "_").removesuffix("]")
+    name, _, index = name.removesuffix("]").partition("[")
     first, *rest = [p for p in name.split("_") if p]
     head = rf"\mathrm{{{latex_ascii(first)}}}"
-    return head + (f"_{{{','.join(latex_ascii(p) for p in rest)}}}" if rest else "")
+    below = [*map(latex_ascii, rest), *([_latex_index(index)] if index else [])]
+    return head + (f"_{{{','.join(below)}}}" if below else "")
 
 
 def latex_ascii(text: str) -> str:

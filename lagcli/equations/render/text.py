@@ -37,6 +37,7 @@ def render_text(
     for i, step in enumerate(steps, 1):
         title = f"{i}. {step.title}" if numbered else step.title
         block = _paragraph(title, width)
+        block += [_INDENT + x for x in _paragraph(step.lead or "", width - len(_INDENT))]
         write = _packed if step.packed else _group
         block += write(step.lines, formula, width)
         block += [_INDENT + x for x in _paragraph(step.remark or "", width - len(_INDENT))]
@@ -74,7 +75,7 @@ def _group(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]
         if label and display_width(label) + 2 > margin:
             found.append(_INDENT + label)
             label = ""
-        body = _with_note(body, line.note, room)
+        body = _with_note(body, line.remark, room)
         for i, text in enumerate(body):
             head = _padded(label if i == 0 else "", margin)
             found.append((_INDENT + head + text).rstrip())

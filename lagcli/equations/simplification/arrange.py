@@ -218,6 +218,11 @@ class Arranger:
             ((monomial, coefficient),) = terms.items()
             return Term(Fraction(coefficient), self._monomial(monomial, expansion))
         split = factored(terms, expansion.order, "decimal" if expansion.values else style)
+        opened = expansion.opened(split.rest, split.common) if split.exponent == 1 else None
+        if opened:  # (s + y²)/s with s = l² − y² is l²/s
+            opened = trigonometry.shorten(opened, expansion)
+            inner = self._sum_factors(opened, expansion, style)
+            return Term(split.content, self._monomial(split.common, expansion)) * inner
         sign, bracket = _oriented(
             ((expansion.order(m),), Term(Fraction(c), self._monomial(m, expansion)).node())
             for m, c in split.rest.items()

@@ -307,6 +307,8 @@ class MonomialExpansion:
                 ((monomial, coefficient),) = inside.items()
                 return {tuple((g, k * n) for g, k in monomial): Fraction(coefficient) ** n}
             if n < 0 or n > 8 or (n > 1 and self._hard(inside)):
+                if n % 2 == 0 and all(c < 0 for c in inside.values()):
+                    base = -base  # (−a − b)² is (a + b)²
                 return self._one(Generator("sum", "", (base,)), n)
             total = inside
             for _ in range(n - 1):
@@ -317,6 +319,33 @@ class MonomialExpansion:
             ((monomial, coefficient),) = inside.items()
             return {tuple((g, k * n) for g, k in monomial): Fraction(coefficient) ** n}
         return self._one(Generator("sum", "", (base,)), n)
+
+    def opened(self, terms: Polynomial, below: Monomial) -> Polynomial | None:
+        """Return terms with the sums multiplied out that a denominator has; None if there are none.
+
+        Parameters
+        ----------
+        terms : Polynomial
+        below : Monomial
+            Its negative powers are the denominator.
+        """
+        sums = {g for g, n in below if n < 0 and self.generators[g].head in ("sum", "root")}
+        degrees = {g: self.generators[g].degree for g in sums}
+        if not any(g in sums and n >= degrees[g] for m in terms for g, n in m):
+            return None
+        total: Polynomial = {}
+        try:
+            for monomial, coefficient in terms.items():
+                left = [(g, n % degrees[g] if g in sums and n > 0 else n) for g, n in monomial]
+                parts: Polynomial = {tuple(x for x in left if x[1]): coefficient}
+                for g, n in monomial:
+                    for _ in range(n // degrees[g] if g in sums and n > 0 else 0):
+                        parts = product(parts, self.polynomial(self.generators[g].arguments[0]))
+                for m, c in parts.items():
+                    add_to(total, m, c)
+        except TooLarge:
+            return None
+        return total
 
     def _hard(self, terms: Polynomial) -> bool:
         """Whether a sum knows roots or quotients, which squaring would only multiply."""

@@ -20,7 +20,7 @@ from lagcli.model.expression.constants import cases, fault, relation
 from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.linearity import count_operations
 from lagcli.model.expression.tensors import ShapeError, Tensor
-from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import (
     CallExpr,
     Comparison,
@@ -93,10 +93,6 @@ def kind_of(value: Value) -> str:
     return value.kind if isinstance(value, Tensor) else "a scalar"
 
 
-def _error(kind: str, message: str, tree: Tree, help_: str | None = None) -> ExpressionError:
-    return ExpressionError(kind, message, tree.start, tree.end, help_)
-
-
 _NOT_REAL = (
     "roots and logarithms need positive arguments, asin, acos and atanh arguments in [-1, 1],"
     " acosh at least 1"
@@ -138,9 +134,9 @@ class _ExpressionBuilder:
                 case LogicalExpr():
                     return self.logical(tree)
         except ShapeError as error:
-            raise _error("shape", str(error), tree) from None
+            raise error_at("shape", str(error), tree) from None
         except (RuntimeError, ValueError):  # SymEngine's errors for infinite arguments of functions
-            raise _error("not-a-number", "this is undefined", tree, _NOT_REAL) from None
+            raise error_at("not-a-number", "this is undefined", tree, _NOT_REAL) from None
         raise AssertionError(f"no such tree: {tree!r}")
 
     def made(
@@ -161,7 +157,7 @@ class _ExpressionBuilder:
             size = 1 + copies * sum(p.size for p in parts)
         depth = levels + max((p.depth for p in parts), default=0)
         if size > MAX_SIZE or depth > MAX_DEPTH:
-            raise _error(
+            raise error_at(
                 "too-large",
                 f"with its definitions expanded, the expression has more than {MAX_SIZE:,}"
                 " operations"
@@ -189,13 +185,13 @@ class _ExpressionBuilder:
             if isinstance(tree, PowerExpr) and isinstance(tree.exponent, ProductExpr):
                 help_ = "a power of a negative number is real only for whole exponents; cbrt(x) is"
                 help_ += " the real cube root"
-        raise _error("not-a-number", f"this {why}", tree, help_)
+        raise error_at("not-a-number", f"this {why}", tree, help_)
 
     def operand(self, tree: Tree) -> Sized:
         """Build an operand of arithmetic: not a condition."""
         built = self.any(tree)
         if _is_boolean(built.value):
-            raise _error(
+            raise error_at(
                 "not-a-value", "a condition is not a value", tree, "write if(condition, a, b)"
             )
         return built
@@ -203,7 +199,7 @@ class _ExpressionBuilder:
     def scalar(self, tree: Tree, where: str) -> Sized:
         built = self.operand(tree)
         if isinstance(built.value, Tensor):
-            raise _error("shape", f"{where} must be a scalar, not {built.value.kind}", tree)
+            raise error_at("shape", f"{where} must be a scalar, not {built.value.kind}", tree)
         return built
 
     # arithmetic
@@ -219,7 +215,7 @@ class _ExpressionBuilder:
             total = total.map(lambda x: -x)
         for (sign, value), (_, term) in zip(signed[1:], tree.terms[1:], strict=True):
             if not (isinstance(total, Tensor) and isinstance(value, Tensor)):
-                raise _error(
+                raise error_at(
                     "shape", f"{kind_of(total)} and {kind_of(value)} cannot be added", term
                 )
             total = tensors.add(total, value, sign)
@@ -232,7 +228,7 @@ class _ExpressionBuilder:
             term = term or ExpressionTemplate(tree.term, self.scope, self.operand)
             self.terms += 1
             if self.terms > MAX_TERMS:
-                raise _error(
+                raise error_at(
                     "too-large",
                     f"the sums of this expression have more than {MAX_TERMS:,} terms",
                     tree,
@@ -257,7 +253,7 @@ class _ExpressionBuilder:
             value = part.value
             if isinstance(value, Tensor):
                 if exponent < 0:
-                    raise _error("shape", f"cannot divide by {value.kind}", factor)
+                    raise error_at("shape", f"cannot divide by {value.kind}", factor)
                 if tensor is None:
                     tensor, size = value, part.size
                 else:
@@ -267,7 +263,7 @@ class _ExpressionBuilder:
             elif exponent > 0:
                 plain.append(value)
             elif value == 0:
-                raise _error("not-a-number", "division by zero", factor)
+                raise error_at("not-a-number", "division by zero", factor)
             else:
                 plain.append(value**-1)
         if tensor is None:
@@ -281,7 +277,7 @@ class _ExpressionBuilder:
         base = self.operand(tree.base)
         exponent = self.scalar(tree.exponent, "an exponent")
         if isinstance(base.value, Tensor):
-            raise _error(
+            raise error_at(
                 "shape",
                 f"{base.value.kind} cannot be raised to a power",
                 tree,
@@ -299,7 +295,7 @@ class _ExpressionBuilder:
         if not isinstance(exponent, se.Rational):
             # the derivative of a^x is a^x log(a) x'
             if isinstance(base, se.Number) and base <= 0 and self.varies(exponent):
-                raise _error(
+                raise error_at(
                     "not-a-number",
                     f"{base} cannot be raised to a variable power",
                     tree,
@@ -311,14 +307,14 @@ class _ExpressionBuilder:
         if exact_base:
             bits = sum(abs(int(x)).bit_length() for x in base.get_num_den())
         if max(abs(p), q) > MAX_POWER or bits * abs(p) > MAX_BITS:
-            raise _error(
+            raise error_at(
                 "too-large",
                 "this power is too large",
                 tree,
                 f"the largest exponent is {MAX_POWER}, the largest number 1.8e308",
             )
         if base == 0 and p < 0:
-            raise _error("not-a-number", "division by zero", tree)
+            raise error_at("not-a-number", "division by zero", tree)
 
     def varies(self, value: Basic) -> bool:
         return bool(self.scope.derivative(value) != 0)
@@ -353,7 +349,7 @@ class _ExpressionBuilder:
             built = self.operand(argument)
             if isinstance(built.value, Tensor) != (wanted == "tensor"):
                 expected = "a scalar" if wanted == "scalar" else "a vector or matrix"
-                raise _error(
+                raise error_at(
                     "shape",
                     f"`{name}` needs {expected} here, not {kind_of(built.value)}",
                     argument,
@@ -371,7 +367,7 @@ class _ExpressionBuilder:
     def condition(self, tree: Tree) -> Sized:
         built = self.any(tree)
         if not _is_boolean(built.value):
-            raise _error(
+            raise error_at(
                 "not-a-condition", "expected a condition", tree, "write a comparison, as in `x > 0`"
             )
         return built
@@ -401,7 +397,7 @@ class _ExpressionBuilder:
         rows: list[tuple[Basic, ...]] = []
         for part, item in zip(parts, tree.items, strict=True):
             if not (isinstance(part.value, Tensor) and part.value.is_vector):
-                raise _error(
+                raise error_at(
                     "shape", f"a row of a matrix is a vector, not {kind_of(part.value)}", item
                 )
             rows.append(part.value.entries)

@@ -10,7 +10,7 @@ from symengine import Basic
 from lagcli.model.expression import tensors
 from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.tensors import ShapeError, Tensor
-from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import CallExpr
 from lagcli.model.spelling import did_you_mean, nearest
 
@@ -63,11 +63,9 @@ class CallScope(Protocol):
 
     def declared(self, text: str) -> bool:
         """Whether a name is declared."""
-        ...
 
     def derivative(self, expression: Basic) -> Basic:
         """Return the total time derivative."""
-        ...
 
 
 def check_call(tree: CallExpr, scope: CallScope) -> None:
@@ -87,11 +85,10 @@ def check_call(tree: CallExpr, scope: CallScope) -> None:
         wanted = f"{fewest}" if most == fewest else f"{fewest} or more"
         if most not in (fewest, None):
             wanted = f"{fewest} or {most}"
-        raise ExpressionError(
+        raise error_at(
             "wrong-arguments",
             f"`{name}` takes {wanted} argument{'s' if wanted != '1' else ''}, not {count}",
-            tree.start,
-            tree.end,
+            tree,
             "write if(condition, a, b)" if name == "if" else None,
         )
 

@@ -25,7 +25,7 @@ from collections.abc import Callable
 from fractions import Fraction
 
 from lagcli.model.expression.syntax_hints import choice, unexpected_token
-from lagcli.model.expression.tokens import ExpressionError, Token, tokenize
+from lagcli.model.expression.tokens import ExpressionError, Token, error_at, tokenize
 from lagcli.model.expression.trees import (
     CallExpr,
     Comparison,
@@ -149,6 +149,11 @@ class _Parser:
             before = self.tokens[self.position - 1] if self.position else token
             raise unexpected_token(before, token, self.tokens[self.position + 1], self.text)
 
+    @property
+    def end(self) -> int:
+        """The end of the last token, which may close a parenthesis."""
+        return self.tokens[self.position - 1].end
+
     def condition(self) -> Tree:
         self.nest()
         tree = self._joined("or", self._conjunction)
@@ -193,7 +198,7 @@ class _Parser:
             terms.append((self._sign(), self._product()))
         if len(terms) == 1 and terms[0][0] == 1:
             return terms[0][1]
-        return SumExpr(start, terms[-1][1].end, tuple(terms))
+        return SumExpr(start, self.end, tuple(terms))
 
     def _sign(self) -> int:
         """Parse any number of consecutive signs."""
@@ -204,25 +209,27 @@ class _Parser:
         return sign
 
     def _product(self) -> Tree:
+        start = self.current.start
         factors = [(1, self._power())]
         while self.current.text in _FACTORS:
             exponent = 1 if self.advance().text == "*" else -1
             factors.append((exponent, self._power()))
         if len(factors) == 1:
             return factors[0][1]
-        return ProductExpr(factors[0][1].start, factors[-1][1].end, tuple(factors))
+        return ProductExpr(start, self.end, tuple(factors))
 
     def _power(self) -> Tree:
         start = self.current.start
         sign = self._sign()
+        own = self.current.start
         base = self._primary()
         if self.current.text in _POWERS:
             self.advance()
             self.nest()
             exponent = self._power()
             self.nesting -= 1
-            base = PowerExpr(base.start, exponent.end, base, exponent)
-        return base if sign == 1 else SumExpr(start, base.end, ((-1, base),))
+            base = PowerExpr(own, self.end, base, exponent)
+        return base if sign == 1 else SumExpr(start, self.end, ((-1, base),))
 
     def _primary(self) -> Tree:
         token = self.advance()
@@ -256,11 +263,10 @@ class _Parser:
         mantissa, _, exponent = token.text.lower().partition("e")
         power = int(exponent[:9] or 0)
         if len(mantissa) > MAX_DIGITS or not MIN_EXPONENT <= power <= MAX_EXPONENT:
-            raise ExpressionError(
+            raise error_at(
                 "bad-number",
                 "this number is beyond what a double can hold",
-                token.start,
-                token.end,
+                token,
                 f"numbers have at most {MAX_DIGITS} digits and exponents from {MIN_EXPONENT} to"
                 f" {MAX_EXPONENT}",
             )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 
 class ExpressionError(Exception):
@@ -36,6 +36,25 @@ class ExpressionError(Exception):
         super().__init__(message)
         self.kind, self.message, self.start, self.end = kind, message, start, end
         self.help, self.subject = help, subject
+
+
+class Span(Protocol):
+    """What has offsets in the text: a token, a tree."""
+
+    @property
+    def start(self) -> int:
+        """The first character."""
+
+    @property
+    def end(self) -> int:
+        """The place after the last one."""
+
+
+def error_at(
+    kind: str, message: str, place: Span, help: str | None = None, subject: str | None = None
+) -> ExpressionError:
+    """Return the error at a token or a tree; see `ExpressionError`."""
+    return ExpressionError(kind, message, place.start, place.end, help, subject)
 
 
 class Token(NamedTuple):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from lagcli.model.diagnostics import Broken
 from lagcli.model.draft import NO_INDICES, Draft, Entry, Indices
 from lagcli.model.expression.grammar import KEYWORDS, parse_range
-from lagcli.model.expression.tokens import ExpressionError, is_name, words
+from lagcli.model.expression.tokens import ExpressionError, error_at, is_name, words
 from lagcli.model.expression.trees import Range, Tree
 from lagcli.model.names.indices import names_in
 from lagcli.model.names.members import descending
@@ -190,11 +190,10 @@ def members_of(draft: Draft, declaration: Declaration, names: Symbols) -> list[M
         draft.members += len(span)
         if draft.members > MAX_ALL:
             draft.names.broken.add(d.family)
-            raise ExpressionError(
+            raise error_at(
                 "too-large",
                 f"the families of this model have more than {MAX_ALL:,} members",
-                d.span.start,
-                d.span.end,
+                d.span,
                 "choose smaller ranges",
                 "members",
             )

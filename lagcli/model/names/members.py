@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import Range
 
 
@@ -48,10 +48,9 @@ def members_clause(base: str, members: Sequence[str]) -> str:
 
 def descending(tree: Range, span: range) -> ExpressionError:
     """Return the error for a range that ends before it starts."""
-    return ExpressionError(
+    return error_at(
         "bad-range",
         f"the range {span.start}..{span.stop - 1} is descending",
-        tree.start,
-        tree.end,
+        tree,
         "write ranges in ascending order: first..last",
     )

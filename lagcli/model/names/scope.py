@@ -10,7 +10,7 @@ from symengine import Basic
 from lagcli.model import model as symbols
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken
 from lagcli.model.expression.tensors import Tensor
-from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
 from lagcli.model.names.indices import Indices, form_errors, names_in
 from lagcli.model.names.members import descending, family_of, members_clause, with_indices
@@ -143,11 +143,10 @@ class ModelScope:
         self.check_index(tree.range)
         self.check_index_name(tree.index, tree)
         if not uses(tree.term, tree.index):
-            raise ExpressionError(
+            raise error_at(
                 "unused-index",
                 f"the term of this sum does not use the index `{tree.index}`",
-                tree.start,
-                tree.end,
+                tree,
                 "write a product with the number of terms",
             )
         return ModelScope(self.names, self.context, self.bound | {tree.index})
@@ -163,11 +162,10 @@ class ModelScope:
         elif names.declared(index) or f"{index}[]" in names.families:
             what = "a " + names.lines.get(index, names.lines.get(f"{index}[]", ("name", 0)))[0]
         if what is not None:
-            raise ExpressionError(
+            raise error_at(
                 "index-hides-name",
                 f"the name of the index `{index}` is already in use: `{index}` is {what}",
-                tree.start,
-                tree.end,
+                tree,
                 "choose another name for the index",
                 f"index {index}",
             )
@@ -286,11 +284,10 @@ class ModelScope:
         value = names.constants[text]()
         names.structural.add(text)
         if not isinstance(value, se.Integer):
-            raise ExpressionError(
+            raise error_at(
                 "not-whole",
                 f"`{text}` is used in an index and must be a whole number, but is {value}",
-                name.start,
-                name.end,
+                name,
                 f"give a whole number, as in `{text}: 10` or --set {text}=10",
                 text,
             )
@@ -315,19 +312,10 @@ class ModelScope:
     def _check_coordinate(self, name: Name, primes: int) -> None:
         if not self.context.coordinates:
             raise self._not_here(name, "coordinates", "it may depend on parameters only")
-        if primes > 2:
-            raise self._error(
-                "too-many-primes",
-                name,
-                "the highest derivative of a coordinate is the acceleration, q''",
-            )
-        if primes == 2 and not self.context.accelerations:
-            raise self._not_here(name, "accelerations", _ACCELERATIONS)
+        self._check_order(name, primes)
 
-    def _definition(self, name: Name, text: str, primes: int) -> Sized:
-        sized = self.names.definitions[text]()
-        value, size = sized.value, sized.size
-        order = sized.order + primes if sized.order >= 0 else sized.order
+    def _check_order(self, name: Name, order: int) -> None:
+        """Raise for derivatives of a coordinate that are too high, here or anywhere."""
         if order > 2:
             raise self._error(
                 "too-many-primes",
@@ -336,6 +324,12 @@ class ModelScope:
             )
         if order == 2 and not self.context.accelerations:
             raise self._not_here(name, "accelerations", _ACCELERATIONS)
+
+    def _definition(self, name: Name, text: str, primes: int) -> Sized:
+        sized = self.names.definitions[text]()
+        value, size = sized.value, sized.size
+        order = sized.order + primes if sized.order >= 0 else sized.order
+        self._check_order(name, order)
         for _ in range(primes):
             value = (
                 value.map(self.names.derivative)

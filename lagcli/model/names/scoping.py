@@ -41,36 +41,27 @@ class Scope(Protocol):
 
     def check(self, name: Name) -> None:
         """Raise ExpressionError for a name that is not allowed here."""
-        ...
 
     def lookup(self, name: Name) -> Sized:
         """Return the value of a name, or raise ExpressionError."""
-        ...
 
     def declared(self, text: str) -> bool:
         """Whether a name is declared."""
-        ...
 
     def derivative(self, expression: Basic) -> Basic:
         """Return the total time derivative."""
-        ...
 
     def mark_nonsmooth(self) -> None:
         """Record that a function with kinks or jumps is used."""
-        ...
 
     def check_series(self, tree: IndexedSumExpr) -> Scope:
         """Return the scope of a sum's term, or raise ExpressionError for its index or range."""
-        ...
 
     def each(self, tree: IndexedSumExpr) -> Iterator[int]:
         """Iterate over the index of a sum."""
-        ...
 
     def has_value(self, index: str) -> bool:
         """Whether a name is an index with a value."""
-        ...
 
     def symbol(self, name: Name) -> Basic | None:
         """Return the symbol of a member; None for other names."""
-        ...

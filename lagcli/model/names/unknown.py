@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lagcli.model.diagnostics import Broken
 from lagcli.model.expression.functions import FUNCTIONS
-from lagcli.model.expression.tokens import ExpressionError, is_name
+from lagcli.model.expression.tokens import ExpressionError, error_at, is_name
 from lagcli.model.expression.trees import Name, NumberExpr
 from lagcli.model.names.members import format_members, members_clause
 from lagcli.model.spelling import did_you_mean, nearest
@@ -33,30 +33,27 @@ def unknown(names: Symbols, context: Context, name: Name) -> ExpressionError:
         raise Broken
     if text != base and (names.declared(base) or base in ("t", "pi")):
         what = names.lines.get(base, ("name", 0))[0]
-        return ExpressionError(
+        return error_at(
             "not-a-family",
             f"{context.where} uses a member of `{base}`, but `{base}` is a single {what}",
-            name.start,
-            name.end,
+            name,
             f"write `{base}` without an index, or declare a family, as in `{base}[1..3]`",
             base,
         )
     if text == base and f"{text}[]" in names.families:
         members = names.members(base)
         which = f": {members_clause(base, members)}" if members else ""
-        return ExpressionError(
+        return error_at(
             "a-family",
             f"{context.where} uses `{text}`, which is a family{which}",
-            name.start,
-            name.end,
+            name,
             f"name a member, as in `{members[0] if members else base + '[1]'}`",
             text,
         )
-    return ExpressionError(
+    return error_at(
         "unknown-name",
         f"{context.where} uses `{as_written(name)}`, which is not declared",
-        name.start,
-        name.end,
+        name,
         _help(names, context, name, base),
         text,
     )
@@ -74,11 +71,10 @@ def unknown_index(names: Symbols, context: Context, name: Name) -> ExpressionErr
         raise Broken
     close = _close(names, Context(context.where, False, definitions=False), name.text)
     index = name.text if is_name(name.text) else "i"
-    return ExpressionError(
+    return error_at(
         "unknown-name",
         f"{context.where} uses `{as_written(name)}` in an index, which is not declared",
-        name.start,
-        name.end,
+        name,
         did_you_mean(close)
         or f"declare the index in the name of the entry, as in `name[{index} = 1..N]: …`, or"
         f" in a sum, `sum(…, {index} = 1..N)`",
@@ -185,10 +181,9 @@ def unknown_part(
     members = [k for k in known if k.startswith(f"{base}[")]
     close = nearest(_shown(part), known) or known[:3]
     help_ = f"the members are {format_members(base, members)}" if members else did_you_mean(close)
-    return ExpressionError(
+    return error_at(
         "unknown-name",
         f"{context.where} uses `{text}`{at}, but there is no {what} `{_shown(part)}`",
-        name.start,
-        name.end,
+        name,
         help_ or f"the model has no {what}s",
     )

@@ -13,6 +13,7 @@ from symengine import Basic
 
 from lagcli.errors import SourceLocation
 from lagcli.model.diagnostics import Broken
+from lagcli.model.dimensions.dimension import same
 from lagcli.model.draft import Draft, Formula
 from lagcli.model.expression.quantities import (
     Quantity,
@@ -23,7 +24,7 @@ from lagcli.model.expression.quantities import (
     unit_of,
 )
 from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
-from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, to_si
+from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, read_unit, si_notation, to_si
 from lagcli.model.keys import PARAMETER, keys_of
 from lagcli.model.model import Parameter, Written
 from lagcli.model.names.dependencies import Unbuilt, build_on_demand, topological_order
@@ -193,7 +194,7 @@ class _ParameterReader:
         """Return the value that the command line gives in place of the file's."""
         name, what = member.name, f"the parameter `{member.name}`"
         given = entry.quantities[0].unit if entry.quantities else unit_of(entry.value)
-        unit = entry.unit or given
+        unit = stated = entry.unit or given
         value = override_node("--set", name, self.overrides[name])
         if not _is_number(value.value):
             unit = None
@@ -205,7 +206,21 @@ class _ParameterReader:
                 f"write the unit: --set '{name}={value.value} {unit}'",
             )
             return None
-        return read_quantity(self.draft, value, what, self.constants, unit)
+        quantity = read_quantity(self.draft, value, what, self.constants, unit)
+        if quantity is None or stated is None:
+            return quantity
+        if quantity.unit is None:
+            plain = not set(names_used(quantity.parsed.tree)) - {"pi"}
+            return replace(quantity, unit=si_notation(stated)) if plain else quantity
+        if not same(read_unit(quantity.unit).dimension, read_unit(stated).dimension):
+            self.draft.report.add(
+                "units",
+                f"`{name}` is in {stated} in the file, and in {quantity.unit} here",
+                value.location,
+                f"give it in {stated}, or in another unit of that dimension",
+            )
+            return None
+        return quantity
 
     # values
 

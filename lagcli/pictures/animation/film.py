@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -13,9 +13,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from lagcli.arrays import Image
 from lagcli.errors import FileError, UsageError
 
-Image = NDArray[np.uint8]
 #: Draws a frame of a time, s: (height, width, 3).
 Draw = Callable[[float], Image]
 Reached = Callable[[float], object]
@@ -100,15 +100,12 @@ def write_gif(
         found.putpalette(palette.colors.ravel().tolist())
         return found
 
-    def pictures() -> Iterator[Any]:
-        return map(picture, times[1:])
-
     ends = np.round(100 * np.arange(len(times) + 1) / fps).astype(int)
     picture(times[0]).save(
         file,
         format="GIF",
         save_all=True,
-        append_images=pictures(),
+        append_images=map(picture, times[1:]),
         duration=(10 * np.diff(ends)).tolist(),
         loop=0,
         optimize=True,

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lagcli.errors import LagcliError
-from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
+from lagcli.arrays import Image, Indices
+from lagcli.pictures.plots.curves import Catalogue, pretty_unit, read_curves
 from lagcli.pictures.plots.figure_file import new_figure
 from lagcli.pictures.plots.panels import Panel, asked
 from lagcli.pictures.plots.run_plot import PanelDrawing
@@ -16,9 +15,6 @@ from lagcli.pictures.plots.style import PALETTE, ROLES
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.raster import Raster
 from lagcli.trajectory.samples import Array
-
-Image = NDArray[np.uint8]
-Indices = NDArray[np.intp]
 
 _DPI = 100
 _MARKED = 10  # curves on which a dot moves: on more, dots would be a cloud
@@ -36,14 +32,15 @@ class Histories:
 
     def __init__(self, run: RunFile, samples: Indices):
         self.run = run
-        self.panels: list[Panel] = asked(Catalogue(run), run.coordinates)
+        self.catalogue = Catalogue(run)
+        self.panels: list[Panel] = asked(self.catalogue, run.coordinates)
         values = read_curves(run, {curve for panel in self.panels for curve in panel.curves})
         self.values = {name: column[samples] for name, column in values.items()}
         self.time: Array = self.values["t"]
 
     def to_json(self) -> dict[str, Any]:
         """Return what ``assets/histories.js`` draws."""
-        look = _labels(self.run)
+        notation = self.catalogue.notation
         return {
             "time": self.time,
             "palette": PALETTE,
@@ -52,7 +49,11 @@ class Histories:
                     "title": "",
                     "unit": pretty_unit(panel.curves[0].unit),
                     "series": [
-                        {"name": c.name, "label": look(c), "values": self.values[c.name]}
+                        {
+                            "name": c.name,
+                            "label": notation.text(c.name) if notation else c.name,
+                            "values": self.values[c.name],
+                        }
                         for c in panel.curves
                     ],
                 }
@@ -104,18 +105,3 @@ class HistoriesDrawing:
                     raster.dot(np.asarray(at), 3, ROLES["point"], ROLES["paper"])
         raster.text(note, (14, raster.height - self.strip / 2), ROLES["label"])
         return raster.image()
-
-
-def _labels(run: RunFile) -> Any:
-    """Return how coordinates are written: with Greek letters, where the model is there."""
-    from lagcli.equations.render.names import Notation
-
-    try:
-        names = Notation(run.model)
-    except LagcliError:
-        return lambda curve: curve.name
-
-    def look(curve: Curve) -> str:
-        return names.text(curve.name)
-
-    return look

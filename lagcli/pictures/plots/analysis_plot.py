@@ -10,7 +10,7 @@ import numpy as np
 from lagcli.errors import UsageError
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures.plots import style
-from lagcli.pictures.plots.figure_file import check_resolution, new_figure, write_figure
+from lagcli.pictures.plots.figure_file import FigureFile
 
 _WIDTH, _PANEL, _SPECTRUM = 6.0, 2.4, 4.2  # inches
 _USUAL = 4  # panels that are drawn where none is named
@@ -24,17 +24,7 @@ _KINDS = {
 }
 
 
-def plot_analysis(
-    content: Mapping[str, Any],
-    names: Sequence[str],
-    path: str,
-    kind: str,
-    *,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-    dpi: float = 150,
-    force: bool = False,
-) -> None:
+def plot_analysis(content: Mapping[str, Any], names: Sequence[str], target: FigureFile) -> None:
     """Plot the content of a file of an analysis.
 
     Parameters
@@ -43,8 +33,7 @@ def plot_analysis(
         Of ``lagcli equilibrium --along`` or of ``lagcli modes``.
     names : sequence of str
         Coordinates, velocities and multipliers of branches; by default those that change.
-    path, kind, title, size, dpi, force
-        As for `lagcli.plot`.
+    target : FigureFile
 
     Raises
     ------
@@ -53,28 +42,21 @@ def plot_analysis(
     FileError
         The file cannot be written.
     """
+    title = content["model"]
     if "branches" in content:
         panels = _panels(content, names)
-        shape = size or (_WIDTH, _PANEL * len(panels) + 0.4)
+        with target.figure((_WIDTH, _PANEL * len(panels) + 0.4), title) as figure:
+            _draw_branches(figure, content, panels)
     elif content["command"] == "modes":
         if names:
             raise UsageError("a spectrum is plotted whole; give no names")
-        shape = size or (_WIDTH, _SPECTRUM)
+        with target.figure((_WIDTH, _SPECTRUM), title) as figure:
+            _draw_spectrum(figure, content)
     else:
         raise UsageError(
             f"a file of lagcli {content['command']} has no plot; lagcli info describes it, and"
             " lagcli equilibrium --along makes branches to plot"
         )
-    check_resolution(shape, dpi)
-    shown = content["model"] if title is None else title
-    with new_figure(shape, dpi) as figure:
-        if "branches" in content:
-            _draw_branches(figure, content, panels)
-        else:
-            _draw_spectrum(figure, content)
-        if shown:
-            figure.suptitle(shown.replace("$", r"\$"))
-        write_figure(figure, path, kind, shown, force)
 
 
 def _series(branch: Mapping[str, Any]) -> dict[str, Sequence[float]]:

@@ -18,6 +18,7 @@ from lagcli.columns import (
     ColumnName,
     column_names,
     read_column_name,
+    unit_of_column,
 )
 from lagcli.equations.render.names import GREEK, Notation, split
 from lagcli.errors import LagcliError, UsageError
@@ -132,11 +133,8 @@ class Catalogue:
 
     def _of(self, name: ColumnName) -> Curve:
         """Return the curve of a column."""
-        quantity, unit = BY_NAME[name.quantity], ""
-        if name.coordinate:
-            unit = quantity.unit_at(self.run.record.units.get(name.coordinate)) or ""
-        elif quantity.role != "residual" and not name.constraint:
-            unit = quantity.unit
+        quantity = BY_NAME[name.quantity]
+        unit = unit_of_column(name, self.run.record.units) or ""
         place = [self._constraints[name.constraint]] if name.constraint else []
         place += [self._places[name.coordinate]] if name.coordinate else []
         return Curve(
@@ -219,7 +217,7 @@ class Catalogue:
     # looks
 
     @cached_property
-    def _names(self) -> Notation | None:
+    def notation(self) -> Notation | None:
         """How the model writes its names; None where the result holds no model."""
         try:
             return Notation(self.run.model)
@@ -229,7 +227,7 @@ class Catalogue:
     def _look(self, name: str, dots: int = 0) -> str:
         """Return a name as matplotlib shows it: in TeX, if it is a letter with a subscript."""
         letter, _ = split(name)
-        names, raw = self._names, _raw(str(ColumnName("qva"[dots], "", name)))
+        names, raw = self.notation, _raw(str(ColumnName("qva"[dots], "", name)))
         if names is None:
             return raw
         label = f"${names.latex(name, dots)}$"
@@ -238,9 +236,9 @@ class Catalogue:
         return label if len(letter) == 1 or letter in GREEK else raw
 
     def _multiplier(self, name: ColumnName) -> str:
-        if self._names is None:
+        if self.notation is None:
             return _raw(str(name))
-        return f"${self._names.latex_multiplier(name.constraint)}$"
+        return f"${self.notation.latex_multiplier(name.constraint)}$"
 
 
 def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:
@@ -269,7 +267,7 @@ def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:
 
 def _values(run: RunFile, curve: Curve, values: Array) -> Array:
     if curve.largest:
-        scale = getattr(run.record, curve.field.replace("residual", "scale"))
+        scale = getattr(run.record, BY_NAME[curve.field].scale)
         known = ~np.isnan(values).all(axis=0) if len(values) else np.ones(len(scale), dtype=bool)
         relative = np.abs(values[:, known]) / np.where(np.isnan(scale[known]), 1.0, scale[known])
         return np.asarray(relative.max(axis=1, initial=0.0))

@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from lagcli.pictures.plots.curves import pretty_unit
 from lagcli.pictures.run_file import RunFile
 
@@ -67,12 +65,7 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
 
 def _start(run: RunFile) -> dict[str, float]:
     """Return the first coordinates and velocities of a run, by the names of their curves."""
-    if not run.count:
-        return {}
-    first = run.columns(("q", "v"), np.zeros(1, dtype=np.intp))
-    found = dict(zip(run.coordinates, first["q"][0].tolist(), strict=True))
-    rates = zip(run.coordinates, first["v"][0].tolist(), strict=True)
-    return found | {f"{name}_dot": value for name, value in rates}
+    return {name.replace("'", "_dot"): value for name, value in run.initial.items()}
 
 
 def _differing(tables: Sequence[dict[str, float]] | Sequence[dict[str, str]]) -> list[str]:

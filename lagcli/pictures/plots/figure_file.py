@@ -8,7 +8,7 @@ import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 from lagcli.errors import UsageError
 from lagcli.pictures.plots import style
@@ -104,6 +104,50 @@ def new_figure(size: tuple[float, float], dpi: float) -> Iterator[Any]:
         # a letter that no font has is drawn as a box, which says enough
         warnings.filterwarnings("ignore", r"Glyph .* missing from")
         yield Figure(figsize=size, dpi=dpi)
+
+
+class FigureFile(NamedTuple):
+    """The file of a plot, and how it is to look.
+
+    Parameters
+    ----------
+    path, kind : str
+        The file, and its format: one of `FORMATS`.
+    title : str, optional
+    size : (float, float), optional
+        Width and height, inches.
+    dpi : float
+        Dots per inch.
+    force : bool
+        Replace an existing file.
+    """
+
+    path: str
+    kind: str
+    title: str | None = None
+    size: tuple[float, float] | None = None
+    dpi: float = 150
+    force: bool = False
+
+    @contextmanager
+    def figure(self, size: tuple[float, float], title: str) -> Iterator[Any]:
+        """Make a figure, which is written when the block ends well.
+
+        Parameters
+        ----------
+        size : (float, float)
+            Width and height, inches, where none is given.
+        title : str
+            Likewise.
+        """
+        size = self.size or size
+        title = title if self.title is None else self.title
+        check_resolution(size, self.dpi if self.kind == "png" else 10)
+        with new_figure(size, self.dpi) as figure:
+            yield figure
+            if title:
+                figure.suptitle(title.replace("$", r"\$"), fontsize=10)
+            write_figure(figure, self.path, self.kind, title, self.force)
 
 
 def write_figure(figure: Any, path: str, kind: str, title: str, force: bool) -> None:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Any
 
 from lagcli.errors import UsageError
-from lagcli.pictures.plots.figure_file import check_picture
+from lagcli.pictures.plots.figure_file import FigureFile, check_picture
 from lagcli.pictures.plots.run_plot import plot_runs
 from lagcli.pictures.plots.sweep_plot import PlottedTable, plot_table
 from lagcli.pictures.plots.sweep_rows import Rows
@@ -67,7 +66,7 @@ def plot(
     path = os.fspath(output)
     kind = check_picture(path, force)
     sources = [results] if isinstance(results, (str, os.PathLike, Trajectory)) else list(results)
-    look: dict[str, Any] = {"title": title, "size": size, "dpi": dpi, "force": force}
+    target = FigureFile(path, kind, title, size, dpi, force)
     analysis = next((found for found in map(_analysis, sources) if found is not None), None)
     if analysis is not None:
         if len(sources) > 1:
@@ -75,20 +74,20 @@ def plot(
         from lagcli.pictures.plots.analysis_plot import plot_analysis
         from lagcli.results.hdf5.analysis_file import read_analysis
 
-        plot_analysis(read_analysis(analysis), names, path, kind, **look)
+        plot_analysis(read_analysis(analysis), names, target)
         return ()
     sweep = next((found for found in map(_sweep, sources) if found is not None), None)
     if sweep is None:
-        plot_runs([RunFile(source, model) for source in sources], names, path, kind, **look)
+        plot_runs([RunFile(source, model) for source in sources], names, target)
         return ()
     if len(sources) > 1:
         raise UsageError(f"{sweep} is a sweep, which is plotted alone")
     table = PlottedTable(sweep)
     if not table.kept or (all(map(table.knows, names)) and (names or table.measures)):
-        plot_table(table, names, path, kind, **look)
+        plot_table(table, names, target)
         return ()
     rows = Rows(sweep, model)
-    plot_runs(rows.runs, names, path, kind, **look)
+    plot_runs(rows.runs, names, target)
     drawn = len(rows.runs)
     return (f"{drawn} of {rows.good} rows are drawn",) if drawn < rows.good else ()
 

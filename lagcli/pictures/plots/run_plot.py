@@ -11,7 +11,7 @@ from lagcli.errors import UsageError
 from lagcli.pictures.plots import style
 from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
 from lagcli.pictures.plots.differences import labels_of
-from lagcli.pictures.plots.figure_file import check_resolution, new_figure, write_figure
+from lagcli.pictures.plots.figure_file import FigureFile
 from lagcli.pictures.plots.panels import Panel, asked, split_by_scale, usual
 from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.plots.ticks import decades, drawable, plain_ticks
@@ -31,17 +31,7 @@ _GREY = {"color": "#404040"}
 Values = Mapping[str, Array]
 
 
-def plot_runs(
-    runs: Sequence[RunFile],
-    names: Sequence[str],
-    path: str,
-    kind: str,
-    *,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-    dpi: float = 150,
-    force: bool = False,
-) -> None:
+def plot_runs(runs: Sequence[RunFile], names: Sequence[str], target: FigureFile) -> None:
     """Plot runs to a file.
 
     Parameters
@@ -51,10 +41,8 @@ def plot_runs(
     names : sequence of str
         What to plot, see `lagcli.pictures.plots.panels.asked`; by default coordinates, multipliers
         and energies.
-    path, kind : str
-        The file to be, and its format: one of `lagcli.pictures.plots.figure_file.FORMATS`.
-    title, size, dpi, force
-        As for `lagcli.plot`.
+    target : FigureFile
+        By default as wide as a page, with the model's name.
 
     Raises
     ------
@@ -73,16 +61,10 @@ def plot_runs(
     largest = _largest(values)
     panels = [split_by_scale(own, largest) for own in panels]
     heights = [_PHASE if panel.over else _TIME for panel in panels[0]]
-    size = size or (WIDTH, sum(heights) + 0.6)
-    check_resolution(size, dpi if kind == "png" else 10)
-    title = _title(runs) if title is None else title
-    with new_figure(size, dpi) as figure:
-        columns = int(size[0] * (dpi if kind == "png" else _PRINTED))
-        drawing = PanelDrawing(figure, runs, values, columns)
-        drawing.draw(panels, heights)
-        if title:
-            figure.suptitle(title.replace("$", r"\$"), fontsize=10)
-        write_figure(figure, path, kind, title, force)
+    with target.figure((WIDTH, sum(heights) + 0.6), _title(runs)) as figure:
+        dpi = target.dpi if target.kind == "png" else _PRINTED
+        columns = int(figure.get_figwidth() * dpi)
+        PanelDrawing(figure, runs, values, columns).draw(panels, heights)
 
 
 def _largest(values: Sequence[Values]) -> dict[str, float]:

@@ -12,15 +12,16 @@ from lagcli.errors import UsageError
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures.plots import style
 from lagcli.pictures.plots.curves import pretty_unit
-from lagcli.pictures.plots.figure_file import check_resolution, new_figure, write_figure
+from lagcli.pictures.plots.figure_file import FigureFile
 from lagcli.pictures.plots.ticks import drawable, plain_ticks
+from lagcli.results.layout import NOT_STATED
+from lagcli.sweeps.row_results import COMPLETED
 from lagcli.trajectory.samples import Array
 
 _WIDTH, _CURVE, _MAP = 6.0, 2.4, 4.0  # inches
 _FAMILIES = 6  # values of a second quantity that a legend distinguishes
 _MARKED = 60  # points of a curve that are marked
 _USUAL = 6  # measures that are drawn where none is named
-_GOOD = 0
 _GREY = "#8C8C8C"
 
 
@@ -58,7 +59,7 @@ class PlottedTable:
 
         self.path = path
         with open_sweep(path) as file:
-            good = file.read("status") == _GOOD
+            good = file.read("status") == COMPLETED
             self.kept = file.kept
             self.title = model_name(str(file.facts["model"])) or ""
             self.varied = [_quantity(c, file.read(c.dataset), False) for c in file.columns]
@@ -102,7 +103,7 @@ class PlottedTable:
 
 
 def _quantity(column: Any, values: Array, measured: bool) -> PlottedQuantity:
-    unit = "" if column.unit == "not stated" else pretty_unit(column.unit)
+    unit = "" if column.unit == NOT_STATED else pretty_unit(column.unit)
     name = column.name.replace("$", r"\$")
     label = f"{name} [{unit}]" if unit else name
     return PlottedQuantity(column.name, label, drawable(values), measured)
@@ -113,17 +114,7 @@ class _Panel(NamedTuple):
     over: tuple[PlottedQuantity, ...]  # one: a curve; two: a map
 
 
-def plot_table(
-    table: PlottedTable,
-    names: Sequence[str],
-    path: str,
-    kind: str,
-    *,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-    dpi: float = 150,
-    force: bool = False,
-) -> None:
+def plot_table(table: PlottedTable, names: Sequence[str], target: FigureFile) -> None:
     """Plot measures of a sweep to a file.
 
     Parameters
@@ -132,8 +123,7 @@ def plot_table(
     names : sequence of str
         Measures, over the one or two quantities that were varied; or ``m:peak``, and ``m:l:peak``
         for a map over m and l. By default all measures, if they are few.
-    path, kind, title, size, dpi, force
-        As for `lagcli.plot`.
+    target : FigureFile
 
     Raises
     ------
@@ -146,10 +136,7 @@ def plot_table(
     if not panels:
         raise UsageError(f"{table.path} holds no measures; sweep with --measure 'peak=max(…)'")
     heights = [_MAP if len(p.over) == 2 else _CURVE for p in panels]
-    size = size or (_WIDTH, sum(heights) + 0.4)
-    check_resolution(size, dpi if kind == "png" else 10)
-    title = table.title if title is None else title
-    with new_figure(size, dpi) as figure:
+    with target.figure((_WIDTH, sum(heights) + 0.4), table.title) as figure:
         grid = figure.add_gridspec(len(panels), 1, height_ratios=heights)
         for place, panel in enumerate(panels):
             ax = figure.add_subplot(grid[place])
@@ -157,9 +144,6 @@ def plot_table(
                 _draw_map(figure, ax, panel)
             else:
                 _draw_curve(ax, panel, table)
-        if title:
-            figure.suptitle(title.replace("$", r"\$"), fontsize=10)
-        write_figure(figure, path, kind, title, force)
 
 
 def _asked(table: PlottedTable, name: str) -> _Panel:

@@ -10,13 +10,15 @@ import numpy as np
 from lagcli.errors import UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
 from lagcli.pictures.plots.thinning import evenly
 from lagcli.pictures.run_file import RunFile
+from lagcli.results.layout import NOT_STATED
+from lagcli.sweeps.row_results import COMPLETED
 from lagcli.trajectory.samples import Array, Record
 
 #: Rows that are drawn: more curves would only cover each other.
 MOST = 200
-_GOOD = 0
 
 
 class Rows:
@@ -54,7 +56,7 @@ class Rows:
                     f"{path} holds measures, and no trajectories: plot {measures}, or sweep with"
                     " --keep trajectories"
                 )
-            good = np.flatnonzero(file.read("status") == _GOOD)
+            good = np.flatnonzero(file.read("status") == COMPLETED)
             if not len(good):
                 raise UsageError(f"{path}: no row was completed, so that there is nothing to plot")
             facts = file.facts
@@ -65,7 +67,7 @@ class Rows:
             columns = file.columns
             values = np.stack([file.read(c.dataset)[good] for c in columns], axis=1)
         self.good = len(good)
-        self.units = {c.name: c.unit for c in columns if c.unit != "not stated"}
+        self.units = {c.name: c.unit for c in columns if c.unit != NOT_STATED}
         chosen = evenly(self.good, MOST)
         self.runs: list[RunFile] = [
             SweepRow(self, int(good[i]), dict(zip([c.name for c in columns], v, strict=True)))
@@ -102,9 +104,7 @@ class SweepRow(RunFile):
         self.record = Record(
             scale_position=unknown,
             scale_velocity=unknown,
-            units={c.name: c.unit for c in model.coordinates if c.unit}
-            | dict(model.output_units)
-            | rows.units,
+            units=result_units(model) | rows.units,
             model=rows.text,
             parameters={**rows.parameters, **varied},
         )

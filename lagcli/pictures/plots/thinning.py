@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from lagcli.arrays import Array, Indices
 
 
 def thin(x: Array, values: Array, columns: int) -> Indices:

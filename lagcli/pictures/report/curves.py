@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName
+from lagcli.arrays import Indices
+from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName, unit_of_column
 from lagcli.equations.render.names import Notation
 from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.report.writing import chosen, unit
@@ -120,7 +120,7 @@ def sections(run: RunFile, names: Notation) -> list[Section]:
         Section("Velocities", "", _by_coordinate(run, names, "v")),
         Section(
             "Multipliers",
-            "λ of each constraint, in joules (or watts) by the unit of the constraint.",
+            "λ of each constraint: an energy (or a power) by what the constraint is in.",
             _multipliers(run, names),
         ),
         _forces(run, names),
@@ -207,7 +207,7 @@ def _thinned(time: Array, values: Array, numbers: float) -> tuple[Array, Array]:
     if len(time) * (width + 1) <= numbers:
         return time, values
     columns = max(1, int(numbers / ((width + 1) * (2 + 2 * width))))
-    kept: NDArray[np.intp] = thin(time, values, columns)
+    kept: Indices = thin(time, values, columns)
     return time[kept], values[kept]
 
 
@@ -243,10 +243,13 @@ def _by_coordinate(run: RunFile, names: Notation, field: str) -> list[Plot]:
 
 
 def _multipliers(run: RunFile, names: Notation) -> list[Plot]:
-    curves = [
-        curve_of(ColumnName("multipliers", c), names, (i,)) for i, c in enumerate(run.constraints)
-    ]
-    return [_abridged(Plot("", "", curves))] if curves else []
+    """Return the plots of λ, one for each unit."""
+    groups: dict[str, list[ReportCurve]] = {}
+    for i, c in enumerate(run.constraints):
+        column = ColumnName("multipliers", c)
+        stated = unit(unit_of_column(column, run.record.units))
+        groups.setdefault(stated, []).append(curve_of(column, names, (i,)))
+    return [_abridged(Plot("", symbol, curves)) for symbol, curves in groups.items()]
 
 
 def _forces(run: RunFile, names: Notation) -> Section:
@@ -317,7 +320,7 @@ def _scalars(names: Notation) -> list[Plot]:
 def _residuals(run: RunFile, names: Notation) -> list[Plot]:
     plots = []
     for quantity in RESIDUALS:
-        scales = getattr(run.record, quantity.name.replace("residual", "scale"))
+        scales = getattr(run.record, quantity.scale)
         curves = [
             curve_of(ColumnName(quantity.name, c), names, (i,), _usable(scales[i]))
             for i, c in enumerate(run.constraints)

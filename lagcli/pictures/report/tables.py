@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-from lagcli.columns import BY_NAME
+from lagcli.columns import BY_NAME, ColumnName, unit_of_column
 from lagcli.pictures.report.curves import ReportCurve
 from lagcli.pictures.report.equations import EquationSystem
 from lagcli.pictures.report.writing import number, table, unit
@@ -130,7 +130,8 @@ def _named(curve: ReportCurve, system: EquationSystem) -> tuple[str, str]:
             return system.symbol(name, int(field == "v")), unit(stated)
         case "multipliers":
             name = run.constraints[place[0]]
-            return f'{system.multiplier(name)} <span class="name">{escape(name)}</span>', ""
+            shown = f'{system.multiplier(name)} <span class="name">{escape(name)}</span>'
+            return shown, unit(unit_of_column(ColumnName("multipliers", name), run.record.units))
         case field if field in BY_NAME:
             quantity = BY_NAME[field]
             return f"{escape(curve.label)}, {escape(quantity.description)}", unit(quantity.unit)

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lagcli.arrays import Array
+
 Bounds = Sequence[tuple[float, float]]
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Image
 from lagcli.pictures.plots.style import ROLES
 from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
 from lagcli.pictures.scene.raster import Raster
@@ -20,9 +20,7 @@ from lagcli.pictures.scene.shapes import (
     commands,
     joints,
 )
-from lagcli.pictures.scene.timing import TRAIL_PART
-
-Image = NDArray[np.uint8]
+from lagcli.pictures.scene.timing import TRAIL_PART, round_number
 
 _LISTED = 6  # vectors whose magnitudes are written
 
@@ -99,9 +97,9 @@ class SceneDrawing:
     def _floor(self) -> None:
         """Draw a grid at the foot of the scene, without which depth is hard to see."""
         (x_low, x_high), (y_low, y_high), (floor, _) = self.scene.bounds
-        step = round_length(max(x_high - x_low, y_high - y_low) / 5)
+        step = round_number(max(x_high - x_low, y_high - y_low) / 5)
 
-        def ticks(low: float, high: float) -> NDArray[np.float64]:
+        def ticks(low: float, high: float) -> Array:
             first, last = math.floor(low / step + 1e-6), math.ceil(high / step - 1e-6)
             return np.arange(first, last + 1, dtype=np.float64) * step
 
@@ -123,7 +121,7 @@ class SceneDrawing:
     def _rule(self) -> None:
         """Draw a length to measure by in a corner."""
         raster = self.raster
-        length = round_length(0.2 * raster.width / self.camera.scale)
+        length = round_number(0.2 * raster.width / self.camera.scale)
         pixels, tick = length * self.camera.scale, 4 * raster.unit
         ends = [(14, 12 + tick), (14, 12), (14 + pixels, 12), (14 + pixels, 12 + tick)]
         raster.line(ends, ROLES["ground"], 1.2)
@@ -161,9 +159,3 @@ def three_digits(value: float) -> str:
     if 1000 <= value < 1e6:
         return f"{float(f'{value:.3g}'):.0f}"
     return f"{value:#.3g}".rstrip(".")
-
-
-def round_length(length: float) -> float:
-    """Return the largest of 1, 2, 5 times a power of ten that is no greater."""
-    power = 10.0 ** math.floor(math.log10(length))
-    return power * next(n for n in (5, 2, 1) if n * power <= length * (1 + 1e-9))

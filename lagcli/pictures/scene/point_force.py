@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from symengine import Basic
@@ -18,6 +19,7 @@ _LEFT = 1e-6
 _SINGULAR, _NEVER = 1e-9, 1e-6
 
 
+@dataclass(frozen=True, eq=False)
 class PointForce:
     """The force of a constraint at points, from their derivatives by the coordinates.
 
@@ -34,16 +36,11 @@ class PointForce:
         J, row by row.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        arrow: Arrow,
-        rows: list[tuple[str, int]],
-        columns: list[int],
-        entries: list[Basic],
-    ):
-        self.model, self.arrow = model, arrow
-        self.rows, self.columns, self.entries = rows, columns, entries
+    model: Model
+    arrow: Arrow
+    rows: list[tuple[str, int]]
+    columns: list[int]
+    entries: list[Basic]
 
     def at(self, work: Array, entries: Sequence[Array]) -> Iterator[tuple[str, tuple[Array, ...]]]:
         """Yield the points and the components of the force at each.

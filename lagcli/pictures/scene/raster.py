@@ -11,9 +11,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lagcli.arrays import Array, Image
 
 #: The size at which the outlines of characters are kept, and the middle of small letters in it.
 _EM, _MIDDLE = 100.0, 0.36
@@ -57,7 +56,7 @@ class Raster:
         self._as_it_is = IdentityTransform()
         self._rgba = to_rgba
 
-    def clear(self, still: NDArray[np.uint8] | None = None) -> None:
+    def clear(self, still: Image | None = None) -> None:
         """Begin with a clean sheet, or with a picture: (height, width, 4)."""
         self.renderer.clear()
         if still is not None:
@@ -66,7 +65,7 @@ class Raster:
         sheet = [(0, 0), (self.width, 0), (self.width, self.height), (0, self.height)]
         self.area(np.array(sheet, dtype=float), self.paper)
 
-    def image(self) -> NDArray[np.uint8]:
+    def image(self) -> Image:
         """Return a copy of the picture: (height, width, 3)."""
         return np.asarray(self.renderer.buffer_rgba())[:, :, :3].copy()
 

@@ -24,13 +24,12 @@ vertical): see `frames`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.model.model import Segment
 from lagcli.trajectory.samples import Array
@@ -132,39 +131,25 @@ class Scene:
             What stands for an array; a list by default.
         """
         numbers = numbers or _numbers
+
+        def fields(shape: DrawnDisc | DrawnVector) -> dict[str, Any]:
+            return {name: of(value) for name, value in shape._asdict().items()}
+
+        def of(value: Any) -> Any:
+            if isinstance(value, tuple):
+                return [numbers(x) for x in value]
+            return numbers(value) if isinstance(value, np.ndarray) else value
+
         shapes: list[dict[str, Any]] = [
-            {"kind": "guide" if s.kind == "guide" else s.kind, "name": s.name}
-            | {"from": s.start, "to": s.end}
-            for s in self.segments
+            {"kind": s.kind, "name": s.name, "from": s.start, "to": s.end} for s in self.segments
         ]
-        shapes += [
-            {
-                "kind": "disc",
-                "name": d.name,
-                "center": d.center,
-                "radius": numbers(d.radius),
-                "angle": None if d.angle is None else numbers(d.angle),
-                "normal": None if d.normal is None else [numbers(x) for x in d.normal],
-            }
-            for d in self.discs
-        ]
+        shapes += [{"kind": "disc", **fields(d)} for d in self.discs]
         shapes += [{"kind": "ground", "at": name} for name in self.grounds]
         shapes += [{"kind": "trail", "of": name} for name in self.trails]
         shapes += [
             {"kind": "label", "at": at, "text": text} for at, text in (self.labels or {}).items()
         ]
-        shapes += [
-            {
-                "kind": "vector",
-                "name": v.name,
-                "quantity": v.quantity,
-                "at": v.at,
-                "components": [numbers(x) for x in v.components],
-                "unit": v.unit,
-                "scale": v.scale,
-            }
-            for v in self.vectors
-        ]
+        shapes += [{"kind": "vector", **fields(v)} for v in self.vectors]
         return {
             "dimension": self.dimension,
             "bounds": [list(pair) for pair in self.bounds],
@@ -219,7 +204,7 @@ def extent_of(
     return extent
 
 
-def frames(normal: Sequence[Array]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def frames(normal: Sequence[Array]) -> tuple[Array, Array]:
     """Return the two directions in which the discs of some normals lie.
 
     Parameters
@@ -252,9 +237,4 @@ def _joined(*ranges: tuple[float, float]) -> tuple[float, float]:
 
 def _numbers(values: Array) -> list[float | None]:
     """Return values for JSON, with nine digits: finer than any screen."""
-    return list(_rounded(values))
-
-
-def _rounded(values: Array) -> Iterator[float | None]:
-    for x in values.tolist():
-        yield float(f"{x:.9g}") if np.isfinite(x) else None
+    return [float(f"{x:.9g}") if np.isfinite(x) else None for x in values.tolist()]

@@ -8,14 +8,12 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.pictures.plots.style import ROLES
 from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
 from lagcli.pictures.scene.raster import Raster
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, frames
-
-Array = NDArray[np.float64]
 
 #: What is painted over what.
 LAYERS = ("guide", "ground", "trail", "disc", "spring", "rod", "joint", "vector", "label")
@@ -64,13 +62,8 @@ class Moment:
         now: float,
         trail: float,
     ):
-        self.scene, self.camera, self.raster, self.now, self.trail = (
-            scene,
-            camera,
-            raster,
-            now,
-            trail,
-        )
+        self.scene, self.camera, self.raster = scene, camera, raster
+        self.now, self.trail = now, trail
         self.points = {name: self.vector(series) for name, series in scene.points.items()}
         self.places = {name: camera.project(point) for name, point in self.points.items()}
 

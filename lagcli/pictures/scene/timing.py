@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 
 #: Real time, by default, for motions of this many seconds; others are slowed down or sped up.
@@ -54,7 +54,7 @@ class Timing(NamedTuple):
         """How far back the trail of a point goes, s: what can be followed while it moves."""
         return min(TRAIL_PART * (self.end - self.start), _TRAIL_SECONDS * self.speed)
 
-    def frames(self, fps: float) -> NDArray[np.float64]:
+    def frames(self, fps: float) -> Array:
         """Return the times of the frames, s: evenly spaced, both ends among them.
 
         Raises
@@ -127,14 +127,14 @@ def timing(
 def usual_speed(span: float) -> float:
     """Return the speed at which a motion of so many seconds is shown unless one is requested."""
     if span > _LONG:
-        return _round(span / _LONG, up=True)
+        return round_number(span / _LONG, up=True)
     if 0 < span < _SHORT:
-        return _round(span / _SLOWED, up=False)
+        return round_number(span / _SLOWED)
     return 1.0
 
 
-def _round(value: float, *, up: bool) -> float:
-    """Return the next 1, 2 or 5 times a power of ten."""
+def round_number(value: float, *, up: bool = False) -> float:
+    """Return 1, 2 or 5 times a power of ten: the largest that is no greater, or the next one."""
     power = math.floor(math.log10(value))
     steps = [float(f"{n}e{p}") for p in (power, power + 1) for n in (1, 2, 5)]
     if up:

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 import symengine as se
-from numpy.typing import NDArray
 from symengine import Basic
 
+from lagcli.arrays import Indices
 from lagcli.columns import read_dotted_name
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.render.names import Notation
+from lagcli.model.dimensions.symbolic import symbolic_unit
 from lagcli.model.model import (
     TIME,
     Arrow,
@@ -27,8 +28,6 @@ from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.point_force import PointForce, point_force
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, extent_of, scaled
 from lagcli.trajectory.samples import Array, Terms
-
-Indices = NDArray[np.intp]
 
 #: Numbers that a tape holds at once: 32 MB.
 _HELD = 1 << 22
@@ -186,19 +185,18 @@ class ViewEvaluator:
             view.grounds,
             view.trails,
             labels,
-            "m" if self._stated() else "",
+            "m" if model.units.stated else "",
         )
 
     def _unit(self, arrow: Arrow) -> str:
         """Return the unit of a vector: of points in metres, where the model has units at all."""
         if arrow.unit is not None:
             return arrow.unit
-        return {"velocity": "m/s", "force": "N"}.get(arrow.quantity, "") if self._stated() else ""
-
-    def _stated(self) -> bool:
-        """Return whether the model has units at all."""
-        stated = any(c.unit for c in self._model.coordinates)
-        return stated or any(p.unit for p in self._model.parameters.values())
+        if arrow.quantity == "vector":
+            units = {symbolic_unit(self._model, x) for x in arrow.components if x != 0}
+            return (units.pop() or "") if len(units) == 1 else ""
+        stated = self._model.units.stated
+        return {"velocity": "m/s", "force": "N"}[arrow.quantity] if stated else ""
 
     def _values(
         self, columns: Mapping[str, Array], terms: Terms, parameters: Mapping[str, float]

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from lagcli.columns import BY_NAME, SCALARS, ColumnName, read_dotted_name
+from lagcli.columns import BY_NAME, REQUIRED, SCALARS, ColumnName, read_dotted_name
 from lagcli.errors import FileError
 from lagcli.results.csv.sidecar import read_sidecar
 from lagcli.results.csv.writer import titles
@@ -47,7 +47,9 @@ class CsvReader:
     def __init__(self, path: str, file: TextIO):
         self._path, self._file = path, file
         self._header = next(csv.reader(file, strict=True), [])
-        self.coordinates, self.constraints, self.terms, self.outputs = _names(path, self._header)
+        self.coordinates, self.constraints, self.terms, self.outputs, self._missing = _names(
+            path, self._header
+        )
         self.layout = SCHEMA_VERSION
         self._reached = -math.inf  # the time of the last sample so far
         self.record = read_sidecar(path, len(self.constraints))
@@ -91,8 +93,11 @@ class CsvReader:
         for name, of_name in titles(
             self.coordinates, self.constraints, names, self.outputs
         ).items():
-            block = np.ascontiguousarray(table[:, position : position + len(of_name)])
-            position += len(of_name)
+            if name in self._missing:
+                block = np.full((len(table), len(of_name)), np.nan)
+            else:
+                block = np.ascontiguousarray(table[:, position : position + len(of_name)])
+                position += len(of_name)
             if name == "outputs":
                 fields[name] = {n: block[:, i].copy() for i, n in enumerate(self.outputs)}
             else:
@@ -127,8 +132,11 @@ def _check_last_line(path: str) -> None:
 
 def _names(
     path: str, header: list[str]
-) -> tuple[tuple[str, ...], tuple[str, ...], Terms, tuple[str, ...]]:
-    """Return the coordinates, constraints, terms and outputs that the header names."""
+) -> tuple[tuple[str, ...], tuple[str, ...], Terms, tuple[str, ...], set[str]]:
+    """Return the coordinates, constraints, terms and outputs that the header names.
+
+    The last are the quantities that it lacks: those that were added after the file was written.
+    """
     # Forces follow the accelerations; without a coordinate there are none, and scalars follow.
     named = [read_dotted_name(text) or ColumnName("") for text in header]
     forces = ("multipliers", "constraint_force", "constraint_force_by")
@@ -138,8 +146,13 @@ def _names(
     constraints = tuple(n.constraint for n in named if n.quantity == "multipliers")
     pairs = [(n.constraint, n.coordinate) for n in named if n.quantity == "constraint_force_by"]
     terms = _terms(pairs, coordinates, constraints)
-    blocks = titles(coordinates, constraints, pairs, ()).values()
-    fixed = [text for block in blocks for text in block]
+    blocks, there = titles(coordinates, constraints, pairs, ()), set(header)
+    missing = {
+        name
+        for name, texts in blocks.items()
+        if texts and name not in REQUIRED and there.isdisjoint(texts)
+    }
+    fixed = [text for name, texts in blocks.items() if name not in missing for text in texts]
     if terms is None or header[: len(fixed)] != fixed:
         raise FileError(
             f"cannot read {path}: it is CSV, but not of lagcli, whose columns are t, coordinates, "
@@ -148,7 +161,7 @@ def _names(
     for names in (coordinates, constraints, header[len(fixed) :]):
         if len(set(names)) < len(names):
             raise FileError(f"cannot read {path}: two of its columns have one name")
-    return coordinates, constraints, terms, tuple(header[len(fixed) :])
+    return coordinates, constraints, terms, tuple(header[len(fixed) :]), missing
 
 
 def _terms(

@@ -8,15 +8,13 @@ import io
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack
 from itertools import chain
-from types import TracebackType
 
 import numpy as np
 
 from lagcli.columns import SAMPLED, column_names
 from lagcli.errors import FileError, UsageError
-from lagcli.results.atomic import abandon, check_writable, whole_file
+from lagcli.results.atomic import FileWriter, check_writable, whole_file
 from lagcli.results.csv.sidecar import sidecar_path, sidecar_text
 from lagcli.results.layout import term_names
 from lagcli.results.reasons import write_failure
@@ -54,7 +52,7 @@ def titles(
     return {**found, "outputs": list(outputs)}
 
 
-class CsvWriter:
+class CsvWriter(FileWriter):
     """Writes a run as CSV as its samples come; see `lagcli.results.formats.Writer`.
 
     Parameters
@@ -80,22 +78,11 @@ class CsvWriter:
     """
 
     def __init__(self, path: str, force: bool = False, meta: bool = False):
+        super().__init__()
         self._path, self._force, self._meta = path, force, meta
-        self._opened = ExitStack()
         self._write: Callable[[bytes], object] | None = None
         self._digest = hashlib.sha256()
         self._samples = 0
-
-    def __enter__(self) -> CsvWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        abandon(self._opened, error)
 
     def append(self, samples: Samples) -> None:
         """Write the next samples."""
@@ -115,7 +102,7 @@ class CsvWriter:
                 **self._names,
             }
             self._beside.write(sidecar_text(record, contents))
-        self._opened.close()
+        self.opened.close()
         if self._path != "-" and not self._meta:
             _remove(sidecar_path(self._path))
 
@@ -129,8 +116,8 @@ class CsvWriter:
             return _standard_output()
         if self._meta:  # opened first, so that it is named last
             sidecar = whole_file(sidecar_path(self._path), self._force)
-            self._beside = self._opened.enter_context(sidecar)
-        return self._opened.enter_context(whole_file(self._path, self._force)).write
+            self._beside = self.opened.enter_context(sidecar)
+        return self.opened.enter_context(whole_file(self._path, self._force)).write
 
     def _put(self, write: Callable[[bytes], object], data: bytes) -> None:
         if self._meta:

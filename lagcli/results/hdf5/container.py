@@ -13,8 +13,8 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 from h5py import h5a, h5d, h5ds, h5p, h5s, h5t
-from numpy.typing import NDArray
 
+from lagcli.arrays import Indices
 from lagcli.results.atomic import whole_file
 from lagcli.results.hdf5.seal import seal
 from lagcli.trajectory.samples import Array
@@ -137,7 +137,7 @@ def append(dataset: h5d.DatasetID, start: int, values: Array) -> None:
     dataset.write(h5s.create_simple(values.shape), space, values)
 
 
-def add_indices(group: h5py.Group, name: str, values: NDArray[np.intp]) -> h5d.DatasetID:
+def add_indices(group: h5py.Group, name: str, values: Indices) -> h5d.DatasetID:
     """Write a list of places in other lists."""
     places = np.asarray(values, dtype="<i4")
     space = h5s.create_simple(places.shape)

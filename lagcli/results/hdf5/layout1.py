@@ -18,24 +18,17 @@ from typing import Any
 import h5py
 import numpy as np
 
-from lagcli.columns import SAMPLED
+from lagcli.columns import BY_NAME, SAMPLED, ResultQuantity
 from lagcli.errors import FileError
 from lagcli.results.hdf5.container import add_array, add_texts, new_file, set_text
 from lagcli.results.hdf5.opening import damage, not_of_lagcli
-from lagcli.results.hdf5.structure import group, numbers, stored_within
+from lagcli.results.hdf5.structure import group, numbers, read_quantity, stored_within
 from lagcli.results.metadata import KIND, TEXTS, from_metadata
 from lagcli.trajectory.samples import Array, Record, Samples, Terms
 
 _VERSION = "1"
 #: The mappings that layout 1 has; those that came later are empty in the copy.
 _MAPPINGS = ("units", "parameters", "options", "counts", "seconds", "initial_correction")
-#: The columns that it has; those that came later are NaN in the copy.
-_COLUMNS = {
-    *("time", "q", "v", "a", "multipliers", "constraint_force", "constraint_force_by"),
-    *("energy_kinetic", "energy_potential", "energy_total", "energy_balance"),
-    *("power_applied", "power_constraint", "power_time", "scale_position", "scale_velocity"),
-    *("residual_position", "residual_velocity", "residual_equation"),
-}
 #: How a heap of texts begins.
 _HEAP = b"GCOL\1\0\0\0"
 #: Numbers that are read together.
@@ -159,28 +152,22 @@ def _copy_trajectory(root: h5py.File, target: str) -> None:
     length = {"time": numbers(root, "time").shape[0], **{k: len(v) for k, v in names.items()}}
     nt, nq, nc = length.values()
 
-    def read(name: str, axes: tuple[str, ...], rows: slice = slice(None)) -> Array:
-        expected = tuple(length[axis] for axis in axes)
-        if name not in _COLUMNS:
-            return np.full(expected, np.nan)[rows]
-        dataset = numbers(root, name)
-        if dataset.shape != expected:
-            raise ValueError(f"{name} has shape {dataset.shape}, not {expected}")
-        return np.asarray(dataset[rows], dtype=np.float64)
+    def read(quantity: ResultQuantity, rows: slice = slice(None)) -> Array:
+        return read_quantity(root, quantity, length, rows)
 
     outputs = group(root, "outputs")
-    dense = ("time", "constraint", "coordinate")
+    dense = BY_NAME["constraint_force_by"]._replace(axes=("time", "constraint", "coordinate"))
     slab = max(1, _SLAB // max(1, nc * nq, 10 * (nq + nc) + len(outputs)))
     slabs = [slice(start, min(start + slab, nt)) for start in range(0, nt, slab)] or [slice(0, 0)]
     acting = np.zeros((nc, nq), dtype=bool)
     for rows in slabs:
-        acting |= (read("constraint_force_by", dense, rows) != 0).any(axis=0)
+        acting |= (read(dense, rows) != 0).any(axis=0)
     terms = Terms.of(np.argwhere(acting), (nc, nq))
     columns = [q for q in SAMPLED if q.name != "constraint_force"]
     with Hdf5Writer(target) as writer:
         for rows in slabs:
-            arrays = {q.name: read(q.name, q.axes, rows) for q in columns if "term" not in q.axes}
-            by = read("constraint_force_by", dense, rows)
+            arrays = {q.name: read(q, rows) for q in columns if "term" not in q.axes}
+            by = read(dense, rows)
             writer.append(
                 Samples(
                     coordinates=names["coordinate"],
@@ -191,9 +178,7 @@ def _copy_trajectory(root: h5py.File, target: str) -> None:
                     **arrays,
                 )
             )
-        scales: dict[str, Any] = {
-            n: read(n, ("constraint",)) for n in ("scale_position", "scale_velocity")
-        }
+        scales: dict[str, Any] = {n: read(BY_NAME[n]) for n in ("scale_position", "scale_velocity")}
         writer.finish(Record(**scales, **fields))
 
 

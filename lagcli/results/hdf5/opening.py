@@ -6,16 +6,14 @@ none; another process, which may loop or crash without harm, copies them into th
 
 from __future__ import annotations
 
-import atexit
 import os
-import shutil
 import struct
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import h5py
 
@@ -79,7 +77,7 @@ def open_verified(path: str | os.PathLike[str], version: str) -> Iterator[Opened
     check_readable(path)
     _check_start(path)
     layout = version if is_sealed(path) else "1"
-    source = path if layout == version else _copies.of(path, version)
+    source = path if layout == version else _copy_of(path, version)
     try:
         # A file under its final name is whole and stays so: no lock is needed, and some network
         # file systems have none.
@@ -90,12 +88,6 @@ def open_verified(path: str | os.PathLike[str], version: str) -> Iterator[Opened
             yield Opened(root, text_attribute(root, "kind") or "", layout)
     except _DAMAGE as error:
         raise damage(path, error) from error
-
-
-def kind_of(path: str | os.PathLike[str], version: str) -> str:
-    """Return the kind of an HDF5 file of lagcli; for the errors see `open_verified`."""
-    with open_verified(path, version) as opened:
-        return opened.kind
 
 
 def damage(path: str, error: Exception) -> FileError:
@@ -150,38 +142,21 @@ def _check_start(path: str) -> None:
         raise damage(path, ValueError(f"it has {size} of {end} bytes"))
 
 
-class _Copies:
-    """The last copy of a file of layout 1, until the process ends."""
-
-    def __init__(self) -> None:
-        self._folder: str | None = None
-        self._key: tuple[Any, ...] | None = None
-
-    def of(self, path: str, version: str) -> str:
-        """Return the name of a copy in the present layout."""
-        found = os.stat(path)
-        key = (path, found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns)
-        if self._folder is None or key != self._key:
-            self.close()
-            self._folder = tempfile.mkdtemp(prefix="lagcli-")
-            _copy(path, self._name, version, _SECONDS + found.st_size / _RATE)
-            self._key = key
-        return self._name
-
-    def close(self) -> None:
-        """Remove the copy."""
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
-        self._folder = self._key = None
-
-    @property
-    def _name(self) -> str:
-        assert self._folder is not None
-        return os.path.join(self._folder, "copy.h5")
+#: The folder of the last copy of a file of layout 1, by what the system says of the file.
+_copies: dict[tuple[object, ...], tempfile.TemporaryDirectory[str]] = {}
 
 
-_copies = _Copies()
-atexit.register(_copies.close)
+def _copy_of(path: str, version: str) -> str:
+    """Return the name of a copy in the present layout, which lasts until the process ends."""
+    found = os.stat(path)
+    key = (path, found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns)
+    if key not in _copies:
+        while _copies:
+            _copies.popitem()[1].cleanup()
+        folder = tempfile.TemporaryDirectory(prefix="lagcli-")
+        _copy(path, os.path.join(folder.name, "copy.h5"), version, _SECONDS + found.st_size / _RATE)
+        _copies[key] = folder
+    return os.path.join(_copies[key].name, "copy.h5")
 
 
 def _copy(path: str, copy: str, version: str, seconds: float) -> None:

@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping
 from typing import Any
 
 import h5py
 import numpy as np
 from h5py import h5d, h5z
+
+from lagcli.arrays import Array
+from lagcli.columns import REQUIRED, ResultQuantity
 
 #: Bytes that a compressed byte stands for at most: DEFLATE gives no more.
 _DEFLATED = 1040
@@ -52,6 +56,33 @@ def numbers(parent: h5py.Group, name: str, kind: str = "<f8") -> h5py.Dataset:
     if dataset.dtype != np.dtype(kind):
         raise ValueError(f"{name} holds {dataset.dtype} and not {np.dtype(kind)}")
     return dataset
+
+
+def read_quantity(
+    root: h5py.Group, quantity: ResultQuantity, lengths: Mapping[str, int], rows: slice
+) -> Array:
+    """Return some rows of a quantity; NaN if it was added after the file was written.
+
+    Parameters
+    ----------
+    root : h5py.Group
+    quantity : ResultQuantity
+    lengths : mapping of str to int
+        Of its axes, by their names.
+    rows : slice
+
+    Raises
+    ------
+    ValueError
+        As `numbers`; or its shape is not that of its axes.
+    """
+    expected = tuple(lengths[axis] for axis in quantity.axes)
+    if quantity.name not in root and quantity.name not in REQUIRED:
+        return np.full(expected, np.nan)[rows]
+    dataset = numbers(root, quantity.name)
+    if dataset.shape != expected:
+        raise ValueError(f"{quantity.name} has shape {dataset.shape}, not {expected}")
+    return np.asarray(dataset[rows], dtype=np.float64)
 
 
 def texts(parent: h5py.Group, name: str) -> h5py.Dataset:

@@ -5,16 +5,15 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from types import TracebackType
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
-from lagcli.columns import BY_NAME, QUANTITIES, SAMPLED
+from lagcli.columns import BY_NAME, QUANTITIES, SAMPLED, UNIT_DATASETS, units_along
 from lagcli.errors import FileError
-from lagcli.results.atomic import abandon, check_writable
+from lagcli.results.atomic import FileWriter, check_writable
 from lagcli.results.hdf5.container import (
     add_array,
     add_growing,
@@ -28,7 +27,7 @@ from lagcli.results.hdf5.container import (
 )
 from lagcli.results.hdf5.opening import Opened, not_of_lagcli, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, OutputFamily, output_families
-from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute
+from lagcli.results.hdf5.structure import numbers, read_quantity, read_texts, text_attribute
 from lagcli.results.layout import NOT_STATED, shared_unit, term_names, unit
 from lagcli.results.metadata import (
     KIND,
@@ -67,7 +66,7 @@ def check_hdf5_target(path: str, force: bool = False, meta: bool = False) -> Non
     check_writable(path, force)
 
 
-class Hdf5Writer:
+class Hdf5Writer(FileWriter):
     """Writes a run to an HDF5 file as its samples come; see `lagcli.results.formats.Writer`.
 
     Parameters
@@ -86,24 +85,13 @@ class Hdf5Writer:
     """
 
     def __init__(self, path: str, force: bool = False, meta: bool = False):
+        super().__init__()
         self._path, self._force = path, force
-        self._opened = ExitStack()
         self._root: h5py.File | None = None
         self._held: list[Samples] = []
         self._held_bytes = 0
         self._written = 0  # samples
         self._datasets: dict[str, Any] = {}
-
-    def __enter__(self) -> Hdf5Writer:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        abandon(self._opened, error)
 
     def append(self, samples: Samples) -> None:
         """Take the next samples."""
@@ -117,7 +105,7 @@ class Hdf5Writer:
         if self._held:
             self._write_held(growing=bool(self._written))
         self._describe(record)
-        self._opened.close()
+        self.opened.close()
 
     def _begin(self, first: Samples) -> None:
         self._coordinates, self._constraints = first.coordinates, first.constraints
@@ -125,7 +113,7 @@ class Hdf5Writer:
         columns = _columns(first, self._families)
         self._shapes = {name: values.shape[1:] for name, values in columns.items()}
         self._rows = max(1, _CHUNK // sum(map(math.prod, self._shapes.values())))
-        self._root, self._sink = self._opened.enter_context(new_file(self._path, self._force))
+        self._root, self._sink = self.opened.enter_context(new_file(self._path, self._force))
         # the model's order of outputs, not the alphabet
         self._root.create_group("outputs", track_order=True)
 
@@ -183,13 +171,16 @@ class Hdf5Writer:
             dataset = datasets[quantity.name]
             if quantity.name not in axes:
                 attach_axes(dataset, [axes[axis] for axis in quantity.axes])
-            _say(dataset, quantity.description, unit(quantity, self._coordinates, record.units))
+            stated = unit(quantity, self._coordinates, self._constraints, record.units)
+            _say(dataset, quantity.description, stated)
 
-        units = [record.units.get(name, NOT_STATED) for name in self._coordinates]
-        if any(u != NOT_STATED for u in units):
-            dataset = add_texts(root, "coordinate_unit", units)
-            attach_axes(dataset, [axes["coordinate"]])
-            _say(dataset, "units of the coordinates", "none")
+        for name, axis, array in UNIT_DATASETS:
+            quantity = BY_NAME[array]
+            units = units_along(quantity, self._coordinates, self._constraints, record.units)
+            if any(units):
+                dataset = add_texts(root, name, [u or NOT_STATED for u in units])
+                attach_axes(dataset, [axes[axis]])
+                _say(dataset, f"units of the {quantity.description}", "none")
 
         for family in self._families:
             dataset, along = datasets[_OUTPUTS + family.dataset], [axes["time"]]
@@ -232,7 +223,10 @@ def open_hdf5(path: str) -> Iterator[Hdf5Reader]:
 
 
 class Hdf5Reader:
-    """An open file; see `lagcli.results.formats.Reader`. Damage raises whatever HDF5 raises."""
+    """An open file; see `lagcli.results.formats.Reader`. Damage raises whatever HDF5 raises.
+
+    A column that is not in `lagcli.columns.REQUIRED` and that the file lacks is NaN.
+    """
 
     def __init__(self, opened: Opened):
         self._root, self.layout = opened.root, opened.layout
@@ -300,15 +294,7 @@ class Hdf5Reader:
         """Return some rows of a quantity, or all, if it has the shape that it should have."""
         if name.startswith(_OUTPUTS):
             output = name.removeprefix(_OUTPUTS)
-            shape, expected = self._outputs.shape(output), (self._length["time"],)
-        else:
-            dataset = numbers(self._root, name)
-            shape, expected = (
-                dataset.shape,
-                tuple(self._length[axis] for axis in BY_NAME[name].axes),
-            )
-        if shape != expected:
-            raise ValueError(f"{name} has shape {shape}, not {expected}")
-        if name.startswith(_OUTPUTS):
+            if (shape := self._outputs.shape(output)) != (self._length["time"],):
+                raise ValueError(f"{name} has shape {shape}, not {(self._length['time'],)}")
             return self._outputs.read(output, rows)
-        return np.asarray(dataset[rows], dtype=np.float64)
+        return read_quantity(self._root, BY_NAME[name], self._length, rows)

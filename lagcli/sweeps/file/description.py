@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import os
-import textwrap
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from lagcli.results.layout import NOT_STATED
+from lagcli.results.listing import entry, number, pairs
 from lagcli.sweeps.columns import Column
 from lagcli.sweeps.file.store import SLAB, SweepFile, open_sweep
 
-_WIDTH, _LABEL = 100, 14
+_entry = partial(entry, width=14)
 _LONGEST = 120  # characters of what is said of one varied quantity
 
 
@@ -67,7 +68,7 @@ def _extremes(file: SweepFile, column: Column) -> dict[str, Any]:
         low = np.fmin(low, np.fmin.reduce(values))
         high = np.fmax(high, np.fmax.reduce(values))
     known = {k: None if np.isnan(x) else float(x) for k, x in (("min", low), ("max", high))}
-    return {**column.as_json(), **known}
+    return {**column._asdict(), **known}
 
 
 def format_sweep(info: Mapping[str, Any]) -> str:
@@ -92,14 +93,14 @@ def format_sweep(info: Mapping[str, Any]) -> str:
         )
     if info["samples"]:
         lines += _entry("kept", f"trajectories of {info['samples']} samples")
-    lines += _entry("parameters", _pairs(info["parameters"]))
-    lines += _entry("options", _pairs(info["options"]))
-    lines += _entry("seconds", _pairs(info["seconds"]))
+    lines += _entry("parameters", pairs(info["parameters"]))
+    lines += _entry("options", pairs(info["options"]))
+    lines += _entry("seconds", pairs(info["seconds"]))
     table = [*info["columns"], *info["measures"]]
     width = max([16, *(len(_title(x)) for x in table)])
     lines += ["", f"{'column':<{width}}  {'min':>13}  {'max':>13}"]
     lines += [
-        f"{_title(x):<{width}}  {_number(x['min']):>13}  {_number(x['max']):>13}" for x in table
+        f"{_title(x):<{width}}  {number(x['min']):>13}  {number(x['max']):>13}" for x in table
     ]
     return "\n".join(lines)
 
@@ -107,18 +108,3 @@ def format_sweep(info: Mapping[str, Any]) -> str:
 def _title(column: Mapping[str, Any]) -> str:
     unit = column["unit"]
     return column["name"] + ("" if unit == NOT_STATED else f" [{unit}]")
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.6g}"
-
-
-def _pairs(values: Mapping[str, Any]) -> str:
-    shown = (f"{x:.6g}" if isinstance(x, float) else str(x) for x in values.values())
-    return ", ".join(f"{name} = {x}" for name, x in zip(values, shown, strict=True))
-
-
-def _entry(label: str, text: str) -> list[str]:
-    text = "".join(c if c.isprintable() or c.isspace() else "�" for c in text)
-    lines = textwrap.wrap(text, _WIDTH - _LABEL, break_on_hyphens=False)
-    return [f"{label if not i else '':<{_LABEL}}{line}" for i, line in enumerate(lines)]

@@ -7,14 +7,15 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.errors import FileError
 from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
 from lagcli.results.hdf5.container import add_texts, make_axis, new_file, set_text
 from lagcli.results.hdf5.opening import Opened, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, output_families
@@ -22,14 +23,13 @@ from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute, t
 from lagcli.results.layout import shared_unit, unit
 from lagcli.results.metadata import check_model, check_times, shortened, storable, to_json
 from lagcli.sweeps.columns import COUNTS, KEPT, KIND, SCHEMA_VERSION, Column, kept_layout
-from lagcli.sweeps.plan.spec import Spec
 from lagcli.sweeps.row_results import STATUSES, Results
 from lagcli.sweeps.row_status import runs_of
 from lagcli.trajectory.samples import SIGN_CONVENTION
 from lagcli.version import __version__
 
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
+if TYPE_CHECKING:
+    from lagcli.sweeps.validate import PreparedSweep
 
 #: Bytes of messages at first, and of those that are stored together.
 _SHORT, _MESSAGES = 64, 1 << 16
@@ -46,11 +46,7 @@ _FACTS: dict[str, type] = {
 
 def write_sweep(
     path: str,
-    spec: Spec,
-    model: Model,
-    times: Array,
-    columns: list[Column],
-    measures: list[Column],
+    prepared: PreparedSweep,
     results: Iterable[Results],
     facts: Mapping[str, Any],
     force: bool = False,
@@ -60,12 +56,7 @@ def write_sweep(
     Parameters
     ----------
     path : str
-    spec : Spec
-    model : Model
-        With the values that no row changes.
-    times : (nt,) array
-        Of kept samples, s.
-    columns, measures : lists of Column
+    prepared : PreparedSweep
     results : iterable of Results
         Of all rows; later ones of a row replace earlier ones.
     facts : mapping
@@ -78,15 +69,15 @@ def write_sweep(
         The file exists and ``force`` is false, or it cannot be written.
     """
     with new_file(path, force) as (root, sink):
-        writer = _SweepWriter(root, spec.plan.length)
-        writer.attributes(spec, model, columns, measures, facts)
-        writer.row_columns(measures)
-        if spec.keep == "trajectories":
-            writer.kept_columns(model, times)
+        writer = _SweepWriter(root, prepared.spec.plan.length)
+        writer.attributes(prepared, facts)
+        writer.row_columns(prepared.measures)
+        if prepared.spec.keep == "trajectories":
+            writer.kept_columns(prepared.model, prepared.times)
         for found in results:
             writer.enter(found)
             sink.check()
-        writer.varied(spec, columns)
+        writer.varied(prepared)
         writer.describe_message()
         sink.check()
 
@@ -99,14 +90,8 @@ class _SweepWriter:
         set_text(self.axis.id, "long_name", "number of the row, from 0")
         self.kept: list[tuple[h5py.Dataset, int]] = []
 
-    def attributes(
-        self,
-        spec: Spec,
-        model: Model,
-        columns: list[Column],
-        measures: list[Column],
-        facts: Mapping[str, Any],
-    ) -> None:
+    def attributes(self, prepared: PreparedSweep, facts: Mapping[str, Any]) -> None:
+        spec, model = prepared.spec, prepared.model
         values = {
             "kind": KIND,
             "schema_version": SCHEMA_VERSION,
@@ -117,8 +102,9 @@ class _SweepWriter:
             "model_path": spec.path,
             "parameters": model.parameter_values,
             "sweep": spec.described(),
-            "columns": [c.as_json() for c in columns],
-            "measures": [c.as_json() for c in measures],
+            "options": prepared.options,
+            "columns": [c._asdict() for c in prepared.columns],
+            "measures": [c._asdict() for c in prepared.measures],
             **facts,
         }
         for name, value in values.items():
@@ -183,9 +169,10 @@ class _SweepWriter:
             scales[name] = h5py.Dataset(add_texts(root, name, names))
         for name, scale in scales.items():
             make_axis(scale.id, name)
-        units = {c.name: c.unit for c in model.coordinates if c.unit}
+        units = result_units(model)
         for quantity, width in kept_layout(model):
-            column = unit(quantity, model.coordinate_names, units), quantity.description
+            stated = unit(quantity, model.coordinate_names, model.constraint_names, units)
+            column = stated, quantity.description
             if width:
                 axes = [scales[axis] for axis in quantity.axes]
                 added = self.add(quantity.name, "<f8", column, *axes)
@@ -196,7 +183,7 @@ class _SweepWriter:
                 along.append(h5py.Dataset(add_texts(root["outputs"], family.axis, family.members)))
                 make_axis(along[1].id, family.axis)
             column = (
-                shared_unit(family.members, model.output_units),
+                shared_unit(family.members, units),
                 f"output {family.dataset}",
             )
             added = self.add(f"outputs/{family.dataset}", "<f8", column, *along)
@@ -224,13 +211,13 @@ class _SweepWriter:
                 dataset[rows] = values if dataset.ndim == 3 else values[:, :, 0]
                 first += width
 
-    def varied(self, spec: Spec, columns: list[Column]) -> None:
+    def varied(self, prepared: PreparedSweep) -> None:
         """Write the varied values, which are functions of the plan."""
-        datasets = [self.add(c.dataset, "<f8", (c.unit, c.long_name)) for c in columns]
+        datasets = [self.add(c.dataset, "<f8", (c.unit, c.long_name)) for c in prepared.columns]
         for start in range(0, self.length, SLAB):
             numbers = np.arange(start, min(start + SLAB, self.length))
             self.axis[start : start + SLAB] = numbers
-            for dataset, values in zip(datasets, spec.plan.rows(numbers).T, strict=True):
+            for dataset, values in zip(datasets, prepared.spec.plan.rows(numbers).T, strict=True):
                 dataset[start : start + SLAB] = values
 
 

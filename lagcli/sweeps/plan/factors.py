@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Numbers
 from lagcli.sweeps.plan.sampling import Distribution, unit_points
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 
 class Factor(Protocol):
@@ -22,23 +18,13 @@ class Factor(Protocol):
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of parameters, coordinates and velocities (``phi'``)."""
-        ...
 
     @property
     def length(self) -> int:
         """The number of rows."""
-        ...
 
     def rows(self, numbers: Numbers) -> Array:
         """Return the values, in SI, in the rows of these numbers, (n, columns)."""
-        ...
-
-
-def _each(numbers: Numbers, value: Callable[[int], float]) -> Array:
-    """Return a value for each number; those that come again are not computed again."""
-    different, places = np.unique(numbers, return_inverse=True)
-    found = np.array([value(int(k)) for k in different], dtype=np.float64)
-    return found[places.reshape(-1), None]
 
 
 @dataclass(frozen=True)
@@ -47,42 +33,36 @@ class Steps:
 
     Parameters
     ----------
-    name : str
+    columns : tuple of str
+        The one name.
     first, step : Fraction or float
     length : int
     si : Fraction or float
         The factor to SI.
     """
 
-    name: str
+    columns: tuple[str, ...]
     first: Fraction | float
     step: Fraction | float
     length: int
     si: Fraction | float = Fraction(1)
 
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The one name."""
-        return (self.name,)
-
     def rows(self, numbers: Numbers) -> Array:
         """Return the values, (n, 1)."""
-        return _each(numbers, lambda k: float((self.first + k * self.step) * self.si))
+        # numbers that come again are not computed again
+        different, places = np.unique(numbers, return_inverse=True)
+        values = [float((self.first + int(k) * self.step) * self.si) for k in different]
+        return np.array(values, dtype=np.float64)[places.reshape(-1), None]
 
 
 @dataclass(frozen=True)
 class Ratios:
     """Values of equal ratios from ``first`` to ``last``, both in SI and positive."""
 
-    name: str
+    columns: tuple[str, ...]
     first: float
     last: float
     length: int
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The one name."""
-        return (self.name,)
 
     def rows(self, numbers: Numbers) -> Array:
         """Return the values, (n, 1)."""

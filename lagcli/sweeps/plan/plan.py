@@ -12,16 +12,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Numbers
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
 from lagcli.sweeps.plan import sampling
 from lagcli.sweeps.plan.factors import Factor, Sample, TableFactor
 from lagcli.sweeps.plan.vary import Drawn, read_vary
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 MOST_ROWS = 10**9
 

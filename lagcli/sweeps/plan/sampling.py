@@ -7,10 +7,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Numbers = NDArray[np.int64]
+from lagcli.arrays import Array, Numbers
 
 KINDS = ("sobol", "lhs", "random")
 

@@ -111,9 +111,9 @@ class _VaryReader:
             if function in _GRIDS:
                 return self.spaced(function, inside, si)
             if function in _DISTRIBUTIONS:
-                return self.drawn(function, self.numbers(function, inside, ","), si)
+                return self.drawn(function, self.numbers(inside, ","), si)
         if ".." in body:
-            return self.drawn("uniform", self.numbers("range", (start, end), ".."), si)
+            return self.drawn("uniform", self.numbers((start, end), ".."), si)
         if ":" in body:
             return self.steps((start, end), si)
         return self.listed((0, len(text)))
@@ -148,7 +148,7 @@ class _VaryReader:
                 at += 1
         return [*found, (start, end)]
 
-    def numbers(self, what: str, span: tuple[int, int], mark: str) -> list[Value]:
+    def numbers(self, span: tuple[int, int], mark: str) -> list[Value]:
         return [self.number(piece) for piece in self.pieces(span, mark)]
 
     def number(self, span: tuple[int, int]) -> Value:
@@ -201,7 +201,7 @@ class _VaryReader:
         count = math.floor((last - first) / step * (1 + Fraction(1, 10**12)) + Fraction(1, 10**9))
         if count >= MOST_VALUES:
             raise self.error("these are more than 10^9 values", "take a larger step", pieces[2])
-        return factors.Steps(self.name, first, step, count + 1, si)
+        return factors.Steps((self.name,), first, step, count + 1, si)
 
     def spaced(self, function: str, span: tuple[int, int], si: Factor) -> factors.Factor:
         pieces = self.pieces(span, ",")
@@ -217,14 +217,14 @@ class _VaryReader:
         n = int(count)
         if function == "linspace":
             step = (last - first) / (n - 1) if n > 1 else Fraction(0)
-            return factors.Steps(self.name, first, step, n, si)
+            return factors.Steps((self.name,), first, step, n, si)
         if first <= 0 or last <= 0:
             raise self.error(
                 "both ends of `logspace` are values greater than 0",
                 "its ends are values, not exponents: logspace(0.01, 1, 3) is 0.01, 0.1, 1",
                 pieces[0 if first <= 0 else 1],
             )
-        return factors.Ratios(self.name, float(first * si), float(last * si), n)
+        return factors.Ratios((self.name,), float(first * si), float(last * si), n)
 
     def listed(self, span: tuple[int, int]) -> factors.Factor:
         pieces = self.pieces(span, ",")

@@ -11,8 +11,8 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Numbers
 from lagcli.errors import FileError, UsageError
 from lagcli.sweeps.plan.spec import Spec
 from lagcli.sweeps.row_results import FAILED, Results
@@ -23,7 +23,6 @@ from lagcli.version import __version__
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-Numbers = NDArray[np.int64]
 
 #: Seconds within which a scheduler answers, or is not there.
 PATIENCE = 10.0

@@ -12,8 +12,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Numbers
 from lagcli.engine.contract import Interrupted
 from lagcli.sweeps.plan.spec import Spec
 from lagcli.sweeps.row_results import Results
@@ -24,7 +24,6 @@ from lagcli.version import __version__
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-Numbers = NDArray[np.int64]
 
 #: Chunks under way for each thread of a worker: one that runs, one that waits for its turn.
 _AHEAD = 2

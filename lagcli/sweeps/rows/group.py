@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outcome
 from lagcli.engine.integrate.engines import engine_named
 from lagcli.engine.layout import Counts, SampleLayout
@@ -25,8 +25,6 @@ from lagcli.sweeps.rows.signals import Signals, kept_signals
 
 if TYPE_CHECKING:
     from lagcli.engine.constraints.initial_batch import StartSearch
-
-Array = NDArray[np.float64]
 
 
 class FinishedRuns(NamedTuple):
@@ -46,7 +44,7 @@ class FinishedRuns(NamedTuple):
         Of B at the starts.
     """
 
-    places: NDArray[np.intp]
+    places: Indices
     samples: Array
     runs: list[Outcome | LagcliError]
     parameters: Array
@@ -195,7 +193,7 @@ class RowGroup:
         values: Values,
         sink: Callable[[FinishedRuns], None],
         check_cancelled: Callable[[], None],
-    ) -> NDArray[np.intp]:
+    ) -> Indices:
         """Run what can be run in lanes; return the places of the other rows."""
         request, system = self._common(check_cancelled), self.variants.system
         if request is None:
@@ -256,8 +254,8 @@ class RowGroup:
         request = dataclasses.replace(simulation.request, times=self.grid.all)
         rows = [np.empty((0, width))]
 
-        def take(b: Block) -> None:
-            rows.append(np.column_stack([b.time, b.q, b.v, b.a, b.multipliers, b.work]))
+        def take(block: Block) -> None:
+            rows.append(np.column_stack(block))
 
         engine = engine_named(simulation.settings.engine)
         run = engine(simulation.system, request, take, lambda t: check_cancelled())
@@ -304,7 +302,7 @@ class RowGroup:
 
 
 def _initial(
-    table: Mapping[str, InitialValue], values: Array, fixed: NDArray[np.bool_]
+    table: Mapping[str, InitialValue], values: Array, fixed: Flags
 ) -> dict[str, InitialValue]:
     return {
         name: entry._replace(value=float(x), fixed=bool(f))

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import symengine as se
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.model.sections.measures import Measure, Reduction, reduced
-
-Array = NDArray[np.float64]
 
 
 class Grid:

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Indices
 from lagcli.engine.contract import Outcome
 from lagcli.errors import LagcliError
 from lagcli.model.expression.units import si_notation, to_si
@@ -145,7 +145,7 @@ class _Collected:
         self.measures = np.full((n, measures), np.nan)
         self.kept = np.empty((n, 0, 0))
 
-    def refuse(self, places: NDArray[np.intp], error: LagcliError) -> None:
+    def refuse(self, places: Indices, error: LagcliError) -> None:
         """Enter rows that a whole structure's error keeps from running."""
         for place in places:
             self.status[place], self.messages[place] = ERROR, str(error)
@@ -156,7 +156,7 @@ class _Collected:
             shape = len(self.numbers), len(group.grid.times), len(group.kept_names)
             self.kept = np.full(shape, np.nan)
 
-    def enter(self, group: RowGroup, places: NDArray[np.intp], ended: FinishedRuns) -> None:
+    def enter(self, group: RowGroup, places: Indices, ended: FinishedRuns) -> None:
         """Enter rows of a group that ended; ``places`` are those of all of its rows."""
         rows = places[ended.places]
         for row, run in zip(rows, ended.runs, strict=True):
@@ -173,7 +173,7 @@ class _Collected:
         if group.kept_names:
             self.kept[rows, : kept.shape[1]] = kept
 
-    def _distrust(self, group: RowGroup, rows: NDArray[np.intp], ended: FinishedRuns) -> None:
+    def _distrust(self, group: RowGroup, rows: Indices, ended: FinishedRuns) -> None:
         """Let completed rows fail that cannot be trusted."""
         for i in np.flatnonzero(self.status[rows] == COMPLETED).tolist():
             warnings = group.warnings(ended, i)

@@ -7,9 +7,9 @@ from functools import partial
 
 import numpy as np
 import symengine as se
-from numpy.typing import NDArray
 from symengine import Basic
 
+from lagcli.arrays import Array
 from lagcli.columns import RESIDUALS, SAMPLED, SCALARS, column_names, read_dotted_name
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
@@ -23,8 +23,6 @@ from lagcli.equations.derivation.column_expressions import (
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations, with_forces
 from lagcli.errors import UsageError
 from lagcli.model.model import TIME, multiplier
-
-Array = NDArray[np.float64]
 
 #: What a trajectory is made of.
 STATE = ("time", "q", "v", "a", "multipliers")

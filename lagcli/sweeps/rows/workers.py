@@ -8,16 +8,12 @@ from collections.abc import Callable, Iterator
 from multiprocessing import connection, get_context
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lagcli.arrays import Numbers
 from lagcli.errors import NumericalError
 from lagcli.sweeps.plan.spec import Spec
 from lagcli.sweeps.row_results import Results
 from lagcli.sweeps.row_status import MissingRows
 from lagcli.sweeps.rows.rows import run_rows
-
-Numbers = NDArray[np.int64]
 
 #: Seconds that a chunk of rows should take: what is lost where a sweep is killed.
 _CHUNK = 0.5

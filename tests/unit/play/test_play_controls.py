@@ -20,7 +20,7 @@ def made(name: str, **settings: float) -> dict[str, Control]:
 
 
 def of(parameters: str, initial: str = "{x: 0, x': 0}") -> dict[str, Control]:
-    text = "coordinates: {x: m}\nT: x'^2/2\nV: 0\n"
+    text = "coordinates: {x: m}\nT: 0*x'^2\nV: 0\n"
     model = load_text(f"{text}parameters: {parameters}\ninitial: {initial}\n")
     return controls(model, resolve(SettingsOverrides(), model.settings))
 

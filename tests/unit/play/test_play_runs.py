@@ -19,6 +19,7 @@ from lagcli.model.loader import load, load_text
 from lagcli.play.client import Client
 from lagcli.play.frames import encode
 from lagcli.play.runs import MOST_SAMPLES, Played, PlayRequest
+from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
 
 MODELS = Path(__file__).parents[3] / "models"
@@ -30,7 +31,7 @@ ALL_PLOTS = (
 
 
 def play(name: str, **options: Any) -> Played:
-    return Played(load(MODELS / f"{name}.yaml"), **options)
+    return Played(load(MODELS / f"{name}.yaml"), SettingsOverrides(**options))
 
 
 def run(played: Played, plots: tuple[str, ...] = ("coordinates",), **values: Any) -> dict[str, Any]:
@@ -122,7 +123,7 @@ def test_another_number_of_members_brings_other_controls() -> None:
 
 def test_what_the_program_was_started_with_stays() -> None:
     model = load(MODELS / "slider_crank.yaml", set={"l": "40 cm"}, set_initial={"phi": "0.1"})
-    played = Played(model, t_end=1.0)
+    played = Played(model, SettingsOverrides(t_end=1.0))
     answer = run(played, set={"m": "3"})
     assert (answer["values"]["l"], answer["values"]["phi"], answer["t_end"]) == (40.0, 0.1, 1.0)
     words = shlex.split(answer["command"])

@@ -6,12 +6,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import lagcli
-from lagcli.errors import UsageError
-from lagcli.results import formats, read, write
+from lagcli import columns
+from lagcli.errors import FileError, UsageError
+from lagcli.results import formats, info, read, write
 from lagcli.results.formats import FORMATS, format_of
+from lagcli.trajectory.trajectory import Trajectory
 
 CRANK = Path(__file__).parents[3] / "models" / "slider_crank.yaml"
 
@@ -23,6 +26,49 @@ def test_every_format_keeps_the_numbers(suffix: str, tmp_path: Path) -> None:
     write(run, path)
     back = read(path)
     assert all((getattr(back, name) == getattr(run, name)).all() for name in "qva")
+
+
+#: Where the writer of each format takes the columns from, and its reader those that must be there.
+WRITERS = {
+    ".h5": ["results.hdf5.trajectories.SAMPLED", "results.hdf5.trajectories.QUANTITIES"],
+    ".csv": ["results.csv.writer.SAMPLED"],
+}
+READERS = {".h5": "results.hdf5.structure.REQUIRED", ".csv": "results.csv.reader.REQUIRED"}
+
+
+def write_without(column: str, suffix: str, folder: Path) -> tuple[Trajectory, Path]:
+    """Write a run as a version of lagcli would that does not know a column."""
+    run, path = lagcli.simulate(lagcli.load(CRANK), t_end=0.1), folder / f"run{suffix}"
+    with pytest.MonkeyPatch.context() as before:
+        for place in WRITERS[suffix]:
+            known = columns.SAMPLED if place.endswith("SAMPLED") else columns.QUANTITIES
+            before.setattr(f"lagcli.{place}", tuple(q for q in known if q.name != column))
+        write(run, path)
+    return run, path
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("added", ["power_time", "residual_velocity"])
+def test_a_column_that_was_added_after_the_file_was_written_is_nan(
+    suffix: str, added: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, path = write_without(added, suffix, tmp_path)
+    monkeypatch.setattr(f"lagcli.{READERS[suffix]}", columns.REQUIRED - {added})
+    back = read(path)
+    assert getattr(back, added).shape == getattr(run, added).shape
+    assert np.isnan(getattr(back, added)).all()
+    for name in ("q", "v", "a", "multipliers", "energy_total", "residual_equation"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(run, name))
+    for name, values in run.outputs.items():
+        np.testing.assert_array_equal(back.outputs[name], values)
+    assert info.describe(path)["sizes"]["samples"] == len(run.time)
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_file_without_a_column_that_all_have_is_refused(suffix: str, tmp_path: Path) -> None:
+    _, path = write_without("power_time", suffix, tmp_path)
+    with pytest.raises(FileError, match="cannot read"):
+        read(path)
 
 
 @pytest.mark.parametrize("name", ["run.txt", "run", "h5"])

@@ -106,7 +106,8 @@ def test_a_singular_configuration_in_the_second_block(
     assert whole.status == ("completed" if through else "failed")
     stop = len(whole.time)
     assert stop == 401 if through else 20 < stop < 401
-    for rows in (stop // 2 + 1, stop - 1, stop, 3):
+    # the reference engine takes seconds to pass the configuration
+    for rows in (stop // 2 + 1, stop - 1, stop, 3) if engine == "compiled" else (stop - 1, 3):
         block_rows(rows)
         assert_same_motion(lagcli.simulate(model, **options), whole)
 

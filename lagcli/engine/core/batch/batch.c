@@ -88,8 +88,8 @@ static void allocate(lag_batch *s, long slots)
     s->lengths = lanes(pool, s->system->nc);
     s->atol = lanes(pool, n);
     s->size = lanes(pool, n);
-    s->gross = lanes(pool, nq);
-    s->later = lanes(pool, nq);
+    s->acceleration_terms = lanes(pool, nq);
+    s->future_acceleration = lanes(pool, nq);
     s->largest = lanes(pool, 2 * s->single->tolerances.kinds);
 }
 

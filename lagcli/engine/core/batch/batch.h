@@ -67,7 +67,8 @@ struct lag_batch {
     double *stages;                    /* 16 n; the first is y' at y */
     double *dense;                     /* 7 n */
     double *lengths;                   /* of lanes: nc */
-    double *atol, *size, *gross, *later; /* of lanes: n, n, nq, nq: as in run.h, and what is given there */
+    /* of lanes: n, n, nq, nq: as in run.h, and what is given there */
+    double *atol, *size, *acceleration_terms, *future_acceleration;
     double *largest;                   /* of lanes: 2 kinds */
 
     /* what looks closer at one lane, by the functions of a single run */

@@ -18,7 +18,8 @@ static void batch_sizes_energy(lag_batch *s, int lanes, const double *y, const d
                 vec v = READ(y + (nq + place[side]) * LAG_LANES + k);
                 if (h) {
                     const int i = place[side] * LAG_LANES + k;
-                    const vec more = READ(h + k) * (READ(s->gross + i) + READ(s->later + i));
+                    const vec more =
+                        READ(h + k) * (READ(s->acceleration_terms + i) + READ(s->future_acceleration + i));
                     v = choose(v < 0.0, v - more, v + more);
                 }
                 part *= v;
@@ -39,13 +40,13 @@ static void batch_sizes_start(lag_batch *s, int lanes)
         if (!HAS(lanes, l))
             continue;
         lag_run *run = batch_single(s, l, s->y);
-        memset(run->tolerances.gross, 0, (size_t)nq * sizeof(double));
-        memset(run->tolerances.later, 0, (size_t)nq * sizeof(double));
+        memset(run->tolerances.acceleration_terms, 0, (size_t)nq * sizeof(double));
+        memset(run->tolerances.future_acceleration, 0, (size_t)nq * sizeof(double));
         if (!lag_derivative(run, run->step.t, run->step.y, run->step.f))
             lag_sizes_start(run);
         for (int i = 0; i < nq; ++i) {
-            s->gross[i * LAG_LANES + l] = run->tolerances.gross[i];
-            s->later[i * LAG_LANES + l] = run->tolerances.later[i];
+            s->acceleration_terms[i * LAG_LANES + l] = run->tolerances.acceleration_terms[i];
+            s->future_acceleration[i * LAG_LANES + l] = run->tolerances.future_acceleration[i];
         }
     }
 }
@@ -72,7 +73,8 @@ static void batch_sizes_update(lag_batch *s, int lanes)
             const int kind = single->tolerances.kind[m % nq] + (m < nq ? 0 : kinds);
             const int i = m % nq * LAG_LANES + k;
             const vec h = READ(s->h + k);
-            const vec noise = SUMMING * h * READ(s->gross + i) + length * READ(s->later + i);
+            const vec noise = SUMMING * h * READ(s->acceleration_terms + i)
+                              + length * READ(s->future_acceleration + i);
             vec found = following * READ(s->size + m * LAG_LANES + k)
                         + ROUNDING * READ(s->largest + kind * LAG_LANES + k)
                         + (m < nq ? noise * h : noise) + NO_SIZE;
@@ -101,8 +103,10 @@ static void batch_first_steps(lag_batch *s, int lanes)
         if (HAS(lanes, l)) {
             rule[l] = (lag_first_step_rule){
                 .nq = s->system->nq, .stride = LAG_LANES, .kinds = s->single->tolerances.kinds,
-                .kind = s->single->tolerances.kind, .y = s->y + l, .f = f + l, .gross = s->gross + l,
-                .later = s->later + l, .largest = s->largest + l, .weight = s->before + l,
+                .kind = s->single->tolerances.kind, .y = s->y + l, .f = f + l,
+                .acceleration_terms = s->acceleration_terms + l,
+                .future_acceleration = s->future_acceleration + l,
+                .largest = s->largest + l, .weight = s->before + l,
                 .length = s->t_end - s->t[l], .h_max = s->h_max,
             };
             h[l] = lag_trial_step(&rule[l]);

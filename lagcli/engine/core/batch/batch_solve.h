@@ -25,14 +25,14 @@ static void batch_derivative(const lag_octet *o, double *f)
     memcpy(f + 2 * nq * LAG_LANES, OUTPUT(d, lag_first_total_power(s)), LAG_LANES * sizeof(double));
 }
 
-/* Put `count` outputs of a tape's later stream for other right sides, given from register `input` on,
+/* Put `count` outputs of a tape's deferred stream for other right sides, given from register `input` on,
  * in x. */
-static void batch_other(const lag_octet *o, int later, int input, int inputs, int output, int count,
+static void batch_other(const lag_octet *o, int deferred, int input, int inputs, int output, int count,
                         double *x)
 {
     const lag_batch_tape *d = &o->dynamics;
     memcpy(d->registers + input * LAG_LANES, x, (size_t)inputs * LAG_LANES * sizeof(double));
-    batch_run(d->deferred[later], d->registers);
+    batch_run(d->deferred[deferred], d->registers);
     for (int i = 0; i < count; ++i)
         memcpy(x + i * LAG_LANES, OUTPUT(d, output + i), LAG_LANES * sizeof(double));
 }

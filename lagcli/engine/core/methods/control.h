@@ -47,7 +47,7 @@ typedef struct {
     int nq, stride, kinds;
     const int32_t *kind;                       /* nq, adjacent */
     const double *y, *f;                       /* q, v and their rates at the start */
-    const double *gross, *later, *largest;     /* as in sizes.h */
+    const double *acceleration_terms, *future_acceleration, *largest;     /* as in sizes.h */
     double *weight;                            /* 2 nq: sizes */
     double length, h_max;                      /* of the run; the largest step */
     double rate;                               /* of y over its sizes */
@@ -71,7 +71,7 @@ static inline double lag_trial_step(lag_first_step_rule *s)
     for (int i = 0; i < s->nq; ++i) {
         const int q = i * s->stride, v = q + s->nq * s->stride;
         const double *largest = s->largest + s->kind[i] * s->stride;
-        const double a = s->gross[q] + s->later[q];
+        const double a = s->acceleration_terms[q] + s->future_acceleration[q];
         w[q] = fabs(s->y[q]) + BESIDE * largest[0] + horizon * (fabs(s->y[v]) + horizon * a);
         w[v] = fabs(s->y[v]) + BESIDE * largest[s->kinds * s->stride] + horizon * a + sqrt(a * w[q]);
     }

@@ -416,7 +416,7 @@ int lag_series_expand(const lag_series *s, int nq, double t, const double *y)
     memset(s->known, 0, (size_t)s->count * sizeof(double));
     lag_vectors()->pick(s->numbers - s->invariant, r, value, file + s->invariant);
     value += s->numbers - s->invariant;
-    for (int i = 0; i < s->begun; ++i)
+    for (int i = 0; i < s->begin_count; ++i)
         file[s->begins[i]] = r[*value++];
     now[*state] = t;
     next[*state++] = 1.0;

@@ -13,8 +13,8 @@ typedef struct {
     int count;                         /* of convolutions */
     double *file;
     int order;                         /* 0: there is no program */
-    int invariant, numbers;               /* how many numbers are; with those of each state */
-    int begun;                         /* how many series other than the state's begin, and where */
+    int invariant, numbers;            /* how many numbers are; with those of each state */
+    int begin_count;                   /* how many series other than the state's begin, and where */
     const int32_t *begins;
     int origin, layer;
     const int32_t *state;

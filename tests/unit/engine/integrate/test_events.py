@@ -23,6 +23,7 @@ from lagcli.engine.integrate.events import EventCrossing, EventSearch
 from lagcli.engine.state import State
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
+from lagcli.settings.methods import methods_of
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations import simulation
@@ -30,7 +31,7 @@ from lagcli.simulations import simulation
 G = 9.81
 ENGINES = {"compiled": compiled_engine.run, "scipy": scipy_engine.run}
 METHODS = [
-    *(("compiled", method) for method in ("DOP853", "Taylor", "Rodas5P", "Radau")),
+    *(("compiled", method) for method in methods_of("compiled")),
     ("scipy", "DOP853"),  # the others of SciPy take long at this tolerance
 ]
 both_engines = pytest.mark.parametrize("engine", ENGINES)

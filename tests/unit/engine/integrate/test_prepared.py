@@ -78,6 +78,6 @@ def test_what_is_known_is_taken_where_it_serves() -> None:
 
 
 def test_an_order_is_found_where_states_allow_it() -> None:
-    assert found().same_as(found())
+    assert found() == found()
     undefined = dataclasses.replace(STATE, q=np.array([math.nan, 0.0]))
     assert find_elimination(Evaluator(SYSTEM, (G,)), [undefined]) is None

@@ -75,7 +75,7 @@ initial: {q: 5, q': 0}
     made = dataclasses.replace(request(atol=0.0), state=state, rank=0)
     motion = Index1(Evaluator(system, p), 0)
     assert motion.rate(0.0, state.y)[1] == 0.0
-    assert 20.0 < Sizes(motion, made, state.y).gross[0] <= 45.0
+    assert 20.0 < Sizes(motion, made, state.y).acceleration_terms[0] <= 45.0
 
 
 def test_kinds_share_what_is_largest() -> None:
@@ -91,7 +91,7 @@ initial: {x: 2, y: 0, phi: 0, x': 0, y': 0, phi': 0}
     made = dataclasses.replace(request(atol=0.0, kinds=(0, 0, 1)), state=state, rank=0)
     sizes = Sizes(Index1(Evaluator(system, p), 0), made, state.y)
     np.testing.assert_allclose(sizes.largest(), [2.0, 2.0, 7.0])
-    np.testing.assert_allclose(sizes.gross, [200.0, 200.0, 0.0], rtol=1e-6)
+    np.testing.assert_allclose(sizes.acceleration_terms, [200.0, 200.0, 0.0], rtol=1e-6)
 
 
 def test_a_coordinate_that_rests_until_later_has_a_size() -> None:
@@ -106,7 +106,7 @@ initial: {x: 0, x': 0}
     state = State(0.0, np.zeros(1), np.zeros(1), p)
     made = dataclasses.replace(request(atol=0.0), state=state, rank=0)
     sizes = Sizes(Index1(Evaluator(system, p), 0), made, state.y)
-    np.testing.assert_array_equal(sizes.later, [6.0])
+    np.testing.assert_array_equal(sizes.future_acceleration, [6.0])
     assert (sizes.tolerances > 0).all()
 
 

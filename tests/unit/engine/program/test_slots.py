@@ -1,4 +1,4 @@
-"""Memory: places in use never overlap, and free ones are used again."""
+"""Slots: places in use never overlap, and free ones are used again."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import random
 
 import pytest
 
-from lagcli.engine.program.slots import LINE, Memory
+from lagcli.engine.program.slots import LINE, Slots
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_places_in_use_never_overlap(seed: int) -> None:
     draw = random.Random(seed)
-    memory, held, used = Memory(13), [], set(range(13))
+    memory, held, used = Slots(13), [], set(range(13))
     for _ in range(200):
         if held and draw.random() < 0.5:
             at, size = held.pop(draw.randrange(len(held)))
             places = list(range(at, at + size))
             draw.shuffle(places)
             for place in places:  # a vector is free when all its places are
-                memory.give_back(place)
+                memory.release(place)
             used.difference_update(places)
         else:
             size = draw.choice((1, 1, 2, 8, 9, 30))
@@ -31,7 +31,7 @@ def test_places_in_use_never_overlap(seed: int) -> None:
             held.append((at, size))
     for at, size in held:
         for place in range(at, at + size):
-            memory.give_back(place)
+            memory.release(place)
     # all that was taken is one free interval, but for what lines of the cache leave between
     free = sum(stop - start for start, stop in zip(memory.starts, memory.stops, strict=True))
     assert free >= memory.end - 13 - LINE * len(memory.starts)
@@ -39,29 +39,29 @@ def test_places_in_use_never_overlap(seed: int) -> None:
 
 
 def test_a_vector_is_free_when_its_last_place_is() -> None:
-    memory = Memory(0)
+    memory = Slots(0)
     first = memory.take(3)
-    memory.give_back(first)
-    memory.give_back(first + 2)
+    memory.release(first)
+    memory.release(first + 2)
     assert memory.take(3) == LINE  # the second place is in use
-    memory.give_back(first + 1)
+    memory.release(first + 1)
     assert memory.take(8) == first
 
 
 def test_neighbours_that_are_free_join() -> None:
-    memory = Memory(0)
+    memory = Slots(0)
     one, two, three = (memory.take(8) for _ in range(3))
     for at in (one, three, two):
         for place in range(at, at + 8):
-            memory.give_back(place)
+            memory.release(place)
     assert memory.take(24) == one
     assert memory.end == 24
 
 
 def test_single_places_fill_the_first_gap() -> None:
-    memory = Memory(0)
+    memory = Slots(0)
     places = [memory.take(1) for _ in range(4)]
     assert places == [0, 1, 2, 3]
-    memory.give_back(1)
+    memory.release(1)
     assert memory.take(1) == 1
     assert memory.take(1) == 4

@@ -168,7 +168,7 @@ def test_shipped_models_are_written_out() -> None:
 
 
 def test_formats_choose_the_same_form(monkeypatch) -> None:
-    for module in ("presentation.overview", "render", "render.json"):
+    for module in ("presentation.overview", "presentation.assembly", "render.json"):
         monkeypatch.setattr(
             f"lagcli.equations.{module}.in_matrices", lambda f, full=False: not full
         )

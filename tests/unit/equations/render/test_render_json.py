@@ -109,7 +109,8 @@ def test_schema():
             "mass_matrix",
             "forcing",
         ),
-        *("applied_forces", "equations", "sign_convention", "steps"),
+        *("applied_forces", "equations", "sign_convention"),
+        *("kinds", "partition", "steps"),
     ]
     assert content["degrees_of_freedom"] == 1
     assert (content["form"], content["abbreviations"]) == ("written-out", [])

@@ -74,7 +74,7 @@ def test_brackets_need_no_quotes_in_lists_and_braces() -> None:
 
 
 def test_coordinates_with_units_and_latex() -> None:
-    model = load("coordinates: {x[1..N]: {unit: m, latex: '\\xi'}, y: m}")
+    model = load("coordinates: {x[1..N]: {unit: m, latex: '\\xi'}, y: {}}")
     assert [(c.unit, c.latex) for c in model.coordinates[:2]] == [
         ("m", r"\xi_{1}"),
         ("m", r"\xi_{2}"),

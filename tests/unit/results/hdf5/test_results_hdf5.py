@@ -26,7 +26,7 @@ from lagcli.results import read, write
 from lagcli.results.formats import open_reader
 from lagcli.results.hdf5 import seal
 from lagcli.results.hdf5.container import Sink, set_text
-from lagcli.results.layout import MIXED, NOT_STATED
+from lagcli.results.layout import NOT_STATED
 from lagcli.trajectory.samples import SIGN_CONVENTION, Terms
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -82,7 +82,7 @@ def test_every_dataset_has_axes_unit_and_description(tmp_path: Path, size: str) 
         expected = {name: axes for axes, names in LAYOUT.items() for name in names.split()}
         expected |= {f"outputs/{name}": ("time",) for name in run.outputs}
         if "phi" in run.coordinates:
-            expected["coordinate_unit"] = ("coordinate",)
+            expected["coordinate_unit"] = expected["force_unit"] = ("coordinate",)
         found = {}
         for group in (root, root["outputs"]):
             for name, dataset in group.items():
@@ -159,11 +159,17 @@ def test_an_output_may_have_the_name_of_an_axis(tmp_path: Path) -> None:
     [
         (
             {"phi": "rad", "psi": "rad"},
-            {"q": "rad", "v": "rad/s", "a": "rad/s^2", "constraint_force": "J/rad"},
+            {"q": "rad", "v": "rad/s", "a": "rad/s^2", "constraint_force": "N*m"},
         ),
         ({"phi": "kg*m", "psi": "kg*m"}, {"v": "kg*m/s", "constraint_force": "J/(kg*m)"}),
-        ({"phi": "", "psi": ""}, {"q": "1", "v": "1/s", "constraint_force": "J/1"}),
-        ({"phi": "rad", "psi": "m"}, {"q": MIXED, "v": MIXED, "constraint_force": MIXED}),
+        ({"phi": "", "psi": ""}, {"q": "1", "v": "1/s", "constraint_force": "J"}),
+        (
+            {"phi": "rad", "psi": "m"},
+            {
+                **{"q": "see coordinate_unit", "v": "see coordinate_unit"},
+                **{"constraint_force": "see force_unit", "constraint_force_by": "see force_unit"},
+            },
+        ),
         ({}, {"q": NOT_STATED, "v": NOT_STATED, "constraint_force": NOT_STATED}),
     ],
 )
@@ -173,7 +179,8 @@ def test_units(tmp_path: Path, units: dict[str, str], expected: dict[str, str]) 
             assert root[name].attrs["units"].decode() == unit, name
         assert ("coordinate_unit" in root) == bool(units)
         if units:
-            assert [u.decode() for u in root["coordinate_unit"][()]] == list(units.values())
+            found = [u.decode() for u in root["coordinate_unit"][()]]
+            assert found == [u or "1" for u in units.values()]
 
 
 def test_units_of_outputs(tmp_path: Path) -> None:

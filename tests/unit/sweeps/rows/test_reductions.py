@@ -138,7 +138,8 @@ def test_rows_do_not_depend_on_each_other() -> None:
 
 def test_what_depends_on_a_varied_parameter_follows_it() -> None:
     text = CRANK.read_text().replace("r: {value: 0.1 m,", "r: {value: l/3, unit: m,")
-    text = text.replace("phi': 12 rad/s", "phi': 36*r/l")
+    text = text.replace("  g: 9.81 m/s^2", "  g: 9.81 m/s^2\n  w: 36 rad/s")
+    text = text.replace("phi': 12 rad/s", "phi': w*r/l")
     found = run_rows(spec(text, ["l=0.3,0.6"], ["at(phi', 0)", "max(r)"], **SHORT), np.arange(2))
     assert found.measures == pytest.approx(np.array([[12.0, 0.1], [12.0, 0.2]]), rel=1e-15)
 

@@ -1,0 +1,147 @@
+"""The units of a model: what follows from those that it states, what is missing, what disagrees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from lagcli.errors import Diagnostic
+from lagcli.model.dimensions.reporting import unit_diagnostics
+from lagcli.model.model import Model
+from lagcli.model.names.members import family_of, format_members
+
+_LISTED = 12  # names in a line
+
+
+@dataclass(frozen=True)
+class UnitReport:
+    """Units of a model's quantities.
+
+    Parameters
+    ----------
+    stated : bool
+        Whether the model states any unit.
+    checked : bool
+        Whether it states all, so that units are checked whenever it is loaded.
+    missing : tuple of str
+        Coordinates and parameters without a unit.
+    coordinates, parameters, definitions, multipliers, constraints, forces, outputs : mappings
+        Units by name, None where they are not known. ``constraints`` are those of φ, and of ψ for
+        nonholonomic constraints; ``forces`` are generalized forces by coordinate.
+    findings : tuple of Diagnostic
+        What disagrees as far as units are known; warnings, because a model with all units and a
+        mistake cannot be loaded.
+    """
+
+    stated: bool
+    checked: bool
+    missing: tuple[str, ...]
+    coordinates: Mapping[str, str | None]
+    parameters: Mapping[str, str | None]
+    definitions: Mapping[str, str | None]
+    multipliers: Mapping[str, str | None]
+    constraints: Mapping[str, str | None]
+    forces: Mapping[str, str | None]
+    outputs: Mapping[str, str | None]
+    findings: tuple[Diagnostic, ...]
+
+    @property
+    def summary(self) -> str:
+        """One sentence: whether units are checked, and what is missing."""
+        if not self.stated:
+            return "none given"
+        if self.checked:
+            return "given throughout, and they fit"
+        if not self.missing:
+            return "given for coordinates only; not checked"
+        families = list(dict.fromkeys(map(family_of, self.missing)))
+        shown = ", ".join(f"`{name.removesuffix('[]')}`" for name in families[:_LISTED])
+        return f"not checked: no unit for {shown}" + (", …" if len(families) > _LISTED else "")
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return it as JSON values."""
+        groups = ("coordinates", "parameters", "definitions", "multipliers", "constraints")
+        return {
+            "stated": self.stated,
+            "checked": self.checked,
+            "missing": list(self.missing),
+            **{group: dict(getattr(self, group)) for group in (*groups, "forces", "outputs")},
+            "findings": [_json(d) for d in self.findings],
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield it as text: the summary, the derived units by group, and the findings."""
+        yield self.summary
+        for title, units in (
+            ("multipliers", self.multipliers),
+            ("forces", self.forces),
+            ("outputs", self.outputs),
+            ("definitions", self.definitions),
+        ):
+            by_unit: dict[str, list[str]] = {}
+            for name, unit in units.items():
+                if unit is not None:
+                    by_unit.setdefault(unit, []).append(name)
+            if by_unit:
+                listed = (f"{_names(names)} in {unit}" for unit, names in by_unit.items())
+                yield f"{title}: " + "; ".join(listed)
+        for finding in self.findings:
+            yield from finding.render().split("\n")
+
+
+def report_units(model: Model) -> UnitReport:
+    """Derive the units of all quantities of a model.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    UnitReport
+    """
+    units = model.units
+    return UnitReport(
+        stated=units.stated,
+        checked=units.throughout,
+        missing=units.missing,
+        coordinates={name: units.of(name) for name in model.coordinate_names},
+        parameters={name: units.of(name) for name in model.parameters},
+        definitions={name: units.of(name) for name in model.definitions},
+        multipliers={name: units.of_multiplier(name) for name in model.constraint_names},
+        constraints={
+            c.name: units.of_residual(c.name, c.kind == "holonomic", False)
+            for c in model.constraints
+        },
+        forces={name: units.of_force(name) for name in model.coordinate_names},
+        outputs={name: units.of_output(name) for name in model.outputs},
+        findings=tuple(unit_diagnostics(model, units, "warning")),
+    )
+
+
+def _names(names: Iterable[str]) -> str:
+    """Return names, those of a family as x[1..20]."""
+    families: dict[str, list[str]] = {}
+    for name in names:
+        families.setdefault(family_of(name), []).append(name)
+    shown = [
+        format_members(family.removesuffix("[]"), members).replace("`", "")
+        if family.endswith("[]")
+        else family
+        for family, members in families.items()
+    ]
+    return ", ".join(shown[:_LISTED]) + (", …" if len(shown) > _LISTED else "")
+
+
+def _json(d: Diagnostic) -> dict[str, Any]:
+    places = [d.location, *(place for _, place in d.notes)]
+    return {
+        "message": d.message,
+        "help": d.help,
+        "places": [
+            {"file": x.path, "line": x.line, "column": x.column, "length": x.length}
+            for x in places
+            if x is not None
+        ],
+    }

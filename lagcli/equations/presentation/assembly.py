@@ -1,0 +1,190 @@
+"""The steps that are printed: of one or several kinds of equations, in short or as a derivation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from lagcli.equations.presentation.extent import Extent
+from lagcli.equations.presentation.formulas import Formulas, Step
+from lagcli.equations.presentation.index_form import IndexForm
+from lagcli.equations.presentation.kinds import (
+    ABBREVIATIONS,
+    ENTRIES,
+    MAGGI,
+    PROJECTED,
+    SECOND,
+    maggi_steps,
+    second_kind_steps,
+    solved_step,
+)
+from lagcli.equations.presentation.overview import (
+    before_equations,
+    convention,
+    in_matrices,
+    in_short,
+    overview,
+)
+from lagcli.equations.presentation.partition_steps import determinant_step, split_step
+from lagcli.equations.presentation.steps import before_equations as derivation_before_equations
+from lagcli.equations.presentation.steps import steps as derivation
+from lagcli.equations.presentation.typeset import Node, Sum, children
+from lagcli.equations.reduction.elimination import (
+    solve_first_kind,
+    solve_maggi,
+    solve_second_kind,
+)
+from lagcli.equations.reduction.maggi import Maggi
+from lagcli.equations.reduction.partition import CoordinatePartition
+from lagcli.equations.reduction.second_kind import second_kind
+
+#: Kinds of equations of motion.
+KINDS = ("first", "second", "maggi")
+_NAMES = {
+    "first": "first kind",
+    "second": "second kind",
+    "maggi": "Maggi's equations",
+}
+
+
+class Contents(NamedTuple):
+    """What is printed.
+
+    Parameters
+    ----------
+    kinds : sequence of str
+        Of `KINDS`, in the order of printing.
+    partition : CoordinatePartition or None
+        Needed for other kinds than the first and for ``solve``.
+    solve : bool
+        Whether λ and the accelerations are given in closed form.
+    steps : bool
+        Whether the derivation is shown.
+    full : bool
+        Whether everything is written out, regardless of length.
+    """
+
+    kinds: Sequence[str] = ("first",)
+    partition: CoordinatePartition | None = None
+    solve: bool = False
+    steps: bool = False
+    full: bool = False
+
+
+def shown_steps(f: Formulas, contents: Contents) -> tuple[Step, ...]:
+    """Return the steps that are printed, in order."""
+    kinds, p = contents.kinds, contents.partition
+    before = _first(f, contents) if "first" in kinds else _without_equations(f, contents)
+    motion: dict[str, list[Step]] = {}
+    after: list[Step] = []
+    for kind in kinds:
+        if kind != "first" and p is not None:
+            motion[kind] = _other(f, kind, contents, p)
+            after += motion[kind]
+        if contents.solve and p is not None and (kind == "first" or p.independent):
+            after.append(_solved(f, kind, contents, p))
+    if len(kinds) > 1 and p is not None:
+        after.append(_compared(motion, kinds, f, p))
+    found = [*before, *_arranged(f, after, contents.full)]
+    if "first" in kinds or "maggi" in kinds or contents.solve:
+        found.append(convention(f))
+    return tuple(found)
+
+
+def _arranged(f: Formulas, steps: list[Step], full: bool) -> list[Step]:
+    """Return steps in index form, and shortened unless everything is to be written out."""
+    return steps if full else Extent(f).shortened(IndexForm(f.model).steps(steps))
+
+
+def _first(f: Formulas, contents: Contents) -> list[Step]:
+    """Return the first kind, without the sign convention, which comes last."""
+    p, full = contents.partition, contents.full
+    if contents.steps and not in_matrices(f, full):
+        return _arranged(f, list(derivation(f, _coordinates(f, p))), full)
+    found = list(overview(f, full))
+    if contents.steps:
+        found = list(in_short(f, "The derivation is long; --full writes it out."))
+    split = [split_step(f, p)] if p is not None and not contents.steps else []
+    return [*found[:-1], *_arranged(f, split, full)]
+
+
+def _without_equations(f: Formulas, contents: Contents) -> list[Step]:
+    """Return coordinates, energies and constraints."""
+    p = contents.partition
+    if contents.steps:
+        found = [*derivation_before_equations(f), *_coordinates(f, p)]
+    else:
+        found = [*before_equations(f), *([split_step(f, p)] if p is not None else [])]
+    return _arranged(f, found, contents.full)
+
+
+def _coordinates(f: Formulas, p: CoordinatePartition | None) -> list[Step]:
+    if p is None:
+        return []
+    steps = (split_step(f, p), determinant_step(f, p))
+    return [step for step in steps if step is not None]
+
+
+def _other(f: Formulas, kind: str, contents: Contents, p: CoordinatePartition) -> list[Step]:
+    if kind == "second":
+        return second_kind_steps(f, second_kind(p, contents.full), contents.steps)
+    return maggi_steps(f, Maggi(p), contents.full)
+
+
+def _solved(f: Formulas, kind: str, contents: Contents, p: CoordinatePartition) -> Step:
+    if kind == "second":
+        found = solve_second_kind(second_kind(p, contents.full))
+    elif kind == "maggi":
+        found = solve_maggi(Maggi(p))
+    else:
+        found = solve_first_kind(p)
+    return solved_step(f, found, _NAMES[kind], kind == "first" and bool(p.surplus))
+
+
+_COUNTED = (SECOND, MAGGI, ENTRIES, ABBREVIATIONS)
+
+
+def _compared(
+    motion: dict[str, list[Step]], kinds: Sequence[str], f: Formulas, p: CoordinatePartition
+) -> Step:
+    """Return the number of equations and terms of each kind."""
+    k, r, n = len(f.coordinates), len(f.equations.constraints), len(p.independent)
+    sizes = {
+        "first": f"{k + r} equations in {k} coordinates and {r} multiplier{'s' * (r != 1)}",
+        "second": f"{n} equation{'s' * (n != 1)} in {n} coordinate{'s' * (n != 1)}",
+        "maggi": f"{n} equation{'s' * (n != 1)} and {r} constraint{'s' * (r != 1)} in {k}"
+        " coordinates",
+    }
+    said = []
+    for kind in kinds:
+        if kind == "first":
+            lines = [f.equation_line(i) for i in range(k)]
+            lines += map(f.constraint_line, f.equations.constraints)
+        else:
+            lines = [x for s in motion[kind] if s.title in _COUNTED for x in s.lines]
+            if any(s.lines == PROJECTED for s in motion[kind]):
+                lines = []
+        count = terms_in(x for line in lines for x in line.sides)
+        name = _NAMES[kind][0].upper() + _NAMES[kind][1:]
+        size = f"{count} terms" if lines else "not written out"
+        if kind != "first" and not n:
+            said.append(f"{name}: no equations, because the constraints determine the motion.")
+            continue
+        said.append(f"{name}: {sizes[kind]}, {size}.")
+    said.append("Terms are counted as printed, those in brackets and under roots one by one.")
+    return Step("Size of the equations", (), " ".join(said))
+
+
+def terms_in(nodes: Iterable[Node]) -> int:
+    """Count the terms of formulas: those of sums within factors one by one."""
+    return sum(map(_terms, nodes))
+
+
+def _terms(node: Node) -> int:
+    if isinstance(node, Sum):
+        return terms_in(term for _, term in node.terms)
+    return max(1, sum(_terms(x) for x in children(node) if _has_sum(x)))
+
+
+def _has_sum(node: Node) -> bool:
+    return isinstance(node, Sum) or any(map(_has_sum, children(node)))

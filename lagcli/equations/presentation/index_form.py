@@ -1,0 +1,393 @@
+"""Families in index form: one formula for all members, and sums with an index.
+
+Formulas of consecutive members that differ by their index only become one formula, valid over a
+range; terms of a sum that differ so become an indexed sum. Members at the ends of a family that
+differ from the others stay by themselves. The length of a derivation then does not depend on the
+number of members.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from fractions import Fraction
+from typing import NamedTuple
+
+from lagcli.equations.presentation.formulas import Line, Step
+from lagcli.equations.presentation.typeset import (
+    ONE,
+    IndexedSum,
+    Node,
+    Number,
+    Product,
+    Sign,
+    Sum,
+    Symbol,
+    children,
+    product_of,
+    sum_of,
+)
+from lagcli.model.model import Model
+
+#: Consecutive members from which they are written as one.
+SHORTEST = 3
+#: A bound that differs from the number of members by at most this is written with its name.
+_NEAR = 3
+_LETTERS = ("i", "j", "k", "n", "p", "s", "u", "w")
+_MEMBER = re.compile(r"(.*)\[(-?\d+)\]")
+
+
+@dataclass(frozen=True)
+class _Member(Node):
+    """A symbol whose index is that of the formula plus an offset."""
+
+    family: str
+    offset: int
+    dots: int
+    kind: str
+
+
+@dataclass(frozen=True)
+class _Linear(Node):
+    """A number that is linear in the index."""
+
+    start: Fraction
+    slope: Fraction
+
+
+class IndexForm:
+    """Writes families of one model in index form.
+
+    Parameters
+    ----------
+    model : Model
+    """
+
+    def __init__(self, model: Model):
+        names = {*model.coordinate_names, *model.parameters, *model.definitions}
+        self._families = any(name.endswith("]") for name in (*names, *model.constraint_names))
+        self._letters = [x for x in _LETTERS if x not in names]
+        self._sizes = [
+            (p.name, int(p.value))
+            for p in model.parameters.values()
+            if p.structural and p.value == int(p.value) and p.value > _NEAR
+        ]
+
+    def steps(self, steps: Sequence[Step]) -> list[Step]:
+        """Return steps in index form; those of a model without families unchanged."""
+        return list(map(self.step, steps)) if self._families else list(steps)
+
+    def step(self, step: Step) -> Step:
+        """Return a step in index form."""
+        lines = tuple(
+            replace(x, sides=tuple(self._with_sums(side) for side in x.sides)) for x in step.lines
+        )
+        items = _items(lines)
+        found: list[Line] = []
+        at = 0
+        while at < len(items):
+            run = _run(items, at)
+            if run is None:
+                found += map(self._alone, items[at])
+                at += 1
+                continue
+            found += self._general(run, items[at])
+            at += run.length
+        return replace(step, lines=tuple(found))
+
+    def _alone(self, line: Line) -> Line:
+        """Return a line whose last members are named by the number of members: x[N]."""
+        label = line.label
+        if isinstance(label, str):
+            shown = self._named(Symbol(label, kind="constraint"))
+            label = shown.name if isinstance(shown, Symbol) else label
+        elif label is not None:
+            label = self._named(label)
+        return replace(line, sides=tuple(map(self._named, line.sides)), label=label)
+
+    def _named(self, node: Node) -> Node:
+        if isinstance(node, Symbol):
+            member = _MEMBER.fullmatch(node.name)
+            if member is None:
+                return node
+            return replace(node, name=f"{member[1]}[{self._bound(int(member[2]))}]")
+        if isinstance(node, IndexedSum):
+            bounds = (self._shown_bound(x, "") for x in (node.first, node.last))
+            return IndexedSum(self._named(node.term), node.index, *bounds)
+        return _rebuilt(node, self._named)
+
+    def _general(self, run: _Run, item: list[Line]) -> list[Line]:
+        """Return the lines of one item for all members."""
+        letter = self._letters[0]
+        bounds = [self._bound(x) for x in (run.first, run.first + run.length - 1)]
+        text = f"{letter} = {bounds[0]}, …, {bounds[1]}"
+        span = Sign(text, text.replace("−", "-").replace("…", r"\dots"))
+        found = []
+        for n, (nodes, line) in enumerate(zip(run.template, item, strict=True)):
+            label, *sides = (self._shown(x, letter) for x in nodes)
+            named: Node | str | None = label if line.label is not None else None
+            if isinstance(line.label, str) and isinstance(label, Symbol):
+                named = label.name
+            found.append(Line(tuple(sides), named, line.note, span if n == 0 else None))
+        return found
+
+    # sums
+
+    def sums(self, node: Node) -> Node:
+        """Return a formula with indexed sums."""
+        return self._named(self._with_sums(node)) if self._families else node
+
+    def _with_sums(self, node: Node) -> Node:
+        """Return a formula whose sums have an index where their terms differ by it only."""
+        node = _rebuilt(node, self._with_sums)
+        if not isinstance(node, Sum) or len(node.terms) < SHORTEST:
+            return node
+        terms: list[tuple[int, Node]] = []
+        at = 0
+        entries = [[_signed_line(sign, term)] for sign, term in node.terms]
+        while at < len(entries):
+            run = _run(entries, at)
+            if run is None:
+                terms.append(node.terms[at])
+                at += 1
+                continue
+            sign, inner = node.terms[at]
+            letter = self._letter_for(inner)
+            term = self._shown(run.template[0][1], letter)
+            bounds = (Number(Fraction(x)) for x in (run.first, run.first + run.length - 1))
+            terms.append((sign, IndexedSum(term, letter, *bounds)))
+            at += run.length
+        return sum_of(terms)
+
+    def _letter_for(self, node: Node) -> str:
+        """Return a letter for the index of a sum that its terms do not use."""
+        used = {x.index for x in _walk(node) if isinstance(x, IndexedSum)}
+        return next(x for x in self._letters[1:] if x not in used)
+
+    # display
+
+    def _shown(self, node: Node, letter: str) -> Node:
+        """Return a template as a formula with the letter of its index."""
+        match node:
+            case _Member():
+                index = _offset(letter, node.offset)
+                return Symbol(f"{node.family}[{index}]", node.dots, node.kind)  # type: ignore[arg-type]
+            case _Linear():
+                return self._number(node, letter)
+            case IndexedSum():
+                inner = self._shown(node.term, letter)
+                bounds = (self._shown_bound(x, letter) for x in (node.first, node.last))
+                return IndexedSum(inner, node.index, *bounds)
+        return _rebuilt(node, lambda x: self._shown(x, letter))
+
+    def _shown_bound(self, node: Node, letter: str) -> Node:
+        if isinstance(node, Number) and node.value.denominator == 1:
+            bound = self._bound(int(node.value))
+            return Sign(bound, bound.replace("−", "-"))
+        return self._shown(node, letter)
+
+    def _number(self, node: _Linear, letter: str) -> Node:
+        """Return start + slope · index; with the number of members where it is near."""
+        start = node.start
+        terms: list[tuple[int, Node]] = []
+        if start.denominator == 1:
+            name = self._bound(int(start))
+            if not name.lstrip("-").isdigit():
+                known, size = next(x for x in self._sizes if name.startswith(x[0]))
+                terms.append((1, Symbol(known)))
+                start -= size
+        index = Symbol(letter)
+        steep = abs(node.slope)
+        moved: Node = index if steep == 1 else product_of([Number(steep), index])
+        rest = [(1 if start > 0 else -1, Number(abs(start)))] if start else []
+        last = (1 if node.slope > 0 else -1, moved)
+        ordered = [*terms, last, *rest] if node.slope > 0 else [*terms, *rest, last]
+        return sum_of(sorted(ordered, key=lambda x: x[0] < 0 and not terms))
+
+    def _bound(self, value: int) -> str:
+        """Return an index, in terms of the number of members if it is near to it."""
+        for name, size in self._sizes:
+            if abs(value - size) <= _NEAR and value > _NEAR:
+                return _offset(name, value - size)
+        return str(value)
+
+
+def _offset(name: str, offset: int) -> str:
+    """Return an index with its offset: i−1, N."""
+    return name + (f"+{offset}" if offset > 0 else f"−{-offset}" if offset else "")
+
+
+def _items(lines: Sequence[Line]) -> list[list[Line]]:
+    """Return lines by items: a labelled line and those below it are one."""
+    found: list[list[Line]] = []
+    labelled = any(line.label is not None for line in lines)
+    for line in lines:
+        if labelled and line.label is None and found:
+            found[-1].append(line)
+        else:
+            found.append([line])
+    return found
+
+
+def _signed_line(sign: int, term: Node) -> Line:
+    return Line((term,), note=str(sign))
+
+
+def _nodes(line: Line) -> list[Node]:
+    """Return label and sides; a constraint's label as its symbol."""
+    label = line.label
+    if isinstance(label, str):
+        label = Symbol(label, kind="constraint")
+    return [label if label is not None else Number(Fraction(0)), *line.sides]
+
+
+def _base(one: Sequence[Line], two: Sequence[Line]) -> int | None:
+    """Return the first index of an item that is one higher in the next item."""
+    here, there = _indices(one), _indices(two)
+    if len(here) != len(there):
+        return None
+    return next((a for a, b in zip(here, there, strict=True) if b == a + 1), None)
+
+
+def _indices(item: Sequence[Line]) -> list[int]:
+    """Return the indices of all members in an item, in order."""
+    found = []
+    for line in item:
+        for node in _nodes(line):
+            for x in _walk(node):
+                member = _MEMBER.fullmatch(x.name) if isinstance(x, Symbol) else None
+                if member:
+                    found.append(int(member[2]))
+    return found
+
+
+def _walk(node: Node) -> Iterator[Node]:
+    stack = [node]
+    while stack:
+        item = stack.pop()
+        yield item
+        stack.extend(reversed(children(item)))
+
+
+class _Run(NamedTuple):
+    """Consecutive items with one template, and the index of the first."""
+
+    template: list[list[Node]]
+    first: int
+    length: int
+
+
+def _run(items: Sequence[Sequence[Line]], at: int) -> _Run | None:
+    """Return the run that starts at an item, if it is long enough."""
+    if at + SHORTEST > len(items):
+        return None
+    first = _base(items[at], items[at + 1])
+    template = None if first is None else _template(items[at], items[at + 1], first)
+    if first is None or template is None:
+        return None
+    count = 2
+    while at + count < len(items) and _matches(
+        items[at + count], items[at], template, first + count
+    ):
+        count += 1
+    return _Run(template, first, count) if count >= SHORTEST else None
+
+
+def _template(one: Sequence[Line], two: Sequence[Line], index: int) -> list[list[Node]] | None:
+    if len(one) != len(two) or [x.note for x in one] != [x.note for x in two]:
+        return None
+    found = []
+    for a, b in zip(one, two, strict=True):
+        left, right = _nodes(a), _nodes(b)
+        if len(left) != len(right):
+            return None
+        nodes = [_common(x, y, index) for x, y in zip(left, right, strict=True)]
+        known = [x for x in nodes if x is not None]
+        if len(known) < len(nodes):
+            return None
+        found.append(known)
+    return found
+
+
+def _matches(
+    item: Sequence[Line], first: Sequence[Line], template: list[list[Node]], index: int
+) -> bool:
+    if [x.note for x in item] != [x.note for x in first]:
+        return False
+    if [len(x.sides) + 1 for x in item] != [len(x) for x in template]:
+        return False
+    return all(
+        _at(general, index) == node
+        for line, nodes in zip(item, template, strict=True)
+        for node, general in zip(_nodes(line), nodes, strict=True)
+    )
+
+
+def _common(a: Node, b: Node, index: int) -> Node | None:
+    """Return what two formulas have in common, for an index and the next one."""
+    if a == b:
+        return a
+    if type(a) is not type(b):
+        return None
+    if isinstance(a, Number) and isinstance(b, Number):
+        slope = b.value - a.value
+        return _Linear(a.value - slope * index, slope)
+    if isinstance(a, Symbol) and isinstance(b, Symbol):
+        return _common_symbol(a, b, index)
+    values = {}
+    for field in fields(a):
+        x, y = getattr(a, field.name), getattr(b, field.name)
+        found = _common_field(x, y, index)
+        if found is None and x is not None:
+            return None
+        values[field.name] = found
+    return type(a)(**values)
+
+
+def _common_field(x: object, y: object, index: int) -> object | None:
+    if isinstance(x, Node) and isinstance(y, Node):
+        return _common(x, y, index)
+    if isinstance(x, tuple) and isinstance(y, tuple):
+        if len(x) != len(y):
+            return None
+        found = [_common_field(a, b, index) for a, b in zip(x, y, strict=True)]
+        return None if any(item is None for item in found) else tuple(found)
+    return x if x == y else None
+
+
+def _common_symbol(a: Symbol, b: Symbol, index: int) -> Node | None:
+    one, two = _MEMBER.fullmatch(a.name), _MEMBER.fullmatch(b.name)
+    same = (a.dots, a.kind) == (b.dots, b.kind)
+    if one is None or two is None or one[1] != two[1] or not same:
+        return None
+    if int(two[2]) - int(one[2]) != 1:
+        return None
+    return _Member(one[1], int(one[2]) - index, a.dots, a.kind)
+
+
+def _at(template: Node, index: int) -> Node:
+    """Return a template for one index."""
+    match template:
+        case _Member():
+            name = f"{template.family}[{index + template.offset}]"
+            return Symbol(name, template.dots, template.kind)  # type: ignore[arg-type]
+        case _Linear():
+            return Number(template.start + template.slope * index)
+        case Product():  # a factor 1 is not written
+            factors = [_at(x, index) for x in template.factors]
+            left = tuple(x for x in factors if x != ONE)
+            return left[0] if len(left) == 1 else Product(left)
+    return _rebuilt(template, lambda x: _at(x, index))
+
+
+def _rebuilt(node: Node, change: Callable[[Node], Node]) -> Node:
+    """Return a node with its child nodes changed."""
+
+    def of(x: object) -> object:
+        if isinstance(x, Node):
+            return change(x)
+        return tuple(map(of, x)) if isinstance(x, tuple) else x
+
+    values = {f.name: of(getattr(node, f.name)) for f in fields(node)}
+    return type(node)(**values)

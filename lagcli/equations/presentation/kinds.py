@@ -1,0 +1,425 @@
+"""Steps of Lagrange's equations of the second kind, of Maggi's equations, and of closed forms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.equations.presentation import general
+from lagcli.equations.presentation.abbreviations import abbreviate
+from lagcli.equations.presentation.extent import abridged
+from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.index_form import IndexForm
+from lagcli.equations.presentation.partition_steps import (
+    displacement_line,
+    fraction,
+    rate_node,
+    velocity,
+)
+from lagcli.equations.presentation.steps import energy_sides
+from lagcli.equations.presentation.substitution import substituted
+from lagcli.equations.presentation.typeset import (
+    Call,
+    Entry,
+    Node,
+    Partial,
+    Rate,
+    Sign,
+    Sum,
+    Symbol,
+    children,
+    forward,
+    product_of,
+    quotient_of,
+    sum_of,
+    symbols_in,
+    weight,
+    whole,
+)
+from lagcli.equations.reduction.closed_forms import Solution
+from lagcli.equations.reduction.elimination import SolvedUnknown
+from lagcli.equations.reduction.maggi import Maggi
+from lagcli.equations.reduction.partition import number
+from lagcli.equations.reduction.second_kind import SecondKind
+from lagcli.equations.reduction.small_systems import operations
+
+SECOND = "Equations of motion of the second kind"
+MAGGI = "Maggi's equations"
+ABBREVIATIONS = "Abbreviations of these entries"
+ENTRIES = "Entries of M and f"
+_NONE = "There are none: the constraints determine the motion."
+
+#: Operations of equations of motion beyond which they are given as M a = f with abbreviations.
+LONGEST = 1200
+#: A formula that keeps the written structure may be longer than the arranged one by this factor.
+_KEPT = 1.3
+
+
+def second_kind_steps(f: Formulas, second: SecondKind, derivation: bool = False) -> list[Step]:
+    """Return the equations of the second kind, from the dependent coordinates on.
+
+    Parameters
+    ----------
+    f : Formulas
+    second : SecondKind
+    derivation : bool
+        Whether the derivatives of L are shown.
+    """
+    return [
+        step
+        for step in (
+            _dependent(f, second),
+            _velocities(f, second),
+            _lagrangian(f, second),
+            *(_second_derivatives(f, second) if derivation else ()),
+            *_second_equations(f, second, second.written_out),
+        )
+        if step is not None
+    ]
+
+
+def _dependent(f: Formulas, second: SecondKind) -> Step | None:
+    lines: list[Line] = []
+    implicit = False
+    e = f.equations
+    for solved in second.blocks:
+        for solution in solved.solutions:
+            lines += _solution_lines(f, second, solution)
+        if solved.solutions:
+            continue
+        implicit = True
+        names = ", ".join(e.constraints[i].constraint.name for i in solved.block.rows)
+        for i in solved.block.columns:
+            value = second.partition.values[e.q[i]]
+            note = f"implicit: the root of {names} near {value:.6g}"
+            lines.append(Line((f.coordinates[i], _root(f, second, i)), note=note))
+    if not lines:
+        return None
+    remark = ""
+    if any(s.sign for solved in second.blocks for s in solved.solutions):
+        remark = "Signs of roots are those of the branch on which the initial values lie."
+    if implicit:
+        remark += " An implicit root has no closed form here; its derivatives follow from the"
+        remark += " constraints."
+    lead = "Solving the constraints for the dependent coordinates gives"
+    return Step("Dependent coordinates", tuple(lines), remark.strip() or None, lead=lead)
+
+
+def _root(f: Formulas, second: SecondKind, i: int) -> Node:
+    free = [f.coordinates[j] for j in second.partition.independent]
+    name = f.model.coordinate_names[i]
+    return Call(f"R_{name}", tuple(free))
+
+
+def _solution_lines(f: Formulas, second: SecondKind, s: Solution) -> list[Line]:
+    place = {x: x.name for x in f.equations.q}
+    symbol = Symbol(place[s.unknown])
+    if s.angle is None or s.sine is None or s.cosine is None:
+        return [Line((symbol, f.arrange(s.value)))]
+    angle = f.arrange(s.angle)
+    lines = []
+    for function, value in (("sin", s.sine), ("cos", s.cosine)):
+        note = None
+        if s.sign and _has_root(value):
+            at_start = number(value, second.partition.values)
+            note = f"{'positive' if at_start > 0 else 'negative'} at the start"
+        lines.append(Line((Call(function, (angle,)), f.arrange(value)), note=note))
+    if second.lagrangian_uses(s.unknown):
+        lines.append(Line((symbol, f.arrange(s.value))))
+    return lines
+
+
+def _has_root(value: Basic) -> bool:
+    """Whether an expression has a square root."""
+    return any(
+        isinstance(x.args[1], se.Rational) and not isinstance(x.args[1], se.Integer)
+        for x in value.atoms(se.Pow)
+    )
+
+
+def _velocities(f: Formulas, second: SecondKind) -> Step | None:
+    lines = []
+    e = f.equations
+    moving = {e.v[i] for i in second.partition.dependent} | {s.unknown for s in second.inserted}
+    for rate in second.partition.rates:
+        sides = [velocity(f.coordinates[rate.coordinate]), rate_node(f, rate)]
+        above, below = rate.over(e.v)
+        changes = moving & (above.free_symbols | below.free_symbols)
+        if changes and not second.is_long:
+            explicit = f.arrange(second.rates[rate.coordinate])
+            if weight(explicit) < _LONG_RATE and explicit not in sides:
+                sides.append(explicit)
+        lines.append(Line(tuple(sides)))
+    if not lines:
+        return None
+    lead = "Solving the differentiated constraints for the dependent velocities gives"
+    return Step("Dependent velocities", tuple(lines), lead=lead)
+
+
+_LONG_RATE = 160
+
+
+def _lagrangian(f: Formulas, second: SecondKind) -> Step:
+    signs = general.Signs(f.model)
+    first = energy_sides(f)
+    sides: list[Node] = [signs.lagrangian]
+    if f.model.kinetic is not None:
+        sides.append(sum_of([(1, signs.kinetic), (-1, signs.potential)]))
+    sides.append(first)
+    remark = None
+    if second.partition.dependent:
+        if second.is_long:
+            sides[-1] = abridged(IndexForm(f.model).sums(first))
+            remark = "Here the dependent coordinates and velocities are the functions given above."
+        else:
+            found = _inserted(f, second, first)
+            sides += [found] if found != first else []
+            remark = "In the independent coordinates and velocities (8.89)."
+            if second.named:
+                remark += " Dependent coordinates in it are the functions given above."
+    lead = "Substituting these into L gives" if second.partition.dependent else None
+    return Step("Lagrangian of the second kind", (Line(tuple(sides)),), remark, lead=lead)
+
+
+def _inserted(f: Formulas, second: SecondKind, first: Node) -> Node:
+    """Return L with the dependent coordinates replaced, structured as written if that is short."""
+    values: dict[Node, Node] = {}
+    for i, rate in second.rates.items():
+        values[velocity(f.coordinates[i])] = f.arrange(rate)
+    for solution in second.inserted:
+        symbol = Symbol(solution.unknown.name)
+        if solution.sine is not None and solution.cosine is not None:
+            angle = f.arrange(solution.angle)
+            values[Call("sin", (angle,))] = f.arrange(second.reduced(solution.sine))
+            values[Call("cos", (angle,))] = f.arrange(second.reduced(solution.cosine))
+        else:
+            values[symbol] = f.arrange(second.reduced(solution.value))
+    kept = substituted(first, values)
+    arranged = f.arrange(second.lagrangian)
+    if kept is None:
+        return arranged
+    gone = {f.model.coordinate_names[i] for i in second.partition.dependent}
+    gone -= {f.model.coordinate_names[i] for i in second.named}
+    left = set(symbols_in([kept])) & (gone | set(f.model.definitions))
+    moving = {n.name for n in _dotted(kept)}
+    if left or moving & {f.model.coordinate_names[i] for i in second.partition.dependent}:
+        return arranged
+    return kept if weight(kept) <= _KEPT * weight(arranged) else arranged
+
+
+def _dotted(node: Node) -> list[Symbol]:
+    found, stack = [], [node]
+    while stack:
+        item = stack.pop()
+        if isinstance(item, Symbol) and item.dots:
+            found.append(item)
+        stack.extend(children(item))
+    return found
+
+
+def _second_derivatives(f: Formulas, second: SecondKind) -> list[Step]:
+    """Return ∂L/∂q_k, ∂L/∂q̇_k and d/dt ∂L/∂q̇_k; none if they are long."""
+    p = second.partition
+    if second.is_long or operations(second.forcing) > LONGEST or not p.independent:
+        return []
+    lagrangian = general.Signs(f.model).lagrangian
+    free = [f.coordinates[i] for i in p.independent]
+    by_velocity = [Partial(lagrangian, velocity(x)) for x in free]
+    return [
+        Step(
+            f"{title} of the second kind",
+            tuple(Line((x, f.arrange(y))) for x, y in zip(left, right, strict=True)),
+        )
+        for title, left, right in (
+            ("Partial derivatives", [Partial(lagrangian, x) for x in free], second.gradient),
+            ("Momenta", by_velocity, second.momenta),
+            ("Total time derivatives", [Rate(x) for x in by_velocity], second.momentum_rates),
+        )
+    ]
+
+
+def _second_equations(f: Formulas, second: SecondKind, full: bool) -> list[Step]:
+    p = second.partition
+    if not p.independent:
+        return [Step(SECOND, (), _NONE)]
+    free = [f.coordinates[i] for i in p.independent]
+    if second.is_long or operations(second.forcing) > LONGEST:
+        return in_matrices(f, second.mass_matrix, second.forcing, free, SECOND, full)
+    lines = []
+    for k, x in enumerate(free):
+        left = f.arrange(second.momentum_rates[k] - second.gradient[k])
+        lines.append(Line((left, f.arrange(second.applied_forces[k])), x))
+    return [Step(SECOND, tuple(lines), _law_remark(second))]
+
+
+def _law_remark(second: SecondKind) -> str | None:
+    if all(x == 0 for x in second.applied_forces):
+        return None
+    return "On the right are the generalized forces, projected on the independent coordinates."
+
+
+_M, _F = Sign("M", "M"), Sign("f", "f")
+#: Abbreviations beyond which M and f are not listed.
+_MANY = 120
+PROJECTED = (
+    Line(
+        (
+            Sign("Jᵀ M J q̈", r"J^{\mathrm{T}} M J \, \ddot{q}"),
+            Sign("Jᵀ (f − M c)", r"J^{\mathrm{T}} (f - M c)"),
+        )
+    ),
+)
+_TOO_MANY = (
+    "M and f are those of all coordinates; all accelerations are J times the independent ones"
+    " plus c. The entries are long; --full and --format json give them."
+)
+
+
+def in_matrices(
+    f: Formulas,
+    mass_matrix: Sequence[Sequence[Basic]],
+    forcing: Sequence[Basic],
+    free: Sequence[Symbol],
+    title: str,
+    full: bool,
+) -> list[Step]:
+    """Return M a = f entry by entry, with abbreviations."""
+    entries: list[tuple[Node, Basic]] = []
+    for i, row in enumerate(mass_matrix):
+        entries += [
+            (Entry(_M, (free[i], free[j])), x) for j, x in enumerate(row) if j >= i and x != 0
+        ]
+    entries += [(Entry(_F, (free[i],)), x) for i, x in enumerate(forcing) if x != 0]
+    names = (*f.model.coordinate_names, *f.model.parameters, *f.model.definitions)
+    short = abbreviate([x for _, x in entries], names)
+    law = Line((Sign("M q̈", r"M \, \ddot{q}"), _F))
+    remark = (
+        "The equations are long: entries of M and f are named by the independent coordinates and"
+        " given with abbreviations. M is symmetric."
+    )
+    if len(short.named) > _MANY and not full:
+        return [Step(title, PROJECTED, _TOO_MANY)]
+    named = tuple(Line((Symbol(name), f.arrange(x))) for name, x in short.named.items())
+    found = [Step(title, (law,), remark)]
+    if named:
+        found.append(Step(ABBREVIATIONS, named, packed=True))
+    pairs = zip(entries, short.expressions, strict=True)
+    lines = tuple(Line((entry, f.arrange(x))) for (entry, _), x in pairs)
+    return [*found, Step(ENTRIES, lines)]
+
+
+def maggi_steps(f: Formulas, maggi: Maggi, full: bool = False) -> list[Step]:
+    """Return Maggi's equations, from the dependent velocities on."""
+    p, e = maggi.partition, f.equations
+    found: list[Step] = []
+    if p.rates:
+        lines = tuple(
+            Line((velocity(f.coordinates[rate.coordinate]), rate_node(f, rate))) for rate in p.rates
+        )
+        lead = "Solving the velocity constraints gives"
+        found.append(Step("Dependent velocities", lines, lead=lead))
+        lines = tuple(displacement_line(f, p, rate) for rate in p.rates)
+        remark = "The coefficients are the rows of J, whose columns span the null space of B."
+        found.append(Step("Dependent virtual displacements", lines, remark))
+    if not p.independent:
+        return [*found, Step(MAGGI, (), _NONE)]
+    residuals = [
+        rate - slope - force
+        for rate, slope, force in zip(e.momentum_rates, e.gradient, e.applied_forces, strict=True)
+    ]
+    if operations(maggi.equations_of_motion) > 3 * LONGEST:
+        free = [f.coordinates[i] for i in p.independent]
+        return [*found, *in_matrices(f, maggi.mass_matrix, maggi.forcing, free, MAGGI, full)]
+    equations = []
+    for k, i in enumerate(p.independent):
+        terms = [(1, f.arrange(residuals[i]))]
+        for j in p.dependent:
+            if k in p.null_space[j] and residuals[j] != 0:
+                residual = f.arrange(residuals[j])
+                if isinstance(residual, Sum) and len(residual.terms) > 1:
+                    factor = _entry_of_null_space(f, maggi, j, k)
+                    terms.append((1, product_of([factor, residual])))
+                else:
+                    terms.append((1, f.arrange(p.null_space[j][k] * residuals[j])))
+        equations.append(Line((sum_of(terms), whole(0)), f.coordinates[i]))
+    law = Line((_maggi_law(f), whole(0)))
+    count, r = len(equations), len(p.constraints)
+    remark = (
+        f"With the {r} constraint{'s' * (r != 1)}, {count + r} equations in"
+        f" {len(e.q)} unknowns; no multipliers."
+        if r
+        else "There are no constraints."
+    )
+    return [*found, Step(MAGGI, (law, *equations), remark)]
+
+
+def _entry_of_null_space(f: Formulas, maggi: Maggi, i: int, k: int) -> Node:
+    p = maggi.partition
+    rate = next(r for r in p.rates if r.coordinate == i)
+    j = p.independent[k]
+    if not set(rate.numerators) & set(p.dependent):
+        return fraction(f, rate.numerators[j], rate.denominator)
+    return f.arrange(p.null_space[i][k])
+
+
+def _maggi_law(f: Formulas) -> Node:
+    lagrangian = general.Signs(f.model).lagrangian
+    inner = sum_of(
+        [
+            (1, Rate(Partial(lagrangian, Sign("q̇ᵢ", r"\dot{q}_i")))),
+            (-1, Partial(lagrangian, Sign("qᵢ", "q_i"))),
+            (-1, general.FORCE),
+        ]
+    )
+    return product_of([Sign("Σᵢ J_ik", r"\textstyle\sum_i J_{ik}"), inner])
+
+
+def solved_step(
+    f: Formulas, found: list[SolvedUnknown], kind: str, redundant: bool = False
+) -> Step:
+    """Return λ and the accelerations in closed form, or say why not."""
+    title = f"Solved for the unknowns ({kind})"
+    if not found:
+        reason = "λ is not unique, because constraints are redundant"
+        remark = (
+            f"A closed form is not given: {reason if redundant else 'it would be long'}."
+            " simulate eliminates λ and solves for the accelerations numerically at every step."
+        )
+        return Step(title, (), remark)
+    nodes = {x.name: Symbol(c.name, 2) for x, c in zip(f.equations.a, f.coordinates, strict=True)}
+    for symbol, c in zip(f.equations.multipliers, f.equations.constraints, strict=True):
+        nodes[symbol.name] = Symbol(c.constraint.name, kind="multiplier")
+    whole_fractions = [fraction(f, s.numerator, s.denominator) for s in found]
+    if max(map(weight, whole_fractions)) <= _LONG_FRACTION:
+        pairs = zip(found, whole_fractions, strict=True)
+        return Step(title, tuple(Line((nodes[s.unknown.name], x)) for s, x in pairs))
+    return Step(title, tuple(_over_determinants(f, found, nodes)))
+
+
+#: Characters of a fraction from which its denominator is written by itself.
+_LONG_FRACTION = 70
+_SHORT_DIVISOR = 8  # characters of a denominator that stays where it is
+
+
+def _over_determinants(
+    f: Formulas, found: list[SolvedUnknown], nodes: dict[str, Symbol]
+) -> list[Line]:
+    """Return fractions as products with 1/Δ, and what Δ is; such formulas can be broken."""
+    below: dict[Node, Sign] = {}
+    lines = []
+    for s in found:
+        sign, divisor = forward(f.arrange(s.denominator))
+        inverse = quotient_of(whole(1), divisor)
+        if weight(divisor) > _SHORT_DIVISOR and divisor not in below:
+            n = len(below) + 1
+            below[divisor] = Sign(f"Δ{n}".translate(_SUBSCRIPTS), rf"\Delta_{{{n}}}")
+        if divisor in below:
+            inverse = quotient_of(whole(1), below[divisor])
+        value = product_of([inverse, f.arrange(s.numerator)])
+        lines.append(Line((nodes[s.unknown.name], sum_of([(sign, value)]))))
+    return [*(Line((sign, divisor)) for divisor, sign in below.items()), *lines]
+
+
+_SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")

@@ -1,0 +1,1 @@
+"""Reduction to independent coordinates: partitioning, second kind, Maggi, closed forms."""

@@ -1,0 +1,155 @@
+"""λ and the accelerations in closed form, for systems of few unknowns."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.equations.derivation.lagrange import Equations
+from lagcli.equations.derivation.motion import ZERO
+from lagcli.equations.reduction.maggi import Maggi
+from lagcli.equations.reduction.partition import CoordinatePartition, number
+from lagcli.equations.reduction.second_kind import SecondKind
+from lagcli.equations.reduction.small_systems import (
+    CRAMER,
+    cancelled,
+    operations,
+    solutions,
+)
+
+#: Operations of a numerator or denominator beyond which a closed form is not given.
+LONGEST = 400
+#: Factor by which a formula may grow to be without fractions in it.
+_GROWTH = 2
+#: Operations up to which a fraction is brought to lowest terms, which takes seconds beyond.
+_CANCELLED = 250
+
+
+class SolvedUnknown(NamedTuple):
+    """An acceleration or a multiplier as a fraction."""
+
+    unknown: Basic
+    numerator: Basic
+    denominator: Basic
+
+
+Matrix = list[list[Basic]]
+
+
+def solve_first_kind(partition: CoordinatePartition) -> list[SolvedUnknown]:
+    """Solve M a = f + Bᵀλ, B a = γ for a and λ.
+
+    Parameters
+    ----------
+    partition : CoordinatePartition
+
+    Returns
+    -------
+    list of SolvedUnknown
+        Multipliers, then accelerations. Empty if the closed form would be long: beyond three
+        multipliers with a diagonal mass matrix, or three unknowns otherwise; or if constraints are
+        redundant, because λ is not unique then.
+    """
+    e = partition.equations
+    if partition.surplus:
+        return []
+    masses = [row.get(i, ZERO) for i, row in enumerate(e.mass_matrix)]
+    diagonal = all(set(row) <= {i} for i, row in enumerate(e.mass_matrix))
+    if diagonal and len(e.constraints) <= CRAMER and all(m != 0 for m in masses):
+        return _short(_by_multipliers(e, masses, partition))
+    k = len(e.q)
+    if k + len(e.constraints) > CRAMER:
+        return []
+    matrix: Matrix = [[row.get(j, ZERO) for j in range(k)] for row in e.mass_matrix]
+    for i, row in enumerate(matrix):
+        row.extend(-c.row.get(i, ZERO) for c in e.constraints)
+    right = [*e.forcing, *(c.rhs for c in e.constraints)]
+    for c in e.constraints:
+        matrix.append([*(c.row.get(j, ZERO) for j in range(k)), *[ZERO] * len(e.constraints)])
+    found = _solved(matrix, right, [*e.a, *e.multipliers], partition)
+    return _short([*found[k:], *found[:k]])
+
+
+def _by_multipliers(
+    e: Equations, masses: list[Basic], partition: CoordinatePartition
+) -> list[SolvedUnknown]:
+    """Solve (B M⁻¹ Bᵀ) λ = γ − B M⁻¹ f first, for a diagonal M."""
+    rows = [c.row for c in e.constraints]
+    matrix: Matrix = [
+        [se.Add(*[x * b.get(j, ZERO) / masses[j] for j, x in a.items()]) for b in rows]
+        for a in rows
+    ]
+    right = [
+        c.rhs - se.Add(*[x * e.forcing[j] / masses[j] for j, x in c.row.items()])
+        for c in e.constraints
+    ]
+    found = _solved(matrix, right, list(e.multipliers), partition)
+    for i, a in enumerate(e.a):
+        below = found[0].denominator if found else se.Integer(1)
+        forces = [found[n].numerator * row[i] for n, row in enumerate(rows) if i in row]
+        same = all(x.denominator == below for x in found)
+        if not same:
+            forces = [
+                found[n].numerator / found[n].denominator * row[i]
+                for n, row in enumerate(rows)
+                if i in row
+            ]
+            below = se.Integer(1)
+        if not forces:
+            below = se.Integer(1)
+        above = se.Add(e.forcing[i] * below, *forces)
+        found.append(SolvedUnknown(a, *_lowest_terms(above, below * masses[i])))
+    return found
+
+
+def solve_second_kind(second: SecondKind) -> list[SolvedUnknown]:
+    """Solve the equations of the second kind for up to three accelerations; else return none."""
+    return _accelerations(second.partition, second.mass_matrix, second.forcing)
+
+
+def solve_maggi(maggi: Maggi) -> list[SolvedUnknown]:
+    """Solve Maggi's equations for up to three independent accelerations; else return none."""
+    return _accelerations(maggi.partition, maggi.mass_matrix, maggi.forcing)
+
+
+def _accelerations(
+    partition: CoordinatePartition,
+    mass_matrix: tuple[tuple[Basic, ...], ...],
+    forcing: tuple[Basic, ...],
+) -> list[SolvedUnknown]:
+    if not 0 < len(partition.independent) <= CRAMER:
+        return []
+    unknowns = [partition.equations.a[i] for i in partition.independent]
+    return _short(_solved([list(row) for row in mass_matrix], list(forcing), unknowns, partition))
+
+
+def _solved(
+    matrix: Matrix, right: list[Basic], unknowns: list[Basic], partition: CoordinatePartition
+) -> list[SolvedUnknown]:
+    (above,), below = solutions(matrix, [right], lambda x: number(x, partition.values))
+    return [
+        SolvedUnknown(unknown, *_lowest_terms(x, below))
+        for unknown, x in zip(unknowns, above, strict=True)
+    ]
+
+
+def _lowest_terms(numerator: Basic, denominator: Basic) -> tuple[Basic, Basic]:
+    """Return a fraction in lowest terms; a long one without the factors that all terms share."""
+    (above,), below = cancelled([numerator], denominator)
+    if operations([above, below]) > _GROWTH * operations([numerator, denominator]):
+        return numerator, denominator
+    if operations([above, below]) > _CANCELLED or below.atoms(se.Piecewise):
+        return above, below
+    import sympy
+    from symengine.lib.symengine_wrapper import sympy2symengine
+
+    value = sympy.cancel(above._sympy_() / below._sympy_())
+    found = tuple(map(sympy2symengine, sympy.fraction(value)))
+    return found if operations(found) < operations([above, below]) else (above, below)
+
+
+def _short(found: list[SolvedUnknown]) -> list[SolvedUnknown]:
+    longest = max((se.count_ops(x) for s in found for x in s[1:]), default=0)
+    return found if longest <= LONGEST else []

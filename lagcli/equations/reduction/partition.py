@@ -1,0 +1,369 @@
+"""Coordinate partitioning: independent and dependent coordinates, and the dependent velocities.
+
+The rank of B at a consistent state says how many coordinates depend on the others. The choice of
+independent coordinates is admissible where the block of B that belongs to the dependent ones has a
+nonzero determinant (textbook equations 8.80 to 8.84).
+
+References
+----------
+R. A. Wehage, E. J. Haug, Generalized coordinate partitioning for dimension reduction in analysis of
+constrained dynamic systems, Journal of Mechanical Design 104 (1982) 247–255,
+doi:10.1115/1.3256318.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.equations.derivation.lagrange import Equations
+from lagcli.equations.derivation.motion import ONE, ZERO
+from lagcli.equations.reduction.small_systems import (
+    cancelled,
+    determinant,
+    operations,
+    solutions,
+)
+from lagcli.equations.reduction.triangular import CoordinateBlock, triangular_blocks
+from lagcli.errors import UsageError
+from lagcli.model import model as symbols
+from lagcli.model.model import Model
+
+Values = Mapping[Basic, float]
+Matrix = list[list[float]]
+
+#: A pivot below this part of the largest entry shows a smaller rank.
+_ZERO_PIVOT = 1e-9
+#: A pivot is good from this part of the largest entry.
+_GOOD_PIVOT = 0.05
+
+
+def number(expression: Basic, values: Values) -> float:
+    """Return the value of an expression; NaN if it is not real."""
+    known = {s: se.RealDouble(values[s]) for s in expression.free_symbols}
+    try:
+        return float(expression.xreplace(known).n(53, real=True))
+    except RuntimeError:  # not real, or no value
+        return math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class DependentRate:
+    """A dependent velocity, (Σ_j n_j v_j + n_0)/d, and its acceleration.
+
+    Parameters
+    ----------
+    coordinate : int
+    numerators : mapping of int to expression
+        n_j by coordinate, independent or earlier dependent ones.
+    numerator : expression
+        n_0.
+    denominator : expression
+        d.
+    acceleration : expression
+        The part of the acceleration that is free of accelerations.
+    """
+
+    coordinate: int
+    numerators: Mapping[int, Basic]
+    numerator: Basic
+    denominator: Basic
+    acceleration: Basic
+
+    @property
+    def coefficients(self) -> dict[int, Basic]:
+        """The derivatives with respect to other velocities."""
+        return {j: x / self.denominator for j, x in self.numerators.items()}
+
+    @property
+    def drift(self) -> Basic:
+        """The velocity where all others are zero."""
+        return self.numerator / self.denominator
+
+    def over(self, v: Sequence[Basic]) -> tuple[Basic, Basic]:
+        """Return numerator and denominator."""
+        terms = [x * v[j] for j, x in self.numerators.items()]
+        return se.Add(self.numerator, *terms), self.denominator
+
+
+@dataclass(frozen=True, eq=False)
+class CoordinatePartition:
+    """Independent and dependent coordinates of a system.
+
+    Indices refer to the coordinates and constraints of the equations.
+
+    Parameters
+    ----------
+    equations : Equations
+    values : mapping of symbol to float
+        q, v, t and the parameters at a consistent state.
+    independent, dependent : tuples of int
+        Coordinates.
+    constraints : tuple of int
+        Independent constraints, as many as dependent coordinates.
+    surplus : tuple of int
+        Constraints that follow from the others at that state.
+    blocks : tuple of CoordinateBlock
+        Order in which constraints give dependent coordinates.
+    """
+
+    equations: Equations
+    values: Values
+    independent: tuple[int, ...]
+    dependent: tuple[int, ...]
+    constraints: tuple[int, ...]
+    surplus: tuple[int, ...]
+    blocks: tuple[CoordinateBlock, ...]
+
+    @cached_property
+    def determinants(self) -> tuple[Basic, ...]:
+        """Determinants of the diagonal blocks; their product is that of the dependent block."""
+        rows = [c.row for c in self.equations.constraints]
+        return tuple(
+            determinant([[rows[i].get(j, ZERO) for j in b.columns] for i in b.rows])
+            for b in self.blocks
+        )
+
+    @cached_property
+    def rates(self) -> tuple[DependentRate, ...]:
+        """The dependent velocities, each in terms of independent and earlier ones."""
+        found: list[DependentRate] = []
+        for block in self.blocks:
+            found += self._solved(block)
+        return tuple(found)
+
+    def _solved(self, block: CoordinateBlock) -> list[DependentRate]:
+        held = [self.equations.constraints[i] for i in block.rows]
+        matrix = [[c.row.get(j, ZERO) for j in block.columns] for c in held]
+        others = sorted({j for c in held for j in c.row} - set(block.columns))
+        columns = [[-c.row.get(j, ZERO) for c in held] for j in others]
+        columns += [[-c.drift for c in held], [c.rhs for c in held]]
+        solved, below = solutions(matrix, columns, lambda x: number(x, self.values))
+        found = []
+        for place, i in enumerate(block.columns):
+            parts, divisor = [x[place] for x in solved], below
+            shorter, common = cancelled(parts, divisor)
+            # clearing denominators may also take longer formulas
+            if operations([*shorter[:-1], common]) < operations([*parts[:-1], divisor]):
+                parts, divisor = shorter, common
+            *moving, drift, acceleration = parts
+            numerators = {j: x for j, x in zip(others, moving, strict=True) if x != 0}
+            found.append(DependentRate(i, numerators, drift, divisor, acceleration / divisor))
+        return found
+
+    @cached_property
+    def null_space(self) -> tuple[Mapping[int, Basic], ...]:
+        """The matrix J of v = J v_independent + J_0, row by row: B J = 0.
+
+        The columns are positions in ``independent``.
+        """
+        rows: list[dict[int, Basic]] = [{} for _ in self.equations.q]
+        for k, i in enumerate(self.independent):
+            rows[i] = {k: ONE}
+        for rate in self.rates:
+            rows[rate.coordinate] = _combined(rate.coefficients, rows)
+        return tuple(rows)
+
+    @cached_property
+    def drift(self) -> tuple[Basic, ...]:
+        """J_0: the velocities where the independent ones are zero."""
+        return self._offsets("drift")
+
+    @cached_property
+    def acceleration_rhs(self) -> tuple[Basic, ...]:
+        """The part of a = J a_independent + … that is free of accelerations."""
+        return self._offsets("acceleration")
+
+    def _offsets(self, kind: str) -> tuple[Basic, ...]:
+        found = [ZERO] * len(self.equations.q)
+        for rate in self.rates:
+            terms = [x * found[j] for j, x in rate.coefficients.items()]
+            found[rate.coordinate] = se.Add(getattr(rate, kind), *terms)
+        return tuple(found)
+
+
+def _combined(
+    coefficients: Mapping[int, Basic], rows: Sequence[Mapping[int, Basic]]
+) -> dict[int, Basic]:
+    terms: dict[int, list[Basic]] = {}
+    for j, x in coefficients.items():
+        for k, y in rows[j].items():
+            terms.setdefault(k, []).append(x * y)
+    return {k: se.Add(*parts) for k, parts in sorted(terms.items())}
+
+
+def partition(
+    equations: Equations, values: Values, independent: Sequence[str] | None = None
+) -> CoordinatePartition:
+    """Divide the coordinates into independent and dependent ones at a consistent state.
+
+    Parameters
+    ----------
+    equations : Equations
+    values : mapping of symbol to float
+        q, v, t and the parameters.
+    independent : sequence of str, optional
+        Names of the independent coordinates. By default those with fixed initial values, as far as
+        the constraints determine the others.
+
+    Returns
+    -------
+    CoordinatePartition
+
+    Raises
+    ------
+    UsageError
+        An unknown or repeated name, a wrong number of names, or coordinates that the constraints do
+        not leave independent at that state.
+    """
+    names = equations.model.coordinate_names
+    matrix = _jacobian(equations, values)
+    preference = [_given(equations.model, name) for name in names]
+    free = range(len(names))
+    rows, columns = _eliminate(matrix, [[j for j in free if preference[j] <= x] for x in range(3)])
+    if independent is not None:
+        default = [names[j] for j in free if j not in columns]
+        chosen = _chosen(equations.model, independent, default)
+        rows, columns = _eliminate(matrix, [[j for j in free if j not in chosen]])
+        if len(columns) < len(names) - len(chosen):
+            raise _singular(equations, chosen, columns, default)
+    rows, columns = sorted(rows), sorted(columns)
+    place = {j: k for k, j in enumerate(columns)}
+    constraints = equations.constraints
+    blocks = triangular_blocks([{place[j] for j in constraints[i].row if j in place} for i in rows])
+    return CoordinatePartition(
+        equations=equations,
+        values=values,
+        independent=tuple(j for j in free if j not in place),
+        dependent=tuple(columns),
+        constraints=tuple(rows),
+        surplus=tuple(i for i in range(len(constraints)) if i not in rows),
+        blocks=tuple(
+            CoordinateBlock(tuple(rows[i] for i in b.rows), tuple(columns[k] for k in b.columns))
+            for b in blocks
+        ),
+    )
+
+
+def _given(model: Model, name: str) -> int:
+    """Return how many initial values of a coordinate are fixed: 0, 1 or 2."""
+    return model.initial_positions[name].fixed + model.initial_velocities[name].fixed
+
+
+def _jacobian(equations: Equations, values: Values) -> Matrix:
+    """Return B at a state, each row divided by its largest entry."""
+    matrix = []
+    for c in equations.constraints:
+        row = [0.0] * len(equations.q)
+        for j, b in c.row.items():
+            row[j] = number(b, values)
+        largest = max(map(abs, row), default=0.0)
+        matrix.append([x / largest for x in row] if largest else row)
+    return matrix
+
+
+def _eliminate(matrix: Matrix, groups: Sequence[Sequence[int]]) -> tuple[list[int], list[int]]:
+    """Return pivot rows and columns of Gaussian elimination with complete pivoting.
+
+    Pivots are taken from the first group of columns that has a good one; the last group has every
+    column that is allowed.
+    """
+    left = [list(row) for row in matrix]
+    rows: list[int] = []
+    columns: list[int] = []
+    free = set(range(len(left)))
+    while free:
+        largest = max((abs(left[i][j]) for i in free for j in groups[-1]), default=0.0)
+        if not largest > _ZERO_PIVOT:
+            break
+        i, j = next(
+            found
+            for found in (_pivot(left, free, group, columns, largest) for group in groups)
+            if found is not None
+        )
+        rows.append(i)
+        columns.append(j)
+        free.remove(i)
+        for other in free:
+            factor = left[other][j] / left[i][j]
+            if factor:
+                left[other] = [x - factor * y for x, y in zip(left[other], left[i], strict=True)]
+                left[other][j] = 0.0
+    return rows, columns
+
+
+def _pivot(
+    left: Matrix, free: set[int], group: Sequence[int], done: Sequence[int], largest: float
+) -> tuple[int, int] | None:
+    """Return the place of a good pivot whose row and column have few other entries (Markowitz)."""
+    columns = [j for j in group if j not in done]
+    good = [(i, j) for i in free for j in columns if abs(left[i][j]) > _GOOD_PIVOT * largest]
+    if not good:
+        return None
+    among = [j for j in range(len(left[0])) if j not in done]
+    in_row = {i: sum(abs(left[i][j]) > _ZERO_PIVOT for j in among) - 1 for i in free}
+    in_column = {j: sum(abs(left[i][j]) > _ZERO_PIVOT for i in free) - 1 for j in columns}
+    return min(good, key=lambda x: (in_row[x[0]] * in_column[x[1]], -abs(left[x[0]][x[1]]), x))
+
+
+def _chosen(model: Model, independent: Sequence[str], default: list[str]) -> list[int]:
+    """Return the indices of the named coordinates, or say what is wrong with the choice."""
+    names = model.coordinate_names
+    for name in independent:
+        if name not in names:
+            raise UsageError(
+                f"--independent: there is no coordinate `{name}`; the coordinates are"
+                f" {_listed(names)}"
+            )
+        if independent.count(name) > 1:
+            raise UsageError(f"--independent names `{name}` twice; keep one of them")
+    if len(independent) != len(default):
+        count, given = len(default), len(independent)
+        named = f"{given} coordinate{'s' * (given != 1)}: {_listed(independent)}"
+        raise UsageError(
+            f"--independent names {named if given else 'no coordinates'}; the model has"
+            f" {count} degree{'s' * (count != 1)} of freedom at its start{_remedy(default)}"
+        )
+    return [names.index(name) for name in independent]
+
+
+def _singular(
+    equations: Equations, chosen: list[int], columns: list[int], default: list[str]
+) -> UsageError:
+    """Say that the constraints do not determine the dependent coordinates."""
+    names = equations.model.coordinate_names
+    dependent = [names[j] for j in range(len(names)) if j not in chosen]
+    stuck = [name for name in dependent if names.index(name) not in columns]
+    return UsageError(
+        f"--independent {','.join(names[j] for j in chosen)}: at the start the constraints do not"
+        f" determine {_listed(stuck)}: the determinant of ∂ψ/∂q̇ for the dependent coordinates"
+        f" {_listed(dependent)} is zero there{_remedy(default)}"
+    )
+
+
+def _remedy(default: list[str]) -> str:
+    if not default:
+        return "; leave the option out, because all coordinates depend on time"
+    return f"; use for instance --independent {','.join(default)}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = [f"`{name}`" for name in names[:12]]
+    return ", ".join(shown) + (", …" if len(names) > 12 else "")
+
+
+def values_at(
+    model: Model, t: float, q: Sequence[float], v: Sequence[float], p: Sequence[float]
+) -> dict[Basic, float]:
+    """Return the values of all symbols of a model at a state."""
+    names = model.coordinate_names
+    found = {symbols.TIME: t}
+    found |= {symbols.coordinate(name): float(x) for name, x in zip(names, q, strict=True)}
+    found |= {symbols.velocity(name): float(x) for name, x in zip(names, v, strict=True)}
+    found |= {se.Symbol(name): float(x) for name, x in zip(model.parameters, p, strict=True)}
+    return found

@@ -1,0 +1,28 @@
+"""Values as JSON has them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+
+def json_values(value: Any, of_array: Callable[[Any], Any] | None = None) -> Any:
+    """Return a value in JSON's own types.
+
+    Parameters
+    ----------
+    value : mappings, sequences, NumPy arrays and numbers, texts
+        Numbers that are not finite become null.
+    of_array : callable, optional
+        What stands for an array; a list of its numbers by default.
+    """
+    if hasattr(value, "tolist"):
+        if of_array is not None and value.ndim:
+            return of_array(value)
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): json_values(item, of_array) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [json_values(item, of_array) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

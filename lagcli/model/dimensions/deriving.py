@@ -1,0 +1,255 @@
+"""Derivation of the dimensions of a model's quantities, and the check of its statements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from lagcli.model.dimensions.dimension import (
+    ENERGY,
+    NUMBER,
+    ONE,
+    POWER,
+    UNKNOWN,
+    Dimension,
+    Scalar,
+)
+from lagcli.model.dimensions.evaluation import (
+    Disagreement,
+    TensorDimension,
+    Value,
+    rate_of,
+)
+from lagcli.model.dimensions.model_units import (
+    ModelUnits,
+    UnitFinding,
+    conjugate,
+    find,
+    multiplier_dimension,
+    text_of,
+)
+from lagcli.model.dimensions.named import NamedDimensions
+from lagcli.model.expression.trees import (
+    IndexedSumExpr,
+    NumberExpr,
+    SumExpr,
+    Tree,
+    VectorExpr,
+)
+from lagcli.model.expression.units import read_unit
+from lagcli.model.model import Constraint, Model
+from lagcli.model.names.members import family_of
+
+
+def derive_units(model: Model, assumed: Mapping[str, Scalar] | None = None) -> ModelUnits:
+    """Derive the dimensions of a model's quantities and check its statements.
+
+    T, V and L are energies, D is a power, forces are conjugate to what they act on, sums add like
+    to like, arguments of functions are numbers, both sides of a constraint agree, and initial
+    values fit their coordinates.
+
+    Parameters
+    ----------
+    model : Model
+    assumed : mapping of str to Dimension or UNKNOWN, optional
+        Dimensions of coordinates and parameters, or of families ``x[]``, in place of those that
+        the model states.
+
+    Returns
+    -------
+    ModelUnits
+    """
+    known = NamedDimensions(model, assumed or {})
+    if not known.stated:
+        return ModelUnits(missing=tuple(known.missing))
+    statements = _Statements(model, known)
+    return ModelUnits(
+        stated=True,
+        throughout=known.throughout,
+        missing=tuple(known.missing),
+        names=known.names,
+        constraints=statements.constraints,
+        multipliers=known.multipliers,
+        outputs=statements.outputs,
+        written=known.written,
+        findings=tuple(known.findings),
+    )
+
+
+def expression_unit(
+    model: Model, tree: Tree, more: Mapping[str, Scalar] | None = None
+) -> str | None:
+    """Return the SI unit of an expression in a model's names; None if it is not known.
+
+    Parameters
+    ----------
+    model : Model
+    tree : Tree
+        May use λ, constraint forces and outputs.
+    more : mapping of str to Dimension, optional
+        Dimensions of further names.
+    """
+    if not model.units.stated:
+        return None
+    known = NamedDimensions(model, {})
+    known.multipliers.update(model.units.multipliers)
+    known.names.update(model.units.outputs)
+    known.names.update(more or {})
+    return text_of(known.evaluated(tree, ""))
+
+
+class _Statements:
+    """Checks the statements of one model, and derives the dimensions of λ and of the outputs."""
+
+    def __init__(self, model: Model, known: NamedDimensions):
+        self.model, self.known = model, known
+        self.constraints: dict[str, Value] = {}
+        self.outputs: dict[str, Value] = {}
+        self.energies()
+        self.forces()
+        self.constrained()
+        self.initial()
+        self.reported()
+
+    def energies(self) -> None:
+        for key, expected in (("T", ENERGY), ("V", ENERGY), ("L", ENERGY), ("D", POWER)):
+            if key in self.model.trees:
+                self.terms(self.model.trees[key], expected, key, None, f"`{key}`")
+
+    def forces(self) -> None:
+        for key, tree in self.model.trees.items():
+            block, _, name = key.partition(".")
+            if block == "Q":
+                place = find(self.known.names, name)
+                on = (
+                    place.map(conjugate) if isinstance(place, TensorDimension) else conjugate(place)
+                )
+                self.terms(tree, on, block, name, f"the force on `{name}`")
+
+    def terms(self, tree: Tree, expected: Value, block: str, name: str | None, role: str) -> None:
+        """Check that every term of an expression has a dimension."""
+        good: Tree | None = None
+        bad: list[tuple[Tree, Value]] = []
+        for term in self._terms(tree):
+            value = self.known.evaluated(term, block, name)
+            if not self.known.fits(value, expected):
+                bad.append((term, value))
+            elif good is None and isinstance(value, Dimension):
+                good = term
+        for term, value in bad:
+            for part, found, wanted in _entries(term, value, expected):
+                if not self.known.fits(found, wanted):
+                    wrong = Disagreement("required", part, found, wanted, good, role)
+                    self.known.findings.append(UnitFinding(wrong, block, name))
+
+    def _terms(self, tree: Tree) -> Iterator[Tree]:
+        if isinstance(tree, SumExpr):
+            for _, term in tree.terms:
+                yield from self._terms(term)
+        elif isinstance(tree, IndexedSumExpr) and not self.known.varied:
+            yield from self._terms(tree.term)
+        else:
+            yield tree
+
+    def constrained(self) -> None:
+        known: dict[int, Value] = {}
+        residuals: list[tuple[str, Value]] = []
+        multipliers: list[tuple[str, Value]] = []
+        for c in self.model.constraints:
+            residual = known.get(id(c.left))
+            if residual is None or self.known.varied:
+                residual = known[id(c.left)] = self._residual(c)
+            residuals.append((c.name, residual))
+            assert not isinstance(residual, TensorDimension)
+            force = multiplier_dimension(residual, c.kind == "holonomic")
+            multipliers.append((c.name, force))
+        self.constraints.update(self._table(residuals))
+        self.known.multipliers.update(self._table(multipliers))
+
+    def _residual(self, c: Constraint) -> Value:
+        left = self.known.evaluated(c.left, "constraints", c.name, c.indices)
+        if c.right is not None:
+            right = self.known.evaluated(c.right, "constraints", c.name, c.indices)
+            both = self.known.evaluator.join(left, right)
+            if both is None:
+                assert not isinstance(left, TensorDimension)
+                assert not isinstance(right, TensorDimension)
+                wrong = Disagreement("sides", c.left, left, right, c.right)
+                self.known.findings.append(UnitFinding(wrong, "constraints", c.name))
+            left = UNKNOWN if both is None else both
+        if left is NUMBER and self.known.throughout:
+            return ONE
+        return left if isinstance(left, Dimension) else UNKNOWN
+
+    def _table(self, entries: list[tuple[str, Value]]) -> dict[str, Value]:
+        """Return dimensions by name, of members of a family together where they agree."""
+        found: dict[str, Value] = {}
+        families: dict[str, list[tuple[str, Value]]] = {}
+        for name, value in entries:
+            families.setdefault(family_of(name), []).append((name, value))
+        for family, members in families.items():
+            together = self.known.joined(value for _, value in members)
+            if together is None:
+                found.update(members)
+            else:
+                found[family] = together
+        return found
+
+    def initial(self) -> None:
+        seen: set[tuple[int, str]] = set()
+        for name, given in self.model.initial.items():
+            coordinate = name.rstrip("'")
+            rate = len(name) - len(coordinate)
+            written = given.written
+            if written is None or (given.unit is None and isinstance(written.tree, NumberExpr)):
+                continue  # a number alone is in SI
+            key = id(written.tree), family_of(coordinate)
+            if key in seen and not self.known.varied:
+                continue
+            seen.add(key)
+            expected = rate_of(find(self.known.names, coordinate), rate)
+            value: Value
+            if given.unit:
+                value = read_unit(given.unit).dimension
+            else:
+                where = ("initial", name, written.indices, given.location)
+                value = self.known.evaluated(written.tree, *where)
+            # an expression of numbers is in SI too
+            if value is not NUMBER and not self.known.fits(value, expected):
+                assert not isinstance(value, TensorDimension)
+                assert not isinstance(expected, TensorDimension)
+                role = f"the initial value of `{name}`"
+                wrong = Disagreement("required", written.tree, value, expected, role=role)
+                self.known.findings.append(UnitFinding(wrong, "initial", name, given.location))
+
+    def reported(self) -> None:
+        """Derive the dimensions of the outputs, and check the units that the model states."""
+        stated: dict[str, str] = {}
+        for name, unit in self.model.output_units.items():
+            self.known.written[f"outputs.{name}"] = unit
+            stated.setdefault(family_of(name), unit)
+        found: list[tuple[str, Value]] = []
+        for key, tree in self.model.trees.items():
+            block, _, name = key.partition(".")
+            if block != "outputs":
+                continue
+            value = self.known.evaluated(tree, block, name)
+            if family_of(name) in stated and value is not NUMBER:
+                expected = read_unit(stated[family_of(name)]).dimension
+                if not self.known.fits(value, expected):
+                    role = f"the output `{name}`"
+                    assert not isinstance(value, TensorDimension)
+                    wrong = Disagreement("required", tree, value, expected, role=role)
+                    self.known.findings.append(UnitFinding(wrong, block, name))
+            found.append((name, ONE if value is NUMBER and self.known.throughout else value))
+        self.outputs.update(self._table(found))
+
+
+def _entries(tree: Tree, value: Value, expected: Value) -> Iterator[tuple[Tree, Scalar, Scalar]]:
+    """Yield the parts of an expression with their dimensions: of a vector, its entries."""
+    if not (isinstance(value, TensorDimension) and isinstance(expected, TensorDimension)):
+        assert not isinstance(value, TensorDimension)
+        assert not isinstance(expected, TensorDimension)
+        yield tree, value, expected
+        return
+    items = tree.items if isinstance(tree, VectorExpr) else [tree] * len(value.flat)
+    yield from zip(items, value.flat, expected.flat, strict=False)

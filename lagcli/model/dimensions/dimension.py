@@ -1,0 +1,147 @@
+"""Dimensions: exponents of the base units, and the SI units that are written for them."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import cache
+from typing import NamedTuple
+
+Exponent = int | Fraction
+
+_RAD = 7  # place of the angle among the exponents
+
+
+class Dimension(NamedTuple):
+    """Exponents of kg, m, s, A, K, mol, cd, and of rad.
+
+    A radian is the number 1: dimensions that differ in ``rad`` alone are the same (`same`). It is
+    counted to write rad/s for a rate of rotation and N*m for a torque, which is J/rad.
+    """
+
+    kg: Exponent = 0
+    m: Exponent = 0
+    s: Exponent = 0
+    A: Exponent = 0
+    K: Exponent = 0
+    mol: Exponent = 0
+    cd: Exponent = 0
+    rad: Exponent = 0
+
+
+class Special:
+    """What has no dimension of its own.
+
+    Parameters
+    ----------
+    name : str
+    """
+
+    def __init__(self, name: str):
+        self.name = name
+
+    def __repr__(self) -> str:
+        return self.name
+
+    def __reduce__(self) -> str:
+        return self.name  # there is one of each
+
+
+#: The number 0, which is a value of any dimension.
+ZERO = Special("ZERO")
+#: A number that the model writes without a unit.
+NUMBER = Special("NUMBER")
+#: A quantity whose unit the model does not state.
+UNKNOWN = Special("UNKNOWN")
+
+Scalar = Dimension | Special
+
+ONE = Dimension()
+ANGLE = Dimension(rad=1)
+SECOND = Dimension(s=1)
+ENERGY = Dimension(kg=1, m=2, s=-2)
+POWER = Dimension(kg=1, m=2, s=-3)
+
+
+def same(a: Dimension, b: Dimension) -> bool:
+    """Whether two dimensions are the same, a radian being 1."""
+    return a[:_RAD] == b[:_RAD]
+
+
+@cache
+def product(a: Scalar, b: Scalar, exponent: Exponent = 1) -> Scalar:
+    """Return the dimension of a·b^exponent."""
+    if a is ZERO or b is ZERO:
+        return ZERO
+    if a is UNKNOWN or b is UNKNOWN:
+        return UNKNOWN
+    if not isinstance(b, Dimension):
+        return a
+    if not isinstance(a, Dimension):
+        a = ONE
+    return Dimension(*(_whole(x + y * exponent) for x, y in zip(a, b, strict=True)))
+
+
+@cache
+def power(a: Scalar, exponent: Exponent) -> Scalar:
+    """Return the dimension of a^exponent."""
+    return product(ONE, a, exponent) if isinstance(a, Dimension) else a
+
+
+def _whole(x: Exponent) -> Exponent:
+    return int(x) if x.denominator == 1 else x
+
+
+_NAMES: dict[tuple[Exponent, ...], str] = {
+    (1, 1, -2, 0): "N",
+    (1, 2, -2, 0): "J",
+    (1, 2, -3, 0): "W",
+    (1, 0, -1, 0): "N*s/m",
+    (1, 1, -1, 0): "kg*m/s",
+    (1, 2, -1, 0): "kg*m^2/s",
+    (0, 0, 1, 1): "C",
+    (1, 2, -3, -1): "V",
+    (1, 2, -3, -2): "ohm",
+    (-1, -2, 4, 2): "F",
+    (1, 2, -2, -2): "H",
+    (1, 0, -2, -1): "T",
+    (1, 2, -2, -1): "Wb",
+}
+_BASES = Dimension._fields
+
+
+@cache
+def unit_of(dimension: Dimension) -> str:
+    """Return the coherent SI unit of a dimension, in the notation of model files.
+
+    It has N, J, W and the units of electricity where they are shorter than base units. An energy by
+    an angle is written N*m, and the angle where there is nothing else but the time.
+    """
+    exponents = dict(zip(_BASES, dimension, strict=True))
+    angle = exponents.pop("rad")
+    if not any(x for name, x in exponents.items() if name != "s"):
+        return _written({"rad": 1, **exponents} if angle == 1 else exponents)
+    if dimension[4:_RAD] == (0, 0, 0):
+        name = _NAMES.get(dimension[:4])
+        if name is not None:
+            return "N*m" if name == "J" and angle % 2 == 1 else name
+    # F = m a: a force takes the place of the mass, if that leaves fewer factors
+    mass = exponents.pop("kg")
+    force = {"N": mass, **exponents, "m": exponents["m"] - mass, "s": exponents["s"] + 2 * mass}
+    base = {"kg": mass, **exponents}
+    return _written(min(base, force, key=lambda form: sum(abs(float(x)) for x in form.values())))
+
+
+def _written(form: dict[str, Exponent]) -> str:
+    above = [_factor(name, x) for name, x in form.items() if x > 0]
+    below = [_factor(name, -x) for name, x in form.items() if x < 0]
+    text = "*".join(above) or "1"
+    if len(below) > 1:
+        return f"{text}/({'*'.join(below)})"
+    return f"{text}/{below[0]}" if below else text
+
+
+def _factor(name: str, exponent: Exponent) -> str:
+    if exponent == 1:
+        return name
+    text = f"{float(exponent):.3g}" if exponent.denominator in (1, 2, 4, 5, 8) else f"({exponent})"
+    return f"{name}^{text}"

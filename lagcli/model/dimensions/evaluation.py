@@ -1,0 +1,440 @@
+"""Dimensions of syntax trees, and the parts of them that disagree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import partial
+from typing import Any, NamedTuple, Protocol
+
+from lagcli.model.dimensions.dimension import (
+    ANGLE,
+    NUMBER,
+    ONE,
+    SECOND,
+    UNKNOWN,
+    ZERO,
+    Dimension,
+    Exponent,
+    Scalar,
+    Special,
+    power,
+    product,
+    same,
+)
+from lagcli.model.expression.trees import (
+    CallExpr,
+    Comparison,
+    IndexedSumExpr,
+    LogicalExpr,
+    Name,
+    NumberExpr,
+    PowerExpr,
+    ProductExpr,
+    SumExpr,
+    Tree,
+    VectorExpr,
+)
+
+
+class TensorDimension(NamedTuple):
+    """Dimensions of the entries of a vector (one column) or a matrix."""
+
+    rows: tuple[tuple[Scalar, ...], ...]
+
+    def map(self, function: Callable[[Scalar], Scalar]) -> TensorDimension:
+        """Apply a function to each entry."""
+        return TensorDimension(tuple(tuple(map(function, row)) for row in self.rows))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The number of entries in each row."""
+        return tuple(map(len, self.rows))
+
+    @property
+    def flat(self) -> tuple[Scalar, ...]:
+        """All entries, row by row."""
+        return tuple(x for row in self.rows for x in row)
+
+
+Value = Scalar | TensorDimension
+
+
+class Disagreement(NamedTuple):
+    """Two parts of an expression whose dimensions do not fit, or one that is not as required.
+
+    Parameters
+    ----------
+    reason : str
+        ``sum``, ``comparison``, ``arguments``, ``cases`` or ``sides`` of an equation, which must be
+        alike; ``number``, where a part must be a number or an angle; ``exponent``, where the base
+        has a dimension and the exponent varies; ``entries`` of a scalar or matrix product;
+        ``required``, where the model states the dimension.
+    part : Tree
+    found : Dimension or NUMBER
+        The dimension of ``part``.
+    expected : Dimension or NUMBER
+        That of ``other``, or the one that is required.
+    other : Tree, optional
+        The part that ``part`` is compared with.
+    role : str
+        What ``part`` is, for messages: the argument of `sin`.
+    """
+
+    reason: str
+    part: Tree
+    found: Scalar
+    expected: Scalar
+    other: Tree | None = None
+    role: str = ""
+
+
+class Lookup(Protocol):
+    """What the names of an expression stand for."""
+
+    def value(self, name: Name) -> Value:
+        """Return the dimension of a name with its primes."""
+        ...
+
+    def number(self, name: Name) -> Fraction | None:
+        """Return the value of a name in an exponent; None if it varies or is not rational."""
+        ...
+
+    def each(self, tree: IndexedSumExpr) -> Iterator[None]:
+        """Iterate over the terms of a sum whose dimensions may differ."""
+        ...
+
+
+ROTATION = TensorDimension(((ONE,) * 3,) * 3)
+_NUMBERS = {
+    *("sin", "cos", "tan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "exp2"),
+    *("expm1", "log", "log10", "log2", "log1p", "floor", "ceil", "erf", "erfc", "degrees"),
+}
+_ANGLES = {"asin", "acos", "atan", "radians"}
+_ALIKE = {"abs", "fabs", "min", "max", "hypot"}
+_SIGNS = {"sign", "step"}
+_ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
+
+
+@dataclass
+class DimensionEvaluator:
+    """Evaluates the dimensions of trees.
+
+    Parameters
+    ----------
+    names : Lookup
+    strict : bool
+        Whether a number in an expression has no unit. Otherwise it may stand for a quantity: 0.3
+        for one of any dimension, 2 and 1/2 beside a quantity for one in the same unit.
+    found : list of Disagreement
+        What disagrees; a part in error has the dimension UNKNOWN, so that it is reported once.
+    """
+
+    names: Lookup
+    strict: bool
+    found: list[Disagreement] = field(default_factory=list)
+
+    def value(self, tree: Tree) -> Value:
+        """Return the dimension of a tree."""
+        return _RULES[type(tree)](self, tree)
+
+    def scalar(self, tree: Tree) -> Scalar:
+        """Return the dimension of a tree that is a scalar."""
+        value = self.value(tree)
+        return UNKNOWN if isinstance(value, TensorDimension) else value
+
+    def alike(self, parts: Iterable[Tree], reason: str) -> Value:
+        """Return the common dimension of parts; report the first that differs from the others."""
+        first, *others = parts
+        total, shown = self.value(first), first
+        for part in others:
+            value = self.value(part)
+            joined = self.join(total, value)
+            if joined is None:
+                a, b = _differing(total, value)
+                self.found.append(Disagreement(reason, part, b, a, shown))
+                return UNKNOWN
+            if isinstance(total, Special) and joined is not total:
+                shown = part
+            total = joined
+        return total
+
+    def join(self, a: Value, b: Value) -> Value | None:
+        """Return the common dimension of two values; None if they differ."""
+        if a is b:
+            return a
+        if isinstance(a, TensorDimension) or isinstance(b, TensorDimension):
+            return self._join_entries(a, b)
+        if a is ZERO:
+            return b
+        if b is ZERO:
+            return a
+        if a is UNKNOWN or b is UNKNOWN:
+            other = b if a is UNKNOWN else a
+            return other if isinstance(other, Dimension) else UNKNOWN
+        if a is NUMBER or b is NUMBER:
+            other = b if a is NUMBER else a
+            assert isinstance(other, Dimension)
+            return other if not self.strict or same(other, ONE) else None
+        assert isinstance(a, Dimension)
+        assert isinstance(b, Dimension)
+        if not same(a, b):
+            return None
+        return a if a.rad else b
+
+    def _join_entries(self, a: Value, b: Value) -> Value | None:
+        if not (isinstance(a, TensorDimension) and isinstance(b, TensorDimension)):
+            if a is ZERO or b is ZERO:
+                return b if a is ZERO else a
+            return UNKNOWN  # of an expression that disagrees in itself, or of a mixed family
+        if a.shape != b.shape:
+            return UNKNOWN
+        joined = [self.join(x, y) for x, y in zip(a.flat, b.flat, strict=True)]
+        entries = [x for x in joined if isinstance(x, Dimension | Special)]
+        if len(entries) < len(joined):
+            return None
+        width = len(a.rows[0])
+        rows = (tuple(entries[i : i + width]) for i in range(0, len(entries), width))
+        return TensorDimension(tuple(rows))
+
+    def number(self, tree: Tree) -> Fraction | None:
+        """Return the value of an exponent; None if it is not a rational constant."""
+        match tree:
+            case NumberExpr():
+                return tree.value
+            case Name():
+                return self.names.number(tree)
+            case SumExpr():
+                terms = [self.number(term) for _, term in tree.terms]
+                known = [x for x in terms if x is not None]
+                signs = [sign for sign, _ in tree.terms]
+                if len(known) < len(terms):
+                    return None
+                return sum((s * x for s, x in zip(signs, known, strict=True)), Fraction(0))
+            case ProductExpr():
+                total = Fraction(1)
+                for exponent, factor in tree.factors:
+                    x = self.number(factor)
+                    if x is None or (x == 0 and exponent < 0):
+                        return None
+                    total *= x if exponent > 0 else 1 / x
+                return total
+        return None
+
+    # rules
+
+    def _number(self, tree: NumberExpr) -> Value:
+        if not tree.value:
+            return ZERO
+        return NUMBER if self.strict or not is_measured(tree) else UNKNOWN
+
+    def _name(self, tree: Name) -> Value:
+        return self.names.value(tree)
+
+    def _sum(self, tree: SumExpr) -> Value:
+        return self.alike([term for _, term in tree.terms], "sum")
+
+    def _series(self, tree: IndexedSumExpr) -> Value:
+        total: Value = ZERO
+        for _ in self.names.each(tree):
+            value = self.value(tree.term)
+            joined = self.join(total, value)
+            if joined is None:
+                a, b = _differing(total, value)
+                self.found.append(Disagreement("sum", tree.term, b, a))
+                return UNKNOWN
+            total = joined
+        return total
+
+    def _product(self, tree: ProductExpr) -> Value:
+        total: Value = NUMBER
+        for exponent, factor in tree.factors:
+            value = self.value(factor)
+            if not isinstance(value, TensorDimension):
+                if not isinstance(total, TensorDimension):
+                    total = product(total, value, exponent)
+                else:
+                    total = total.map(partial(_multiplied, by=value, exponent=exponent))
+            elif isinstance(total, TensorDimension):
+                total = self._matrix_product(total, value, tree)
+            else:
+                total = value.map(partial(product, total))
+        return total
+
+    def _matrix_product(self, a: TensorDimension, b: TensorDimension, tree: Tree) -> Value:
+        columns = list(zip(*b.rows, strict=False))
+        return TensorDimension(
+            tuple(tuple(self._scalar_product(row, x, tree) for x in columns) for row in a.rows)
+        )
+
+    def _scalar_product(
+        self, row: Iterable[Scalar], column: Iterable[Scalar], tree: Tree
+    ) -> Scalar:
+        total: Scalar = ZERO
+        for x, y in zip(row, column, strict=False):
+            term = product(x, y)
+            joined = self.join(total, term)
+            if joined is None:
+                self.found.append(Disagreement("entries", tree, term, total))
+                return UNKNOWN
+            assert not isinstance(joined, TensorDimension)
+            total = joined
+        return total
+
+    def _power(self, tree: PowerExpr) -> Value:
+        return self.raised(tree.base, tree.exponent)
+
+    def raised(self, base_tree: Tree, exponent_tree: Tree) -> Value:
+        """Return the dimension of a power."""
+        base = self.scalar(base_tree)
+        if isinstance(exponent_tree, NumberExpr):
+            return power(base, whole(exponent_tree.value))
+        exponent = self.dimensionless(exponent_tree, "an exponent")
+        if not isinstance(base, Dimension):
+            return base
+        number = self.number(exponent_tree)
+        if number is not None:
+            return power(base, whole(number))
+        if same(base, ONE):
+            return ONE
+        if isinstance(exponent, Dimension):  # not an index, and nothing wrong in it
+            self.found.append(Disagreement("exponent", base_tree, base, ONE, exponent_tree))
+        return UNKNOWN
+
+    def _call(self, tree: CallExpr) -> Value:
+        name, arguments = tree.function, tree.arguments
+        if name in _NUMBERS or name in _ANGLES:
+            plain = [self.dimensionless(a, f"the argument of `{name}`") for a in arguments]
+            if all(x is NUMBER or x is ZERO for x in plain):
+                return NUMBER
+            return ONE if name in _NUMBERS else ANGLE
+        if name in _ALIKE:
+            return self.alike(arguments, "arguments")
+        if name in _SIGNS:
+            self.value(arguments[0])
+            return ONE
+        if name in _ROOTS:
+            return power(self.scalar(arguments[0]), _ROOTS[name])
+        if name == "pow":
+            return self.raised(*arguments)
+        if name == "atan2":
+            self.alike(arguments, "arguments")
+            return ANGLE
+        if name == "if":
+            self.value(arguments[0])
+            return self.alike(arguments[1:], "cases")
+        return self._tensor_call(tree)
+
+    def _tensor_call(self, tree: CallExpr) -> Value:
+        name, arguments = tree.function, tree.arguments
+        if name in ("rot_x", "rot_y", "rot_z", "rot", "quat"):
+            for part in arguments[1:] if name == "rot" else arguments:
+                self.dimensionless(part, f"the argument of `{name}`")
+            return ROTATION
+        if name == "omega":
+            self.dimensionless(arguments[0], "a rotation")
+            return TensorDimension(((_rate(ANGLE, 1),),) * 3)
+        values = [self.value(a) for a in arguments]
+        first = values[0]
+        if not all(isinstance(v, TensorDimension) for v in values):
+            return TensorDimension(((UNKNOWN,),) * 3) if name == "cross" else UNKNOWN
+        assert isinstance(first, TensorDimension)
+        if name == "transpose":
+            return TensorDimension(tuple(zip(*first.rows, strict=False)))
+        if name == "norm":
+            return power(self._scalar_product(first.flat, first.flat, tree), Fraction(1, 2))
+        second = values[1]
+        assert isinstance(second, TensorDimension)
+        if name == "dot":
+            return self._scalar_product(first.flat, second.flat, tree)
+        a, b = first.flat, second.flat
+        # an axial vector: r × F is a torque, J/rad
+        crossed = [
+            product(self._scalar_product((a[i], a[j]), (b[j], b[i]), tree), ANGLE, -1)
+            for i, j in ((1, 2), (2, 0), (0, 1))
+        ]
+        return TensorDimension(tuple((x,) for x in crossed))
+
+    def dimensionless(self, tree: Tree, role: str) -> Value:
+        """Return the dimension of a part that must be a number or an angle; report any other."""
+        value = self.value(tree)
+        for x in value.flat if isinstance(value, TensorDimension) else (value,):
+            if isinstance(x, Dimension) and not same(x, ONE):
+                self.found.append(Disagreement("number", tree, x, ONE, role=role))
+                return UNKNOWN
+        return value
+
+    def _comparison(self, tree: Comparison) -> Value:
+        self.alike(tree.operands, "comparison")
+        return ONE
+
+    def _logical(self, tree: LogicalExpr) -> Value:
+        for part in tree.operands:
+            self.value(part)
+        return ONE
+
+    def _vector(self, tree: VectorExpr) -> Value:
+        values = [self.value(item) for item in tree.items]
+        rows = tuple(v.flat if isinstance(v, TensorDimension) else (v,) for v in values)
+        made = TensorDimension(rows)
+        if self.strict or {NUMBER, ZERO}.issuperset(made.flat):
+            return made
+        return made.map(lambda x: UNKNOWN if x is NUMBER else x)
+
+
+_RULES: dict[type[Tree], Callable[[DimensionEvaluator, Any], Value]] = {
+    NumberExpr: DimensionEvaluator._number,
+    Name: DimensionEvaluator._name,
+    SumExpr: DimensionEvaluator._sum,
+    IndexedSumExpr: DimensionEvaluator._series,
+    ProductExpr: DimensionEvaluator._product,
+    PowerExpr: DimensionEvaluator._power,
+    CallExpr: DimensionEvaluator._call,
+    Comparison: DimensionEvaluator._comparison,
+    LogicalExpr: DimensionEvaluator._logical,
+    VectorExpr: DimensionEvaluator._vector,
+}
+
+
+def is_measured(number: NumberExpr) -> bool:
+    """Whether a number may be a measured value, unlike 2, 1/2 or 0.25."""
+    return number.value.denominator not in (1, 2, 4, 8)
+
+
+def rate_of(value: Value, order: int) -> Value:
+    """Return the dimension of a time derivative."""
+    if not order:
+        return value
+    if isinstance(value, TensorDimension):
+        return value.map(lambda x: _rate(x, order))
+    return _rate(value, order)
+
+
+def _rate(x: Scalar, order: int) -> Scalar:
+    if isinstance(x, Dimension):
+        return product(x, SECOND, -order)
+    return ZERO if x is NUMBER else x
+
+
+def _multiplied(x: Scalar, by: Scalar, exponent: Exponent) -> Scalar:
+    return product(x, by, exponent)
+
+
+def whole(x: Fraction) -> Exponent:
+    """Return an exponent as an int if it is one."""
+    return int(x) if x.denominator == 1 else x
+
+
+def _differing(a: Value, b: Value) -> tuple[Scalar, Scalar]:
+    """Return the first pair of entries that differ."""
+    if not (isinstance(a, TensorDimension) and isinstance(b, TensorDimension)):
+        assert not isinstance(a, TensorDimension)
+        assert not isinstance(b, TensorDimension)
+        return a, b
+    for x, y in zip(a.flat, b.flat, strict=True):
+        if x is not y and isinstance(x, Dimension) and isinstance(y, Dimension) and same(x, y):
+            continue
+        if x is not y and x is not ZERO and y is not ZERO and UNKNOWN not in (x, y):
+            return x, y
+    return a.flat[0], b.flat[0]

@@ -1,0 +1,138 @@
+"""The units of a model's quantities."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from lagcli.errors import SourceLocation
+from lagcli.model.dimensions.dimension import (
+    ENERGY,
+    NUMBER,
+    ONE,
+    POWER,
+    SECOND,
+    UNKNOWN,
+    Dimension,
+    Scalar,
+    product,
+    unit_of,
+)
+from lagcli.model.dimensions.evaluation import Disagreement, TensorDimension, Value
+from lagcli.model.names.members import family_of
+
+
+class UnitFinding(NamedTuple):
+    """A disagreement of dimensions, and the entry of the model file that it is in.
+
+    Parameters
+    ----------
+    disagreement : Disagreement
+    block : str
+        Key of the model file: ``T``, ``definitions``, …
+    name : str or None
+        Name of the entry.
+    location : SourceLocation, optional
+        Of the value, where that is all there is to underline: a number with a unit, or the value
+        of an option.
+    """
+
+    disagreement: Disagreement
+    block: str
+    name: str | None = None
+    location: SourceLocation | None = None
+
+
+@dataclass(frozen=True)
+class ModelUnits:
+    """Dimensions of a model's quantities, the units that follow, and what disagrees.
+
+    A family whose members have one dimension has one entry, ``x[]``.
+
+    Parameters
+    ----------
+    stated : bool
+        Whether the model states any unit; without one, nothing is derived.
+    throughout : bool
+        Whether all coordinates have a unit, and all parameters, at least one. Then a number in an
+        expression is a number, and what disagrees is an error.
+    missing : tuple of str
+        Coordinates and parameters without a unit.
+    names : mapping of str to dimension
+        Of coordinates, parameters and definitions.
+    constraints : mapping of str to dimension
+        Of φ, or of ψ for nonholonomic constraints.
+    multipliers : mapping of str to dimension
+        Of λ, by constraint.
+    outputs : mapping of str to dimension
+    written : mapping of str to str
+        Units that the model states for coordinates, parameters and outputs, in SI.
+    findings : tuple of UnitFinding
+        What disagrees, in the order of the blocks.
+    """
+
+    stated: bool = False
+    throughout: bool = False
+    missing: tuple[str, ...] = ()
+    names: Mapping[str, Value] = field(default_factory=dict)
+    constraints: Mapping[str, Value] = field(default_factory=dict)
+    multipliers: Mapping[str, Value] = field(default_factory=dict)
+    outputs: Mapping[str, Value] = field(default_factory=dict)
+    written: Mapping[str, str] = field(default_factory=dict)
+    findings: tuple[UnitFinding, ...] = ()
+
+    def of(self, name: str) -> str | None:
+        """Return the SI unit of a coordinate, parameter or definition; None if it is not known.
+
+        The entries of a vector have one unit, or None.
+        """
+        return self.written.get(name) or text_of(find(self.names, name))
+
+    def of_output(self, name: str) -> str | None:
+        """Return the SI unit of an output."""
+        return self.written.get(f"outputs.{name}") or text_of(find(self.outputs, name))
+
+    def of_multiplier(self, constraint: str) -> str | None:
+        """Return the SI unit of λ."""
+        return text_of(find(self.multipliers, constraint))
+
+    def of_residual(self, constraint: str, holonomic: bool, rate: bool) -> str | None:
+        """Return the SI unit of φ, or of ψ = φ' (``rate``)."""
+        value = find(self.constraints, constraint)
+        if isinstance(value, Dimension) and holonomic and rate:
+            return text_of(product(value, SECOND, -1))
+        return text_of(value)
+
+    def of_force(self, coordinate: str) -> str | None:
+        """Return the SI unit of the generalized force on a coordinate."""
+        value = find(self.names, coordinate)
+        return text_of(conjugate(value)) if isinstance(value, Dimension) else None
+
+
+def find(table: Mapping[str, Value], name: str) -> Value:
+    """Return the dimension of a name, or of the family that it belongs to."""
+    value = table.get(name)
+    return table.get(family_of(name), UNKNOWN) if value is None else value
+
+
+def text_of(value: Value) -> str | None:
+    """Return the unit of a dimension; None if there is none, or more than one."""
+    if isinstance(value, TensorDimension):
+        units = {text_of(x) for x in value.flat if x is UNKNOWN or isinstance(x, Dimension)}
+        return units.pop() if len(units) == 1 else None
+    return unit_of(value) if isinstance(value, Dimension) else None
+
+
+def conjugate(coordinate: Scalar) -> Scalar:
+    """Return the dimension of the generalized force on a coordinate: an energy by it."""
+    return product(ENERGY, _plain(coordinate), -1)
+
+
+def multiplier_dimension(residual: Scalar, holonomic: bool) -> Scalar:
+    """Return the dimension of λ: energy by φ, or power by ψ."""
+    return product(ENERGY if holonomic else POWER, _plain(residual), -1)
+
+
+def _plain(value: Scalar) -> Scalar:
+    return ONE if value is NUMBER else value

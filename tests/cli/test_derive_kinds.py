@@ -1,0 +1,113 @@
+"""lagcli derive --kind, --independent, --solve: formats, errors and exit statuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from lagcli.cli.app import run
+from lagcli.model.expression.grammar import parse
+
+MODELS = Path(__file__).parents[2] / "models"
+CRANK = str(MODELS / "slider_crank_textbook.yaml")
+DISK = str(MODELS / "rolling_disk.yaml")
+
+
+def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert run(["derive", *arguments]) == 0
+    return capsys.readouterr().out
+
+
+def test_the_second_kind_alone(capsys) -> None:
+    text = printed(capsys, CRANK, "--kind", "second", "--independent", "phi")
+    assert "ψ̇ = r φ̇ cos φ/(l cos ψ) = r φ̇ cos φ/√(l² − r² sin² φ)" in text
+    assert "½ m {r² φ̇² + r² sin² φ [φ̇ + r φ̇ cos φ/√(l² − r² sin² φ)]²} − m g r sin φ" in text
+    assert "λ" not in text
+
+
+def test_kinds_are_compared(capsys) -> None:
+    text = " ".join(printed(capsys, CRANK, "--kind", "first,second,maggi").split())
+    assert "First kind: 3 equations in 2 coordinates and 1 multiplier, 14 terms." in text
+    assert "Second kind: 1 equation in 1 coordinate, 22 terms." in text
+    assert "Maggi's equations: 1 equation and 1 constraint in 2 coordinates" in text
+
+
+@pytest.mark.parametrize("form", ["text", "latex", "markdown", "json"])
+@pytest.mark.parametrize("name", ["slider_crank_textbook", "parallelogram", "car_axis", "chain"])
+def test_every_format(capsys, form: str, name: str) -> None:
+    model = str(MODELS / f"{name}.yaml")
+    size = ("--set", "N=4") if name == "chain" else ()
+    text = printed(
+        capsys, model, "--kind", "first,second,maggi", "--solve", "--steps", "-f", form, *size
+    )
+    if form == "json":
+        content = json.loads(text)
+        assert {"partition", "second", "maggi", "solved", "steps"} <= set(content)
+    elif form == "latex":
+        assert text.count("{") == text.count("}")
+        assert "[U+" not in text
+    else:
+        assert "Maggi" in text
+
+
+def test_json_can_be_read(capsys) -> None:
+    content = json.loads(
+        printed(capsys, CRANK, "--kind", "first,second,maggi", "--solve", "--json")
+    )
+    assert content["kinds"] == ["first", "second", "maggi"]
+    assert content["partition"]["independent"] == ["phi"]
+    (psi,) = content["second"]["dependent"]
+    assert psi["coordinate"] == "psi"
+    assert psi["sine"]["text"] == "r*sin(phi)/l"
+    assert psi["cosine"]["text"] == "sqrt(l^2 - r^2*sin(phi)^2)/l"
+    assert [x["unknown"] for x in content["solved"]["first"]] == ["lambda.guide", "phi''", "psi''"]
+
+    def formulas(value):
+        if isinstance(value, dict) and "text" in value:
+            yield value["text"]
+        elif isinstance(value, dict):
+            for x in value.values():
+                yield from formulas(x)
+        elif isinstance(value, list):
+            for x in value:
+                yield from formulas(x)
+
+    found = list(formulas([content[x] for x in ("partition", "second", "maggi", "solved")]))
+    assert len(found) > 15
+    for text in found:
+        parse(text)
+
+
+def test_what_is_not_short_is_said(capsys) -> None:
+    text = printed(capsys, DISK, "--solve")
+    assert "A closed form is not given: it would be long." in text
+    redundant = " ".join(printed(capsys, str(MODELS / "parallelogram.yaml"), "--solve").split())
+    assert "λ is not unique, because constraints are redundant" in redundant
+
+
+WRONG = [
+    ((CRANK, "--kind", "third"), "there is no kind `third`; known are first, second, maggi"),
+    ((CRANK, "--kind", "second", "--independent", "chi"), "there is no coordinate `chi`"),
+    ((CRANK, "--independent", "phi,psi"), "use for instance --independent phi"),
+    ((DISK, "--kind", "second"), "use --kind maggi"),
+    ((DISK, "--kind", "maggi", "--independent", "x,y,z"), "do not determine"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "said"), WRONG, ids=[x[1] for x in WRONG])
+def test_wrong_arguments(capsys, arguments, said: str) -> None:
+    assert run(["derive", *arguments]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_without_a_consistent_start_there_is_the_first_kind_only(capsys, tmp_path) -> None:
+    model = tmp_path / "apart.yaml"
+    model.write_text(
+        "coordinates: [x]\nT: x'^2/2\nconstraints: {a: x^2 + 1}\n"
+        "initial: {x: {guess: 1}, x': {guess: 0}}\n"
+    )
+    assert "x² + 1" in printed(capsys, str(model), "--steps")
+    assert run(["derive", str(model), "--kind", "second"]) in (2, 3)
+    assert "error" in capsys.readouterr().err

@@ -1,0 +1,109 @@
+"""Units from the model to summaries, result files and sweeps."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import pytest
+
+from lagcli.cli.app import run
+from lagcli.model.loader import load
+from lagcli.sweeps.columns import measure_columns
+
+MODELS = Path(__file__).parents[2] / "models"
+HOOP = str(MODELS / "bead_on_rotating_hoop.yaml")
+
+
+def test_the_summary_states_the_units_of_multipliers(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate", HOOP, "--t-end", "0.1"]) == 0
+    text = capsys.readouterr().out
+    assert "lambda.hoop [N]" in text
+    assert "lambda.drive [N*m]" in text
+    assert run(["simulate", HOOP, "--t-end", "0.1", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["multipliers"]
+    assert {name: m["unit"] for name, m in found.items()} == {"hoop": "N", "drive": "N*m"}
+
+
+def test_result_files_state_the_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = str(tmp_path / "run.h5")
+    assert run(["simulate", HOOP, "--t-end", "0.1", "-o", path, "--quiet"]) == 0
+    with h5py.File(path) as root:
+        units = {name: x.attrs["units"].decode() for name, x in root.items() if "units" in x.attrs}
+        entries = {name: [x.decode() for x in root[name]] for name in root if "_unit" in name}
+        outputs = {name: x.attrs["units"].decode() for name, x in root["outputs"].items()}
+    assert units["multipliers"] == "see multiplier_unit"
+    assert not any("mixed" in unit for unit in units.values())
+    assert entries == {
+        "coordinate_unit": ["m", "rad", "rad"],
+        "force_unit": ["N", "N*m", "N*m"],
+        "multiplier_unit": ["N", "N*m"],
+        "position_unit": ["m", "rad"],
+        "velocity_unit": ["m/s", "rad/s"],
+    }
+    assert outputs == {"radial_force": "N", "motor_torque": "N*m", "motor_power": "W"}
+    capsys.readouterr()
+    assert run(["info", path]) == 0
+    text = capsys.readouterr().out
+    assert "drive [N*m]" in text
+    assert "motor_power [W]" in text
+
+
+def test_one_unit_is_stated_with_the_array(tmp_path: Path) -> None:
+    path = str(tmp_path / "run.h5")
+    model = str(MODELS / "pendulum_cartesian.yaml")
+    assert run(["simulate", model, "--t-end", "0.1", "-o", path, "--quiet"]) == 0
+    with h5py.File(path) as root:
+        units = {name: x.attrs["units"].decode() for name, x in root.items() if "units" in x.attrs}
+    assert units["multipliers"] == "N/m"
+    assert units["constraint_force"] == units["constraint_force_by"] == "N"
+    assert units["residual_position"] == units["scale_position"] == "m^2"
+    assert units["residual_velocity"] == "m^2/s"
+    assert units["residual_equation"] == "N"
+
+
+@pytest.mark.parametrize(
+    ("measure", "unit"),
+    [
+        ("max(abs(lambda.drive))", "N*m"),
+        ("max(lambda.drive*phi')", "W"),
+        ("final(theta')", "rad/s"),
+        ("mean(motor_power)", "W"),
+        ("max(Qc.r) - min(Qc.r)", "N"),
+        ("rms(r*theta)", "m"),
+        ("max(energy_total)", "J"),
+        ("argmax(r)", "s"),
+        ("max(residual_velocity.hoop)", "m/s"),
+        ("max(abs(residual_position))", "not stated"),
+    ],
+)
+def test_measures_have_the_units_of_their_signals(measure: str, unit: str) -> None:
+    (column,) = measure_columns(load(HOOP), (("m", measure),))
+    assert column.unit == unit
+
+
+def test_a_wrong_unit_ends_a_command_with_status_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "hoop.yaml"
+    path.write_text(Path(HOOP).read_text().replace("R: 1 m", "R: 1 s"))
+    for command in (["simulate"], ["derive"]):
+        assert run([*command, str(path)]) == 2
+        text = capsys.readouterr().err
+        assert "error[units]: `r`, in m, and `R`, in s, cannot be equal" in text
+        assert "all units fit with `R` in m" in text
+
+
+def test_pint_is_imported_for_none_of_the_shipped_models() -> None:
+    script = (
+        "import sys, pathlib, lagcli\n"
+        f"for path in pathlib.Path({str(MODELS)!r}).glob('*.yaml'): lagcli.load(path)\n"
+        "print('pint' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "False"

@@ -1,0 +1,63 @@
+"""The report on units: what follows, what is missing, what disagrees."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from lagcli.analysis.unit_report import report_units
+from lagcli.model.loader import load, load_text
+
+MODELS = Path(__file__).parents[3] / "models"
+
+
+def test_a_model_with_units_throughout() -> None:
+    report = report_units(load(MODELS / "bead_on_rotating_hoop.yaml"))
+    assert report.checked
+    assert list(report.lines()) == [
+        "given throughout, and they fit",
+        "multipliers: hoop in N; drive in N*m",
+        "forces: r in N; theta, phi in N*m",
+        "outputs: radial_force in N; motor_torque in N*m; motor_power in W",
+    ]
+    assert report.constraints == {"hoop": "m", "drive": "rad"}
+    found = json.loads(json.dumps(report.to_mapping()))
+    assert found["multipliers"] == {"hoop": "N", "drive": "N*m"}
+    assert found["parameters"]["Omega"] == "rad/s"
+    assert found["findings"] == []
+
+
+def test_families_are_listed_together() -> None:
+    lines = list(report_units(load(MODELS / "chain.yaml")).lines())
+    assert "multipliers: rod[1..20] in N/m" in lines
+    assert "forces: x[1..20], y[1..20] in N" in lines
+
+
+PARTLY = """\
+coordinates: {x: m, y: {}}
+parameters: {m: 1 kg, k: 3, g: 9.81 m/s}
+T: m/2*(x'^2 + y'^2)
+V: k*x^2 + m*g*x
+initial: {x: 0, y: 0, x': 0, y': 0}
+"""
+
+
+def test_what_is_missing_and_what_disagrees_even_so() -> None:
+    report = report_units(load_text(PARTLY, "f.yaml"))
+    assert report.stated
+    assert not report.checked
+    assert report.missing == ("y", "k")
+    assert report.summary == "not checked: no unit for `y`, `k`"
+    (finding,) = report.findings
+    assert finding.severity == "warning"
+    assert "`m*g*x` is in kg*m^2/s" in finding.message
+    (about,) = report.to_mapping()["findings"]
+    assert about["places"][0] == {"file": "f.yaml", "line": 4, "column": 12, "length": 5}
+    assert report.forces == {"x": "N", "y": None}
+
+
+def test_a_model_without_units() -> None:
+    text = PARTLY.replace("x: m", "x: {}").replace("1 kg", "1").replace("9.81 m/s", "9.81")
+    report = report_units(load_text(text))
+    assert list(report.lines()) == ["none given"]
+    assert set(report.forces.values()) == {None}

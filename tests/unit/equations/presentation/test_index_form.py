@@ -1,0 +1,137 @@
+"""Families in index form: one formula for all members that it holds for."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.equations.presentation.formulas import Line, Step
+from lagcli.equations.presentation.index_form import IndexForm
+from lagcli.equations.presentation.typeset import (
+    IndexedSum,
+    Number,
+    Symbol,
+    product_of,
+    sum_of,
+    whole,
+)
+from lagcli.equations.render import render
+from lagcli.model.loader import load, load_text
+
+MODELS = Path(__file__).parents[4] / "models"
+FORMATS = ("text", "latex", "markdown")
+
+
+def chain(size: int, name: str = "chain"):
+    return derive(load(MODELS / f"{name}.yaml", set={"N": size}))
+
+
+FAMILY = load_text(
+    """\
+parameters: {N: 7, m[1..N]: 1}
+coordinates: {"x[1..N]": {}}
+T: sum(m[i]/2*x[i]'^2, i = 1..N)
+initial: {"x[1..N]": 0, "x[1..N]'": 0}
+"""
+)
+
+
+def member(family: str, index: int) -> Symbol:
+    return Symbol(f"{family}[{index}]")
+
+
+def lines(step: Step) -> list[tuple[str, str | None]]:
+    return [(str(line.sides[0]), line.remark) for line in step.lines]
+
+
+def test_members_that_differ_by_the_index_are_one_line() -> None:
+    step = Step("", tuple(Line((member("x", k), member("x", k - 1))) for k in range(1, 8)))
+    (line,) = IndexForm(FAMILY).step(step).lines
+    assert line.sides == (Symbol("x[i]"), Symbol("x[i−1]"))
+    assert line.remark == "i = 1, …, N"
+
+
+def test_ends_that_differ_stay_by_themselves() -> None:
+    made = [Line((member("x", k), whole(0) if k in (1, 7) else whole(k))) for k in range(1, 8)]
+    found = IndexForm(FAMILY).step(Step("", tuple(made))).lines
+    assert [line.sides[0] for line in found] == [Symbol("x[1]"), Symbol("x[i]"), Symbol("x[N]")]
+    assert [line.remark for line in found] == [None, "i = 2, …, N−1", None]
+
+
+def test_a_member_in_the_middle_that_differs_is_shown() -> None:
+    made = [Line((member("x", k), whole(5 if k == 4 else 1))) for k in range(1, 8)]
+    found = IndexForm(FAMILY).step(Step("", tuple(made))).lines
+    assert [line.remark for line in found] == ["i = 1, …, 3", None, "i = N−2, …, N"]
+    assert found[1].sides[0] == Symbol("x[N−3]")
+
+
+def test_fixed_members_and_numbers_in_the_index() -> None:
+    made = [Line((member("x", k), product_of([whole(8 - k), member("m", 2)]))) for k in range(1, 8)]
+    (line,) = IndexForm(FAMILY).step(Step("", tuple(made))).lines
+    assert line.sides[1] == product_of(
+        [sum_of([(1, Symbol("N")), (1, whole(1)), (-1, Symbol("i"))]), Symbol("m[2]")]
+    )
+
+
+def test_sums() -> None:
+    terms = [(1, product_of([member("m", k), member("x", k)])) for k in range(1, 8)]
+    found = IndexForm(FAMILY).sums(sum_of(terms))
+    assert isinstance(found, IndexedSum)
+    assert found.term == product_of([Symbol("m[j]"), Symbol("x[j]")])
+    assert found.first != found.last
+    # a sign in between ends a sum
+    terms[3] = (-1, terms[3][1])
+    assert not isinstance(IndexForm(FAMILY).sums(sum_of(terms)), IndexedSum)
+
+
+def test_models_without_families_are_unchanged() -> None:
+    model = load(MODELS / "slider_crank.yaml")
+    step = Step("", (Line((Symbol("phi"), Number(whole(1).value))),))
+    assert IndexForm(model).steps([step]) == [step]
+
+
+def test_letters_of_the_model_are_avoided() -> None:
+    model = load_text(
+        "parameters: {i: 1, N: 5}\ncoordinates: {'x[1..N]': {}}\n"
+        "T: sum(i*x[k]'^2/2, k = 1..N)\ninitial: {'x[1..N]': 0, \"x[1..N]'\": 0}\n"
+    )
+    text = render(derive(model))
+    assert "x[j]" in text
+    assert "x[i]" not in text
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_the_length_does_not_grow(form: str) -> None:
+    short, long = (render(chain(n), form).splitlines() for n in (5, 40))
+    assert len(short) == len(long) <= 100
+    different = [(a, b) for a, b in zip(short, long, strict=True) if a != b]
+    # what differs are the numbers of coordinates, constraints and degrees of freedom
+    assert all(re.sub(r"\d+", "", a) == re.sub(r"\d+", "", b) for a, b in different)
+    assert len(different) <= 3
+
+
+def test_other_kinds_do_not_grow() -> None:
+    from lagcli.simulations.partition import partition
+
+    made = [chain(n) for n in (12, 14)]
+    short, long = (render(e, kinds=("second", "maggi"), partition=partition(e)) for e in made)
+    assert len(short.splitlines()) == len(long.splitlines()) <= 100
+
+
+def test_each_member_is_in_json_and_in_full() -> None:
+    import json
+
+    e = chain(6)
+    assert len(json.loads(render(e, "json"))["equations"]) == 12
+    assert all(f"x[{k}]:" in render(e, full=True) for k in range(1, 7))
+
+
+def test_dense_sums_of_a_pendulum_chain() -> None:
+    text = " ".join(render(chain(12, "pendulum_chain")).split())
+    assert "Σ(j=i + 1..N) (N + 1 − j) θ̈[j] cos(θ[i] − θ[j])" in text
+    latex = render(chain(12, "pendulum_chain"), "latex")
+    assert r"\sum_{j=i + 1}^{N} (N + 1 - j) \, \ddot{\theta}_{j}" in latex
+    assert r"(i = 4, \dots, N-3)" in latex

@@ -1,0 +1,91 @@
+"""Independent coordinates: the default, the choice, and what cannot be chosen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.errors import UsageError
+from lagcli.model.loader import load, load_text
+from lagcli.simulations.partition import partition
+
+MODELS = Path(__file__).parents[4] / "models"
+
+
+def names(found, indices):
+    return [found.equations.model.coordinate_names[i] for i in indices]
+
+
+def shipped(name: str, **options):
+    return derive(load(MODELS / f"{name}.yaml", **options))
+
+
+@pytest.mark.parametrize(
+    ("name", "independent"),
+    [
+        ("slider_crank", ["phi"]),  # the one with fixed initial values
+        ("four_bar", ["theta_1"]),
+        ("andrews_squeezer", ["theta"]),
+        ("rolling_disk", ["psi", "theta", "phi"]),
+        ("bead_on_rotating_hoop", ["theta"]),
+        ("driven_slider_crank", []),
+    ],
+)
+def test_default(name: str, independent: list[str]) -> None:
+    found = partition(shipped(name))
+    assert names(found, found.independent) == independent
+    assert set(found.independent) | set(found.dependent) == set(range(len(found.equations.q)))
+
+
+def test_choice() -> None:
+    found = partition(shipped("four_bar"), ["theta_3"])
+    assert names(found, found.independent) == ["theta_3"]
+    assert [str(d) for d in found.determinants]
+
+
+def test_redundant_constraints_are_left_out() -> None:
+    found = partition(shipped("parallelogram"))
+    assert len(found.independent) == 1
+    assert len(found.surplus) == 1
+    assert len(found.constraints) == len(found.dependent) == 3
+
+
+def test_the_null_space_and_the_drift_solve_the_velocity_constraints() -> None:
+    found = partition(shipped("rolling_disk"))
+    for c in found.equations.constraints:
+        for k in range(len(found.independent)):
+            total = sum(b * found.null_space[j].get(k, 0) for j, b in c.row.items())
+            assert total.expand() == 0
+        assert (sum(b * found.drift[j] for j, b in c.row.items()) + c.drift).expand() == 0
+
+
+@pytest.mark.parametrize(
+    ("independent", "said"),
+    [
+        (["chi"], "no coordinate `chi`; the coordinates are `phi`, `psi`"),
+        (["phi", "phi"], "names `phi` twice"),
+        (["phi", "psi"], "names 2 coordinates: `phi`, `psi`; the model has 1 degree of freedom"),
+        ([], "names no coordinates"),
+    ],
+)
+def test_wrong_names(independent: list[str], said: str) -> None:
+    with pytest.raises(UsageError) as error:
+        partition(shipped("slider_crank"), independent)
+    assert said in str(error.value)
+
+
+def test_a_singular_choice_names_another() -> None:
+    hanging = shipped("pendulum_cartesian", set={"theta_0": "0"})
+    with pytest.raises(UsageError) as error:
+        partition(hanging, ["y"])
+    assert "do not determine `x`" in str(error.value)
+    assert "use for instance --independent x" in str(error.value)
+    assert names(partition(hanging), [partition(hanging).independent[0]]) == ["x"]
+
+
+def test_without_constraints_all_coordinates_are_independent() -> None:
+    free = derive(load_text("coordinates: [x]\nT: x'^2/2\ninitial: {x: 1, x': 0}\n"))
+    assert partition(free).independent == (0,)
+    assert partition(free).rates == ()

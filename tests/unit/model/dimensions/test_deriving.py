@@ -1,0 +1,259 @@
+"""The units that follow from those that a model states."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import pytest
+import symengine as se
+
+from lagcli.errors import ModelError
+from lagcli.model.dimensions.deriving import expression_unit
+from lagcli.model.dimensions.symbolic import symbolic_unit
+from lagcli.model.expression.grammar import parse
+from lagcli.model.loader import load, load_text
+from lagcli.model.model import Model, multiplier
+from lagcli.model.result_units import result_units
+
+MODELS = Path(__file__).parents[4] / "models"
+
+#: λ by constraint, and outputs, as the files' comments and textbooks have them.
+EXPECTED = {
+    "slider_crank": ({"guide": "N"}, {"slider": "m", "rod_tension": "N"}),
+    "pendulum_cartesian": ({"rod": "N/m"}, {"angle": "rad", "tension": "N"}),
+    "bead_on_rotating_hoop": (
+        {"hoop": "N", "drive": "N*m"},
+        {"radial_force": "N", "motor_torque": "N*m", "motor_power": "W"},
+    ),
+    "chaplygin_sleigh": ({"knife": "N"}, {"speed": "m/s", "side_force": "N"}),
+    "heavy_top": (
+        {"pin_x": "N", "pin_y": "N", "pin_z": "N", "unit": "J"},
+        {"support_force": "N", "spin_rate": "rad/s"},
+    ),
+    "charged_pendulum": ({"rod": "N/m"}, {"tension": "N", "angular_momentum": "kg*m^2/s"}),
+    "rolling_disk": (
+        {"contact": "N", "roll_x": "N", "roll_y": "N"},
+        {"normal_force": "N", "friction": "N", "friction_ratio": "1"},
+    ),
+    "parallelogram": (
+        dict.fromkeys(["right_x", "right_y", "middle_x", "middle_y"], "N"),
+        {"force_left_crank": "N*m", "force_platform": "N*m"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_units_of_multipliers_and_outputs(name: str) -> None:
+    model = load(MODELS / f"{name}.yaml")
+    multipliers, outputs = EXPECTED[name]
+    assert {c: model.units.of_multiplier(c) for c in model.constraint_names} == multipliers
+    assert {o: model.units.of_output(o) for o in model.outputs} == outputs
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_models_have_units_throughout_and_they_fit(path: Path) -> None:
+    model = load(path)
+    assert model.units.throughout
+    assert model.units.findings == ()
+    assert symbolic_unit(model, model.potential) in ("J", None)  # V may be 0
+    every = [model.units.of_multiplier(c) for c in model.constraint_names]
+    every += [model.units.of_output(o) for o in model.outputs]
+    every += [model.units.of(name) for name in (*model.parameters, *model.definitions)]
+    assert None not in every
+
+
+TWO_WAYS = [
+    *("pendulum_cartesian", "slider_crank", "rolling_disk", "charged_pendulum", "four_bar"),
+    *("driven_slider_crank", "car_axis", "atwood", "knife_edge_incline"),
+]
+
+
+@pytest.mark.parametrize("name", TWO_WAYS)
+def test_units_of_expressions_agree_with_those_of_their_text(name: str) -> None:
+    model = load(MODELS / f"{name}.yaml")
+    for output, expression in model.outputs.items():
+        assert symbolic_unit(model, expression) == model.units.of_output(output)
+
+
+def test_result_units_name_columns() -> None:
+    units = result_units(load(MODELS / "rolling_disk.yaml"))
+    assert units["lambda.roll_x"] == "N"
+    assert units["residual_velocity.roll_x"] == "m/s"
+    assert "residual_position.roll_x" not in units
+    assert units["residual_position.contact"] == "m"
+    assert units["S"] == "rad/s"
+    assert units["psi"] == "rad"
+
+
+def text(coordinates: str, parameters: str, more: str = "") -> str:
+    return f"""\
+coordinates: {{{coordinates}}}
+parameters: {{{parameters}}}
+T: m/2*x'^2
+V: 0
+initial: {{x: 0, x': 0}}
+{more}"""
+
+
+def test_a_model_without_units_has_none() -> None:
+    model = load_text(text("x: {}", "m: 1", "constraints: {c: x = 1}\n"))
+    assert not model.units.stated
+    assert model.units.of_multiplier("c") is None
+    assert result_units(model) == {}
+    assert symbolic_unit(model, multiplier("c")) is None
+
+
+def test_units_that_are_known_are_derived_where_others_are_missing() -> None:
+    model = load_text(text("x: m", "m: 1 kg, k: 1", "outputs: {a: m*x'', b: k*x, c: x^2}\n"))
+    assert model.units.missing == ("k",)
+    assert not model.units.throughout
+    assert [model.units.of_output(name) for name in "abc"] == ["N", None, "m^2"]
+
+
+def test_coordinates_with_units_alone_are_labels() -> None:
+    model = load_text(text("x: m", "n: 2").replace("m/2", "1/2"))
+    assert not model.units.throughout
+
+
+def test_numbers_in_expressions_count_as_numbers() -> None:
+    good = text("x: m", "m: 1 kg, g: 9.81 m/s^2").replace("V: 0", "V: m*g*x/2 + 0")
+    assert load_text(good).units.throughout
+    with pytest.raises(ModelError, match=r"`V` must be an energy, in J, but `m\*9.81\*x`"):
+        load_text(good.replace("m*g*x/2", "m*9.81*x"))
+    with pytest.raises(ModelError, match=r"`x`, in m, and `0.5`, a number, cannot be added"):
+        load_text(good.replace("m*g*x/2", "m*g*(x - 0.5)"))
+
+
+def test_numbers_may_stand_for_quantities_where_units_are_missing() -> None:
+    model = load_text(
+        text("x: m, y: {}", "m: 1 kg")
+        .replace("V: 0", "V: m*9.81*(x - 0.5) + y")
+        .replace("x': 0", "x': 0, y: 0, y': 0")
+    )
+    assert model.units.findings == ()
+
+
+@pytest.mark.parametrize(
+    ("expression", "unit"),
+    [
+        ("x", "m"),
+        ("x'", "m/s"),
+        ("x''", "m/s^2"),
+        ("phi'", "rad/s"),
+        ("k*x", "N"),
+        ("k*abs(x)^1.5/sqrt(l)", "N"),
+        ("sqrt(k/m)", "1/s"),
+        ("atan2(x, l)", "rad"),
+        ("sin(phi)", "1"),
+        ("if(x > 0, x, -l)", "m"),
+        ("max(x, 0)", "m"),
+        ("sign(x')", "1"),
+        ("hypot(x, l)", "m"),
+        ("cbrt(l^3)", "m"),
+        ("pow(l, 2)", "m^2"),
+        ("exp(-t*x'/l)", "1"),
+        ("r", "m"),
+        ("r'", "m/s"),
+        ("dot(r, r)", "m^2"),
+        ("norm(r)", "m"),
+        ("cross(r, F)", "N*m"),
+        ("rot_z(phi)*r", "m"),
+        ("omega(rot_z(phi))", "rad/s"),
+        ("transpose(rot_z(phi))*r", "m"),
+        ("dot(w, J*w)/2", "J"),
+        ("M*v", None),  # a torque and a force
+        ("dot(v, M*v)", "J"),
+        ("lambda.rod", "N/m"),
+        ("Qc.x", "N"),
+        ("Qc.phi", "N*m"),
+        ("Qc.rod.x", "N"),
+        ("N*x", "m"),
+        ("sum(q[i]^2, i = 1..N)", "m^2"),
+        ("a[1]", "m"),
+        ("a[2]", "m^2"),
+        ("a[3]", "m^3"),
+        ("sum(a[i]/l^i, i = 1..N)", "1"),
+        ("p_0", "m"),
+        ("tau", "N*m"),
+        ("tau*phi'", "W"),
+        ("tau*phi", "J"),
+    ],
+)
+def test_units_of_expressions(everything: Model, expression: str, unit: str | None) -> None:
+    assert expression_unit(everything, parse(expression)) == unit
+
+
+@pytest.fixture(scope="module")
+def everything() -> Model:
+    return load_text("""\
+coordinates: {x: m, phi: rad, 'q[1..N]': m}
+parameters:
+  N: 3
+  m: 2 kg
+  l: 30 cm
+  k: 3 N/mm
+  p_0: l*2
+  J_0: 1 kg*m^2
+  tau: 2 N*m
+  k_n: 2 1/s
+definitions:
+  r: [x, 0, l]
+  F: [k*x, 0, 0]
+  w: omega(rot_x(phi))
+  J: [[J_0, 0, 0], [0, J_0, 0], [0, 0, J_0]]
+  v: "[phi', x']"
+  M: "[[J_0, m*l], [m*l, m]]"
+  a[1]: l
+  a[i = 2..N]: a[i-1]*l
+T: m/2*x'^2 + J_0/2*phi'^2 + sum(m/2*q[i]'^2, i = 1..N)
+constraints: {rod: x^2 + q[1]^2 = l^2}
+initial: {x: l, phi: 0, 'q[1..N]': 0, x': 0, phi': 0, "q[1..N]'": 0}
+outputs: {spare: sqrt(k/m)*phi}
+""")
+
+
+def test_units_survive_pickling(everything: Model) -> None:
+    back = pickle.loads(pickle.dumps(everything.units))
+    assert back.of_multiplier("rod") == "N/m"
+    assert back.of("N") == "1"
+
+
+VARIED = """\
+coordinates: {'q[1..2]': m, 'q[3]': rad}
+parameters: {m: 1 kg, J: 1 kg*m^2, 'c[1..3]': [1 N/m, 2 N/m, 3 N*m]}
+T: sum(m/2*q[i]'^2, i = 1..2) + J/2*q[3]'^2
+V: sum(c[i]/2*q[i]^2, i = 1..3)
+constraints:
+  d[i = 1..2]: q[i]*c[i] = q[i]^2*c[i]^2/c[i]*0
+initial: {'q[1..3]': 0, "q[1..3]'": 0}
+"""
+
+
+def test_a_family_with_members_in_different_units() -> None:
+    model = load_text(VARIED.replace("d[i = 1..2]: q[i]*c[i]", "d[i = 1..3]: q[i]*c[i]"))
+    assert model.units.throughout
+    assert [model.units.of_force(f"q[{i}]") for i in (1, 2, 3)] == ["N", "N", "N*m"]
+    assert [model.units.of_multiplier(f"d[{i}]") for i in (1, 2, 3)] == ["m", "m", "1"]
+    with pytest.raises(ModelError, match="units"):
+        load_text(VARIED.replace("3 N*m]", "3 N/m]"))
+    with pytest.raises(ModelError, match="cannot be added"):
+        load_text(VARIED.replace("c[i]/2*q[i]^2", "c[i]/2*(q[i]^2 + q[1]^2)"))
+
+
+def test_members_that_need_later_ones_are_not_guessed() -> None:
+    model = load_text(
+        text("x: m", "m: 1 kg, N: 9", "definitions: {'a[N]': x, 'a[i = 1..N-1]': 'a[i+1]*x'}\n")
+    )
+    assert model.units.findings == ()
+    assert model.units.of("a[9]") in ("m", None)
+    assert model.units.of("a[1]") in ("m^9", None)
+
+
+def test_symbolic_units_of_conserved_quantities() -> None:
+    model = load(MODELS / "charged_pendulum.yaml")
+    x, y, m, b, q = map(se.Symbol, ("x", "y", "m", "B", "q"))
+    momentum = m * (x * se.Symbol("y'") - y * se.Symbol("x'")) + q * b / 2 * (x**2 + y**2)
+    assert symbolic_unit(model, momentum) == "kg*m^2/s"
+    assert symbolic_unit(model, se.sqrt(x**2 + y**2)) == "m"
+    assert symbolic_unit(model, se.atan2(y, x)) == "rad"

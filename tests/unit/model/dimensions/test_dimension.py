@@ -1,0 +1,74 @@
+"""Dimensions: products, powers, and the units that are written for them."""
+
+from __future__ import annotations
+
+import pickle
+from fractions import Fraction
+
+import pytest
+
+from lagcli.model.dimensions.dimension import (
+    ENERGY,
+    NUMBER,
+    ONE,
+    UNKNOWN,
+    ZERO,
+    Dimension,
+    power,
+    product,
+    same,
+    unit_of,
+)
+from lagcli.model.expression.units import read_unit, to_si
+
+
+@pytest.mark.parametrize(
+    "unit",
+    [
+        *("kg", "m", "s", "m/s^2", "N", "N*m", "N/m", "N/m^2", "N*s/m", "J", "W", "rad", "rad/s"),
+        *("kg*m/s", "kg*m^2", "kg*m^2/s", "N*m^2", "C", "V", "ohm", "T", "H", "F", "Wb", "1"),
+        *("1/s", "kg/m", "rad/s^2", "N/m^1.5", "N/m^(1/3)", "mol", "cd", "K", "m^3/s", "N*m/K"),
+    ],
+)
+def test_a_unit_is_written_as_it_is_read(unit: str) -> None:
+    assert unit_of(read_unit(unit).dimension) == unit
+    assert to_si(unit) == 1
+
+
+@pytest.mark.parametrize(
+    ("unit", "coherent"),
+    [
+        *(("Pa", "N/m^2"), ("deg/s", "rad/s"), ("rpm", "rad/s"), ("kN*mm", "N*m"), ("Hz", "1/s")),
+        *(("lbf", "N"), ("kg*m^2/s^2", "J"), ("kg*m/s^2", "N"), ("g*cm^2", "kg*m^2")),
+        *(("V*A", "W"), ("J/C", "V"), ("N*s^2/m", "kg"), ("ft^2", "m^2"), ("N*m*rad", "J")),
+    ],
+)
+def test_the_coherent_unit_of_a_unit(unit: str, coherent: str) -> None:
+    assert unit_of(read_unit(unit).dimension) == coherent
+
+
+def test_a_radian_is_a_number() -> None:
+    assert same(read_unit("rad/s").dimension, read_unit("1/s").dimension)
+    assert same(read_unit("N*m").dimension, ENERGY)
+    assert not same(read_unit("N").dimension, ENERGY)
+
+
+def test_products_and_powers() -> None:
+    length = Dimension(m=1)
+    assert product(length, length) == power(length, 2) == Dimension(m=2)
+    assert power(Dimension(m=2), Fraction(1, 2)) == length
+    assert product(length, length, -1) == ONE
+    assert product(ZERO, length) is ZERO
+    assert product(UNKNOWN, length) is UNKNOWN
+    assert product(NUMBER, length) == length
+    assert product(NUMBER, length, -1) == Dimension(m=-1)
+    assert power(NUMBER, 2) is NUMBER
+
+
+def test_there_is_one_of_each_special_value_in_other_processes_too() -> None:
+    assert pickle.loads(pickle.dumps([ZERO, NUMBER, UNKNOWN])) == [ZERO, NUMBER, UNKNOWN]
+
+
+def test_fractional_powers_keep_the_factor() -> None:
+    assert float(to_si("N/mm^1.5")) == pytest.approx(1000**1.5, rel=1e-15)
+    assert float(to_si("m^(2/3)")) == 1

@@ -1,0 +1,41 @@
+"""Sample times and absolute tolerances that follow from settings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lagcli.settings.settings import Settings
+from lagcli.simulations.sampling import absolute_tolerances, sample_times
+
+
+@pytest.mark.parametrize(
+    ("settings", "times"),
+    [
+        ({"t_start": 0.0, "t_end": 1.0, "samples": 5}, [0, 0.25, 0.5, 0.75, 1]),
+        ({"t_start": 2.0, "t_end": 3.0, "samples": 3}, [2, 2.5, 3]),
+        ({"t_start": 0.0, "t_end": 1.0, "samples": 1}, [1]),  # where the motion ends
+        ({"t_start": 0.0, "t_end": 1.0, "dt": 0.25}, [0, 0.25, 0.5, 0.75, 1]),
+        ({"times": (0.5, 0.75, 4.0), "t_start": 0.5, "t_end": 4.0}, [0.5, 0.75, 4]),
+    ],
+)
+def test_sample_times(settings: dict, times: list[float]) -> None:
+    np.testing.assert_array_equal(sample_times(Settings(**settings)), times)
+
+
+@pytest.mark.parametrize(("dt", "end"), [(0.1, 0.3), (0.1, 0.7), (1 / 3, 1.0), (0.001, 2.002)])
+def test_steps_of_dt_never_pass_the_end(dt: float, end: float) -> None:
+    # 3 · 0.1 is 0.30000000000000004 in doubles
+    times = sample_times(Settings(t_start=0.0, t_end=end, dt=dt))
+    assert times[-1] == end
+    assert (np.diff(times) > 0).all()
+    np.testing.assert_allclose(np.diff(times), dt, rtol=1e-9)
+
+
+def test_tolerances_by_name_stand_in_the_order_of_the_state() -> None:
+    given = {"y'": 1e-3, "x": 1e-6}
+    np.testing.assert_array_equal(
+        absolute_tolerances(given, ("x", "y")), [1e-6, 0, 0, 1e-3, 0]
+    )  # x, y, x', y', work
+    assert absolute_tolerances(1e-9, ("x",)) == 1e-9
+    assert absolute_tolerances(None, ("x",)) == 0.0
