@@ -14,7 +14,7 @@ from lagcli.analysis.equilibria.extended import (
     ModelParameter,
 )
 from lagcli.analysis.equilibria.stability import Stability
-from lagcli.analysis.equilibria.tracing import Special, SpecialKind, Traced, Tracer
+from lagcli.analysis.equilibria.tracing import LocatedPoint, SpecialKind, Traced, Tracer
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.steady import SteadyProblem
 from lagcli.analysis.local.steady_states import (
@@ -217,7 +217,7 @@ class _Diagram:
                 self._add(found, number)
         self.branches.append(self._branch(points, origin))
 
-    def _add(self, found: Special, number: int) -> None:
+    def _add(self, found: LocatedPoint, number: int) -> None:
         z = found.point.place.z
         if found.kind == "branch point":
             if any(np.abs(z - other).max() < _SAME for other in self.seen):

@@ -52,7 +52,7 @@ class Frame(NamedTuple):
     left: Array
 
 
-class Special(NamedTuple):
+class LocatedPoint(NamedTuple):
     """Where the nature of a branch changes, and the point there."""
 
     kind: SpecialKind
@@ -133,7 +133,7 @@ class Tracer:
 
     # branches
 
-    def follow(self, point: Traced) -> Iterator[tuple[Traced, Stability, list[Special]]]:
+    def follow(self, point: Traced) -> Iterator[tuple[Traced, Stability, list[LocatedPoint]]]:
         """Yield the points of a branch, each with the special points before it.
 
         It ends where the parameter leaves its limits, where no further point is found, or where
@@ -197,16 +197,16 @@ class Tracer:
 
     def _changes(
         self, before: Traced, stable: Stability, after: Traced, following: Stability, length: float
-    ) -> Iterator[Special]:
+    ) -> Iterator[LocatedPoint]:
         """Yield what changes between two points, located."""
         if before.tangent[-1] * after.tangent[-1] < 0:
             sign = np.sign(before.tangent[-1])
-            yield Special(
+            yield LocatedPoint(
                 "fold", self._bisected(before, length, lambda x: sign * x.tangent[-1] < 0)[1]
             )
         if before.sign != after.sign:
             changed = self._bisected(before, length, lambda x: x.sign != before.sign)
-            yield Special("branch point", changed[1])
+            yield LocatedPoint("branch point", changed[1])
         was, now = oscillating_growth(stable), oscillating_growth(following)
         # where real eigenvalues meet, an oscillation begins that grew before
         if np.isfinite(was) and np.isfinite(now) and (was > 0) != (now > 0):
@@ -214,7 +214,7 @@ class Tracer:
             changed = self._bisected(
                 before, length, lambda x: (oscillating_growth(self.stability(x)) > 0) != (was > 0)
             )
-            yield Special("flutter" if undamped else "Hopf point", changed[1])
+            yield LocatedPoint("flutter" if undamped else "Hopf point", changed[1])
 
 
 def oscillating_growth(stability: Stability) -> float:
