@@ -15,6 +15,10 @@ from lagcli.version import __version__
 
 if TYPE_CHECKING:
     from lagcli.analysis.check.check import check
+    from lagcli.analysis.equilibria.diagram import follow_equilibria
+    from lagcli.analysis.equilibria.equilibrium import equilibrium
+    from lagcli.analysis.linear.linear_model import linearize
+    from lagcli.analysis.linear.modes import modes
     from lagcli.equations.derivation.lagrange import derive
     from lagcli.equations.render import render
     from lagcli.model.loader import load, load_text
@@ -33,8 +37,12 @@ __all__ = [
     "check",
     "degrees_of_freedom",
     "derive",
+    "equilibrium",
+    "follow_equilibria",
+    "linearize",
     "load",
     "load_text",
+    "modes",
     "partition",
     "plot",
     "read",
@@ -51,8 +59,12 @@ _PLACES = {
     "check": "lagcli.analysis.check.check",
     "degrees_of_freedom": "lagcli.simulations.start",
     "derive": "lagcli.equations.derivation.lagrange",
+    "equilibrium": "lagcli.analysis.equilibria.equilibrium",
+    "follow_equilibria": "lagcli.analysis.equilibria.diagram",
+    "linearize": "lagcli.analysis.linear.linear_model",
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",
+    "modes": "lagcli.analysis.linear.modes",
     "partition": "lagcli.simulations.partition",
     "plot": "lagcli.pictures.plots.plot",
     "read": "lagcli.results",

@@ -198,7 +198,8 @@ def test_no_folder_of_a_room_imports_itself_by_way_of_others(above: str) -> None
 
 
 def test_folders_are_of_a_size_to_be_seen_at_once() -> None:
-    for folder in {f.parent for f in FILES}:
+    # the commands are a list, one module each
+    for folder in {f.parent for f in FILES} - {PACKAGE / "cli" / "commands"}:
         modules = [f.stem for f in folder.glob("*.py") if f.stem != "__init__"]
         assert len(modules) <= MOST_MODULES, f"{folder} has {len(modules)} modules"
 

@@ -2,17 +2,28 @@
 
 import re
 from functools import partial
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lagcli.cli.options import Force, NoColor, Quiet, ResultFile, ViewModel
+from lagcli.cli.operating_point import At, Equilibrium, Steady, load_steady
+from lagcli.cli.options import Force, NoColor, Quiet, SetInitial, SetParameter, ViewModel
 from lagcli.cli.streams import print_notes, tell
 from lagcli.errors import UsageError
+from lagcli.results.formats import SUFFIX_NAMES
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
+    from lagcli.trajectory.trajectory import Trajectory
 
 
 def animate(
-    file: ResultFile,
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE", help=f"Result file, {SUFFIX_NAMES}; with --mode, a model file."
+        ),
+    ],
     output: Annotated[
         str,
         typer.Option(
@@ -51,19 +62,50 @@ def animate(
         bool,
         typer.Option("--no-forces", help="Without arrows of forces; in a page, at first."),
     ] = False,
+    mode: Annotated[
+        int | None,
+        typer.Option(
+            "--mode", metavar="N", help="Animate mode N of a model, as lagcli modes numbers it."
+        ),
+    ] = None,
+    amplitude: Annotated[
+        float | None,
+        typer.Option(help="With --mode: of the coordinate whose shape is 1. [default: to be seen]"),
+    ] = None,
+    equilibrium: Equilibrium = False,
+    steady: Steady = None,
+    at: At = None,
+    set: SetParameter = None,
+    set_initial: SetInitial = None,
     force: Force = False,
     quiet: Quiet = False,
     no_color: NoColor = False,
 ) -> None:
-    """Animate a run: the view of its model, or its coordinates over the time.
+    """Animate a run, or a mode: the view of its model, or its coordinates over the time.
 
-    A run that failed is shown up to its last sample.
+    A run that failed is shown up to its last sample. --equilibrium, --steady, --at, --set and
+    --set-initial are for --mode, as lagcli modes has them.
     """
     from lagcli.cli.progress import Progress
     from lagcli.pictures.animation.animate import animate as make
 
+    source: str | Trajectory = file
+    of_modes = {
+        "--amplitude": amplitude,
+        "--equilibrium": equilibrium or None,
+        "--steady": steady,
+        "--at": at,
+        "--set": set,
+        "--set-initial": set_initial,
+    }
+    if mode is not None:
+        source = _mode_motion(
+            mode, amplitude, at, equilibrium, load_steady(file, set, set_initial, steady)
+        )
+    elif given := [name for name, value in of_modes.items() if value is not None]:
+        raise UsageError(f"{given[0]} is for --mode N, which animates a mode of a model")
     made = make(
-        file,
+        source,
         output,
         model=model,
         start=start,
@@ -79,6 +121,22 @@ def animate(
     print_notes(made.notes)
     if not quiet:
         tell(made.summary)
+
+
+def _mode_motion(
+    mode: int,
+    amplitude: float | None,
+    at: float | None,
+    equilibrium: bool,
+    loaded: "tuple[Model, dict[str, float]]",
+) -> "Trajectory":
+    """Return the motion of a mode of a model."""
+    from lagcli.analysis.linear.mode_motion import mode_motion
+
+    model, held = loaded
+    return mode_motion(
+        model, mode, amplitude=amplitude, at=at, equilibrium=equilibrium, steady=held
+    )
 
 
 def _size(text: str) -> tuple[int, int]:

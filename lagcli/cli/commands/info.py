@@ -11,7 +11,9 @@ from lagcli.results.formats import SUFFIX_NAMES
 def info(
     file: Annotated[
         str,
-        typer.Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}, or sweep file."),
+        typer.Argument(
+            metavar="FILE", help=f"Result file, {SUFFIX_NAMES}, sweep file, or .h5 of an analysis."
+        ),
     ],
     json: Json = False,
 ) -> None:
@@ -29,8 +31,11 @@ def _described(file: str) -> tuple[dict[str, Any], str]:
     from lagcli.results.formats import format_read
 
     if format_read(file).sweeps == "all":
+        from lagcli.results.hdf5.analysis_file import analysis_kind
         from lagcli.sweeps.file.store import is_sweep
 
+        if analysis_kind(file):
+            return _analysis(file)
         if is_sweep(file):
             from lagcli.sweeps.file.description import describe_sweep, format_sweep
 
@@ -40,3 +45,12 @@ def _described(file: str) -> tuple[dict[str, Any], str]:
 
     found = describe(file)
     return found, format_info(found)
+
+
+def _analysis(file: str) -> tuple[dict[str, Any], str]:
+    """Return the content of a file of an analysis, and its text."""
+    from lagcli.analysis.contents import format_content
+    from lagcli.results.hdf5.analysis_file import read_analysis
+
+    content = read_analysis(file)
+    return content, format_content(content)

@@ -1,4 +1,4 @@
-"""Plots of results: of runs, and of sweeps."""
+"""Plots of results: of runs, of sweeps, and of analyses."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def plot(
     Parameters
     ----------
     results : path or Trajectory, or sequence of them
-        Runs, drawn over each other, or one sweep file.
+        Runs, drawn over each other, or one file of a sweep, of branches or of modes.
     output : path
         A name that ends with ``.png``, ``.svg`` or ``.pdf``.
     names : sequence of str
         What to plot: see docs/pictures.md. By default, of runs, coordinates, multipliers and
-        energies; of a sweep, its measures.
+        energies; of a sweep, its measures; of branches, what changes.
     title : str, optional
         By default the model's name, and what went wrong with a run that is not complete.
     size : (float, float), optional
@@ -67,6 +67,15 @@ def plot(
     kind = check_picture(path, force)
     sources = [results] if isinstance(results, (str, os.PathLike, Trajectory)) else list(results)
     target = FigureFile(path, kind, title, size, dpi, force)
+    analysis = next((found for found in map(_analysis, sources) if found is not None), None)
+    if analysis is not None:
+        if len(sources) > 1:
+            raise UsageError(f"{analysis} is a file of an analysis, which is plotted alone")
+        from lagcli.pictures.plots.analysis_plot import plot_analysis
+        from lagcli.results.hdf5.analysis_file import read_analysis
+
+        plot_analysis(read_analysis(analysis), names, target)
+        return ()
     sweep = next((found for found in map(_sweep, sources) if found is not None), None)
     if sweep is None:
         plot_runs([RunFile(source, model) for source in sources], names, target)
@@ -81,6 +90,16 @@ def plot(
     plot_runs(rows.runs, names, target)
     drawn = len(rows.runs)
     return (f"{drawn} of {rows.good} rows are drawn",) if drawn < rows.good else ()
+
+
+def _analysis(source: Source) -> str | None:
+    """Return the name of a file of an analysis; None for anything else."""
+    if isinstance(source, Trajectory) or format_read(source).sweeps != "all":
+        return None
+    from lagcli.results.hdf5.analysis_file import analysis_kind
+
+    path = os.fspath(source)
+    return path if analysis_kind(path) else None
 
 
 def _sweep(source: Source) -> str | None:

@@ -219,11 +219,12 @@ def open_hdf5(path: str) -> Iterator[Hdf5Reader]:
     """Open an HDF5 file; raises, then and later, as `lagcli.results.formats.read`."""
     with open_verified(path, SCHEMA_VERSION) as opened:
         if opened.kind != KIND:
-            raise (
-                FileError(f"cannot read {path}: it holds a {opened.kind} and not one {KIND}")
-                if opened.kind
-                else not_of_lagcli(path)
-            )
+            if not opened.kind:
+                raise not_of_lagcli(path)
+            what = f"a {opened.kind}"
+            if "content" in opened.root.attrs:  # of an analysis
+                what = f"the result of lagcli {opened.kind}"
+            raise FileError(f"cannot read {path}: it holds {what} and not one {KIND}")
         yield Hdf5Reader(opened)
 
 

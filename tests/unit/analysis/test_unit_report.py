@@ -14,11 +14,11 @@ MODELS = Path(__file__).parents[3] / "models"
 def test_a_model_with_units_throughout() -> None:
     report = report_units(load(MODELS / "bead_on_rotating_hoop.yaml"))
     assert report.checked
-    assert list(report.lines()) == [
-        "given throughout, and they fit",
-        "multipliers: hoop in N; drive in N*m",
-        "forces: r in N; theta, phi in N*m",
-        "outputs: radial_force in N; motor_torque in N*m; motor_power in W",
+    assert list(report.sentences()) == [
+        "Given throughout, and they fit.",
+        "Multipliers: hoop in N; drive in N*m.",
+        "Generalized forces: r in N; theta, phi in N*m.",
+        "Outputs: radial_force in N; motor_torque in N*m; motor_power in W.",
     ]
     assert report.constraints == {"hoop": "m", "drive": "rad"}
     found = json.loads(json.dumps(report.to_mapping()))
@@ -28,9 +28,9 @@ def test_a_model_with_units_throughout() -> None:
 
 
 def test_families_are_listed_together() -> None:
-    lines = list(report_units(load(MODELS / "chain.yaml")).lines())
-    assert "multipliers: rod[1..20] in N/m" in lines
-    assert "forces: x[1..20], y[1..20] in N" in lines
+    lines = list(report_units(load(MODELS / "chain.yaml")).sentences())
+    assert "Multipliers: rod[1..20] in N/m." in lines
+    assert "Generalized forces: x[1..20], y[1..20] in N." in lines
 
 
 PARTLY = """\
@@ -59,5 +59,5 @@ def test_what_is_missing_and_what_disagrees_even_so() -> None:
 def test_a_model_without_units() -> None:
     text = PARTLY.replace("x: m", "x: {}").replace("1 kg", "1").replace("9.81 m/s", "9.81")
     report = report_units(load_text(text))
-    assert list(report.lines()) == ["none given"]
+    assert list(report.sentences()) == ["None given."]
     assert set(report.forces.values()) == {None}

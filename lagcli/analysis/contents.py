@@ -1,0 +1,36 @@
+"""The texts of the contents of analyses, by the command that made them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from lagcli.errors import FileError
+
+
+def format_content(content: Mapping[str, Any]) -> str:
+    """Return the text that the command printed.
+
+    Raises
+    ------
+    FileError
+        It is of a command that this version does not know.
+    """
+    match content["command"]:
+        case "linearize":
+            from lagcli.analysis.linear.description import format_linear
+
+            return format_linear(content)
+        case "modes":
+            from lagcli.analysis.linear.description import format_modes
+
+            return format_modes(content)
+        case "equilibrium" if "branches" in content:
+            from lagcli.analysis.equilibria.branch_content import format_diagram
+
+            return format_diagram(content)
+        case "equilibrium":
+            from lagcli.analysis.equilibria.description import format_equilibria
+
+            return format_equilibria(content)
+    raise FileError(f"the file is of lagcli {content['command']}, which this version does not know")

@@ -1,0 +1,1 @@
+"""Equilibria, their stability, and branches of them over a parameter."""

@@ -1,0 +1,110 @@
+"""Bifurcation diagrams as JSON values, as text and as files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.equilibria.diagram import BifurcationDiagram, Branch, SpecialPoint
+from lagcli.analysis.text import entry, listed, without_rounding
+
+Array = NDArray[np.float64]
+
+
+def describe_diagram(diagram: BifurcationDiagram) -> dict[str, Any]:
+    """Return what ``equilibrium --along --json`` prints: see docs/schemas/equilibrium.json."""
+    return {
+        "command": "equilibrium",
+        "model": diagram.model,
+        "steady": dict(diagram.steady),
+        "parameter": diagram.parameter,
+        "limits": list(diagram.limits),
+        "branches": [_branch(branch, diagram) for branch in diagram.branches],
+        "special_points": [_special(point, diagram) for point in diagram.special],
+    }
+
+
+def _branch(branch: Branch, diagram: BifurcationDiagram) -> dict[str, Any]:
+    return {
+        "origin": branch.origin,
+        "parameter": branch.parameter.tolist(),
+        "q": _columns(diagram.coordinates, branch.q),
+        "v": _columns(diagram.coordinates, branch.v),
+        "multipliers": _columns(diagram.constraints, branch.multipliers),
+        "stable": branch.stable.tolist(),
+        "growth": branch.growth.tolist(),
+    }
+
+
+def _columns(names: Sequence[str], values: Array) -> dict[str, list[float]]:
+    return {name: column.tolist() for name, column in zip(names, values.T, strict=True)}
+
+
+def _special(point: SpecialPoint, diagram: BifurcationDiagram) -> dict[str, Any]:
+    return {
+        "kind": point.kind,
+        "branch": point.branch,
+        "parameter": point.parameter,
+        "q": dict(zip(diagram.coordinates, point.q.tolist(), strict=True)),
+        "v": dict(zip(diagram.coordinates, point.v.tolist(), strict=True)),
+        "multipliers": dict(zip(diagram.constraints, point.multipliers.tolist(), strict=True)),
+        "frequency": point.frequency,
+    }
+
+
+def diagram_arrays(diagram: BifurcationDiagram) -> dict[str, Array]:
+    """Return the arrays of all branches, one after the other, with the number of the branch."""
+    branches = diagram.branches
+    number = np.concatenate([np.full(len(b.parameter), i) for i, b in enumerate(branches)])
+    names = ("parameter", "q", "v", "multipliers", "stable", "growth")
+    found = {"branch": number.astype(float)}
+    for name in names:
+        found[name] = np.concatenate([np.asarray(getattr(b, name), float) for b in branches])
+    return found
+
+
+def format_diagram(content: Mapping[str, Any]) -> str:
+    """Return the text that ``lagcli equilibrium --along`` prints."""
+    name, branches = content["parameter"], content["branches"]
+    low, high = content["limits"]
+    count = f"{len(branches)} branch{'es' * (len(branches) != 1)}"
+    held = "".join(f", {k} = {x:.6g}" for k, x in content["steady"].items())
+    lines = [f"{content['model']}: {count} of equilibria, {name} from {low:g} to {high:g}{held}"]
+    for number, branch in enumerate(branches):
+        origin = "" if branch["origin"] is None else f" off branch {branch['origin']}"
+        at = branch["parameter"]
+        lines.append(
+            f"  branch {number}{origin}: {len(at)} points, {name} = {at[0]:.6g} to {at[-1]:.6g};"
+            f" {_stable_ranges(branch)}"
+        )
+        ends = _range_of(branch["multipliers"])
+        if ends:
+            lines += entry("λ", listed(ends), 4)
+    for point in content["special_points"]:
+        rate = f", {point['frequency']:.6g} rad/s" if point["frequency"] is not None else ""
+        lines.append(
+            f"  {point['kind']} on branch {point['branch']}:"
+            f" {name} = {point['parameter']:.12g}{rate}"
+        )
+        values = without_rounding(point["q"])
+        lines += entry("q", listed([f"{k} = {x:.6g}" for k, x in values.items()]), 4)
+        if point["multipliers"]:
+            values = without_rounding(point["multipliers"])
+            lines += entry("λ", listed([f"{k} {x:.6g}" for k, x in values.items()]), 4)
+    return "\n".join(lines)
+
+
+def _stable_ranges(branch: Mapping[str, Any]) -> str:
+    stable = branch["stable"]
+    if all(stable):
+        return "stable"
+    if not any(stable):
+        return "unstable"
+    return f"{sum(stable)} stable, {len(stable) - sum(stable)} unstable"
+
+
+def _range_of(columns: Mapping[str, Sequence[float]]) -> list[str]:
+    return [f"{name} {min(x) + 0.0:.6g} to {max(x) + 0.0:.6g}" for name, x in columns.items()]

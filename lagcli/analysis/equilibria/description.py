@@ -1,0 +1,107 @@
+"""Equilibria as JSON values and as text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from lagcli.analysis.equilibria.equilibrium import Equilibria, Equilibrium
+from lagcli.analysis.text import entry, listed, without_rounding
+
+_EIGENVALUES = 6  # that a line has
+
+
+def describe_equilibria(found: Equilibria) -> dict[str, Any]:
+    """Return what ``lagcli equilibrium --json`` prints: see docs/schemas/equilibrium.json."""
+    return {
+        "command": "equilibrium",
+        "model": found.model,
+        "steady": dict(found.steady),
+        "starts": found.starts,
+        "equilibria": [_described(x, found) for x in found.equilibria],
+    }
+
+
+def _described(one: Equilibrium, found: Equilibria) -> dict[str, Any]:
+    point, stability = one.operating_point.point, one.stability
+    names, constraints = found.coordinates, found.constraints
+    stiffness = stability.stiffness
+    return {
+        "stability": stability.verdict,
+        "time": point.t,
+        "q": _by_name(names, point.q),
+        "v": _by_name(names, point.v),
+        "multipliers": _by_name(constraints, point.multipliers),
+        "constraint_forces": {
+            name: {q: float(x) for q, x in zip(names, row, strict=True) if x}
+            for name, row in zip(constraints, one.constraint_forces, strict=True)
+        },
+        "potential": one.potential,
+        "eigenvalues": [[s.real, s.imag] for s in stability.eigenvalues.tolist()],
+        "stiffness": None if stiffness is None else stiffness.tolist(),
+        "dimension": one.dimension,
+        "neutral_coordinates": [names[i] for i in one.neutral_coordinates],
+    }
+
+
+def _by_name(names: Sequence[str], values: np.ndarray) -> dict[str, float]:
+    return {name: value + 0.0 for name, value in zip(names, values.tolist(), strict=True)}
+
+
+def format_equilibria(content: Mapping[str, Any]) -> str:
+    """Return the text that ``lagcli equilibrium`` prints."""
+    found, starts = content["equilibria"], content["starts"]
+    steady = bool(content["steady"])
+    one, many = ("steady motion", "steady motions") if steady else ("equilibrium", "equilibria")
+    count = f"{len(found)} {one if len(found) == 1 else many}"
+    where = f" found from {starts} starts; there may be more" if starts > 1 else ""
+    held = ", ".join(f"{name} = {value:.6g}" for name, value in content["steady"].items())
+    lines = [f"{content['model']}: {count}{f' with {held}' if held else ''}{where}"]
+    for number, x in enumerate(found, 1):
+        lines.append(f"{number:>3}  {_verdict(x)}, V = {x['potential'] + 0.0:.6g} J")
+        rates = {f"{name}'": value for name, value in x["v"].items() if value}
+        values = without_rounding(x["q"])
+        values |= {k: v for k, v in without_rounding(rates).items() if v}
+        lines += entry("q", listed([f"{k} = {v:.6g}" for k, v in values.items()]), 5)
+        if x["multipliers"]:
+            values = without_rounding(x["multipliers"])
+            lines += entry("λ", listed([f"{k} {v:.6g}" for k, v in values.items()]), 5)
+            rows = x["constraint_forces"].items()
+            forces = {f"{c} on {q}": v for c, row in rows for q, v in row.items()}
+            shown = [f"{k} {v:.6g}" for k, v in without_rounding(forces).items() if v]
+            lines += entry("λ b", listed(shown) or "none", 5)
+        lines += entry("s, 1/s", _eigenvalues(x["eigenvalues"]), 5)
+        if x["dimension"]:
+            free = ", ".join(x["neutral_coordinates"])
+            lines += entry(
+                "set", f"one of a set of dimension {x['dimension']}, which differ in {free}", 5
+            )
+    return "\n".join(lines)
+
+
+def _verdict(x: Mapping[str, Any]) -> str:
+    verdict, stiffness = x["stability"], x["stiffness"]
+    if not x["eigenvalues"]:
+        return "determined by the constraints"
+    if verdict == "unstable":
+        growing = [complex(*s) for s in x["eigenvalues"] if s[0] > 0]
+        largest = max(growing, key=lambda s: s.real, default=0j)
+        how = "oscillation grows" if largest.imag else "deviation grows"
+        return f"unstable ({how} as e^({largest.real:.4g} t))"
+    if verdict == "undecided":
+        return "stability not decided by linear terms"
+    if verdict == "stable" and stiffness is not None and not any(x["v"].values()):
+        return "stable (a minimum of the potential energy)"
+    return str(verdict)
+
+
+def _eigenvalues(values: Sequence[Sequence[float]]) -> str:
+    texts = []
+    for real, imaginary in values:
+        if imaginary:
+            texts.append(f"{real:.6g} ± {imaginary:.6g}i" if real else f"± {imaginary:.6g}i")
+        else:
+            texts.append(f"{real + 0.0:.6g}")
+    return listed(texts, _EIGENVALUES) or "none"

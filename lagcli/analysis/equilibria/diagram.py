@@ -1,0 +1,283 @@
+"""Bifurcation diagrams: branches of equilibria over a parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.equilibria.extended import (
+    ExtendedProblem,
+    HeldVelocity,
+    ModelParameter,
+)
+from lagcli.analysis.equilibria.stability import Stability
+from lagcli.analysis.equilibria.tracing import LocatedPoint, SpecialKind, Traced, Tracer
+from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.analysis.local.steady import SteadyProblem
+from lagcli.analysis.local.steady_states import (
+    held_velocities,
+    none_found,
+    velocity_coordinate,
+)
+from lagcli.errors import UsageError
+from lagcli.model.model import Model
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+_MOST_BRANCHES = 32
+#: Of scaled unknowns: the step with which another branch is entered, and what counts as the same.
+_ENTRY, _SAME = 1e-2, 1e-4
+_ROUNDING = 1e-13  # of scaled unknowns
+
+
+@dataclass(frozen=True, eq=False)
+class SpecialPoint:
+    """A fold, a branch point, or the onset of an oscillation; SI units.
+
+    Parameters
+    ----------
+    kind : str
+        ``fold``, ``branch point``, ``Hopf point``, or ``flutter``: where frequencies of an
+        undamped model meet and an oscillation begins to grow.
+    branch : int
+        The branch on which it lies, from 0.
+    parameter : float
+    q, v : (nq,) arrays
+    multipliers : (nc,) array
+    frequency : float or None
+        Of the oscillation that begins there, rad/s.
+    """
+
+    kind: SpecialKind
+    branch: int
+    parameter: float
+    q: Array
+    v: Array
+    multipliers: Array
+    frequency: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """n points of a branch, in its order; SI units.
+
+    Parameters
+    ----------
+    parameter : (n,) array
+    q, v : (n, nq) arrays
+    multipliers : (n, nc) array
+    stable : (n,) array of bool
+        Whether no deviation grows in the linear approximation.
+    growth : (n,) array
+        Largest real part of an eigenvalue, 1/s.
+    origin : int or None
+        The branch from which it branches off; None for the first.
+    """
+
+    parameter: Array
+    q: Array
+    v: Array
+    multipliers: Array
+    stable: Flags
+    growth: Array
+    origin: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class BifurcationDiagram:
+    """Branches of equilibria, or of steady motions, over a parameter.
+
+    Parameters
+    ----------
+    model : str
+        Its name.
+    coordinates, constraints : tuples of str
+    parameter : str
+        Name of the parameter, or of a velocity that is held (``phi'``).
+    limits : (float, float)
+        Of the parameter.
+    steady : mapping of str to float
+        Velocities that are held.
+    branches : tuple of Branch
+    special : tuple of SpecialPoint
+    """
+
+    model: str
+    coordinates: tuple[str, ...]
+    constraints: tuple[str, ...]
+    parameter: str
+    limits: tuple[float, float]
+    steady: Mapping[str, float]
+    branches: tuple[Branch, ...]
+    special: tuple[SpecialPoint, ...]
+
+
+def follow_equilibria(
+    model: Model,
+    parameter: str,
+    start: float,
+    end: float,
+    *,
+    steady: Mapping[str, float] | None = None,
+    branches: bool = False,
+) -> BifurcationDiagram:
+    """Follow equilibria over a parameter, with their multipliers and stability.
+
+    Pseudo-arclength continuation of R(q, λ, s) = 0 from the equilibrium next to the initial
+    values. Folds, branch points and Hopf points are located to rounding errors: by the tangent's
+    component along s, by the determinant of the bordered ∂R/∂(q, λ, s), and by the growth rate of
+    oscillations.
+
+    Parameters
+    ----------
+    model : Model
+    parameter : str
+        A parameter of the model, or a velocity (``phi'``) for steady motions.
+    start, end : float
+        Its range, SI; the branch begins at ``start``.
+    steady : mapping of str to float, optional
+        Velocities that are held, as for `equilibrium`.
+    branches : bool
+        Follow the branches that cross at branch points, both ways.
+
+    Returns
+    -------
+    BifurcationDiagram
+
+    Raises
+    ------
+    UsageError
+        The parameter is unknown, or the structure of the model depends on it.
+    ModelError, NumericalError
+        There is no equilibrium at ``start``.
+
+    References
+    ----------
+    .. [1] H. B. Keller, "Lectures on Numerical Methods in Bifurcation Problems", 1987.
+    .. [2] W. J. F. Govaerts, "Numerical Methods for Bifurcations of Dynamical Equilibria", 2000,
+       doi:10.1137/1.9780898719543.
+    """
+    if not (np.isfinite(start) and np.isfinite(end)) or start == end:
+        raise UsageError(f"--along {parameter}={start:g}:{end:g}: give two different finite values")
+    local = LocalEquations(model)
+    held = held_velocities(local, steady or {})
+    names = local.system.coordinates
+    variable: ModelParameter | HeldVelocity
+    if parameter in model.parameters or not parameter.endswith(("'", "_dot")):
+        variable = ModelParameter(local, parameter)
+    else:
+        variable = HeldVelocity(local, velocity_coordinate(names, parameter))
+    base = SteadyProblem(local, held)
+    problem, p = variable.problem(base, start)
+    q = local.start.state.q
+    root = problem.solve(q, p)
+    if root is None:
+        raise none_found(local, problem, q)
+    problem.check_held(root)
+    extended = ExtendedProblem(base, variable, abs(end - start), root, start)
+    first = extended.scaled(root, start)
+    tracer = Tracer(extended, (start, end), first)
+    found = _Diagram(tracer, extended)
+    found.trace(tracer.start(first, float(np.sign(end - start))), None)
+    if branches:
+        found.trace_others()
+    return BifurcationDiagram(
+        model.name,
+        names,
+        local.system.constraints,
+        variable.name,
+        (start, end),
+        {f"{name}'": value for name, value in held.items()},
+        tuple(found.branches),
+        tuple(found.special),
+    )
+
+
+class _Diagram:
+    """The branches that have been traced so far."""
+
+    def __init__(self, tracer: Tracer, extended: ExtendedProblem):
+        self.tracer, self.extended = tracer, extended
+        self.branches: list[Branch] = []
+        self.special: list[SpecialPoint] = []
+        self.crossings: list[tuple[int, Traced]] = []
+        self.seen: list[Array] = []
+
+    def trace(self, point: Traced, origin: int | None) -> None:
+        """Trace a branch from a point on."""
+        number = len(self.branches)
+        points: list[tuple[Traced, Stability]] = []
+        for traced, stability, special in self.tracer.follow(point):
+            points.append((traced, stability))
+            for found in special:
+                self._add(found, number)
+        self.branches.append(self._branch(points, origin))
+
+    def _add(self, found: LocatedPoint, number: int) -> None:
+        z = found.point.place.z
+        if found.kind == "branch point":
+            if any(np.abs(z - other).max() < _SAME for other in self.seen):
+                return
+            self.seen.append(z)
+            self.crossings.append((number, found.point))
+        point, frequency = found.point.place.found.point, None
+        if found.kind in ("Hopf point", "flutter"):
+            values = self.tracer.stability(found.point).eigenvalues
+            oscillating = values[values.imag > 0]
+            if len(oscillating):
+                frequency = float(oscillating[np.argmax(oscillating.real)].imag)
+        value, q = self._clean(found.point)
+        self.special.append(
+            SpecialPoint(found.kind, number, value, q, point.v, point.multipliers, frequency)
+        )
+
+    def _clean(self, traced: Traced) -> tuple[float, Array]:
+        """Return s and q, with zeros for what are rounding errors beside large changes."""
+        columns, z = self.extended.columns, traced.place.z
+        rounded = np.where(np.abs(z) > _ROUNDING, z, 0.0) * columns
+        return float(rounded[-1]), rounded[: self.extended.nq]
+
+    def trace_others(self) -> None:
+        """Trace the branches that cross those that are known, both ways."""
+        done = 0
+        while done < len(self.crossings) and len(self.branches) < _MOST_BRANCHES:
+            number, crossing = self.crossings[done]
+            done += 1
+            for direction in (1.0, -1.0):
+                entered = self._entered(crossing, direction)
+                if entered is not None:
+                    self.trace(entered, number)
+
+    def _entered(self, crossing: Traced, direction: float) -> Traced | None:
+        """Return a point on the other branch near a crossing."""
+        _, _, vt = np.linalg.svd(crossing.place.matrix)
+        # at a crossing the null space has one dimension more
+        null = vt[self.tracer.rank - 1 :].T
+        known = np.column_stack([crossing.tangent, crossing.frame.right])
+        rest = null - known @ (known.T @ null)
+        u, _, _ = np.linalg.svd(rest, full_matrices=False)
+        across = direction * u[:, 0]
+        for length in (_ENTRY, _ENTRY / 10, _ENTRY / 100):
+            z = crossing.place.z + length * across
+            found = self.extended.correct(z, across, self.tracer.rank)
+            if found is not None:
+                return self.tracer.framed(found[0], found[0].z - crossing.place.z)
+        return None
+
+    def _branch(self, points: list[tuple[Traced, Stability]], origin: int | None) -> Branch:
+        at = [traced.place.found.point for traced, _ in points]
+        clean = [self._clean(traced) for traced, _ in points]
+        growth = [s.eigenvalues.real.max(initial=-np.inf) for _, s in points]
+        return Branch(
+            np.array([value for value, _ in clean]),
+            np.array([q for _, q in clean]),
+            np.array([point.v for point in at]),
+            np.array([point.multipliers for point in at]),
+            np.array([s.verdict != "unstable" for _, s in points]),
+            np.array([x if np.isfinite(x) else 0.0 for x in growth]),
+            origin,
+        )

@@ -1,0 +1,170 @@
+"""The search for all equilibria: Sobol starts, and deflation of what is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.local.steady import Residual, SteadyProblem
+from lagcli.analysis.local.steady_states import SteadyState, completed, none_found
+from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart, consistent_state
+from lagcli.errors import LagcliError, UsageError
+from lagcli.sweeps.plan.sampling import unit_points
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+#: Of the coordinates' lengths, and of the largest multiplier: roots nearer than this are one.
+_SAME = 1e-6
+_REACH = 2.0  # of the coordinates' lengths: how far from the start others may lie
+_RELAXED = 4  # starts from which motions are followed to where they come to rest
+_STEPS, _SEED = 40, 1
+#: Of the coordinates' lengths: the longest step. Of the terms' magnitudes: where a root is near.
+_LIMIT, _NEAR = 0.5, 1e-9
+_LEAST = 0.05  # the smallest divisor of a deflated step
+
+
+class _Known(NamedTuple):
+    """A root that is known, and the coordinates by which it differs from others."""
+
+    state: SteadyState
+    compared: Flags
+
+
+def search_steady_states(problem: SteadyProblem, starts: int) -> list[SteadyState]:
+    """Return the equilibria, or steady motions, found from many starts.
+
+    Parameters
+    ----------
+    problem : SteadyProblem
+    starts : int
+        Points of a Sobol sequence: angles all round, other coordinates within twice the size of
+        the mechanism. Each is brought onto the constraints first.
+
+    Raises
+    ------
+    UsageError
+        The constraints determine a velocity that is held.
+    NumericalError
+        None was found.
+    """
+    local, known = problem.local, list[_Known]()
+    q = local.start.state.q
+    for number, guess in enumerate((q, *_points(problem, starts - 1))):
+        placed = q if number == 0 else _on_constraints(problem, guess)
+        if placed is None:
+            continue
+        roots = [_deflated(problem, placed, known)]
+        if number < _RELAXED:
+            roots.append(problem.solve(placed, local.p))
+        for root in roots:
+            if root is not None:
+                _keep(problem, root, known)
+    if not known:
+        raise none_found(local, problem, q)
+    return [found.state for found in known]
+
+
+def _points(problem: SteadyProblem, count: int) -> Array:
+    """Return points of a Sobol sequence over the coordinates, (count, nq)."""
+    local = problem.local
+    unit = unit_points("sobol", count, len(local.lengths), _SEED, np.arange(count))
+    reach = np.where(local.angles, np.pi, _REACH * local.lengths)
+    centre = np.where(local.angles, 0.0, local.start.state.q)
+    return np.asarray(centre + (2 * unit - 1) * reach)
+
+
+def _on_constraints(problem: SteadyProblem, q: Array) -> Array | None:
+    """Return a point of the constraints near a guess; None without one."""
+    local = problem.local
+    free = np.zeros(len(q), bool)
+    given = local.evaluator(local.p).state(local.t, q, np.zeros(len(q)))
+    try:
+        return consistent_state(local.system, given, free, free).state.q
+    except (NoConsistentState, UndefinedStart):
+        return None
+
+
+def _keep(problem: SteadyProblem, root: Residual, known: list[_Known]) -> None:
+    """Add a root to those that are known, unless it is one of them or does not last."""
+    if root.decomposition.rank > problem.local.start.rank:
+        return  # beside a singular configuration, where rounding hides that rows are dependent
+    try:
+        state = completed(problem, root)
+    except UsageError:
+        raise
+    except LagcliError:
+        return
+    folded = fold(state, problem.local.angles)
+    moved = np.abs(state.neutral).max(axis=1, initial=0.0) / problem.local.lengths
+    found = _Known(folded, moved <= _SAME * moved.max(initial=0.0))
+    if not any(_alike(problem, found, other) for other in known):
+        known.append(found)
+
+
+def fold(state: SteadyState, angles: Flags) -> SteadyState:
+    """Return a root with its angles in (−π, π]."""
+    point = state.operating_point.point
+    q = point.q.copy()
+    q[angles] = -((-q[angles] + np.pi) % (2 * np.pi) - np.pi)
+    return state._replace(operating_point=replace(state.operating_point, point=point._replace(q=q)))
+
+
+def _alike(problem: SteadyProblem, a: _Known, b: _Known) -> bool:
+    compared = a.compared & b.compared
+    first, second = (x.state.operating_point.point for x in (a, b))
+    far = np.abs(_difference(problem, first.q, second.q) / problem.local.lengths)[compared]
+    scale = max(np.abs(x.multipliers).max(initial=0.0) for x in (first, second))
+    if (a.state.neutral.shape[1] == 0) != (b.state.neutral.shape[1] == 0):
+        return False
+    forces = np.abs(first.multipliers - second.multipliers).max(initial=0.0)
+    if compared.any():
+        return bool(far.max() < _SAME)
+    return bool(forces <= _SAME * scale)
+
+
+def _difference(problem: SteadyProblem, q: Array, other: Array) -> Array:
+    """Return q − other, of angles the smallest."""
+    found = q - other
+    turns = np.where(problem.local.angles, np.round(found / (2 * np.pi)), 0.0)
+    return np.asarray(found - 2 * np.pi * turns)
+
+
+def _deflated(problem: SteadyProblem, q: Array, known: list[_Known]) -> Residual | None:
+    """Return a root that is not known, by Newton steps for m(q) R(q, λ), or None.
+
+    m = Π (1 + 1/d²) grows beside the known roots, so that steps do not lead there. Steps are
+    limited and not damped: an iteration that wanders about finds more than one that comes to rest
+    where |R| is least.
+    """
+    local = problem.local
+    found = problem.residual(q, np.zeros(len(local.system.constraints)), local.p)
+    if not np.isfinite(found.value).all():
+        return None
+    found = problem.residual(q, problem.multipliers(found), local.p, found.independent)
+    for _ in range(_STEPS):
+        if found.relative <= _NEAR:
+            return problem.polished(found)
+        step = problem.newton_step(found)
+        change = _slope(problem, found.point.q, known) @ step[: problem.nq]
+        # the step for m R, by the formula of Sherman and Morrison
+        step = step / (1.0 - change) if abs(1.0 - change) > _LEAST else step / _LEAST
+        found = problem.moved(found, problem.limited(step / _LIMIT) * _LIMIT)
+        if not np.isfinite(found.value).all():
+            return None
+    return None
+
+
+def _slope(problem: SteadyProblem, q: Array, known: list[_Known]) -> Array:
+    """Return ∇m/m."""
+    slope, lengths = np.zeros(len(q)), problem.local.lengths
+    for root in known:
+        far = _difference(problem, q, root.state.operating_point.point.q) / lengths
+        far = np.where(root.compared, far, 0.0)
+        square = float(far @ far)
+        if square:
+            slope -= 2 * far / lengths / (square * (square + 1.0))
+    return slope

@@ -1,0 +1,235 @@
+"""Pseudo-arclength continuation of one branch, and the points where its nature changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.equilibria.extended import ExtendedProblem, Place
+from lagcli.analysis.equilibria.stability import Stability, stability_of
+from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.analysis.local.steady import RANK
+
+Array = NDArray[np.float64]
+SpecialKind = Literal["fold", "branch point", "Hopf point", "flutter"]
+
+#: Lengths of steps in scaled unknowns: the first, the longest and the shortest.
+_FIRST, _LONGEST, _SHORTEST = 5e-3, 2e-2, 1e-7
+_TURN = 0.9  # cosine of the largest angle between successive tangents
+_MOST = 2000  # points of a branch
+_BISECTIONS = 60
+#: Growth rates below this part of the largest eigenvalue are rounding errors.
+_GROWING = 1e-9
+
+
+class Traced(NamedTuple):
+    """A point of a branch, with what is monitored along it.
+
+    Parameters
+    ----------
+    place : Place
+    tangent : (n,) array
+        Of length 1.
+    frame : Frame
+    sign : float
+        Sign of the determinant of the bordered matrix.
+    dimension : int
+    """
+
+    place: Place
+    tangent: Array
+    frame: Frame
+    sign: float
+
+
+class Frame(NamedTuple):
+    """Null spaces of the scaled ∂R/∂z beside the tangent: neutral motions, dependent equations."""
+
+    right: Array
+    left: Array
+
+
+class LocatedPoint(NamedTuple):
+    """Where the nature of a branch changes, and the point there."""
+
+    kind: SpecialKind
+    point: Traced
+
+
+class Tracer:
+    """Follows branches of one extended problem.
+
+    Parameters
+    ----------
+    problem : ExtendedProblem
+    limits : (float, float)
+        Of the parameter.
+    first : (n,) array
+        A root, in scaled unknowns; the rank there holds along the branches.
+    """
+
+    def __init__(self, problem: ExtendedProblem, limits: tuple[float, float], first: Array):
+        self.problem, self.limits = problem, limits
+        place = problem.place(first)
+        assert place is not None
+        s = np.linalg.svd(place.matrix, compute_uv=False)
+        self.rank = int((s > RANK * s.max(initial=0.0)).sum())
+        self.neutral = place.matrix.shape[1] - self.rank - 1
+
+    # single points
+
+    def framed(self, place: Place, along: Array, before: Frame | None = None) -> Traced:
+        """Return the point with its tangent next to a direction.
+
+        The tangent and the null spaces are those of the point before, projected, so that the
+        determinant is continuous along the branch.
+        """
+        u, _, vt = np.linalg.svd(place.matrix)
+        null, left = vt[self.rank :].T, u[:, self.rank :]
+        tangent = null @ (null.T @ along)
+        tangent /= np.linalg.norm(tangent)
+        rest = null - np.outer(tangent, tangent @ null)
+        right, _, _ = np.linalg.svd(rest, full_matrices=False)
+        right = right[:, : self.neutral]
+        if before is not None:
+            right, left = _nearest(right, before.right), _nearest(left, before.left)
+        m, e = left.shape
+        corner = np.zeros((1 + self.neutral, e))
+        bordered = np.block([[place.matrix, left], [np.vstack([tangent, right.T]), corner]])
+        assert bordered.shape[0] == bordered.shape[1], (m, e)
+        return Traced(place, tangent, Frame(right, left), float(np.linalg.slogdet(bordered)[0]))
+
+    def start(self, z: Array, direction: float) -> Traced:
+        """Return a root with the tangent along which the parameter changes in a direction."""
+        place = self.problem.place(z)
+        assert place is not None
+        _, _, vt = np.linalg.svd(place.matrix)
+        null = vt[self.rank :].T
+        # along what is neutral at a fixed parameter the branch does not move
+        along = null @ null[-1]
+        if not np.linalg.norm(along) > 1e-12:
+            along = null[:, 0]
+        return self.framed(place, direction * along)
+
+    def advanced(self, point: Traced, length: float) -> tuple[Traced, int] | None:
+        """Return the point so far along a branch, and the Newton steps; None without one."""
+        found = self.problem.correct(
+            point.place.z + length * point.tangent, point.tangent, self.rank
+        )
+        if found is None:
+            return None
+        place, steps = found
+        return self.framed(place, point.tangent, point.frame), steps
+
+    def stability(self, point: Traced) -> Stability:
+        """Return the stability of a point."""
+        local, found = self.problem.local, point.place.found
+        tangent = local.tangent(found.point, found.independent)
+        operating = OperatingPoint("the equilibrium", found.point, tangent, True)
+        return stability_of(local, operating, self.neutral)
+
+    # branches
+
+    def follow(self, point: Traced) -> Iterator[tuple[Traced, Stability, list[LocatedPoint]]]:
+        """Yield the points of a branch, each with the special points before it.
+
+        It ends where the parameter leaves its limits, where no further point is found, or where
+        the branch closes.
+        """
+        before, stability = point, self.stability(point)
+        yield point, stability, []
+        length, origin, travelled = _FIRST, point, 0.0
+        for _ in range(_MOST):
+            moved = self._step(before, length)
+            if moved is None:
+                return
+            after, used, steps = moved
+            last = self._leaves(after)
+            if last:
+                after, used = self._at_limit(before, used)
+            following = self.stability(after)
+            special = list(self._changes(before, stability, after, following, used))
+            yield after, following, special
+            travelled += used
+            closed = np.linalg.norm(after.place.z - origin.place.z) < used / 2
+            if last or (closed and travelled > 4 * _LONGEST and after.tangent @ origin.tangent > 0):
+                return
+            before, stability = after, following
+            length = min(_LONGEST, used * (1.5 if steps <= 4 else 1.0))
+
+    def _step(self, point: Traced, length: float) -> tuple[Traced, float, int] | None:
+        while length >= _SHORTEST:
+            found = self.advanced(point, length)
+            if found is not None and found[0].tangent @ point.tangent >= _TURN:
+                return found[0], length, found[1]
+            length /= 2
+        return None
+
+    def _leaves(self, point: Traced) -> bool:
+        low, high = sorted(self.limits)
+        return not low <= self.problem.value(point.place.z) <= high
+
+    def _at_limit(self, before: Traced, length: float) -> tuple[Traced, float]:
+        """Return the point at which the parameter reaches its limit."""
+        inside, found = self._bisected(before, length, self._leaves)
+        return found, inside
+
+    def _bisected(
+        self, before: Traced, length: float, changed: Callable[[Traced], bool]
+    ) -> tuple[float, Traced]:
+        """Return how far from a point something changes, and the point there."""
+        low, high, found = 0.0, length, before
+        for _ in range(_BISECTIONS):
+            middle = (low + high) / 2
+            if middle in (low, high):
+                break
+            moved = self.advanced(before, middle)
+            if moved is not None and not changed(moved[0]):
+                low, found = middle, moved[0]
+            else:
+                high = middle
+        return low, found
+
+    # special points
+
+    def _changes(
+        self, before: Traced, stable: Stability, after: Traced, following: Stability, length: float
+    ) -> Iterator[LocatedPoint]:
+        """Yield what changes between two points, located."""
+        if before.tangent[-1] * after.tangent[-1] < 0:
+            sign = np.sign(before.tangent[-1])
+            yield LocatedPoint(
+                "fold", self._bisected(before, length, lambda x: sign * x.tangent[-1] < 0)[1]
+            )
+        if before.sign != after.sign:
+            changed = self._bisected(before, length, lambda x: x.sign != before.sign)
+            yield LocatedPoint("branch point", changed[1])
+        was, now = oscillating_growth(stable), oscillating_growth(following)
+        # where real eigenvalues meet, an oscillation begins that grew before
+        if np.isfinite(was) and np.isfinite(now) and (was > 0) != (now > 0):
+            undamped = min(was, now) == 0.0
+            changed = self._bisected(
+                before, length, lambda x: (oscillating_growth(self.stability(x)) > 0) != (was > 0)
+            )
+            yield LocatedPoint("flutter" if undamped else "Hopf point", changed[1])
+
+
+def oscillating_growth(stability: Stability) -> float:
+    """Return the largest growth rate of an oscillation; 0 where it is a rounding error."""
+    values = stability.eigenvalues
+    growth = values.real[values.imag > 0]
+    if not len(growth):
+        return -np.inf
+    largest = float(growth.max())
+    return largest if abs(largest) > _GROWING * np.abs(values).max() else 0.0
+
+
+def _nearest(basis: Array, before: Array) -> Array:
+    """Return the orthonormal basis of a space that is nearest to one before."""
+    if not basis.shape[1]:
+        return basis
+    u, _, vt = np.linalg.svd(basis.T @ before)
+    return np.asarray(basis @ (u @ vt))

@@ -1,0 +1,69 @@
+"""Files of analyses: their names, their provenance, JSON and HDF5."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from lagcli.errors import UsageError
+from lagcli.model.model import Model
+from lagcli.results.atomic import check_writable, whole_file
+from lagcli.results.metadata import to_json
+from lagcli.version import __version__
+
+
+def check_analysis_target(path: str, suffixes: tuple[str, ...], force: bool) -> None:
+    """Raise if a file of an analysis could not be written under this name.
+
+    Raises
+    ------
+    UsageError
+        The suffix is none of these.
+    FileError
+        As `check_writable`.
+    """
+    stem, suffix = os.path.splitext(path)
+    if suffix.lower() not in suffixes:
+        raise UsageError(
+            f"{path}: the suffix {suffix or '(none)'} is not a format for this; use"
+            f" {', '.join(stem + s for s in suffixes[:-1])} or {stem}{suffixes[-1]}"
+        )
+    check_writable(path, force)
+
+
+def facts_of(model: Model) -> dict[str, Any]:
+    """Return the provenance that files of analyses have."""
+    return {
+        "lagcli_version": __version__,
+        "model": model.text,
+        "model_sha256": model.sha256,
+        "model_path": model.path,
+        "parameters": model.parameter_values,
+        "set": {name: str(value) for name, value in model.set.items()},
+        "set_initial": {name: str(value) for name, value in model.set_initial.items()},
+    }
+
+
+def write_content(
+    content: Mapping[str, Any], arrays: Mapping[str, Any], model: Model, path: str, force: bool
+) -> None:
+    """Write the content of an analysis, as JSON or with its arrays as HDF5.
+
+    Raises
+    ------
+    FileError
+        As `whole_file`.
+    """
+    if path.lower().endswith(".json"):
+        write_bytes(path, (to_json(content, indent=1) + "\n").encode(), force)
+        return
+    from lagcli.results.hdf5.analysis_file import write_analysis
+
+    write_analysis(path, content, arrays, facts_of(model), force)
+
+
+def write_bytes(path: str, data: bytes, force: bool) -> None:
+    """Write a file whole; for the errors see `whole_file`."""
+    with whole_file(path, force) as file:
+        file.write(data)

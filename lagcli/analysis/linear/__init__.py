@@ -1,0 +1,1 @@
+"""Linear models and modes about an operating point."""

@@ -1,0 +1,200 @@
+"""Linear models and modes as JSON values and as text."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from lagcli.analysis.linear.linear_model import LinearModel
+from lagcli.analysis.linear.modes import ModalAnalysis, Mode
+from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.analysis.text import WIDTH, entry, listed, without_rounding
+
+_SHOWN = 6  # components of a shape
+_ENTRIES = 12  # rows and columns of matrices that fit on a page
+
+
+def describe_point(found: OperatingPoint, linear: LinearModel) -> dict[str, Any]:
+    """Return an operating point as JSON values."""
+    point = found.point
+    return {
+        "name": found.name,
+        "steady": found.steady,
+        "time": point.t,
+        "q": dict(zip(linear.coordinates, point.q.tolist(), strict=True)),
+        "v": dict(zip(linear.coordinates, point.v.tolist(), strict=True)),
+        "multipliers": dict(zip(linear.constraints, point.multipliers.tolist(), strict=True)),
+    }
+
+
+def describe_linear(linear: LinearModel) -> dict[str, Any]:
+    """Return what ``lagcli linearize --json`` prints: see docs/schemas/linearize.json."""
+    return {
+        "command": "linearize",
+        "model": linear.model,
+        "form": linear.form,
+        "operating_point": describe_point(linear.operating_point, linear),
+        "states": list(linear.states),
+        "inputs": list(linear.inputs),
+        "outputs": list(linear.outputs),
+        **{name: matrix.tolist() for name, matrix in matrices(linear).items()},
+        "notes": list(linear.notes),
+    }
+
+
+def matrices(linear: LinearModel) -> dict[str, np.ndarray]:
+    """Return the matrices by name."""
+    names = ("E", "A", "B", "C", "D", "position_shape", "velocity_shape", "multiplier_shape")
+    return {name: getattr(linear, name) for name in names}
+
+
+def describe_modes(analysis: ModalAnalysis) -> dict[str, Any]:
+    """Return what ``lagcli modes --json`` prints: see docs/schemas/modes.json."""
+    linear = analysis.linear_model
+    return {
+        "command": "modes",
+        "model": linear.model,
+        "operating_point": describe_point(analysis.operating_point, linear),
+        "undamped": analysis.undamped,
+        "degrees_of_freedom": len(analysis.operating_point.tangent.velocities),
+        "modes": [_described(mode, i, linear) for i, mode in enumerate(analysis.modes, 1)],
+        "notes": list(linear.notes),
+    }
+
+
+def _described(mode: Mode, number: int, linear: LinearModel) -> dict[str, Any]:
+    s = mode.eigenvalue
+    return {
+        "number": number,
+        "kind": mode.kind,
+        "eigenvalue": [s.real, s.imag],
+        "frequency": mode.frequency,
+        "natural_frequency": mode.natural_frequency,
+        "damping_ratio": mode.damping_ratio,
+        "period": mode.period,
+        "time_constant": mode.time_constant,
+        "position": _by_name(linear.coordinates, mode.position),
+        "velocity": _by_name(linear.coordinates, mode.velocity),
+        "multipliers": _by_name(linear.constraints, mode.multipliers),
+    }
+
+
+def _by_name(names: Sequence[str], shape: np.ndarray) -> dict[str, list[float]]:
+    return {name: [z.real, z.imag] for name, z in zip(names, shape.tolist(), strict=True)}
+
+
+# text
+
+
+def format_linear(content: Mapping[str, Any]) -> str:
+    """Return the text that ``lagcli linearize`` prints."""
+    lines = _head(content, "linear model about")
+    n, m, o = (len(content[name]) for name in ("states", "inputs", "outputs"))
+    form = content["form"]
+    equation = "ẋ = A x" if form == "reduced" else "E ẋ = A x"
+    equation += " + B u" if m else ""
+    equation += ", y = C x" + (" + D u" if m else "") if o else ""
+    lines.append(f"  {'form':<9}{form}: {equation}; {n} state{'s' * (n != 1)}")
+    for name, label in (("states", "x"), ("inputs", "u"), ("outputs", "y")):
+        if content[name]:
+            lines += entry(label, ", ".join(content[name]))
+    shown = ["A", *(["E"] if form == "descriptor" else [])]
+    shown += ["B"] * bool(m) + ["C"] * bool(o) + ["D"] * bool(m and o)
+    for name in shown:
+        lines += _matrix(name, content[name])
+    return "\n".join([*lines, *_notes(content)])
+
+
+def format_modes(content: Mapping[str, Any]) -> str:
+    """Return the text that ``lagcli modes`` prints."""
+    lines = _head(content, "modes about")
+    freedom = content["degrees_of_freedom"]
+    lines.append(
+        f"  {freedom} degree{'s' * (freedom != 1)} of freedom"
+        + ("; no damping, no gyroscopic forces" if content["undamped"] and freedom else "")
+    )
+    if not content["modes"]:
+        lines.append("  no modes: the constraints determine the motion")
+        return "\n".join([*lines, *_notes(content)])
+    lines += ["", f"  {'mode':>4}  {'eigenvalue, 1/s':<27}{'Hz':>10}  {'damping':>9}  kind"]
+    for mode in content["modes"]:
+        s = complex(*mode["eigenvalue"])
+        frequency = f"{mode['frequency']:.6g}" if s.imag else ""
+        damping = f"{mode['damping_ratio']:.4g}" if s.imag else ""
+        lines.append(
+            f"  {mode['number']:>4}  {_eigenvalue(s):<27}{frequency:>10}  {damping:>9}"
+            f"  {mode['kind']}"
+        )
+    lines.append("")
+    for mode in content["modes"]:
+        shape = _shape(mode["position"])
+        forces = _shape({f"λ {k}": v for k, v in mode["multipliers"].items()})
+        head = f"  {mode['number']:>4}  "
+        for text in (f"δq: {shape}", *([f"δλ: {forces}"] if forces else ())):
+            lines += textwrap.wrap(
+                text,
+                WIDTH,
+                initial_indent=head,
+                subsequent_indent=" " * 12,
+                break_long_words=False,
+            )
+            head = " " * 8
+    return "\n".join([*lines, *_notes(content)])
+
+
+def _head(content: Mapping[str, Any], what: str) -> list[str]:
+    point = content["operating_point"]
+    lines = [f"{content['model']}: {what} {point['name']}"]
+    rates = {f"{name}'": value for name, value in point["v"].items() if value}
+    values = without_rounding(point["q"]) | {k: x for k, x in without_rounding(rates).items() if x}
+    lines += entry("q", listed([f"{name} = {value:.6g}" for name, value in values.items()]))
+    if point["multipliers"]:
+        values = without_rounding(point["multipliers"])
+        lines += entry("λ", listed([f"{name} {value:.6g}" for name, value in values.items()]))
+    return lines
+
+
+def _eigenvalue(s: complex) -> str:
+    if not s.imag:
+        return f"{s.real:.9g}"
+    return f"{s.real:.9g} ± {s.imag:.9g}i" if s.real else f"± {s.imag:.9g}i"
+
+
+def _shape(components: Mapping[str, Sequence[float]]) -> str:
+    """Return the largest components of a shape, in the order of the model."""
+    values = {name: complex(*x) for name, x in components.items()}
+    largest = max(map(abs, values.values()), default=0.0)
+    found = [n for n, z in values.items() if abs(z) > 1e-6 * largest]
+    kept = set(sorted(found, key=lambda n: -abs(values[n]))[:_SHOWN])
+    texts = [f"{name} {_component(values[name])}" for name in found if name in kept]
+    more = len(found) - len(texts)
+    return ", ".join([*texts, *([f"and {more} more"] if more else [])]) or "none"
+
+
+def _component(z: complex) -> str:
+    if abs(z.imag) <= 1e-9 * abs(z):
+        return f"{z.real:.4g}"
+    return f"{abs(z):.4g}∠{np.degrees(np.angle(z)):.0f}°"
+
+
+def _matrix(name: str, rows: Sequence[Sequence[float]]) -> Iterator[str]:
+    columns = len(rows[0]) if rows else 0
+    if len(rows) > _ENTRIES or columns > 6:
+        nonzero = sum(1 for row in rows for x in row if x)
+        yield f"  {name}: {len(rows)} by {columns}, {nonzero} entries are not zero (--json, -o)"
+        return
+    texts = [[f"{x:.6g}" for x in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
+    for i, row in enumerate(texts):
+        cells = "  ".join(f"{x:>{w}}" for x, w in zip(row, widths, strict=True))
+        yield f"  {name + ' =' if not i else '':<5}[ {cells} ]"
+
+
+def _notes(content: Mapping[str, Any]) -> Iterator[str]:
+    for note in content["notes"]:
+        yield from textwrap.wrap(
+            f"note: {note}", WIDTH, initial_indent="  ", subsequent_indent=" " * 8
+        )

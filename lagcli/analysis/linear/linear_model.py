@@ -1,0 +1,276 @@
+"""Linear models of the motion near an operating point."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.linear.operating_points import find_operating_point
+from lagcli.analysis.linear.signals import Inputs, Outputs
+from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.analysis.local.tangent import multipliers_of
+from lagcli.errors import UsageError
+from lagcli.model.model import Model
+
+Array = NDArray[np.float64]
+Form = Literal["reduced", "descriptor"]
+FORMS: tuple[Form, ...] = ("reduced", "descriptor")
+
+#: Of the rates of the motion, squared: accelerations that are rounding errors.
+_TURNING = 1e-9
+#: Of the terms' magnitudes: multipliers that are rounding errors.
+_ROUNDING = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """A linear model E ẋ = A x + B u, y = C x + D u of small deviations from an operating point.
+
+    n states, m inputs, o outputs, nq coordinates, nc constraints; all in SI units.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    form : "reduced" or "descriptor"
+        Reduced: the states are deviations of independent coordinates and velocities. Descriptor:
+        of all coordinates, velocities and multipliers, with the constraints as equations.
+    operating_point : OperatingPoint
+    coordinates, constraints : tuples of str
+    states, inputs, outputs : tuples of str
+    E : (n, n) array
+        The identity in the reduced form; singular in the descriptor form.
+    A : (n, n) array
+    B : (n, m) array
+    C : (o, n) array
+    D : (o, m) array
+    position_shape, velocity_shape : (nq, n) arrays
+        δq and δv of a state x.
+    multiplier_shape : (nc, n) array
+        δλ of a state x without inputs; of redundant constraints, the one of least norm.
+    notes : tuple of str
+        What the reader should know, one sentence each.
+    """
+
+    model: str
+    form: Form
+    operating_point: OperatingPoint
+    coordinates: tuple[str, ...]
+    constraints: tuple[str, ...]
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    E: Array
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    position_shape: Array
+    velocity_shape: Array
+    multiplier_shape: Array
+    notes: tuple[str, ...] = ()
+
+
+def linearize(
+    model: Model,
+    *,
+    at: float | None = None,
+    equilibrium: bool = False,
+    steady: Mapping[str, float] | None = None,
+    form: Form = "reduced",
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+) -> LinearModel:
+    """Linearize the equations of motion on the constraints' manifold.
+
+    With G = f − M a + Bᵀλ, small deviations satisfy
+
+        M δa = G_q δq + G_v δv + Bᵀδλ + G_u δu,  ∂φ/∂q δq = 0,  B δv + ∂ψ/∂q δq = 0,
+
+    where G_q = ∂f/∂q − ∂(M a)/∂q + Σ λ_β ∂b_β/∂q holds the geometric stiffness of the constraints.
+    About a motion that is not steady the matrices hold at one instant.
+
+    Parameters
+    ----------
+    model : Model
+    at : float, optional
+        Linearize about the state of a run at this time, s.
+    equilibrium : bool
+        Linearize about the equilibrium next to the initial values.
+    steady : mapping of str to float, optional
+        Linearize about the steady motion with these velocities (``{"phi'": 10}``), SI.
+    form : "reduced" or "descriptor"
+    inputs : sequence of str
+        Parameters of the forces or of V; ``Q.phi`` is a force on a coordinate.
+    outputs : sequence of str
+        Columns of results or outputs of the model: ``phi``, ``lambda.guide``.
+
+    Returns
+    -------
+    LinearModel
+
+    Raises
+    ------
+    UsageError
+        A name is unknown, a parameter cannot be an input, or the options contradict.
+    ModelError, NumericalError
+        There is no such operating point, or the equations have no derivatives there.
+
+    References
+    ----------
+    .. [1] J. García de Jalón, E. Bayo, "Kinematic and Dynamic Simulation of Multibody Systems",
+       1994, sec. 5.2.
+    .. [2] W. Schiehlen, P. Eberhard, "Applied Dynamics", 2014, doi:10.1007/978-3-319-07335-4.
+    """
+    if form not in FORMS:
+        raise UsageError(f"--form {form!r} is none of {', '.join(FORMS)}")
+    local = LocalEquations(model)
+    signals = Inputs(local, inputs)
+    measured = Outputs(local, outputs, signals)
+    found = find_operating_point(local, at=at, equilibrium=equilibrium, steady=steady)
+    return linear_model(local, found, signals, measured, form)
+
+
+def linear_model(
+    local: LocalEquations,
+    operating_point: OperatingPoint,
+    inputs: Inputs | None = None,
+    outputs: Outputs | None = None,
+    form: Form = "reduced",
+) -> LinearModel:
+    """Return the linear model about a point that is known; see `linearize`."""
+    inputs = inputs or Inputs(local, ())
+    outputs = outputs or Outputs(local, (), inputs)
+    build = _reduced if form == "reduced" else _descriptor
+    matrices = build(local, operating_point, inputs, outputs)
+    system = local.system
+    return LinearModel(
+        model=local.model.name,
+        form=form,
+        operating_point=operating_point,
+        coordinates=system.coordinates,
+        constraints=system.constraints,
+        inputs=inputs.names,
+        outputs=outputs.names,
+        notes=_notes(local, operating_point, form),
+        **matrices,
+    )
+
+
+def _reduced(
+    local: LocalEquations, operating_point: OperatingPoint, inputs: Inputs, outputs: Outputs
+) -> dict[str, Any]:
+    """Return states and matrices in independent coordinates and velocities."""
+    point, tangent = operating_point.point, operating_point.tangent
+    chosen, moving = list(tangent.positions), list(tangent.velocities)
+    dq = np.hstack([tangent.position_basis, np.zeros_like(tangent.velocity_basis)])
+    dv = np.hstack([tangent.velocity_by_position, tangent.velocity_basis])
+    da, multipliers, by_input = _accelerations(local, operating_point, inputs, dq, dv)
+    rates = np.vstack([dv[chosen], da[moving]])
+    driven = np.vstack([np.zeros((len(chosen), by_input[0].shape[1])), by_input[0][moving]])
+    y_q, y_v, y_a, y_multipliers, y_u = outputs.at(point)
+    names = local.system.coordinates
+    return {
+        "states": (*(names[i] for i in chosen), *(f"{names[i]}'" for i in moving)),
+        "E": np.eye(len(rates)),
+        "A": rates,
+        "B": driven,
+        "C": y_q @ dq + y_v @ dv + y_a @ da + y_multipliers @ multipliers,
+        "D": y_a @ by_input[0] + y_multipliers @ by_input[1] + y_u,
+        "position_shape": dq,
+        "velocity_shape": dv,
+        "multiplier_shape": multipliers,
+    }
+
+
+def _descriptor(
+    local: LocalEquations, operating_point: OperatingPoint, inputs: Inputs, outputs: Outputs
+) -> dict[str, Any]:
+    """Return states and matrices in all coordinates, velocities and multipliers."""
+    point, system = operating_point.point, local.system
+    nq, nc = len(system.coordinates), len(system.constraints)
+    evaluator = local.evaluator(point.p)
+    d = evaluator.dynamics(point.t, point.q, point.v)
+    jac, gradient = local.jacobians(point), local.velocity_gradient(point)
+    n, held = 2 * nq + nc, list(system.holonomic)
+    mass, matrix = np.zeros((2, n, n))
+    position, velocity, forces = slice(0, nq), slice(nq, 2 * nq), slice(2 * nq, n)
+    mass[position, position] = np.eye(nq)
+    mass[velocity, velocity] = d.mass_matrix
+    matrix[position, velocity] = np.eye(nq)
+    matrix[velocity] = np.hstack([jac.force_position, jac.force_velocity, d.jacobian.T])
+    by_position, by_velocity = gradient.copy(), d.jacobian.copy()
+    by_position[held], by_velocity[held] = d.jacobian[held], 0.0
+    matrix[forces, position], matrix[forces, velocity] = by_position, by_velocity
+    dq, dv = np.zeros((2, nq, n))
+    dq[:, position], dv[:, velocity] = np.eye(nq), np.eye(nq)
+    shape = np.zeros((nc, n))
+    shape[:, forces] = np.eye(nc)
+    da, _, by_input = _accelerations(local, operating_point, inputs, dq, dv)
+    driven = np.zeros((n, len(inputs.names)))
+    driven[velocity] = inputs.at(point)
+    y_q, y_v, y_a, y_multipliers, y_u = outputs.at(point)
+    names = system.coordinates
+    return {
+        "states": (
+            *names,
+            *(f"{name}'" for name in names),
+            *(f"lambda.{name}" for name in system.constraints),
+        ),
+        "E": mass,
+        "A": matrix,
+        "B": driven,
+        "C": y_q @ dq + y_v @ dv + y_a @ da + y_multipliers @ shape,
+        "D": y_a @ by_input[0] + y_u,
+        "position_shape": dq,
+        "velocity_shape": dv,
+        "multiplier_shape": shape,
+    }
+
+
+def _accelerations(
+    local: LocalEquations, operating_point: OperatingPoint, inputs: Inputs, dq: Array, dv: Array
+) -> tuple[Array, Array, tuple[Array, Array]]:
+    """Return δa and δλ of the states whose δq and δv are given, and those of the inputs."""
+    point, tangent = operating_point.point, operating_point.tangent
+    jac, respond = local.jacobians(point), local.response(point, tangent)
+    forces = jac.force_position @ dq + jac.force_velocity @ dv
+    rates = jac.rhs_position @ dq + jac.rhs_velocity @ dv
+    by_input = inputs.at(point)
+    driven = respond(by_input, np.zeros((len(rates), by_input.shape[1])))
+    da, multipliers = respond(forces, rates)
+    # multipliers are differences of these forces: what is small beside them is a rounding error
+    terms = np.abs(jac.force_position) @ np.abs(dq) + np.abs(jac.force_velocity) @ np.abs(dv)
+    terms += np.abs(respond.mass) @ np.abs(da)
+    bound = np.abs(multipliers_of(tangent.decomposition, np.eye(len(terms)))) @ terms
+    multipliers = np.where(np.abs(multipliers) > _ROUNDING * bound, multipliers, 0.0)
+    return da, multipliers, driven
+
+
+def _notes(local: LocalEquations, operating_point: OperatingPoint, form: Form) -> tuple[str, ...]:
+    notes = []
+    point, name = operating_point.point, operating_point.name
+    rate = np.abs(point.v / local.lengths).max(initial=0.0)
+    turning = np.abs(point.a / local.lengths).max(initial=0.0) > _TURNING * rate**2
+    if not operating_point.steady:
+        notes.append(
+            f"{name} is not an equilibrium or a steady motion: the matrices hold at this instant"
+            " only; --equilibrium finds an equilibrium next to the initial values"
+        )
+    elif form == "descriptor" and turning:
+        notes.append(
+            f"velocities of dependent coordinates change along {name}: the matrices hold at this"
+            " instant only, those of the reduced form at all times"
+        )
+    nc, rank = len(point.multipliers), operating_point.tangent.decomposition.rank
+    if rank < nc:
+        notes.append(
+            f"{nc - rank} of {nc} constraints are redundant: δλ is the one of least norm, only the"
+            " constraint forces are unique"
+        )
+    return tuple(notes)

@@ -1,0 +1,139 @@
+"""The motion of a mode as a trajectory, to be animated or plotted."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.linear.modes import ModalAnalysis, Mode, modes_about
+from lagcli.analysis.linear.operating_points import find_operating_point
+from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart, consistent_state
+from lagcli.engine.contract import Block
+from lagcli.errors import UsageError
+from lagcli.model.model import Model
+from lagcli.simulations.derived import DerivedColumns
+from lagcli.trajectory.samples import Record
+from lagcli.trajectory.trajectory import Trajectory, complete
+from lagcli.version import __version__
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_PERIODS, _CONSTANTS = 3, 3  # that are shown of oscillations, and time constants of others
+_SAMPLES = 181
+_DRIFT = 2.0  # s that neutral motions are shown
+_LARGE = 0.25  # of the coordinates' lengths: the largest deviation
+
+
+def mode_motion(
+    model: Model,
+    number: int,
+    *,
+    amplitude: float | None = None,
+    at: float | None = None,
+    equilibrium: bool = False,
+    steady: dict[str, float] | None = None,
+) -> Trajectory:
+    """Return the motion q₀ + ε Re(δq e^(st)) of a mode, with λ₀ + ε Re(δλ e^(st)).
+
+    Positions are brought back onto the constraints, so that rods keep their lengths. Oscillations
+    have a constant amplitude, whatever their damping. Of a steady motion, coordinates on which the
+    equations do not depend stay where they are: the observer moves along.
+
+    Parameters
+    ----------
+    model : Model
+    number : int
+        Of the mode, from 1.
+    amplitude : float, optional
+        ε, in the unit of the coordinate whose shape is 1; by default such that the motion is
+        large enough to be seen.
+    at, equilibrium, steady
+        As for `lagcli.modes`.
+
+    Returns
+    -------
+    Trajectory
+        Three periods, or three time constants.
+
+    Raises
+    ------
+    UsageError
+        There is no mode of this number, or the amplitude is not positive.
+    ModelError, NumericalError
+        As `lagcli.modes`.
+    """
+    local = LocalEquations(model)
+    found = find_operating_point(local, at=at, equilibrium=equilibrium, steady=steady)
+    analysis = modes_about(local, found)
+    count = len(analysis.modes)
+    if not 1 <= number <= count:
+        raise UsageError(
+            f"--mode {number}: {model.name} has {count} mode{'s' * (count != 1)}"
+            + (", numbered from 1 as lagcli modes lists them" if count else "")
+        )
+    mode = analysis.modes[number - 1]
+    if amplitude is None:
+        amplitude = _LARGE / np.abs(mode.position / local.lengths).max()
+    elif not (np.isfinite(amplitude) and amplitude > 0):
+        raise UsageError(f"--amplitude {amplitude:g}: give a positive number")
+    block = _block(local, analysis, mode, float(amplitude))
+    columns = DerivedColumns(local.system, found.point.p)
+    samples = columns(block)
+    record = Record(
+        scale_position=columns.scale_position,
+        scale_velocity=columns.scale_velocity,
+        units={c.name: c.unit for c in model.coordinates if c.unit},
+        message=f"mode {number} ({mode.kind}) about {found.name}, amplitude {amplitude:.6g}",
+        model=model.text,
+        model_sha256=model.sha256,
+        parameters=model.parameter_values,
+        options={"mode": number, "amplitude": float(amplitude)},
+        lagcli_version=__version__,
+    )
+    return complete(samples, record)
+
+
+def _block(local: LocalEquations, analysis: ModalAnalysis, mode: Mode, amplitude: float) -> Block:
+    """Return the samples of the motion."""
+    point, s = analysis.operating_point.point, mode.eigenvalue
+    time, wave = _wave(s)
+    scaled = amplitude * wave
+
+    def deviation(shape: ComplexArray) -> Array:
+        return np.real(np.outer(scaled, shape))
+
+    moving = np.zeros(len(point.q))
+    moving[list(local.entering)] = point.v[list(local.entering)]
+    guesses = point.q + np.outer(time, moving) + deviation(mode.position)
+    return Block(
+        time=point.t + time,
+        q=np.array([_placed(local, point.t + t, q) for t, q in zip(time, guesses, strict=True)]),
+        v=point.v + deviation(mode.velocity),
+        a=point.a + deviation(s * mode.velocity),
+        multipliers=point.multipliers + deviation(mode.multipliers),
+        work=np.zeros(len(time)),
+    )
+
+
+def _wave(s: complex) -> tuple[Array, ComplexArray]:
+    """Return times from 0 on, and e^(st) scaled to a largest magnitude of 1."""
+    if s.imag:
+        time = np.linspace(0.0, _PERIODS * 2 * np.pi / s.imag, _SAMPLES)
+        return time, np.exp(1j * s.imag * time)
+    if s:
+        time = np.linspace(0.0, _CONSTANTS / abs(s.real), _SAMPLES)
+        return time, np.exp(s.real * time - max(0.0, s.real * time[-1])).astype(complex)
+    time = np.linspace(0.0, _DRIFT, _SAMPLES)
+    return time, (time / _DRIFT).astype(complex)
+
+
+def _placed(local: LocalEquations, t: float, q: Array) -> Array:
+    """Return the point of the constraints next to a guess; the guess itself without one."""
+    free = np.zeros(len(q), bool)
+    given = local.evaluator(local.p).state(t, q, np.zeros(len(q)))
+    try:
+        return consistent_state(local.system, given, free, free).state.q
+    except (NoConsistentState, UndefinedStart):
+        return q

@@ -1,0 +1,331 @@
+"""Modes: eigenvalues and shapes of a linear model, with the multipliers of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.linear.linear_model import LinearModel, linear_model
+from lagcli.analysis.linear.operating_points import find_operating_point
+from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.analysis.local.tangent import least
+from lagcli.model.model import Model
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Kind = Literal["neutral", "oscillation", "growing oscillation", "decay", "divergence"]
+
+#: Real parts below this part of an eigenvalue's magnitude are rounding errors.
+_UNDAMPED = 1e-9
+#: Eigenvalues below this part of the largest are zero: a defective pair is disturbed by √ε.
+_ZERO = 1e-7
+#: Asymmetry, damping and components of shapes that are rounding errors, of the terms' magnitudes.
+_ROUNDING = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """One mode: a real eigenvalue s, or a pair s, s*.
+
+    The motion is Re(shape e^(s t)).
+
+    Parameters
+    ----------
+    kind : str
+        ``neutral`` (s = 0), ``oscillation``, ``growing oscillation`` (flutter), ``decay``,
+        ``divergence``.
+    eigenvalue : complex
+        s, 1/s; its imaginary part is not negative.
+    position : (nq,) complex array
+        δq, scaled so that of the coordinate with the largest M_jj |δq_j|² it is 1.
+    velocity : (nq,) complex array
+        δv.
+    multipliers : (nc,) complex array
+        δλ, in the same scale.
+    """
+
+    kind: Kind
+    eigenvalue: complex
+    position: ComplexArray
+    velocity: ComplexArray
+    multipliers: ComplexArray
+
+    @property
+    def frequency(self) -> float:
+        """Frequency of the oscillation, Im s/2π, Hz."""
+        return self.eigenvalue.imag / (2 * np.pi)
+
+    @property
+    def natural_frequency(self) -> float:
+        """|s|, rad/s."""
+        return abs(self.eigenvalue)
+
+    @property
+    def damping_ratio(self) -> float | None:
+        """−Re s/|s|; None of a neutral mode."""
+        size = abs(self.eigenvalue)
+        return (0.0 - self.eigenvalue.real) / size if size else None
+
+    @property
+    def period(self) -> float | None:
+        """2π/Im s, s; None without oscillation."""
+        return 2 * np.pi / self.eigenvalue.imag if self.eigenvalue.imag else None
+
+    @property
+    def time_constant(self) -> float | None:
+        """1/|Re s|, s; None where the amplitude is constant."""
+        return 1 / abs(self.eigenvalue.real) if self.eigenvalue.real else None
+
+
+@dataclass(frozen=True, eq=False)
+class ModalAnalysis:
+    """The modes of a model about an operating point.
+
+    Parameters
+    ----------
+    linear_model : LinearModel
+        In the reduced form.
+    modes : tuple of Mode
+        By the magnitude of the eigenvalue.
+    undamped : bool
+        Whether the eigenvalues are those of a symmetric problem K x = ω² M x.
+    """
+
+    linear_model: LinearModel
+    modes: tuple[Mode, ...]
+    undamped: bool
+
+    @property
+    def operating_point(self) -> OperatingPoint:
+        """The point about which the motion is small."""
+        return self.linear_model.operating_point
+
+
+def modes(
+    model: Model,
+    *,
+    at: float | None = None,
+    equilibrium: bool = False,
+    steady: Mapping[str, float] | None = None,
+) -> ModalAnalysis:
+    """Return the modes of small motions about an operating point.
+
+    Eigenvalues s of ẋ = A x on the constraints' manifold, with the shapes δq on all coordinates
+    and the multipliers δλ of each. Without damping and gyroscopic terms they are found from the
+    symmetric problem K x = ω² M x in independent coordinates, so that frequencies are exact.
+
+    Parameters
+    ----------
+    model, at, equilibrium, steady
+        As for `linearize`, which see for the errors too.
+
+    Returns
+    -------
+    ModalAnalysis
+
+    References
+    ----------
+    .. [1] L. Meirovitch, "Principles and Techniques of Vibrations", 1997, ch. 4.
+    """
+    local = LocalEquations(model)
+    found = find_operating_point(local, at=at, equilibrium=equilibrium, steady=steady)
+    return modes_about(local, found)
+
+
+def modes_about(local: LocalEquations, operating_point: OperatingPoint) -> ModalAnalysis:
+    """Return the modes about a point that is known; see `modes`."""
+    linear = linear_model(local, operating_point)
+    point = operating_point.point
+    mass = local.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
+    weights = np.sqrt(local.system.inertia(np.abs(np.diag(mass))))
+    values, vectors, undamped = eigenpairs(local, linear)
+    order = sorted(range(len(values)), key=lambda i: _order(complex(values[i])))
+    found = tuple(_mode(linear, complex(values[i]), vectors[:, i], weights) for i in order)
+    return ModalAnalysis(linear, found, undamped)
+
+
+def _order(s: complex) -> tuple[float, float]:
+    # of equal magnitudes the growing one first, whatever the last bits are
+    return (float(f"{abs(s):.9e}"), -s.real)
+
+
+def symmetric_eigenpairs(
+    local: LocalEquations, operating_point: OperatingPoint
+) -> tuple[ComplexArray, ComplexArray] | None:
+    """Return eigenvalues and states where K is symmetric and D vanishes; None elsewhere.
+
+    Each oscillation is returned once, a neutral mode too, and a pair ±κ as two.
+    """
+    from scipy.linalg import LinAlgError, eigh
+
+    reduced = reduced_matrices(local, operating_point)
+    if reduced is None or not reduced.symmetric or not reduced.undamped:
+        return None
+    inertia, _, stiffness, _ = reduced
+    n = len(inertia)
+    if not n:
+        return np.empty(0, complex), np.empty((0, 0), complex)
+    try:
+        squares, shapes = eigh((stiffness + stiffness.T) / 2, (inertia + inertia.T) / 2)
+    except LinAlgError:  # inertia is not positive
+        return None
+    zero = 10 * n * np.finfo(float).eps * np.abs(squares).max(initial=0.0)
+    values: list[complex] = []
+    states = []
+    for square, shape in zip(squares.tolist(), shapes.T, strict=True):
+        root = np.sqrt(abs(square)) if abs(square) > zero else 0.0
+        for s in (complex(0, root),) if square > zero or not root else (root, -root):
+            values.append(complex(s))
+            states.append(np.concatenate([shape, s * shape]))
+    return np.array(values), np.array(states, dtype=complex).reshape(-1, 2 * n).T
+
+
+class ReducedMatrices(NamedTuple):
+    """M, D and K of M ẍ + D ẋ + K x = 0 in independent coordinates, (n, n) each.
+
+    At rest, K is the reduced Hessian Zᵀ (∂²V/∂q² − Σ λ_β ∂²φ_β/∂q²) Z, less that of Q.
+
+    Parameters
+    ----------
+    mass, damping, stiffness : (n, n) arrays
+    damping_scale : (n, n) array
+        Sums of the magnitudes of the terms of D.
+    """
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    damping_scale: Array
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether K is symmetric but for rounding errors."""
+        size = np.abs(self.stiffness).max(initial=0.0)
+        difference = np.abs(self.stiffness - self.stiffness.T).max(initial=0.0)
+        return bool(difference <= _ROUNDING * size)
+
+    @property
+    def undamped(self) -> bool:
+        """Whether D vanishes but for rounding errors."""
+        return not (np.abs(self.damping) > _ROUNDING * self.damping_scale).any()
+
+
+def reduced_matrices(
+    local: LocalEquations, operating_point: OperatingPoint
+) -> ReducedMatrices | None:
+    """Return M, D and K by independent coordinates.
+
+    None where independent coordinates and velocities are not the same, as with nonholonomic
+    constraints.
+    """
+    point, tangent = operating_point.point, operating_point.tangent
+    if tangent.positions != tangent.velocities:
+        return None
+    basis, shift = tangent.velocity_basis, tangent.velocity_by_position
+    jac, d = local.jacobians(point), tangent.decomposition
+    mass = local.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
+
+    def force(dq: Array, dv: Array) -> Array:
+        demanded = least(d, jac.rhs_position @ dq + jac.rhs_velocity @ dv)
+        demanded -= basis @ demanded[list(tangent.velocities)]
+        forces = jac.force_position @ dq + jac.force_velocity @ dv - mass @ demanded
+        return np.asarray(basis.T @ forces)
+
+    still = np.zeros_like(basis)
+    terms = np.abs(basis).T @ np.abs(jac.force_velocity) @ np.abs(basis)
+    inertial = np.abs(least(d, np.abs(jac.rhs_velocity) @ np.abs(basis)))
+    terms += np.abs(basis).T @ np.abs(mass) @ inertial
+    return ReducedMatrices(
+        basis.T @ mass @ basis,
+        -force(still, basis),
+        -force(tangent.position_basis, shift),
+        terms,
+    )
+
+
+def eigenpairs(
+    local: LocalEquations, linear: LinearModel
+) -> tuple[ComplexArray, ComplexArray, bool]:
+    """Return the eigenvalues and states of a reduced model, and whether it is undamped.
+
+    Of complex pairs, those with positive imaginary part.
+    """
+    operating_point = linear.operating_point
+    pairs = symmetric_eigenpairs(local, operating_point)
+    if pairs is not None:
+        return *pairs, True
+    tangent = operating_point.tangent
+    n, sizes = len(tangent.positions), tangent.decomposition.sizes
+    rate = np.sqrt(np.abs(linear.A[n:, :n]).max(initial=0.0)) or 1.0
+    velocities = rate * sizes[list(tangent.velocities)]
+    scale = np.concatenate([sizes[list(tangent.positions)], velocities])
+    return *general_eigenpairs(linear.A, scale), False
+
+
+def general_eigenpairs(matrix: Array, sizes: Array) -> tuple[ComplexArray, ComplexArray]:
+    """Return eigenvalues and right eigenvectors, each pair of complex ones once.
+
+    Entries that are rounding errors beside the others are set to zero, so that coordinates on
+    which nothing depends give eigenvalues that vanish to the last digit.
+
+    Parameters
+    ----------
+    matrix : (n, n) array
+    sizes : (n,) array
+        Values of the states that count as equal.
+    """
+    if not len(matrix):
+        return np.empty(0, complex), np.empty((0, 0), complex)
+    scaled = matrix * sizes / sizes[:, None]
+    rounding = len(matrix) * np.finfo(float).eps * np.abs(scaled).max()
+    values, vectors = np.linalg.eig(np.where(np.abs(scaled) > rounding, scaled, 0.0))
+    values, vectors = values.astype(complex), vectors.astype(complex)
+    values[np.abs(values) < _ZERO * np.abs(values).max(initial=0.0)] = 0.0
+    real = np.abs(values.imag) <= _UNDAMPED * np.abs(values)
+    values[real] = values[real].real
+    # of several neutral motions each vector holds traces of the others
+    small = np.abs(vectors) < _ZERO * np.abs(vectors).max(axis=0, initial=0.0)
+    vectors[small & (values == 0.0)] = 0.0
+    keep = values.imag >= 0
+    return values[keep], (sizes[:, None] * vectors)[:, keep]
+
+
+def _mode(linear: LinearModel, s: complex, state: ComplexArray, weights: Array) -> Mode:
+    if abs(s.real) <= _UNDAMPED * abs(s):
+        s = complex(0.0, s.imag)
+    position = linear.position_shape @ state
+    carried = np.abs(position) * weights
+    if not carried.any():
+        carried = np.abs(position)
+    if carried.any():
+        # the first of coordinates that move alike, so that rounding does not choose
+        leading = int(np.flatnonzero(carried >= (1 - 1e-9) * carried.max())[0])
+        state = state / position[leading]
+    return Mode(
+        kind=_kind(s),
+        eigenvalue=s,
+        position=_product(linear.position_shape, state),
+        velocity=_product(linear.velocity_shape, state),
+        multipliers=_product(linear.multiplier_shape, state),
+    )
+
+
+def _kind(s: complex) -> Kind:
+    if not s:
+        return "neutral"
+    if s.imag:
+        return "growing oscillation" if s.real > 0 else "oscillation"
+    return "divergence" if s.real > 0 else "decay"
+
+
+def _product(matrix: Array, state: ComplexArray) -> ComplexArray:
+    """Return a shape without what are rounding errors beside the sums of its terms' magnitudes."""
+    found = matrix @ state
+    least = _ROUNDING * (np.abs(matrix) @ np.abs(state)).max(initial=0.0)
+    real, imaginary = (np.where(np.abs(x) > least, x, 0.0) for x in (found.real, found.imag))
+    return np.asarray(real + 1j * imaginary)

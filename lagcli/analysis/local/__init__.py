@@ -1,0 +1,1 @@
+"""A model at one point: matrices, tangent spaces, steady motions."""

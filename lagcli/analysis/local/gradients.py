@@ -1,0 +1,153 @@
+"""Partial derivatives of a model's expressions at an operating point, as matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from symengine import Basic
+
+    from lagcli.engine.system import Pattern, System
+    from lagcli.engine.tape.tape import Tape
+    from lagcli.equations.derivation.lagrange import Equations
+
+Array = NDArray[np.float64]
+
+
+class Point(NamedTuple):
+    """t, q, v, a, λ and the parameters' values: where all expressions of a model have values.
+
+    Parameters
+    ----------
+    t : float
+        s.
+    q, v, a : (nq,) arrays
+    multipliers : (nc,) array
+    p : tuple of float
+    """
+
+    t: float
+    q: Array
+    v: Array
+    a: Array
+    multipliers: Array
+    p: tuple[float, ...]
+
+    def inputs(self) -> list[float]:
+        """Return the inputs of tapes in t, q, v, a, λ and parameters."""
+        parts = (self.q, self.v, self.a, self.multipliers)
+        return [self.t, *(float(x) for part in parts for x in part), *self.p]
+
+
+class Gradients:
+    """Nonzero partial derivatives of expressions by symbols, as a tape.
+
+    Parameters
+    ----------
+    equations : Equations
+    expressions : sequence of n expressions
+        In t, q, v, a, λ and the parameters.
+    symbols : sequence of m symbols
+        By which they are differentiated.
+    """
+
+    def __init__(
+        self, equations: Equations, expressions: Sequence[Basic], symbols: Sequence[Basic]
+    ):
+        import symengine as se
+
+        from lagcli.engine.tape.compiler import compile_tape
+        from lagcli.equations.derivation.motion import ZERO, Motion, addends
+        from lagcli.model.model import TIME
+
+        motion, number = Motion.of(equations.model), {s: j for j, s in enumerate(symbols)}
+        self.shape = len(expressions), len(symbols)
+        entries, places = [], []
+        for i, expression in enumerate(expressions):
+            terms: dict[Basic, list[Basic]] = {}
+            for term in addends(expression):
+                for symbol in term.free_symbols:
+                    if symbol in number:
+                        terms.setdefault(symbol, []).append(term)
+            for symbol in sorted(terms, key=lambda s: number[s]):
+                slope = motion.sum_diff(terms[symbol], symbol)
+                if slope != ZERO:
+                    entries.append(slope)
+                    places.append((i, number[symbol]))
+        eq = equations
+        self.pattern: Pattern = tuple(places)
+        self.tape: Tape = compile_tape(
+            entries,
+            [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
+            [se.Symbol(name) for name in eq.model.parameters],
+        )
+
+    def at(self, point: Point) -> Array:
+        """Return the matrix of derivatives, (n, m)."""
+        from lagcli.engine.tape.interpreter import ScalarTape
+
+        return _filled(self.shape, self.pattern, ScalarTape(self.tape)(point.inputs()))
+
+
+class MotionJacobians(NamedTuple):
+    """∂G/∂q, ∂G/∂v (nq, nq), ∂Γ/∂q, ∂Γ/∂v (nc, nq), and ∂G/∂t (nq,), ∂Γ/∂t (nc,).
+
+    G = f − M a + Bᵀλ and Γ = γ − B a at fixed a and λ, so that ∂G/∂q holds the geometric
+    stiffness Σ λ ∂²φ of the constraints.
+    """
+
+    force_position: Array
+    force_velocity: Array
+    rhs_position: Array
+    rhs_velocity: Array
+    force_time: Array
+    rhs_time: Array
+
+
+class MotionJacobianTape:
+    """The Jacobians of a System's equations of motion.
+
+    Parameters
+    ----------
+    system : System
+        With its Jacobian tapes.
+    """
+
+    def __init__(self, system: System):
+        from lagcli.engine.tape.interpreter import ScalarTape
+
+        assert system.variation is not None
+        self.tapes = system.variation()
+        self.nq, self.nc = len(system.coordinates), len(system.constraints)
+        self._run = ScalarTape(self.tapes.tape)
+
+    def at(self, point: Point) -> MotionJacobians:
+        """Return the Jacobians at a point."""
+        numbers = self._run(point.inputs())
+        tapes, nq, nc = self.tapes, self.nq, self.nc
+        found: list[Array] = []
+        start = 0
+        for rows, pattern in (
+            (nq, tapes.force_position),
+            (nq, tapes.force_velocity),
+            (nc, tapes.rhs_position),
+            (nc, tapes.rhs_velocity),
+        ):
+            found.append(_filled((rows, nq), pattern, numbers[start : start + len(pattern)]))
+            start += len(pattern)
+        start += len(tapes.power_position) + len(tapes.power_velocity)
+        times = np.array(numbers[start:])
+        by_q, by_v, rates_by_q, rates_by_v = found
+        return MotionJacobians(by_q, by_v, rates_by_q, rates_by_v, times[:nq], times[nq : nq + nc])
+
+
+def _filled(shape: tuple[int, int], pattern: Pattern, numbers: Sequence[float]) -> Array:
+    matrix = np.zeros(shape)
+    if pattern:
+        rows, columns = zip(*pattern, strict=True)
+        matrix[list(rows), list(columns)] = numbers
+    return matrix

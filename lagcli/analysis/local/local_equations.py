@@ -1,0 +1,232 @@
+"""A model's equations of motion and their derivatives at any point, compiled once."""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.local.coordinate_ranges import angles, enters, lengths
+from lagcli.analysis.local.gradients import Gradients, MotionJacobians, MotionJacobianTape, Point
+from lagcli.analysis.local.tangent import Indices, Response, Tangent, tangent_of
+from lagcli.engine.constraints.index1 import Index1
+from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.engine.evaluator import Constraints, Evaluator
+from lagcli.engine.linear.dense import Decomposition, SingularSystem, decompose
+from lagcli.engine.lowering import lower
+from lagcli.engine.scales import LEAST_PART, row_lengths
+from lagcli.engine.state import State
+from lagcli.equations.derivation.lagrange import Equations, derive
+from lagcli.errors import NumericalError
+from lagcli.model.model import Model
+from lagcli.simulations.start import find_start
+
+if TYPE_CHECKING:
+    from lagcli.engine.system import System
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+#: Unbalanced forces that are rounding errors, beside the sum of the magnitudes of all forces.
+_BALANCED = 1e-8
+
+
+class LocalEquations:
+    """The equations of a model with their derivatives, at single points.
+
+    Parameters
+    ----------
+    model : Model
+    """
+
+    def __init__(self, model: Model):
+        self.model = model
+        self.equations: Equations = derive(model)
+        self.system: System = lower(self.equations)
+        self.jacobian_tape = MotionJacobianTape(self.system)
+        self.p = tuple(model.parameter_values.values())
+        self.t = model.settings.t_start or 0.0
+        self.evaluator_of = lru_cache(maxsize=4)(lambda p: Evaluator(self.system, p))
+
+    @cached_property
+    def _velocity_gradients(self) -> Gradients:
+        eq = self.equations
+        return Gradients(eq, [c.velocity for c in eq.constraints], eq.q)
+
+    @cached_property
+    def start(self) -> ConsistentState:
+        """The consistent start; ModelError or NumericalError without one."""
+        return find_start(self.equations, self.system, self.t)
+
+    @cached_property
+    def entering(self) -> tuple[int, ...]:
+        """Coordinates on which the equations depend; along others all configurations are alike."""
+        return tuple(j for j in range(len(self.equations.q)) if enters(self.equations, j))
+
+    @cached_property
+    def angles(self) -> Flags:
+        """Which coordinates have the period 2π, (nq,)."""
+        return angles(self.equations, self.evaluator(self.p), self.t, self.start.state.q)
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Changes of the coordinates that are large, (nq,)."""
+        evaluator = self.evaluator(self.p)
+        return lengths(evaluator, self.t, self.start.state.q, self.angles)
+
+    @cached_property
+    def least_forces(self) -> Array:
+        """Forces that are small: a part of those after large changes of the coordinates, (nq,).
+
+        The terms of a force may cancel at an equilibrium, so that it does not say how large it is.
+        """
+        q, zero = self.start.state.q, np.zeros(len(self.equations.q))
+        multipliers = np.zeros(len(self.equations.constraints))
+        found = self.jacobian_tape.at(Point(self.t, q, zero, zero, multipliers, self.p))
+        forcing = self.evaluator(self.p).dynamics(self.t, q, zero).forcing
+        forces = np.abs(forcing) + np.abs(found.force_position) @ self.lengths
+        return np.asarray(LEAST_PART * np.where(np.isfinite(forces), forces, 0.0))
+
+    def evaluator(self, p: tuple[float, ...]) -> Evaluator:
+        """Return the evaluator of M, f, B, γ, φ and ψ with these values of the parameters."""
+        return self.evaluator_of(p)
+
+    def jacobians(self, point: Point) -> MotionJacobians:
+        """Return the Jacobians of the equations of motion; NumericalError if not finite."""
+        found = self.jacobian_tape.at(point)
+        if not all(np.isfinite(x).all() for x in found):
+            raise NumericalError(
+                f"the derivatives of the equations of {self.model.name} have no finite value at"
+                " this point: an expression is not smooth there; choose another point"
+            )
+        return found
+
+    def velocity_gradient(self, point: Point) -> Array:
+        """Return ∂ψ/∂q, (nc, nq)."""
+        return self._velocity_gradients.at(point)
+
+    def tangent(self, point: Point, preferred: Indices = ()) -> Tangent:
+        """Return the tangent space of the constraints at a point."""
+        evaluator, rows = self.evaluator(point.p), list(self.system.holonomic)
+        c = evaluator.constraints(point.t, point.q, point.v)
+        sizes = evaluator.sizes(point.t, point.q, point.v)
+        whole = self.decomposition(c, sizes, point.v)
+        holonomic = whole
+        if len(rows) < len(c.jacobian):
+            holonomic = decompose(c.jacobian[rows], scale=whole.scale[rows], sizes=sizes)
+        return tangent_of(whole, holonomic, self.velocity_gradient(point), preferred)
+
+    def decomposition(self, c: Constraints, sizes: Array, v: Array) -> Decomposition:
+        """Return the decomposition of B.
+
+        A row that is small beside the terms of its constraint over large changes of the
+        coordinates is judged by these, so that one that vanishes is seen to vanish.
+        """
+        rows = list(self.system.holonomic)
+        scale = row_lengths(c.jacobian, sizes, c.velocity_scale, v)
+        scale[rows] = row_lengths(c.jacobian[rows], sizes, c.position_scale, self.lengths)
+        return decompose(c.jacobian, scale=scale, sizes=sizes)
+
+    def response(self, point: Point, tangent: Tangent) -> Response:
+        """Return what gives δa and δλ; NumericalError if inertia is missing."""
+        mass = self.evaluator(point.p).dynamics(point.t, point.q, point.v).mass_matrix
+        try:
+            found = Response(mass, tangent)
+            found(np.zeros((len(mass), 1)), np.zeros((len(point.multipliers), 1)))
+        except SingularSystem:
+            raise NumericalError(
+                f"the accelerations of {self.model.name} are not determined at this point: a"
+                " motion that the constraints allow has no inertia"
+            ) from None
+        return found
+
+    def moving(self, state: State, rank: int) -> Point:
+        """Return the point of a state, with its accelerations and multipliers.
+
+        Raises
+        ------
+        NumericalError
+            They are undefined there.
+        """
+        index1 = Index1(self.evaluator(state.p), rank)
+        index1.measure(state.t, state.q, state.v)
+        a, multipliers, _ = index1.accelerations(state.t, state.q, state.v)
+        if not np.isfinite(a).all():
+            raise NumericalError(
+                f"the accelerations of {self.model.name} are undefined at t = {state.t:.6g} s;"
+                " choose another state"
+            )
+        return Point(state.t, state.q, state.v, a, multipliers, state.p)
+
+    def is_steady(self, point: Point, tangent: Tangent) -> bool:
+        """Whether the independent velocities stay as they are, to rounding errors.
+
+        Their accelerations vanish, and so do the rates of these.
+        """
+        j = list(tangent.velocities)
+        if not j:
+            return True
+        d = self.evaluator(point.p).dynamics(point.t, point.q, point.v)
+        basis = tangent.velocity_basis
+        demanded = point.a - basis @ point.a[j]  # by the constraints alone
+        inertial = d.mass_matrix @ demanded
+        force = self.force_scale(point, np.abs(inertial))
+        unbalanced = np.abs(basis.T @ (d.forcing - inertial))
+        if (unbalanced > _BALANCED * (np.abs(basis).T @ force)).any():
+            return False
+        jerk, bound = self.jerk(point, tangent, force)
+        return bool((np.abs(jerk[j]) <= bound[j]).all())
+
+    def jerk(self, point: Point, tangent: Tangent, force: Array) -> tuple[Array, Array]:
+        """Return the rates of the accelerations, and bounds of their rounding errors, (nq,).
+
+        Parameters
+        ----------
+        point : Point
+        tangent : Tangent
+        force : (nq,) array
+            Sums of the magnitudes of forces.
+        """
+        jac = self.jacobians(point)
+        parts = [
+            np.column_stack([by_q * point.v, by_v * point.a, by_t])
+            for by_q, by_v, by_t in (
+                (jac.force_position, jac.force_velocity, jac.force_time),
+                (jac.rhs_position, jac.rhs_velocity, jac.rhs_time),
+            )
+        ]
+        respond = self.response(point, tangent)
+        forces, rates = (part.sum(axis=1)[:, None] for part in parts)
+        jerk = respond(forces, rates)[0][:, 0]
+        # the largest that the terms could add up to
+        nq, nc = len(point.q), len(point.multipliers)
+        by_force = np.abs(respond(np.eye(nq), np.zeros((nc, nq)))[0])
+        by_rate = np.abs(respond(np.zeros((nq, nc)), np.eye(nc))[0])
+        rate = np.abs(point.v / self.lengths).max(initial=0.0)
+        bound = by_force @ (np.abs(parts[0]).sum(axis=1) + rate * force)
+        bound += by_rate @ np.abs(parts[1]).sum(axis=1)
+        return jerk, _BALANCED * bound
+
+    def force_scale(self, point: Point, inertial: Array | None = None) -> Array:
+        """Return sums of the magnitudes of the forces on the coordinates, (nq,)."""
+        evaluator = self.evaluator(point.p)
+        d = evaluator.dynamics(point.t, point.q, point.v)
+        force = np.abs(d.forcing) + np.abs(d.jacobian.T) @ np.abs(point.multipliers)
+        force += np.abs(d.mass_matrix @ point.a) if inertial is None else inertial
+        sizes = evaluator.sizes(point.t, point.q, point.v)
+        return shared_scale(np.maximum(force, self.least_forces), sizes)
+
+
+def shared_scale(force: Array, sizes: Array) -> Array:
+    """Return scales of forces that do not vanish where a coordinate has hardly any.
+
+    Parameters
+    ----------
+    force : (nq,) array
+        Sums of the magnitudes of the forces on each coordinate.
+    sizes : (nq,) array
+        Changes of the coordinates that count as equal.
+    """
+    return np.asarray(np.maximum(force, LEAST_PART * (force * sizes).max(initial=0.0) / sizes))

@@ -1,0 +1,333 @@
+"""Equilibria and steady motions as roots of R(q, λ) = 0, by Newton's method."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.local.gradients import Point
+from lagcli.analysis.local.local_equations import LocalEquations, shared_scale
+from lagcli.analysis.local.tangent import Indices, independent, least, multipliers_of
+from lagcli.engine.evaluator import Dynamics
+from lagcli.engine.linear import dense
+from lagcli.engine.scales import LEAST_PART
+from lagcli.errors import UsageError
+
+Array = NDArray[np.float64]
+
+#: Singular values of the scaled Jacobian below this part of the largest are taken for zero.
+RANK = 1e-9
+#: Of the terms' magnitudes: residuals at which a root is accepted, and at which Newton ends.
+ACCEPTED, REACHED = 1e-10, 1e-15
+_ITERATIONS, _RELAXATIONS = 60, 200
+#: Of the terms' magnitudes: residuals at which Newton's method takes over.
+_NEAR = 1e-4
+#: Of the coordinates' lengths: what is zero but for rounding.
+_ROUNDING = 1e-14
+_BESIDE = 1e-2  # of these lengths: where other roots of a set are looked for
+#: Of the applied forces: constraint forces at which a configuration is taken for singular.
+_STRAINED = 1e6
+
+
+class Residual(NamedTuple):
+    """R(q, λ) and what belongs to it.
+
+    Parameters
+    ----------
+    point : Point
+        With the velocities and accelerations that belong to q.
+    value : (nq + nh,) array
+        f − M a + Bᵀλ and φ.
+    scale : (nq + nh,) array
+        Sums of the magnitudes of the terms.
+    decomposition : Decomposition
+        Of B.
+    independent : tuple of int
+        The coordinates whose velocities are held.
+    basis : (nq, n) array
+        What B allows, by the independent velocities.
+    dynamics : Dynamics
+    """
+
+    point: Point
+    value: Array
+    scale: Array
+    decomposition: dense.Decomposition
+    independent: Indices
+    basis: Array
+    dynamics: Dynamics
+
+    @property
+    def relative(self) -> float:
+        """The largest residual over its scale."""
+        scale = np.where(self.scale > 0.0, self.scale, 1.0)
+        return float(np.abs(self.value / scale).max(initial=0.0))
+
+
+class SteadyProblem:
+    """f − M a + Bᵀλ = 0 and φ = 0 for motions whose independent velocities are constant.
+
+    v and a are functions of q: independent velocities have given values, 0 without one, and no
+    accelerations; the others follow from ψ = 0 and B a = γ. Without given velocities and
+    explicit time v = a = 0, and the roots are the equilibria ∂V/∂q − Q = Bᵀλ.
+
+    Parameters
+    ----------
+    local : LocalEquations
+    held : mapping of str to float
+        Values of velocities by the name of their coordinate.
+
+    Raises
+    ------
+    UsageError
+        A coordinate is unknown.
+    """
+
+    def __init__(self, local: LocalEquations, held: Mapping[str, float] | None = None):
+        self.local, self.t = local, local.t
+        names = local.system.coordinates
+        self.held = {names.index(name): value for name, value in (held or {}).items()}
+        self.nq, self.holonomic = len(names), list(local.system.holonomic)
+
+    # the residual
+
+    def residual(
+        self, q: Array, multipliers: Array, p: tuple[float, ...], chosen: Indices | None = None
+    ) -> Residual:
+        """Return R(q, λ), for independent velocities that were chosen before, if any."""
+        evaluator = self.local.evaluator(p)
+        zero = np.zeros(self.nq)
+        c = evaluator.constraints(self.t, q, zero)
+        sizes = evaluator.sizes(self.t, q, zero)
+        if not (np.isfinite(c.jacobian).all() and np.isfinite(sizes).all()):
+            return self._undefined(q, multipliers, p)
+        d = self.local.decomposition(c, sizes, zero)
+        preferred = tuple(self.held) if chosen is None else chosen
+        free, basis = independent(d.null, sizes, preferred, self.local.entering)
+        target = np.array([self.held.get(j, 0.0) for j in free])
+        v = self._completed(d, -c.drift, free, basis) + basis @ target
+        dynamics = evaluator.dynamics(self.t, q, v)
+        if not dynamics.finite or not np.isfinite(c.position).all():
+            return self._undefined(q, multipliers, p)
+        a = self._completed(d, dynamics.rhs, free, basis)
+        inertial = dynamics.mass_matrix @ a
+        balance = dynamics.forcing - inertial + dynamics.jacobian.T @ multipliers
+        scale = np.abs(dynamics.forcing) + np.abs(dynamics.mass_matrix) @ np.abs(a)
+        scale += np.abs(dynamics.jacobian.T) @ np.abs(multipliers)
+        scale = np.maximum(scale, self.local.least_forces)
+        # all terms of a constraint may vanish at a root
+        reach = np.abs(c.jacobian[self.holonomic]) @ self.local.lengths
+        position = np.maximum(c.position_scale, LEAST_PART * reach)
+        return Residual(
+            Point(self.t, q, v, a, multipliers, p),
+            np.concatenate([balance, c.position]),
+            np.concatenate([shared_scale(scale, sizes), position]),
+            d,
+            free,
+            basis,
+            dynamics,
+        )
+
+    def _undefined(self, q: Array, multipliers: Array, p: tuple[float, ...]) -> Residual:
+        nan = np.full(self.nq + len(self.holonomic), np.nan)
+        zero = np.zeros(self.nq)
+        point = Point(self.t, q, zero, zero, multipliers, p)
+        jacobian = np.zeros((len(multipliers), self.nq))
+        empty = dense.decompose(jacobian, 0)
+        dynamics = self.local.evaluator(p).dynamics(self.t, q, zero)
+        return Residual(point, nan, nan, empty, (), np.zeros((self.nq, 0)), dynamics)
+
+    @staticmethod
+    def _completed(d: dense.Decomposition, rhs: Array, free: Indices, basis: Array) -> Array:
+        """Return the x with B x = rhs that is zero for the free coordinates."""
+        found = least(d, rhs[:, None])[:, 0]
+        return np.asarray(found - basis @ found[list(free)])
+
+    def multipliers(self, found: Residual) -> Array:
+        """Return the λ that balance the forces best, of least norm."""
+        forces = found.dynamics.jacobian.T @ found.point.multipliers - found.value[: self.nq]
+        return multipliers_of(found.decomposition, forces[:, None])[:, 0]
+
+    # its Jacobian
+
+    def jacobian(self, found: Residual) -> Array:
+        """Return ∂R/∂(q, λ), (nq + nh, nq + nc)."""
+        jac, d = self.local.jacobians(found.point), found.dynamics
+        dv = self.changed(found, -self.local.velocity_gradient(found.point))
+        da = self.changed(found, jac.rhs_position + jac.rhs_velocity @ dv)
+        force = jac.force_position + jac.force_velocity @ dv - d.mass_matrix @ da
+        held = d.jacobian[self.holonomic]
+        return np.block([[force, d.jacobian.T], [held, np.zeros((len(held), len(d.jacobian)))]])
+
+    def changed(self, found: Residual, rhs: Array) -> Array:
+        """Return the X with B X = rhs whose rows of the independent velocities are zero."""
+        x = least(found.decomposition, rhs)
+        return np.asarray(x - found.basis @ x[list(found.independent)])
+
+    # Newton's method
+
+    def scales(self, found: Residual, matrix: Array) -> tuple[Array, Array]:
+        """Return scales of the rows and columns of the Jacobian that make it free of units."""
+        sizes, nq = found.decomposition.sizes, self.nq
+        lengths = found.decomposition.scale
+        stiffness = np.abs(matrix[:nq, :nq] * np.outer(sizes, sizes)).max(initial=0.0) or 1.0
+        rows = np.concatenate([sizes / stiffness, 1.0 / lengths[self.holonomic]])
+        return rows, np.concatenate([sizes, stiffness / lengths])
+
+    def newton_step(self, found: Residual, inertia: float = 0.0) -> Array:
+        """Return the Newton step of least size, (nq + nc,).
+
+        With inertia μ > 0 it is an implicit step 1/μ of M q̇ = f − M a + Bᵀλ on the constraints.
+        """
+        matrix, nq = self.jacobian(found), self.nq
+        rows, columns = self.scales(found, matrix)
+        if inertia:
+            weight = rows[0] / columns[0]  # of forces by sizes: 1 over the stiffness
+            matrix[:nq, :nq] -= inertia / weight * found.dynamics.mass_matrix
+        scaled = matrix * np.outer(rows, columns)
+        u, s, vt = np.linalg.svd(scaled, full_matrices=False)
+        rank = int((s > RANK * s.max(initial=0.0)).sum())
+        parts = (u[:, :rank].T @ (-rows * found.value)) / s[:rank]
+        return np.asarray(columns * (vt[:rank].T @ parts))
+
+    def solve(
+        self,
+        q: Array,
+        p: tuple[float, ...],
+        multipliers: Array | None = None,
+        chosen: Indices | None = None,
+    ) -> Residual | None:
+        """Return the root to which damped Newton steps lead, at once or after relaxation.
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Where to start.
+        p : tuple of float
+        multipliers : (nc,) array, optional
+            Where to start; those that balance the forces best by default.
+        chosen : tuple of int, optional
+            Independent velocities.
+        """
+        nc = len(self.local.system.constraints)
+        given = np.zeros(nc) if multipliers is None else multipliers
+        found = self.residual(q, given, p, chosen)
+        if not np.isfinite(found.value).all():
+            return None
+        if multipliers is None:
+            found = self.residual(q, self.multipliers(found), p, found.independent)
+        root = self.polished(found)
+        return self.polished(self._relaxed(found)) if root is None else root
+
+    def polished(self, found: Residual) -> Residual | None:
+        """Return the root to which damped Newton steps lead, or None; of λ, the least."""
+        root = self._newton(found)
+        if root is None or self._strained(root):
+            return None
+        q = np.where(np.abs(root.point.q) > _ROUNDING * self.local.lengths, root.point.q, 0.0)
+        return self.residual(q, self.multipliers(root), root.point.p, root.independent)
+
+    def _strained(self, root: Residual) -> bool:
+        """Whether constraint forces are without measure, as near singular configurations."""
+        sizes, d, point = root.decomposition.sizes, root.dynamics, root.point
+        applied = (np.abs(d.forcing) + np.abs(d.mass_matrix @ point.a)) * sizes
+        reaction = (np.abs(d.jacobian.T) @ np.abs(point.multipliers)) * sizes
+        largest = applied.max(initial=0.0)
+        return bool(largest and reaction.max(initial=0.0) > _STRAINED * largest)
+
+    def moved(self, found: Residual, step: Array) -> Residual:
+        """Return the residual after a step, (nq + nc,)."""
+        point = found.point
+        return self.residual(
+            point.q + step[: self.nq],
+            point.multipliers + step[self.nq :],
+            point.p,
+            found.independent,
+        )
+
+    def _newton(self, found: Residual) -> Residual | None:
+        """Return the root to which damped Newton steps lead; None if they lead to none."""
+        for _ in range(_ITERATIONS):
+            if found.relative <= REACHED:
+                break
+            better = self._search(found, self.limited(self.newton_step(found)))
+            if better is None:
+                break
+            found = better
+        return found if found.relative <= ACCEPTED else None
+
+    def _relaxed(self, found: Residual) -> Residual:
+        """Follow M q̇ = f − M a + Bᵀλ, with longer steps as the forces fall.
+
+        It ends near equilibria that are stable when damped, and passes points where Newton steps
+        are arbitrary. Pseudo-transient continuation: Kelley, Keyes, SIAM J. Numer. Anal. 35 (1998)
+        508.
+        """
+        inertia, before = 2.0, found.relative
+        for _ in range(_RELAXATIONS):
+            step = self.limited(2 * self.newton_step(found, inertia)) / 2
+            after = self.moved(found, step)
+            if not np.isfinite(after.value).all():
+                break
+            found = after
+            if found.relative < _NEAR:
+                break
+            inertia *= min(2.0, max(0.5, found.relative / before))
+            before = found.relative
+        return found
+
+    def limited(self, step: Array) -> Array:
+        """Return a step that is not longer than the coordinates' lengths."""
+        longest = np.abs(step[: self.nq] / self.local.lengths).max(initial=0.0)
+        return step / max(1.0, longest)
+
+    def _search(self, found: Residual, step: Array) -> Residual | None:
+        """Halve the step until the residual falls; None if it does not."""
+        scale = np.where(found.scale > 0.0, found.scale, 1.0)
+        before = np.linalg.norm(found.value / scale)
+        for halving in range(12):
+            trial = self.moved(found, 0.5**halving * step)
+            if np.linalg.norm(trial.value / scale) < before:
+                return trial
+        return None
+
+    # what a root is
+
+    def neutral(self, found: Residual) -> Array:
+        """Return the changes of q that lead from a root to others, (nq, dimension).
+
+        Directions in which forces vanish to first order alone lead back to the root.
+        """
+        matrix = self.jacobian(found)
+        rows, columns = self.scales(found, matrix)
+        _, s, vt = np.linalg.svd(matrix * np.outer(rows, columns))
+        rank = int((s > RANK * s.max(initial=0.0)).sum())
+        null = vt[rank:, : self.nq].T  # scaled; redundant multipliers have no part in q
+        u, s, _ = np.linalg.svd(null, full_matrices=False)
+        lasting = [x for x in u[:, s > 1e-6].T if self._leads_to_others(found, columns, x)]
+        return np.asarray(columns[: self.nq, None] * np.array(lasting).reshape(-1, self.nq).T)
+
+    def _leads_to_others(self, found: Residual, columns: Array, direction: Array) -> bool:
+        """Whether there are roots beside one in a scaled direction."""
+        sizes, point = columns[: self.nq], found.point
+        step = _BESIDE / np.abs(sizes * direction / self.local.lengths).max()
+        beside = point.q + step * sizes * direction
+        root = self._newton(self.residual(beside, point.multipliers, point.p, found.independent))
+        if root is None:
+            return False
+        return bool(direction @ ((root.point.q - point.q) / sizes) > step / 2)
+
+    def check_held(self, found: Residual) -> None:
+        """Raise UsageError where the constraints determine a velocity that is to be held."""
+        names = self.local.system.coordinates
+        for j, value in self.held.items():
+            if j not in found.independent:
+                raise UsageError(
+                    f"--steady {names[j]}'={value:g}: the constraints determine {names[j]}' from"
+                    " the other velocities; hold "
+                    + (" or ".join(f"{names[i]}'" for i in found.independent) or "none")
+                    + " instead"
+                )

@@ -1,0 +1,127 @@
+"""The equilibrium or steady motion next to a model's initial values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.analysis.local.steady import Residual, SteadyProblem
+from lagcli.errors import NumericalError, UsageError
+from lagcli.model.spelling import did_you_mean, nearest
+
+Array = NDArray[np.float64]
+
+
+class SteadyState(NamedTuple):
+    """A root of the steady problem.
+
+    Parameters
+    ----------
+    operating_point : OperatingPoint
+    found : Residual
+    neutral : (nq, dimension) array
+        Changes of q that lead to other roots: the tangent space of a set of equilibria.
+    """
+
+    operating_point: OperatingPoint
+    found: Residual
+    neutral: Array
+
+
+def velocity_coordinate(names: Sequence[str], text: str) -> str:
+    """Return the coordinate whose velocity a text such as ``phi'`` or ``phi_dot`` names.
+
+    Raises
+    ------
+    UsageError
+        It names none.
+    """
+    name = text.removesuffix("'") if text.endswith("'") else text.removesuffix("_dot")
+    if name not in names or name == text:
+        known = [f"{q}'" for q in names]
+        remedy = did_you_mean(nearest(text, known)) or f"there are {', '.join(known[:20])}"
+        raise UsageError(f"--steady `{text}` is not a velocity of the model; {remedy}")
+    return name
+
+
+def held_velocities(local: LocalEquations, steady: Mapping[str, float]) -> dict[str, float]:
+    """Return velocities by the names of their coordinates.
+
+    Raises
+    ------
+    UsageError
+        A name is no velocity, or a value is not finite.
+    """
+    found = {}
+    for text, value in steady.items():
+        name = velocity_coordinate(local.system.coordinates, text)
+        if not np.isfinite(value):
+            raise UsageError(f"--steady {text}={value}: give a finite value")
+        found[name] = float(value)
+    return found
+
+
+def nearest_steady_state(local: LocalEquations, steady: Mapping[str, float]) -> SteadyState:
+    """Return the equilibrium, or steady motion, to which Newton's method leads from the start.
+
+    Raises
+    ------
+    UsageError
+        A velocity cannot be held.
+    ModelError, NumericalError
+        There is no consistent start, or no equilibrium is found.
+    """
+    problem = SteadyProblem(local, held_velocities(local, steady))
+    q = local.start.state.q
+    found = problem.solve(q, local.p)
+    if found is None:
+        raise none_found(local, problem, q)
+    return completed(problem, found)
+
+
+def completed(problem: SteadyProblem, found: Residual) -> SteadyState:
+    """Return a root as an operating point.
+
+    Raises
+    ------
+    UsageError
+        The constraints determine a velocity that is held.
+    NumericalError
+        It does not last: the equations depend on the time or on a coordinate that moves.
+    """
+    local = problem.local
+    problem.check_held(found)
+    tangent = local.tangent(found.point, found.independent)
+    name = "the steady motion" if np.any(found.point.v) else "the equilibrium"
+    if not local.is_steady(found.point, tangent):
+        what = "steady motion" if problem.held else "equilibrium"
+        cause = "the time" if not np.any(found.point.v) else "the time, or on what moves"
+        raise NumericalError(
+            f"{local.model.name} has no {what} here: forces balance at t ="
+            f" {found.point.t:g} s, but they depend on {cause}"
+        )
+    point = OperatingPoint(name, found.point, tangent, True)
+    return SteadyState(point, found, problem.neutral(found))
+
+
+def none_found(local: LocalEquations, problem: SteadyProblem, q: Array) -> NumericalError:
+    """Return the error of a search without result, with the forces that are not balanced."""
+    start = problem.residual(q, np.zeros(len(local.system.constraints)), local.p)
+    what = "steady motion" if problem.held else "equilibrium"
+    text = f"no {what} of {local.model.name} was found from its initial values"
+    if np.isfinite(start.value).all():
+        balanced = problem.residual(q, problem.multipliers(start), local.p)
+        relative = np.abs(balanced.value) / np.where(balanced.scale > 0, balanced.scale, 1.0)
+        nq = len(q)
+        worst = [int(i) for i in np.argsort(-relative[:nq]) if relative[i] > 1e-6][:3]
+        if worst:
+            names = ", ".join(local.system.coordinates[i] for i in worst)
+            text += f": forces on {names} remain"
+    return NumericalError(
+        f"{text}; give initial values nearer to one (--set-initial), or check that there is one"
+    )

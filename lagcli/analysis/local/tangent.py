@@ -1,0 +1,159 @@
+"""The motions near an operating point: independent coordinates and velocities, δa and δλ."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.linear import dense
+
+Array = NDArray[np.float64]
+Indices = tuple[int, ...]
+
+
+class Tangent(NamedTuple):
+    """δq and δv that the constraints allow, by independent coordinates and velocities.
+
+    δq = Z_q x and δv = W x + Z_v y, where x are the δq of the independent coordinates and y the δv
+    of the independent velocities: B_h Z_q = 0, B Z_v = 0, B W + (∂ψ/∂q) Z_q = 0.
+
+    Parameters
+    ----------
+    positions : tuple of int
+        Independent coordinates, nq − rank of B_h.
+    velocities : tuple of int
+        Coordinates whose velocities are independent, nq − rank of B.
+    position_basis : (nq, positions) array
+        Z_q, whose rows of the independent coordinates are the identity.
+    velocity_basis : (nq, velocities) array
+        Z_v, likewise.
+    velocity_by_position : (nq, positions) array
+        W, whose rows of the independent velocities are zero.
+    decomposition : Decomposition
+        Of B.
+    """
+
+    positions: Indices
+    velocities: Indices
+    position_basis: Array
+    velocity_basis: Array
+    velocity_by_position: Array
+    decomposition: dense.Decomposition
+
+
+def tangent_of(
+    whole: dense.Decomposition,
+    holonomic: dense.Decomposition,
+    velocity_gradient: Array,
+    preferred: Indices = (),
+) -> Tangent:
+    """Return the tangent space of the constraints at a state.
+
+    Parameters
+    ----------
+    whole, holonomic : Decomposition
+        Of B and of its holonomic rows.
+    velocity_gradient : (nc, nq) array
+        ∂ψ/∂q.
+    preferred : tuple of int
+        Coordinates whose velocities are independent if the constraints allow it.
+    """
+    sizes = whole.sizes
+    positions, position_basis = independent(holonomic.null, sizes, preferred)
+    velocities, velocity_basis = independent(whole.null, sizes, preferred)
+    particular = least(whole, -velocity_gradient @ position_basis)
+    shift = particular - velocity_basis @ particular[list(velocities)]
+    return Tangent(positions, velocities, position_basis, velocity_basis, shift, whole)
+
+
+def independent(
+    null: Array, sizes: Array, preferred: Indices = (), next_best: Indices = ()
+) -> tuple[Indices, Array]:
+    """Choose independent coordinates, and write the null space by them.
+
+    Parameters
+    ----------
+    null : (nq, n) array
+        A basis.
+    sizes : (nq,) array
+        Changes of the coordinates that count as equal.
+    preferred : tuple of int
+        Coordinates to be chosen if they are independent.
+    next_best : tuple of int
+        Coordinates to be chosen before the others.
+
+    Returns
+    -------
+    chosen : tuple of n int
+        Increasing.
+    basis : (nq, n) array
+        Its rows of the chosen coordinates are the identity.
+    """
+    from scipy.linalg import qr
+
+    n = null.shape[1]
+    if not n:
+        return (), null
+    weight = 1.0 / sizes
+    # before others, unless the null space barely moves them
+    weight[list(next_best)] *= 30.0
+    weight[list(preferred)] *= 1e3
+    _, _, pivots = qr((null * weight[:, None]).T, mode="economic", pivoting=True)
+    chosen = sorted(pivots[:n].tolist())
+    basis = np.asarray(np.linalg.solve(null[chosen].T, null.T).T, dtype=np.float64)
+    basis[chosen] = np.eye(n)
+    return tuple(chosen), basis
+
+
+def least(d: dense.Decomposition, rhs: Array) -> Array:
+    """Return the X of least size with B X = rhs, for many right sides (nc, m)."""
+    values = d.values[: d.rank, None]
+    return np.asarray(
+        d.sizes[:, None] * (d.right @ ((d.left.T @ (rhs / d.scale[:, None])) / values))
+    )
+
+
+def multipliers_of(d: dense.Decomposition, forces: Array) -> Array:
+    """Return the λ of least norm with Bᵀλ = forces, for many right sides (nq, m)."""
+    parts = (d.right.T @ (d.sizes[:, None] * forces)) / d.values[: d.rank, None]
+    multipliers = (d.left @ parts) / d.scale[:, None]
+    if d.dependent.shape[1]:
+        free, _ = np.linalg.qr(d.dependent / d.scale[:, None])
+        multipliers = multipliers - free @ (free.T @ multipliers)
+    return np.asarray(multipliers)
+
+
+class Response:
+    """δa and δλ for right sides of M δa − Bᵀ δλ = g, B δa = γ.
+
+    Of redundant constraints, δλ is the one of least norm.
+
+    Parameters
+    ----------
+    mass : (nq, nq) array
+        M.
+    tangent : Tangent
+
+    Raises
+    ------
+    SingularSystem
+        Motion that the constraints allow has no inertia.
+    """
+
+    def __init__(self, mass: Array, tangent: Tangent):
+        self.mass, self.tangent = mass, tangent
+        basis = tangent.velocity_basis
+        self.reduced = basis.T @ mass @ basis
+
+    def __call__(self, forces: Array, rates: Array) -> tuple[Array, Array]:
+        """Return δa (nq, m) and δλ (nc, m) for g (nq, m) and γ (nc, m)."""
+        d, basis = self.tangent.decomposition, self.tangent.velocity_basis
+        a = least(d, rates)
+        if basis.shape[1]:
+            try:
+                a = a + basis @ np.linalg.solve(self.reduced, basis.T @ (forces - self.mass @ a))
+            except np.linalg.LinAlgError:
+                raise dense.SingularSystem from None
+        return a, multipliers_of(d, self.mass @ a - forces)

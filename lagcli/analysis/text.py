@@ -1,0 +1,29 @@
+"""Lines of text that analyses print."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+
+#: Columns of the text.
+WIDTH = 80
+_LABEL = 9
+
+
+def entry(label: str, text: str, indent: int = 2) -> list[str]:
+    """Return a label and a text beside it, wrapped."""
+    before = " " * (indent + _LABEL)
+    first, *rest = textwrap.wrap(text, WIDTH - len(before), break_long_words=False) or [""]
+    return [f"{' ' * indent}{label:<{_LABEL}}{first}", *(before + line for line in rest)]
+
+
+def listed(items: Sequence[str], most: int = 12) -> str:
+    """Return items in a line; of many, the first, and how many more there are."""
+    more = [f"and {len(items) - most} more (--json)"] if len(items) > most else []
+    return ", ".join([*items[:most], *more])
+
+
+def without_rounding(values: Mapping[str, float]) -> dict[str, float]:
+    """Return values with zeros for what is a rounding error beside the largest."""
+    least = 1e-13 * max(map(abs, values.values()), default=0.0)
+    return {name: value if abs(value) > least else 0.0 for name, value in values.items()}

@@ -1,0 +1,104 @@
+"""`lagcli equilibrium`: where a mechanism can rest, or move steadily."""
+
+from typing import Annotated
+
+import typer
+
+from lagcli.cli.operating_point import load_along, load_steady
+from lagcli.cli.options import (
+    Force,
+    Json,
+    ModelPath,
+    Quiet,
+    SetInitial,
+    SetParameter,
+    refuse_same_file,
+)
+from lagcli.cli.streams import tell
+from lagcli.errors import UsageError
+
+
+def equilibrium(
+    model: ModelPath,
+    all: Annotated[
+        bool, typer.Option("--all", help="Look for all of them, from many starts.")
+    ] = False,
+    starts: Annotated[
+        int, typer.Option("--starts", metavar="N", help="Starts for --all.", min=1)
+    ] = 64,
+    steady: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--steady",
+            metavar="VELOCITY=VALUE",
+            help='Find steady motions with this velocity, e.g. "phi\'=10". Repeatable.',
+        ),
+    ] = None,
+    along: Annotated[
+        str | None,
+        typer.Option(
+            "--along",
+            metavar="NAME=START:END",
+            help="Follow the equilibrium over a parameter, e.g. P=0:3, or over a velocity of"
+            ' steady motions, e.g. "phi\'=1:10"; with folds, branch points and Hopf points.',
+        ),
+    ] = None,
+    branches: Annotated[
+        bool,
+        typer.Option("--branches", help="With --along: follow crossing branches both ways."),
+    ] = False,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Write them: .json or .h5; lagcli plot draws the branches of a .h5.",
+        ),
+    ] = None,
+    set: SetParameter = None,
+    set_initial: SetInitial = None,
+    json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find equilibria, with their multipliers, constraint forces and stability.
+
+    The one next to the initial values, all that can be found, or branches over a parameter.
+    """
+    from lagcli.analysis.equilibria.branch_content import (
+        describe_diagram,
+        diagram_arrays,
+        format_diagram,
+    )
+    from lagcli.analysis.equilibria.description import describe_equilibria, format_equilibria
+    from lagcli.analysis.equilibria.diagram import follow_equilibria
+    from lagcli.analysis.equilibria.equilibrium import equilibrium as find
+    from lagcli.analysis.files import check_analysis_target, write_content
+    from lagcli.cli.summary import to_json
+
+    if along is not None and all:
+        raise UsageError("--along follows one equilibrium, --all looks for many; choose one")
+    if branches and along is None:
+        raise UsageError("--branches needs --along, as in --along P=0:3 --branches")
+    refuse_same_file(model, output)
+    if output is not None:
+        check_analysis_target(output, (".json", ".h5"), force)
+    loaded, held = load_steady(model, set, set_initial, steady)
+    arrays = {}
+    if along is None:
+        content = describe_equilibria(find(loaded, steady=held, all=all, starts=starts))
+        text = format_equilibria(content)
+    else:
+        loaded, name, start, end = load_along(loaded, along)
+        found = follow_equilibria(loaded, name, start, end, steady=held, branches=branches)
+        content, arrays = describe_diagram(found), diagram_arrays(found)
+        text = format_diagram(content)
+    if output is not None:
+        write_content(content, arrays, loaded, output, force)
+    if json:
+        print(to_json(content))
+    elif output is None:
+        print(text)
+    elif not quiet:
+        tell(f"{text}\n  written  {output}")

@@ -1,0 +1,105 @@
+"""Options that say about which point a model is linearized."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lagcli.cli.options import assignments
+from lagcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
+
+At = Annotated[
+    float | None, typer.Option("--at", metavar="T", help="At the state of a run at this time, s.")
+]
+Equilibrium = Annotated[
+    bool, typer.Option("--equilibrium", help="At the equilibrium next to the initial values.")
+]
+Steady = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--steady",
+        metavar="VELOCITY=VALUE",
+        help='At the steady motion with this velocity, e.g. "phi\'=10". Repeatable.',
+    ),
+]
+
+
+def load_steady(
+    model: str,
+    set: Iterable[str] | None,
+    set_initial: Iterable[str] | None,
+    steady: Iterable[str] | None,
+) -> tuple[Model, dict[str, float]]:
+    """Load a model, and read the velocities that are held, in SI.
+
+    Their values are read as initial values: with units, and with parameters.
+
+    Raises
+    ------
+    ModelError, UsageError, FileError
+        As `lagcli.load`; or a name is no velocity of the model.
+    """
+    from lagcli.analysis.local.steady_states import velocity_coordinate
+    from lagcli.model.loader import load, load_text
+
+    parameters, initial = assignments("--set", set), assignments("--set-initial", set_initial)
+    loaded = load(model, parameters, initial)
+    held = assignments("--steady", steady)
+    if not held:
+        return loaded, {}
+    names = {text: velocity_coordinate(loaded.coordinate_names, text) for text in held}
+    # as guesses: constraints that determine them are for the analysis to report
+    velocities = {f"{names[text]}'": f"{{guess: {value}}}" for text, value in held.items()}
+    given = {name: value for name, value in initial.items() if f"{name}'" not in velocities}
+    again = load_text(loaded.text, loaded.path, parameters, {**given, **velocities})
+    return again, {f"{name}'": again.initial_velocities[name].value for name in names.values()}
+
+
+def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
+    """Read NAME=START:END, and load the model with the parameter at its start.
+
+    Both ends are read as values of the parameter, or as initial velocities: with units.
+
+    Returns
+    -------
+    model : Model
+    name : str
+        The parameter, or a velocity (``phi'``).
+    start, end : float
+        SI.
+
+    Raises
+    ------
+    ModelError, UsageError
+        It is not of this form, or there is no such parameter or velocity.
+    """
+    from lagcli.analysis.local.steady_states import velocity_coordinate
+    from lagcli.model.loader import load_text
+
+    name, equals, span = along.partition("=")
+    first, colon, last = span.partition(":")
+    name, ends = name.strip(), (first.strip(), last.strip())
+    if not (equals and colon and name and all(ends)) or ":" in last:
+        raise UsageError(f"--along {along!r} is not of the form NAME=START:END, as in P=0:3")
+    if name in model.parameters or not name.endswith(("'", "_dot")):
+        models = [
+            load_text(model.text, model.path, {**model.set, name: end}, model.set_initial)
+            for end in ends
+        ]
+        start, end = (m.parameters[name].value for m in models)
+        return models[0], name, start, end
+    coordinate = velocity_coordinate(model.coordinate_names, name)
+    given = {k: x for k, x in model.set_initial.items() if k not in (name, f"{coordinate}'")}
+    models = [
+        load_text(
+            model.text, model.path, model.set, {**given, f"{coordinate}'": f"{{guess: {end}}}"}
+        )
+        for end in ends
+    ]
+    start, end = (m.initial_velocities[coordinate].value for m in models)
+    return models[0], f"{coordinate}'", start, end

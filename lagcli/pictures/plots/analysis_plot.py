@@ -1,0 +1,169 @@
+"""Plots of analyses: bifurcation diagrams, spectra of modes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from lagcli.errors import UsageError
+from lagcli.model.spelling import did_you_mean, nearest
+from lagcli.pictures.plots import style
+from lagcli.pictures.plots.figure_file import FigureFile
+
+_WIDTH, _PANEL, _SPECTRUM = 6.0, 2.4, 4.2  # inches
+_USUAL = 4  # panels that are drawn where none is named
+_MARKERS = {"fold": "s", "branch point": "D", "Hopf point": "^", "flutter": "v"}
+_KINDS = {
+    "neutral": ("o", "neutral"),
+    "oscillation": ("o", "oscillation"),
+    "growing oscillation": ("^", "growing oscillation"),
+    "decay": ("s", "decay"),
+    "divergence": ("D", "divergence"),
+}
+
+
+def plot_analysis(content: Mapping[str, Any], names: Sequence[str], target: FigureFile) -> None:
+    """Plot the content of a file of an analysis.
+
+    Parameters
+    ----------
+    content : mapping
+        Of ``lagcli equilibrium --along`` or of ``lagcli modes``.
+    names : sequence of str
+        Coordinates, velocities and multipliers of branches; by default those that change.
+    target : FigureFile
+
+    Raises
+    ------
+    UsageError
+        There is nothing to draw, or no such quantity.
+    FileError
+        The file cannot be written.
+    """
+    title = content["model"]
+    if "branches" in content:
+        panels = _panels(content, names)
+        with target.figure((_WIDTH, _PANEL * len(panels) + 0.4), title) as figure:
+            _draw_branches(figure, content, panels)
+    elif content["command"] == "modes":
+        if names:
+            raise UsageError("a spectrum is plotted whole; give no names")
+        with target.figure((_WIDTH, _SPECTRUM), title) as figure:
+            _draw_spectrum(figure, content)
+    else:
+        raise UsageError(
+            f"a file of lagcli {content['command']} has no plot; lagcli info describes it, and"
+            " lagcli equilibrium --along makes branches to plot"
+        )
+
+
+def _series(branch: Mapping[str, Any]) -> dict[str, Sequence[float]]:
+    """Return what changes along a branch, by name."""
+    return {
+        **branch["q"],
+        **{f"{name}_dot": values for name, values in branch["v"].items()},
+        **{f"lambda.{name}": values for name, values in branch["multipliers"].items()},
+        "growth": branch["growth"],
+    }
+
+
+def _panels(content: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+    every = [_series(branch) for branch in content["branches"]]
+    known = list(every[0])
+    if names:
+        wanted = [name[:-1] + "_dot" if name.endswith("'") else name for name in names]
+        for name in wanted:
+            if name not in known:
+                remedy = did_you_mean(nearest(name, known)) or f"there are {', '.join(known[:20])}"
+                raise UsageError(f"the branches have no `{name}`; {remedy}")
+        return wanted
+    changing = []
+    for name in known:
+        values = np.concatenate([np.asarray(series[name], float) for series in every])
+        if name != "growth" and np.ptp(values) > 1e-9 * max(1.0, np.abs(values).max()):
+            changing.append(name)
+    return changing[:_USUAL] or [*known[:1], "growth"]
+
+
+def _draw_branches(figure: Any, content: Mapping[str, Any], panels: Sequence[str]) -> None:
+    axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
+    for ax, name in zip(axes, panels, strict=True):
+        for number, branch in enumerate(content["branches"]):
+            at = np.asarray(branch["parameter"], float)
+            values = np.asarray(_series(branch)[name], float)
+            stable = np.asarray(branch["stable"], bool)
+            look = {"color": style.PALETTE[number % len(style.PALETTE)]}
+            for chosen, drawn in ((stable, "-"), (~stable, (0, (4, 3)))):
+                # a piece reaches to the first point of the next
+                reached = chosen | np.append(False, chosen[:-1])
+                ax.plot(at, np.where(reached, values, np.nan), linestyle=drawn, **look)
+        for point in content["special_points"]:
+            value = _series_at(point, name)
+            if value is not None:
+                marker = _MARKERS[point["kind"]]
+                ax.plot([point["parameter"]], [value], marker, ms=6, mfc="white", color="#202020")
+        ax.set_ylabel(name.replace("$", r"\$"))
+        ax.margins(x=0.02, y=0.08)
+    axes[-1].set_xlabel(content["parameter"].replace("$", r"\$"))
+    _legend(axes[0], content)
+
+
+def _series_at(point: Mapping[str, Any], name: str) -> float | None:
+    found = {
+        **point["q"],
+        **{f"{q}_dot": value for q, value in point["v"].items()},
+        **{f"lambda.{c}": value for c, value in point["multipliers"].items()},
+    }
+    return found.get(name)
+
+
+def _legend(ax: Any, content: Mapping[str, Any]) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color="#202020", linestyle="-", label="stable"),
+        Line2D([], [], color="#202020", linestyle=(0, (4, 3)), label="unstable"),
+    ]
+    for kind in dict.fromkeys(point["kind"] for point in content["special_points"]):
+        handles.append(
+            Line2D([], [], color="#202020", marker=_MARKERS[kind], mfc="white", ls="", label=kind)
+        )
+    ax.legend(handles=handles, loc="best")
+
+
+def _draw_spectrum(figure: Any, content: Mapping[str, Any]) -> None:
+    if not content["modes"]:
+        raise UsageError(f"{content['model']} has no modes: there is nothing to plot")
+    ax = figure.subplots()
+    ax.axhline(0, color="#8C8C8C", lw=0.7)
+    ax.axvline(0, color="#8C8C8C", lw=0.7)
+    for number, (kind, (marker, label)) in enumerate(_KINDS.items()):
+        modes = [mode for mode in content["modes"] if mode["kind"] == kind]
+        if not modes:
+            continue
+        points = np.array([mode["eigenvalue"] for mode in modes])
+        color = style.PALETTE[number % len(style.PALETTE)]
+        for sign in (1, -1):
+            ax.plot(
+                points[:, 0],
+                sign * points[:, 1],
+                marker,
+                ls="",
+                ms=5,
+                color=color,
+                label=label if sign == 1 else None,
+            )
+        for (x, y), mode in zip(points, modes, strict=True):
+            if len(content["modes"]) <= 40 and kind != "neutral":
+                ax.annotate(str(mode["number"]), (x, y), (4, 3), textcoords="offset points")
+    ax.set_xlabel("Re s [1/s]")
+    ax.set_ylabel("Im s [1/s]")
+    ax.margins(0.12)
+    values = np.array([mode["eigenvalue"] for mode in content["modes"]])
+    if not np.any(values[:, 0]):
+        # undamped: the imaginary axis is in the middle
+        reach = np.abs(values).max() or 1.0
+        ax.set_xlim(-reach / 4, reach / 4)
+    ax.legend(loc="best")

@@ -1,0 +1,98 @@
+"""Files of analyses: arrays by name, and the same content as JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.errors import FileError
+from lagcli.results.hdf5.container import add_array, new_file, set_text
+from lagcli.results.hdf5.opening import open_verified
+from lagcli.results.hdf5.structure import text_attribute
+from lagcli.results.metadata import to_json
+from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION
+
+Array = NDArray[np.float64]
+
+
+def write_analysis(
+    path: str,
+    content: Mapping[str, Any],
+    arrays: Mapping[str, Array],
+    facts: Mapping[str, Any],
+    force: bool = False,
+) -> None:
+    """Write the result of an analysis, whole or not at all.
+
+    Parameters
+    ----------
+    path : str
+    content : mapping
+        As ``--json`` prints it; its ``command`` is the kind of the file.
+    arrays : mapping of str to array of float
+        Datasets; what the content has as nested lists, and more.
+    facts : mapping
+        Provenance: ``lagcli_version``, ``model``, ``model_sha256``, ``parameters``, ….
+    force : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    FileError
+        The file exists, or it cannot be written.
+    """
+    texts = {
+        "kind": content["command"],
+        "schema_version": SCHEMA_VERSION,
+        "sign_convention": SIGN_CONVENTION,
+        **facts,
+        "content": content,
+    }
+    with new_file(path, force) as (root, sink):
+        for name, value in texts.items():
+            set_text(root["/"].id, name, value if isinstance(value, str) else to_json(value))
+        for name, values in arrays.items():
+            add_array(root["/"], name, np.ascontiguousarray(values, dtype=float))
+            sink.check()
+
+
+def analysis_kind(path: str | os.PathLike[str]) -> str | None:
+    """Return the command that made a file of an analysis; None of runs and sweeps.
+
+    Raises
+    ------
+    FileError
+        As `lagcli.read`.
+    """
+    with open_verified(path, SCHEMA_VERSION) as opened:
+        return opened.kind if "content" in opened.root.attrs else None
+
+
+def read_analysis(path: str | os.PathLike[str], command: str = "") -> dict[str, Any]:
+    """Return the content of a file of an analysis.
+
+    Parameters
+    ----------
+    path : str or path
+    command : str
+        The command that must have made it; any by default.
+
+    Raises
+    ------
+    FileError
+        The file is missing, damaged, or of another kind.
+    """
+    with open_verified(path, SCHEMA_VERSION) as opened:
+        text = text_attribute(opened.root, "content")
+        if text is None or (command and opened.kind != command):
+            made = f"lagcli {command}" if command else "an analysis"
+            raise FileError(f"cannot read {os.fspath(path)}: it is no file of {made}")
+        content = json.loads(text)
+        if not isinstance(content, dict) or content.get("command") != opened.kind:
+            raise ValueError("the content is not that of an analysis")
+        return content

@@ -1,0 +1,100 @@
+"""`lagcli equilibrium` from the shell, and the plots of what it writes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import fastjsonschema
+import pytest
+
+from lagcli.cli.app import run
+
+ROOT = Path(__file__).parents[2]
+MODELS = ROOT / "models"
+CRANK, HOOP = str(MODELS / "slider_crank.yaml"), str(MODELS / "bead_on_rotating_hoop.yaml")
+PITCHFORK = ("--set", "theta_0=0 rad", "--along", "Omega=2 rad/s:4 rad/s", "--branches")
+
+
+def valid(text: str) -> dict[str, object]:
+    schema = json.loads((ROOT / "docs" / "schemas" / "equilibrium.json").read_text())
+    found = json.loads(text)
+    fastjsonschema.compile(schema)(found)
+    assert list(found)[:2] == ["command", "model"]
+    return dict(found)
+
+
+def test_json_is_that_of_the_schema(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["equilibrium", CRANK, "--json"]) == 0
+    assert len(valid(capsys.readouterr().out)["equilibria"]) == 1  # type: ignore[arg-type]
+    assert run(["equilibrium", CRANK, "--along", "tau=0 N*m:0.4 N*m", "--json"]) == 0
+    assert valid(capsys.readouterr().out)["parameter"] == "tau"
+
+
+def test_text_says_stability_forces_and_sets(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["equilibrium", CRANK, "--all", "--starts", "8"]) == 0
+    text = capsys.readouterr().out
+    assert "stable (a minimum of the potential energy)" in text
+    assert "guide on psi" in text
+    assert run(["equilibrium", str(MODELS / "chaplygin_sleigh.yaml")]) == 0
+    assert "one of a set of dimension 3" in capsys.readouterr().out
+    assert max(map(len, text.splitlines())) <= 80
+
+
+def test_branches_are_written_plotted_and_described(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import h5py
+
+    file, picture = tmp_path / "branch.h5", tmp_path / "branch.svg"
+    assert run(["equilibrium", HOOP, *PITCHFORK, "-o", str(file)]) == 0
+    said = capsys.readouterr().out
+    assert "branch point on branch 0: Omega = 3.1320919" in said
+    assert run(["info", str(file)]) == 0
+    assert capsys.readouterr().out.strip() in said
+    assert run(["info", str(file), "--json"]) == 0
+    content = valid(capsys.readouterr().out)
+    with h5py.File(file) as root:
+        count = sum(len(b["parameter"]) for b in content["branches"])  # type: ignore[attr-defined]
+        assert root["q"].shape == (count, 3)
+        assert set(root["branch"][()]) == {0.0, 1.0, 2.0}
+    assert run(["plot", str(file), "theta", "lambda.hoop", "-o", str(picture)]) == 0
+    drawn = picture.read_text()
+    assert "unstable" in drawn
+    assert "branch point" in drawn
+    assert "Omega" in drawn
+    assert run(["plot", str(file), "tetha", "-o", str(tmp_path / "x.svg")]) == 2
+    assert "did you mean `theta`" in capsys.readouterr().err
+
+
+def test_spectrum_of_modes_is_plotted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(tmp_path / "modes.h5")
+    assert run(["modes", CRANK, "--equilibrium", "-o", file, "-q"]) == 0
+    assert run(["plot", file, "-o", str(tmp_path / "spectrum.svg")]) == 0
+    assert run(["animate", file, "-o", str(tmp_path / "x.html")]) == 4
+    assert "holds the result of lagcli modes" in capsys.readouterr().err
+    assert "divergence" in (tmp_path / "spectrum.svg").read_text()
+    assert run(["info", file]) == 0
+    assert "modes about the equilibrium" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        ([CRANK, "--along", "tau"], 2, "NAME=START:END"),
+        ([CRANK, "--along", "taw=0:1"], 2, "taw"),
+        ([CRANK, "--along", "tau=0 N*m:0 N*m"], 2, "two different"),
+        ([CRANK, "--along", "tau=0 N*m:1 N*m", "--all"], 2, "choose one"),
+        ([CRANK, "--branches"], 2, "needs --along"),
+        ([str(MODELS / "chain.yaml"), "--along", "N=2:5"], 2, "varied continuously"),
+        ([CRANK, "-o", "found.csv"], 2, "found.json"),
+        ([CRANK, "--starts", "0", "--all"], 2, "0"),
+        ([CRANK, "--set", "tau=5"], 3, "no equilibrium"),
+        ([HOOP, "--steady", "phi'=1"], 2, "the constraints determine phi'"),
+    ],
+)
+def test_mistakes_are_explained(
+    arguments: list[str], status: int, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["equilibrium", *arguments]) == status
+    assert said in capsys.readouterr().err

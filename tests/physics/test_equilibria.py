@@ -1,0 +1,230 @@
+"""Equilibria, steady motions and bifurcations against closed forms and published values."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.errors import NumericalError, UsageError
+
+ROOT = Path(__file__).parents[2]
+MODELS = ROOT / "models"
+
+#: Ziegler's column: two rods with springs k, point masses 2m and m, a follower force P at the end.
+ZIEGLER = """
+name: ziegler
+coordinates: [a, b]
+parameters: {m: 1.5, l: 0.7, k: 20, P: 0, c: 0}
+T: m*l^2*a'^2 + m/2*l^2*(a'^2 + b'^2 + 2*a'*b'*cos(a - b))
+V: k/2*a^2 + k/2*(b - a)^2
+D: c/2*a'^2 + c/2*(b' - a')^2
+Q: {a: P*l*sin(a - b)}
+initial: {a: 0, b: 0, a': 0, b': 0}
+"""
+
+#: Two springs under compression that snap through, with a guide as a constraint.
+TRUSS = """
+name: truss
+coordinates: [w, u]
+parameters: {k: 1000, b: 1, h: 0.3, P: 0, m: 1}
+definitions: {s: sqrt(b^2 + w^2)}
+T: m/2*(w'^2 + u'^2)
+V: k*(s - sqrt(b^2 + h^2))^2
+Q: {w: -P, u: P/2}
+constraints: {guide: u = 0}
+initial: {w: h, u: 0, w': 0, u': 0}
+"""
+
+
+def test_pendulum_rests_below_and_above() -> None:
+    found = lagcli.equilibrium(lagcli.load(MODELS / "pendulum_cartesian.yaml"), all=True, starts=8)
+    below, above = found.equilibria
+    parameters = lagcli.load(MODELS / "pendulum_cartesian.yaml").parameter_values
+    m, g, l = (parameters[name] for name in ("m", "g", "l"))
+    for one, sign in ((below, -1), (above, 1)):
+        assert one.operating_point.point.q == pytest.approx([0, sign * l], abs=1e-12)
+        # V = m g y, constraint x² + y² = l²: λ = ±m g/(2 l)
+        assert one.operating_point.point.multipliers == pytest.approx([sign * m * g / (2 * l)])
+        assert one.constraint_forces[0] == pytest.approx([0, m * g], abs=1e-12)
+        assert one.stability.stiffness == pytest.approx([-sign * g / l], rel=1e-12)
+        assert one.dimension == 0
+    assert [below.stability.verdict, above.stability.verdict] == ["stable", "unstable"]
+
+
+def test_all_four_configurations_of_a_double_pendulum_are_found() -> None:
+    found = lagcli.equilibrium(
+        lagcli.load(MODELS / "double_pendulum_cartesian.yaml"), all=True, starts=24
+    )
+    heights = {tuple(np.round(x.operating_point.point.q[[1, 3]], 9)) for x in found.equilibria}
+    assert heights == {(-0.6, -1.0), (-0.6, -0.2), (0.6, 0.2), (0.6, 1.0)}
+    assert [x.stability.verdict for x in found.equilibria] == ["stable", *["unstable"] * 3]
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "four_bar", "parallelogram"])
+def test_forces_balance_and_the_hessian_is_that_of_differences(name: str) -> None:
+    model = lagcli.load(MODELS / f"{name}.yaml")
+    (one,) = lagcli.equilibrium(model).equilibria
+    start = {
+        q: f"{x!r}*1"
+        for q, x in zip(model.coordinate_names, one.operating_point.point.q.tolist(), strict=True)
+    }
+    rates = {f"{q}'": "0" for q in model.coordinate_names}
+    moved = lagcli.load(MODELS / f"{name}.yaml", set_initial=start | rates)
+    run = lagcli.simulate(moved, t_end=1e-9, samples=2)
+    # at rest there, the engine finds no acceleration and the same forces
+    assert np.abs(run.a[0]).max() < 1e-8
+    forces = one.constraint_forces.sum(axis=0)
+    assert run.constraint_force[0] == pytest.approx(forces, abs=1e-9 * np.abs(forces).max())
+    (stiffness,) = one.stability.stiffness
+    assert one.stability.verdict == ("stable" if stiffness > 0 else "unstable")
+
+
+def test_sets_of_equilibria_have_their_dimension() -> None:
+    # a sleigh may stand anywhere; a disk upright anywhere with any heading and spin
+    (sleigh,) = lagcli.equilibrium(lagcli.load(MODELS / "chaplygin_sleigh.yaml")).equilibria
+    assert (sleigh.dimension, sleigh.neutral_coordinates) == (3, (0, 1, 2))
+    (disk,) = lagcli.equilibrium(lagcli.load(MODELS / "rolling_disk.yaml")).equilibria
+    model = lagcli.load(MODELS / "rolling_disk.yaml")
+    assert [model.coordinate_names[i] for i in disk.neutral_coordinates] == ["x", "y", "psi", "phi"]
+    assert disk.operating_point.point.multipliers == pytest.approx([2 * 9.81, 0, 0], abs=1e-9)
+
+
+def test_disk_rolls_in_the_circle_of_the_closed_form() -> None:
+    model = lagcli.load(MODELS / "rolling_disk.yaml")
+    values = model.parameter_values
+    spin = -values["S"] - values["Omega"] * math.sin(values["theta_0"])
+    found = lagcli.equilibrium(model, steady={"psi'": values["Omega"], "phi'": spin})
+    (one,) = found.equilibria
+    theta = one.operating_point.point.q[model.coordinate_names.index("theta")]
+    assert theta == pytest.approx(values["theta_0"], rel=1e-10)
+
+
+def test_held_velocity_gives_the_angle_of_a_governor() -> None:
+    # a conical pendulum: cos θ = g/(l φ'²)
+    text = (
+        "coordinates: [theta, phi]\nparameters: {m: 2, l: 0.5, g: 9.81}\n"
+        "T: m*l^2/2*(theta'^2 + sin(theta)^2*phi'^2)\nV: -m*g*l*cos(theta)\n"
+        "initial: {theta: 1, phi: 0, theta': 0, phi': 6}\n"
+    )
+    (one,) = lagcli.equilibrium(lagcli.load_text(text), steady={"phi'": 6.0}).equilibria
+    cosine = 9.81 / (0.5 * 36)
+    assert one.operating_point.point.q[0] == pytest.approx(math.acos(cosine), rel=1e-12)
+    assert one.neutral_coordinates == (1,)
+    # frequency of nutation: ω² = φ'² (1 + 3 cos²θ)
+    largest = np.abs(one.stability.eigenvalues).max()
+    assert largest == pytest.approx(6 * math.sqrt(1 + 3 * cosine**2), rel=1e-9)
+
+
+def test_bead_on_a_hoop_has_a_pitchfork() -> None:
+    values = {"theta_0": "0 rad", "Omega": "1 rad/s"}
+    model = lagcli.load(MODELS / "bead_on_rotating_hoop.yaml", set=values)
+    diagram = lagcli.follow_equilibria(model, "Omega", 1.0, 6.0, branches=True)
+    (pitchfork,) = diagram.special
+    assert pitchfork.kind == "branch point"
+    assert pitchfork.parameter**2 == pytest.approx(9.81, rel=1e-12)
+    main, *others = diagram.branches
+    assert (main.stable == (main.parameter < math.sqrt(9.81))).all()
+    assert [branch.origin for branch in others] == [0, 0]
+    assert {np.sign(branch.q[-1, 1]) for branch in others} == {1.0, -1.0}
+    for branch in others:
+        assert branch.stable.all()
+        assert branch.parameter[-1] == pytest.approx(6.0, rel=1e-12)
+        # cos θ = g/(R Ω²), and the hoop carries λ = −m R Ω²
+        assert np.cos(branch.q[:, 1]) == pytest.approx(9.81 / branch.parameter**2, rel=1e-9)
+        assert branch.multipliers[:, 0] == pytest.approx(-(branch.parameter**2), rel=1e-9)
+
+
+def test_column_of_ziegler_flutters() -> None:
+    # P = (7/2 − √2) k/l for masses 2m, m: Ziegler 1952; Bolotin 1963
+    model = lagcli.load_text(ZIEGLER)
+    diagram = lagcli.follow_equilibria(model, "P", 0.0, 4 * 20 / 0.7)
+    (flutter,) = diagram.special
+    assert flutter.kind == "flutter"
+    assert flutter.parameter == pytest.approx((3.5 - math.sqrt(2)) * 20 / 0.7, rel=1e-9)
+    assert flutter.parameter == pytest.approx(2.085786 * 20 / 0.7, rel=1e-6)
+    (branch,) = diagram.branches
+    assert (branch.stable == (branch.parameter < flutter.parameter)).all()
+
+
+def test_damping_lowers_the_load_of_the_column_of_ziegler() -> None:
+    # equal damping: P l/k = 41/28 + c²/(2 k m l²): Herrmann, Jong, J. Appl. Mech. 32 (1965) 592
+    model = lagcli.load_text(ZIEGLER, set={"c": "0.3"})
+    diagram = lagcli.follow_equilibria(model, "P", 0.0, 60.0)
+    (hopf,) = diagram.special
+    assert hopf.kind == "Hopf point"
+    expected = 41 / 28 + 0.3**2 / (2 * 20 * 1.5 * 0.7**2)
+    assert hopf.parameter * 0.7 / 20 == pytest.approx(expected, rel=1e-7)
+    assert hopf.frequency is not None
+    assert hopf.frequency > 0
+
+
+def test_truss_snaps_through_at_a_fold() -> None:
+    diagram = lagcli.follow_equilibria(lagcli.load_text(TRUSS), "P", 0.0, 20.0)
+    (fold,) = diagram.special
+    # P = 2 k w (s0/s − 1) is largest where s³ = s0 b²
+    s0 = math.hypot(1, 0.3)
+    s = s0 ** (1 / 3)
+    w = math.sqrt(s**2 - 1)
+    assert fold.kind == "fold"
+    assert fold.parameter == pytest.approx(2 * 1000 * w * (s0 / s - 1), rel=1e-12)
+    assert fold.q[0] == pytest.approx(w, rel=1e-6)
+    assert fold.multipliers[0] == pytest.approx(-fold.parameter / 2, rel=1e-12)
+    (branch,) = diagram.branches
+    assert (branch.stable == (branch.q[:, 0] > w)).all()
+    # it goes on past the fold, down to no load
+    assert branch.parameter[-1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_whipple_bicycle_is_stable_between_its_weave_and_its_capsize_speed() -> None:
+    # Meijaard, Papadopoulos, Ruina, Schwab 2007, sec. 4: 4.29238253634111 and 6.02426201538837 m/s
+    model = lagcli.load(ROOT / "tests" / "found" / "whipple_bicycle.yaml", set={"eps": "0"})
+    diagram = lagcli.follow_equilibria(model, "x'", 3.0, 8.0)
+    weave, capsize = diagram.special
+    assert (weave.kind, capsize.kind) == ("Hopf point", "branch point")
+    # the growth rate is known to 1e-9 of the largest eigenvalue; five neutral coordinates disturb
+    # the determinant
+    assert weave.parameter == pytest.approx(4.29238253634111, rel=1e-8)
+    assert capsize.parameter == pytest.approx(6.02426201538837, rel=1e-6)
+    (branch,) = diagram.branches
+    between = (branch.parameter > weave.parameter) & (branch.parameter < capsize.parameter)
+    assert (branch.stable == between).all()
+
+
+def test_velocity_is_a_parameter_of_steady_motions() -> None:
+    text = (
+        "coordinates: [theta, phi]\nparameters: {l: 0.5, g: 9.81}\n"
+        "T: l^2/2*(theta'^2 + sin(theta)^2*phi'^2)\nV: -g*l*cos(theta)\n"
+        "initial: {theta: 1, phi: 0, theta': 0, phi': 8}\n"
+    )
+    model = lagcli.load_text(text)
+    diagram = lagcli.follow_equilibria(model, "phi'", 8.0, 5.0)
+    (branch,) = diagram.branches
+    assert branch.parameter[-1] == pytest.approx(5.0, rel=1e-12)
+    assert np.cos(branch.q[:, 0]) == pytest.approx(9.81 / (0.5 * branch.parameter**2), rel=1e-8)
+
+
+def test_dependent_parameters_follow() -> None:
+    text = (
+        "coordinates: [x]\nparameters: {m: 1, g: 10, k: 100*m^2, c: k/2}\n"
+        "T: m/2*x'^2\nV: (k + c)/2*x^2 - m*g*x\ninitial: {x: 0, x': 0}\n"
+    )
+    diagram = lagcli.follow_equilibria(lagcli.load_text(text), "m", 1.0, 3.0)
+    (branch,) = diagram.branches
+    assert branch.q[:, 0] == pytest.approx(10 / (150 * branch.parameter), rel=1e-10)
+
+
+def test_motion_without_equilibrium_is_an_error() -> None:
+    text = "coordinates: [x]\nparameters: {m: 1}\nT: m/2*x'^2\nV: x\ninitial: {x: 0, x': 0}\n"
+    with pytest.raises(NumericalError, match="forces on x remain"):
+        lagcli.equilibrium(lagcli.load_text(text))
+    forced = "coordinates: [x]\nT: x'^2/2\nV: x^2/2 - x*sin(t)\ninitial: {x: 0, x': 0}\n"
+    with pytest.raises(NumericalError, match="depend on the time"):
+        lagcli.equilibrium(lagcli.load_text(forced))
+    crank = lagcli.load(MODELS / "bead_on_rotating_hoop.yaml")
+    with pytest.raises(UsageError, match="the constraints determine phi'"):
+        lagcli.equilibrium(crank, steady={"phi'": 1.0})

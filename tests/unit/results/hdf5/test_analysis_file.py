@@ -1,0 +1,41 @@
+"""Files of analyses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from lagcli.errors import FileError
+from lagcli.results.hdf5.analysis_file import analysis_kind, read_analysis, write_analysis
+
+CONTENT = {"command": "modes", "model": "péndulo", "modes": [{"number": 1, "x": [0.1, None]}]}
+
+
+def test_content_and_arrays_come_back(tmp_path: Path) -> None:
+    path = str(tmp_path / "a.h5")
+    # a content that is larger than what attributes of old HDF5 files may hold
+    content = {**CONTENT, "long": [0.1] * 200_000}
+    write_analysis(path, content, {"a": np.arange(6.0).reshape(2, 3)}, {"model": "x: 1"})
+    assert read_analysis(path) == content
+    assert read_analysis(path, "modes") == content
+    assert analysis_kind(path) == "modes"
+    with h5py.File(path) as root:
+        assert root["a"][1, 2] == 5.0
+        assert root.attrs["model"] == b"x: 1"
+
+
+def test_other_files_and_damage_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    write_analysis(str(path), CONTENT, {}, {})
+    with pytest.raises(FileError, match="no file of lagcli equilibrium"):
+        read_analysis(path, "equilibrium")
+    with pytest.raises(FileError, match="exists"):
+        write_analysis(str(path), CONTENT, {}, {})
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(FileError, match=r"damaged|changed"):
+        read_analysis(path)
