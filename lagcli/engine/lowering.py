@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import symengine as se
 
-from lagcli.engine.system import JacobianTapes, Pattern, System
+from lagcli.engine.system import JacobianTapes, ParameterTapes, Pattern, System
 from lagcli.engine.tape.compiler import compile_tape
 
 if TYPE_CHECKING:
@@ -76,6 +76,7 @@ def lower(equations: Equations) -> System:
         ),
         outputs=tuple(eq.outputs),
         variation=partial(lower_jacobians, eq),
+        parameter_variation=partial(lower_parameter_jacobians, eq),
         same_unit=_same_unit([x for x in positions if x is not None], eq.q),
     )
 
@@ -119,6 +120,38 @@ def lower_jacobians(equations: Equations) -> JacobianTapes:
         power_velocity=tuple(found.power.velocity),
         tape=tape,
     )
+
+
+def lower_parameter_jacobians(equations: Equations, names: Sequence[str]) -> ParameterTapes:
+    """Turn the derivatives of the equations with respect to parameters into a tape.
+
+    Parameters
+    ----------
+    equations : Equations
+    names : sequence of str
+        Names of the model's parameters.
+
+    Returns
+    -------
+    ParameterTapes
+
+    Raises
+    ------
+    KeyError
+        The model has no such parameter.
+    """
+    from lagcli.equations.derivation.parameter_jacobians import differentiate_parameters
+    from lagcli.model.model import TIME
+
+    eq, found = equations, differentiate_parameters(equations, names)
+    blocks = [found.force, found.rhs, found.position, found.velocity, [*found.outputs.values()]]
+    force, rhs, position, velocity, outputs = map(_pattern, blocks)
+    tape = compile_tape(
+        [x for rows in blocks for row in rows for x in row.values()],
+        [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
+        [se.Symbol(name) for name in eq.model.parameters],
+    )
+    return ParameterTapes(found.parameters, force, rhs, position, velocity, outputs, tape)
 
 
 def _same_unit(
