@@ -63,8 +63,8 @@ def lower(equations: Equations) -> System:
                 *positions,
                 *jacobian,
                 *(c.drift for c in eq.constraints),
-                *(_magnitude(x) for x in positions if x is not None),
-                *(_magnitude(c.velocity) for c in eq.constraints),
+                *(magnitude(x) for x in positions if x is not None),
+                *(magnitude(c.velocity) for c in eq.constraints),
             ],
             state,
             parameters,
@@ -180,19 +180,19 @@ def _same_unit(
     return tuple(unique[i] for i in sorted(unique))
 
 
-def _magnitude(expression: se.Basic) -> se.Basic:
+def magnitude(expression: se.Basic) -> se.Basic:
     """Return the sum of the magnitudes of an expression's terms, products of sums written out.
 
     It is what the rounding error of the expression is proportional to.
     """
     if isinstance(expression, se.Add):
-        return se.Add(*[_magnitude(x) for x in expression.args])
+        return se.Add(*[magnitude(x) for x in expression.args])
     if isinstance(expression, se.Mul):
-        return se.Mul(*[_magnitude(x) for x in expression.args])
+        return se.Mul(*[magnitude(x) for x in expression.args])
     if isinstance(expression, se.Pow):
         base, exponent = expression.args
         if isinstance(exponent, se.Integer) and exponent > 0:
-            return _magnitude(base) ** exponent
+            return magnitude(base) ** exponent
     return se.Abs(expression)
 
 

@@ -35,6 +35,8 @@ class JacobianTapes:
     tape : Tape
         (t, q, v, a, λ, parameters) → (entries of ∂G/∂q, ∂G/∂v, ∂Γ/∂q, ∂Γ/∂v, ∂power/∂q, ∂power/∂v;
         ∂G/∂t, ∂Γ/∂t, ∂power/∂t).
+    exact : bool
+        Whether they are all derivatives; Rosenbrock methods need that, Newton's iteration does not.
     """
 
     force_position: Pattern
@@ -44,6 +46,7 @@ class JacobianTapes:
     power_position: tuple[int, ...]
     power_velocity: tuple[int, ...]
     tape: Tape
+    exact: bool = True
 
 
 @dataclass(frozen=True, eq=False)
