@@ -34,6 +34,7 @@ class Reader(Protocol):
     coordinates: tuple[str, ...]
     constraints: tuple[str, ...]
     outputs: tuple[str, ...]
+    sensitivity: tuple[str, ...]
     terms: Terms
     layout: str
     record: Record

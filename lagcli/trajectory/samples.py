@@ -122,12 +122,23 @@ class Samples(Columns):
         `constraint_force_of` gives the forces of one constraint.
     outputs : mapping of str to (nt,) array
         The model's own columns.
+    sensitivity : tuple of n str
+        Parameters and initial values with respect to which the motion was differentiated; mostly
+        none.
+    dq, dv : (nt, nq, n) arrays or None
+        Derivatives of q and v; None without any.
+    dmultipliers : (nt, nc, n) array or None
+        Derivatives of λ; NaN where λ is not unique.
     """
 
     coordinates: tuple[str, ...]
     constraints: tuple[str, ...]
     terms: Terms
     outputs: Mapping[str, Array] = field(default_factory=dict)
+    sensitivity: tuple[str, ...] = ()
+    dq: Array | None = None
+    dv: Array | None = None
+    dmultipliers: Array | None = None
 
     @property
     def nbytes(self) -> int:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from lagcli.columns import Columns
+from lagcli.columns import DERIVATIVES, Columns
 from lagcli.trajectory.samples import Array, Record, Samples
 
 
@@ -37,12 +37,15 @@ def joined(blocks: Sequence[Samples]) -> Samples:
         return np.concatenate([getattr(block, name) for block in blocks])
 
     arrays = {f.name: column(f.name) for f in fields(Columns)}
+    derivatives = {q.name: column(q.name) for q in DERIVATIVES if first.sensitivity}
     outputs = {n: np.concatenate([block.outputs[n] for block in blocks]) for n in first.outputs}
     return Samples(
         coordinates=first.coordinates,
         constraints=first.constraints,
         terms=first.terms,
         outputs=outputs,
+        sensitivity=first.sensitivity,
+        **derivatives,
         **arrays,
     )
 

@@ -35,7 +35,7 @@ class Keep(StrEnum):
     trajectories = "trajectories"
 
 
-@with_settings()
+@with_settings(without=("sensitivity",))
 def sweep(
     model: ModelPath,
     output: Annotated[

@@ -21,7 +21,13 @@ from functools import partial
 import numpy as np
 
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.layout import ConstraintLayout, Counts, DynamicsLayout, SampleLayout, UnrolledLayout
+from lagcli.engine.layout import (
+    ConstraintLayout,
+    Counts,
+    DynamicsLayout,
+    SampleLayout,
+    UnrolledLayout,
+)
 from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.linear.unrolling import unroll
 from lagcli.engine.sensitivity.tangent import TangentTapes
@@ -261,8 +267,9 @@ def _constraint(system: System, tangent: TangentTapes, blocks: Blocks) -> Tape:
     nq, nc, nh = blocks.counts.nq, blocks.counts.nc, blocks.counts.nh
     builder = Arithmetic(1 + 2 * blocks.total.nq + parameters, parameters)
     q, v, p = _inputs(blocks, parameters)
-    own, of = builder.splice(system.constraint, [0, *q[:nq], *v[:nq], *p]), ConstraintLayout(
-        system.counts
+    own, of = (
+        builder.splice(system.constraint, [0, *q[:nq], *v[:nq], *p]),
+        ConstraintLayout(system.counts),
     )
     sides = builder.splice(tangent.constraint, [0, *q[:nq], *v[:nq], *q[nq:], *v[nq:], *p])
     sizes = np.cumsum([n * nh, n * nc, n * nh])

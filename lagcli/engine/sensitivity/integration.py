@@ -83,9 +83,7 @@ class TangentProblem:
         The tapes' derivatives are those with respect to θ / scale.
     """
 
-    def __init__(
-        self, system: System, tangent: TangentTapes, names: Sequence[str], scales: Array
-    ):
+    def __init__(self, system: System, tangent: TangentTapes, names: Sequence[str], scales: Array):
         self.system, self.tangent = system, tangent
         self.names, self.scales = tuple(names), scales
         self.blocks = Blocks(system.counts, tangent.directions)
@@ -177,8 +175,8 @@ class TangentProblem:
                 rows = 0
                 continue
             self._ready = replace(self._ready, prepared=run.in_use)
-            steps, rejected, evaluations = counts + [found.steps, found.rejected, found.evaluations]
-            found.steps, found.rejected, found.evaluations = int(steps), int(rejected), int(evaluations)
+            counts += (found.steps, found.rejected, found.evaluations)
+            found.steps, found.rejected, found.evaluations = counts.tolist()
             found.methods = (*dict.fromkeys((*methods, *found.methods)),)
             return self._of_motion(found)
         raise NoOrder
@@ -295,5 +293,3 @@ class TangentProblem:
 
 class _Unsuited(Exception):
     """Ends a run whose order of elimination does not suit the state reached."""
-
-

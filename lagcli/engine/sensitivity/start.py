@@ -109,7 +109,7 @@ def start_derivatives(
 
     def correct(rows: list[int], values: Array, residual: Array, fixed: Flags) -> None:
         free = np.flatnonzero(~fixed)
-        part = jacobian[np.ix_(rows, free)]
+        part = jacobian[rows][:, free]
         rank = dense.count_rank(part, sizes=sizes[free])
         for k in range(n):
             if len(free) and np.abs(residual[k]).max() > 0:

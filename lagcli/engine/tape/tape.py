@@ -99,7 +99,7 @@ class Builder:
         list of int
             Their registers here.
         """
-        wanted = [tape.outputs[i] for i in (range(len(tape.outputs)) if outputs is None else outputs)]
+        wanted = tape.outputs if outputs is None else [tape.outputs[i] for i in outputs]
         needed, code = set(wanted), []
         for line in reversed(tape.code):
             if line[1] in needed:

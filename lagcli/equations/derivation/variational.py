@@ -99,7 +99,10 @@ def variational_equations(
         weights = {i: rates[name] for i, name in enumerate(changed) if name in rates}
 
         def along(
-            gradient: Gradient, explicit: Row, s: tuple[Basic, ...] = s, u: tuple[Basic, ...] = u,
+            gradient: Gradient,
+            explicit: Row,
+            s: tuple[Basic, ...] = s,
+            u: tuple[Basic, ...] = u,
             weights: Mapping[int, Basic] = weights,
         ) -> Basic:
             terms = [x * s[j] for j, x in gradient.position.items()]
@@ -124,8 +127,9 @@ def variational_equations(
                 for slopes, row in zip(velocity, partial.velocity, strict=True)
             )
         )
-        changes = dict(zip((*eq.q, *eq.v, *eq.a, *eq.multipliers), (*s, *u, *a, *multipliers),
-                           strict=True))
+        changes = dict(
+            zip((*eq.q, *eq.v, *eq.a, *eq.multipliers), (*s, *u, *a, *multipliers), strict=True)
+        )
         blocks["outputs"].append(
             tuple(
                 se.Add(*[x * changes[y] for y, x in slopes.items()], *_explicit(row, weights))

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from lagcli.columns import BY_NAME, SCALARS, ColumnName, read_dotted_name
+from lagcli.columns import DERIVATIVES, QUANTITIES, SCALARS, ColumnName, read_dotted_name
 from lagcli.errors import FileError
 from lagcli.results.csv.sidecar import read_sidecar
 from lagcli.results.csv.writer import titles
@@ -25,6 +25,8 @@ from lagcli.trajectory.trajectory import Trajectory
 
 #: Numbers read in one go, where a file is read piece by piece.
 _NUMBERS_READ = 1 << 20
+
+_AXES = {quantity.name: quantity.axes for quantity in (*QUANTITIES, *DERIVATIVES)}
 
 
 @contextmanager
@@ -47,7 +49,13 @@ class CsvReader:
     def __init__(self, path: str, file: TextIO):
         self._path, self._file = path, file
         self._header = next(csv.reader(file, strict=True), [])
-        self.coordinates, self.constraints, self.terms, self.outputs = _names(path, self._header)
+        (
+            self.coordinates,
+            self.constraints,
+            self.terms,
+            self.outputs,
+            self.sensitivity,
+        ) = _names(path, self._header)
         self.layout = SCHEMA_VERSION
         self._reached = -math.inf  # the time of the last sample so far
         self.record = read_sidecar(path, len(self.constraints))
@@ -73,6 +81,7 @@ class CsvReader:
             coordinates=self.coordinates,
             constraints=self.constraints,
             terms=self.terms,
+            sensitivity=self.sensitivity,
             **columns,
             **vars(self.record),
         )
@@ -84,19 +93,20 @@ class CsvReader:
             "coordinate": len(self.coordinates),
             "constraint": len(self.constraints),
             "term": len(self.terms.constraint),
+            "parameter": len(self.sensitivity),
         }
         fields: dict[str, Any] = {}
         position = 0
         names = term_names(self.terms, self.coordinates, self.constraints)
         for name, of_name in titles(
-            self.coordinates, self.constraints, names, self.outputs
+            self.coordinates, self.constraints, names, self.outputs, self.sensitivity
         ).items():
             block = np.ascontiguousarray(table[:, position : position + len(of_name)])
             position += len(of_name)
             if name == "outputs":
                 fields[name] = {n: block[:, i].copy() for i, n in enumerate(self.outputs)}
             else:
-                fields[name] = block.reshape([length[axis] for axis in BY_NAME[name].axes])
+                fields[name] = block.reshape([length[axis] for axis in _AXES[name]])
         self._check_times(fields["time"])
         return fields
 
@@ -127,8 +137,8 @@ def _check_last_line(path: str) -> None:
 
 def _names(
     path: str, header: list[str]
-) -> tuple[tuple[str, ...], tuple[str, ...], Terms, tuple[str, ...]]:
-    """Return the coordinates, constraints, terms and outputs that the header names."""
+) -> tuple[tuple[str, ...], tuple[str, ...], Terms, tuple[str, ...], tuple[str, ...]]:
+    """Return the coordinates, constraints, terms, outputs and parameters that the header names."""
     # Forces follow the accelerations; without a coordinate there are none, and scalars follow.
     named = [read_dotted_name(text) or ColumnName("") for text in header]
     forces = ("multipliers", "constraint_force", "constraint_force_by")
@@ -145,10 +155,23 @@ def _names(
             f"cannot read {path}: it is CSV, but not of lagcli, whose columns are t, coordinates, "
             "their _dot and _ddot, lambda.CONSTRAINT, …; name a file of lagcli simulate"
         )
-    for names in (coordinates, constraints, header[len(fixed) :]):
+    rest = header[len(fixed) :]
+    for names in (coordinates, constraints, rest):
         if len(set(names)) < len(names):
             raise FileError(f"cannot read {path}: two of its columns have one name")
-    return coordinates, constraints, terms, tuple(header[len(fixed) :])
+    parameters: dict[str, None] = {}
+    for first, text in enumerate(rest):  # derivatives are last; no other name has a slash
+        if "/d" in text:
+            parameters = dict.fromkeys(x.partition("/d")[2] for x in rest[first:])
+            rest = rest[:first]
+            break
+    every = titles(coordinates, constraints, pairs, rest, (*parameters,))
+    if header != [text for block in every.values() for text in block]:
+        raise FileError(
+            f"cannot read {path}: its derivatives are not those of its coordinates and constraints;"
+            " copy it again, or run the simulation again"
+        )
+    return coordinates, constraints, terms, tuple(rest), tuple(parameters)
 
 
 def _terms(

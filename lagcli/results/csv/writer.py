@@ -14,7 +14,7 @@ from types import TracebackType
 
 import numpy as np
 
-from lagcli.columns import SAMPLED, column_names
+from lagcli.columns import DERIVATIVES, SAMPLED, column_names, derivative_names
 from lagcli.errors import FileError, UsageError
 from lagcli.results.atomic import abandon, check_writable, whole_file
 from lagcli.results.csv.sidecar import sidecar_path, sidecar_text
@@ -31,6 +31,7 @@ def titles(
     constraints: Sequence[str],
     terms: Sequence[tuple[str, str]],
     outputs: Iterable[str],
+    parameters: Sequence[str] = (),
 ) -> dict[str, list[str]]:
     """Return the names of the columns of a CSV file.
 
@@ -40,6 +41,8 @@ def titles(
         Names, in the model's order.
     terms : sequence of (constraint, coordinate)
         Of the constraint forces.
+    parameters : sequence of str
+        Of the derivatives.
 
     Returns
     -------
@@ -51,7 +54,10 @@ def titles(
         quantity.name: list(map(str, column_names(quantity, coordinates, constraints, terms)))
         for quantity in SAMPLED
     }
-    return {**found, "outputs": list(outputs)}
+    found["outputs"] = list(outputs)
+    for quantity in DERIVATIVES if parameters else ():
+        found[quantity.name] = derivative_names(quantity, coordinates, constraints, parameters)
+    return found
 
 
 class CsvWriter:
@@ -184,18 +190,19 @@ def _header(samples: Samples) -> bytes:
 def _titles(samples: Samples) -> dict[str, list[str]]:
     """Return the names of the columns of samples."""
     q, constraints = samples.coordinates, samples.constraints
-    return titles(q, constraints, term_names(samples.terms, q, constraints), samples.outputs)
+    terms = term_names(samples.terms, q, constraints)
+    return titles(q, constraints, terms, samples.outputs, samples.sensitivity)
 
 
 def _lines(samples: Samples) -> Iterator[bytes]:
     """Yield the lines of samples, some at a time."""
     count = len(samples.time)
-    arrays = [
-        np.asarray(getattr(samples, name)).reshape(count, len(names))
-        for name, names in _titles(samples).items()
-        if name != "outputs"
-    ]
-    arrays += [np.asarray(values).reshape(count, 1) for values in samples.outputs.values()]
+    arrays = []
+    for name, names in _titles(samples).items():
+        if name == "outputs":
+            arrays += [np.asarray(x).reshape(count, 1) for x in samples.outputs.values()]
+        else:
+            arrays.append(np.asarray(getattr(samples, name)).reshape(count, len(names)))
     width = sum(array.shape[1] for array in arrays)
     rows = max(1, _NUMBERS_WRITTEN // width)
     line = ",".join(["%.17g"] * width) + "\n"

@@ -179,7 +179,9 @@ def _copy_trajectory(root: h5py.File, target: str) -> None:
     columns = [q for q in SAMPLED if q.name != "constraint_force"]
     with Hdf5Writer(target) as writer:
         for rows in slabs:
-            arrays = {q.name: read(q.name, q.axes, rows) for q in columns if "term" not in q.axes}
+            arrays: dict[str, Any] = {
+                q.name: read(q.name, q.axes, rows) for q in columns if "term" not in q.axes
+            }
             by = read("constraint_force_by", dense, rows)
             writer.append(
                 Samples(

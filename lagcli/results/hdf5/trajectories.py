@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from lagcli.columns import BY_NAME, QUANTITIES, SAMPLED
+from lagcli.columns import DERIVATIVES, QUANTITIES, SAMPLED
 from lagcli.errors import FileError
 from lagcli.results.atomic import abandon, check_writable
 from lagcli.results.hdf5.container import (
@@ -60,6 +60,8 @@ _LARGE = 1 << 18
 _SLAB = 1 << 23
 
 _OUTPUTS = "outputs/"
+_PARAMETER = "parameter"
+_AXES = {quantity.name: quantity.axes for quantity in (*QUANTITIES, *DERIVATIVES)}
 
 
 def check_hdf5_target(path: str, force: bool = False, meta: bool = False) -> None:
@@ -122,6 +124,7 @@ class Hdf5Writer:
     def _begin(self, first: Samples) -> None:
         self._coordinates, self._constraints = first.coordinates, first.constraints
         self._terms, self._families = first.terms, output_families(first.outputs)
+        self._parameters = first.sensitivity
         columns = _columns(first, self._families)
         self._shapes = {name: values.shape[1:] for name, values in columns.items()}
         self._rows = max(1, _CHUNK // sum(map(math.prod, self._shapes.values())))
@@ -170,6 +173,9 @@ class Hdf5Writer:
             "constraint": add_texts(root, "constraint", self._constraints),
             "term": add_texts(root, "term", list(map(".".join, names))),
         }
+        if self._parameters:
+            axes[_PARAMETER] = add_texts(root, _PARAMETER, self._parameters)
+            _say(axes[_PARAMETER], "parameters and initial values of the derivatives", "none")
         for name, axis in axes.items():
             make_axis(axis, name)
         _say(axes["coordinate"], "names of the coordinates", "none")
@@ -184,6 +190,10 @@ class Hdf5Writer:
             if quantity.name not in axes:
                 attach_axes(dataset, [axes[axis] for axis in quantity.axes])
             _say(dataset, quantity.description, unit(quantity, self._coordinates, record.units))
+
+        for quantity in DERIVATIVES if self._parameters else ():
+            attach_axes(datasets[quantity.name], [axes[axis] for axis in quantity.axes])
+            _say(datasets[quantity.name], quantity.description, quantity.unit)
 
         units = [record.units.get(name, NOT_STATED) for name in self._coordinates]
         if any(u != NOT_STATED for u in units):
@@ -203,7 +213,8 @@ class Hdf5Writer:
 
 def _columns(samples: Samples, families: Sequence[OutputFamily]) -> dict[str, Array]:
     """Return the datasets that have a value at each sample, by their place in the file."""
-    columns = {quantity.name: getattr(samples, quantity.name) for quantity in SAMPLED}
+    sampled = (*SAMPLED, *(DERIVATIVES if samples.sensitivity else ()))
+    columns = {quantity.name: getattr(samples, quantity.name) for quantity in sampled}
     for family in families:
         values = [samples.outputs[name] for name in family.members]
         together = np.stack(values, axis=1) if family.axis else values[0]
@@ -240,10 +251,12 @@ class Hdf5Reader:
         )
         self._outputs = OutputDatasets(self._root, lead=1)
         self.outputs = self._outputs.names
+        self.sensitivity = read_texts(self._root, _PARAMETER) if _PARAMETER in self._root else ()
         self._length = {
             "time": numbers(self._root, "time").shape[0],
             "coordinate": len(self.coordinates),
             "constraint": len(self.constraints),
+            _PARAMETER: len(self.sensitivity),
         }
         check_times(self._array("time"))
         self.terms = self._read_terms()
@@ -275,7 +288,7 @@ class Hdf5Reader:
     def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
         """Yield columns of consecutive samples, by name."""
         lengths = self._length
-        sizes = [math.prod(lengths[a] for a in BY_NAME[n].axes[1:]) for n in names if n in BY_NAME]
+        sizes = [math.prod(lengths[a] for a in _AXES[n][1:]) for n in names if n in _AXES]
         rows = max(1, _SLAB // (8 * max([1, *sizes])))
         for start in range(0, self._length["time"], rows):
             yield {name: self._array(name, slice(start, start + rows)) for name in names}
@@ -286,11 +299,14 @@ class Hdf5Reader:
 
         arrays: dict[str, Any] = {q.name: self._array(q.name) for q in SAMPLED}
         del arrays["constraint_force"]  # the sum of constraint_force_by
+        if self.sensitivity:
+            arrays |= {q.name: self._array(q.name) for q in DERIVATIVES}
         return Trajectory(
             coordinates=self.coordinates,
             constraints=self.constraints,
             terms=self.terms,
             outputs=self._outputs.all(self._length["time"]),
+            sensitivity=self.sensitivity,
             **arrays,
             **vars(self.record),
         )
@@ -304,7 +320,7 @@ class Hdf5Reader:
             dataset = numbers(self._root, name)
             shape, expected = (
                 dataset.shape,
-                tuple(self._length[axis] for axis in BY_NAME[name].axes),
+                tuple(self._length[axis] for axis in _AXES[name]),
             )
         if shape != expected:
             raise ValueError(f"{name} has shape {shape}, not {expected}")
