@@ -12,7 +12,11 @@ from lagcli.engine.lowering import magnitude
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.lagrange import Equations
-from lagcli.equations.derivation.variational import Rates, variational_equations
+from lagcli.equations.derivation.variational import (
+    Rates,
+    derivatives_of,
+    variational_equations,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,14 +34,11 @@ class TangentTapes:
     constraint : Tape
         (t, q, v, s, ṡ, parameters) → (φ_q s + φ_θ of all directions, ψ_q s + ψ_θ of all
         directions, scales of the former, scales of B ṡ + ψ_q s + ψ_θ).
-    outputs : Tape
-        (t, q, v, a, λ, s, ṡ, s̈, λ_θ, parameters) → derivatives of the outputs, by direction.
     """
 
     directions: int
     dynamics: Tape
     constraint: Tape
-    outputs: Tape
 
 
 def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentTapes:
@@ -79,15 +80,39 @@ def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentT
             [*state, *changes],
             parameters,
         ),
-        outputs=compile_tape(
-            [*chain(*found.outputs)],
-            [
-                *state,
-                *motion,
-                *changes,
-                *chain(*found.accelerations),
-                *chain(*found.multipliers),
-            ],
-            parameters,
-        ),
+    )
+
+
+def lower_observed(
+    equations: Equations, expressions: Sequence[se.Basic], directions: Sequence[Rates]
+) -> tuple[Tape, Tape]:
+    """Turn expressions and their derivatives along the motion into tapes.
+
+    Parameters
+    ----------
+    equations : Equations
+    expressions : sequence of expressions
+        In t, q, v, a, λ and parameters.
+    directions : sequence of mappings of str to expression
+        ∂p/∂θ, as for `variational_equations`.
+
+    Returns
+    -------
+    values : Tape
+        (t, q, v, a, λ, parameters) → the expressions.
+    derivatives : Tape
+        (t, q, v, a, λ, s, ṡ, s̈, λ_θ, parameters) → their derivatives, by direction.
+    """
+    from lagcli.model.model import TIME
+
+    eq = equations
+    variations = variational_equations(eq, directions)
+    parameters = [se.Symbol(name) for name in eq.model.parameters]
+    motion = [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers]
+    parts = variations.positions, variations.rates, variations.accelerations
+    changes = [x for part in (*parts, variations.multipliers) for x in chain(*part)]
+    slopes = chain(*derivatives_of(expressions, eq, variations, directions))
+    return (
+        compile_tape(expressions, motion, parameters),
+        compile_tape(slopes, [*motion, *changes], parameters),
     )

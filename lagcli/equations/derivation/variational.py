@@ -24,7 +24,7 @@ from symengine import Basic
 
 from lagcli.equations.derivation.jacobians import Gradient, differentiate
 from lagcli.equations.derivation.lagrange import Equations, Row
-from lagcli.equations.derivation.motion import ZERO, Motion
+from lagcli.equations.derivation.motion import Motion
 from lagcli.equations.derivation.parameter_jacobians import differentiate_parameters
 
 Rates = Mapping[str, Basic]  # ∂p/∂θ by parameter, in symbols of parameters
@@ -41,7 +41,7 @@ class VariationalEquations:
     positions, rates : tuples of k symbols, by direction
         s and ṡ.
     accelerations, multipliers : tuples of k and r symbols, by direction
-        s̈ and λ_θ, which outputs may depend on.
+        s̈ and λ_θ.
     force : tuples of k expressions, by direction
         G_q s + G_v ṡ + G_θ.
     rhs : tuples of r expressions, by direction
@@ -50,8 +50,6 @@ class VariationalEquations:
         φ_q s + φ_θ.
     drift : tuples of r expressions, by direction
         ψ_q s + ψ_θ.
-    outputs : tuples of expressions, by direction
-        The derivatives of the model's outputs.
     """
 
     positions: tuple[tuple[Basic, ...], ...]
@@ -62,7 +60,6 @@ class VariationalEquations:
     rhs: tuple[tuple[Basic, ...], ...]
     position: tuple[tuple[Basic, ...], ...]
     drift: tuple[tuple[Basic, ...], ...]
-    outputs: tuple[tuple[Basic, ...], ...]
 
 
 def variational_equations(
@@ -86,7 +83,6 @@ def variational_equations(
     found = differentiate(eq)
     velocity = [motion.slopes(c.velocity).by_position for c in eq.constraints]
     holonomic = [c for c in eq.constraints if c.position is not None]
-    outputs = [_gradient(x, motion, eq) for x in eq.outputs.values()]
     blocks: dict[str, list[tuple[Basic, ...]]] = {
         name: [] for name in VariationalEquations.__dataclass_fields__
     }
@@ -127,27 +123,51 @@ def variational_equations(
                 for slopes, row in zip(velocity, partial.velocity, strict=True)
             )
         )
-        changes = dict(
-            zip((*eq.q, *eq.v, *eq.a, *eq.multipliers), (*s, *u, *a, *multipliers), strict=True)
-        )
-        blocks["outputs"].append(
+    return VariationalEquations(**{name: tuple(rows) for name, rows in blocks.items()})
+
+
+def derivatives_of(
+    expressions: Sequence[Basic],
+    equations: Equations,
+    variations: VariationalEquations,
+    directions: Sequence[Rates],
+) -> tuple[tuple[Basic, ...], ...]:
+    """Return the derivatives of expressions along the motion, by direction.
+
+    Parameters
+    ----------
+    expressions : sequence of expressions
+        In t, q, v, a, λ and parameters.
+    equations, variations, directions
+        Of one model; see `variational_equations`.
+
+    Returns
+    -------
+    tuples of expressions, by direction
+        Also in s, ṡ, s̈ and λ_θ.
+    """
+    eq, motion = equations, Motion.of(equations.model)
+    symbols = (*eq.q, *eq.v, *eq.a, *eq.multipliers)
+    found = []
+    for rates, *changes in zip(
+        directions,
+        variations.positions,
+        variations.rates,
+        variations.accelerations,
+        variations.multipliers,
+        strict=True,
+    ):
+        weights = dict(zip(symbols, (x for part in changes for x in part), strict=True))
+        weights |= {se.Symbol(name): rate for name, rate in rates.items()}
+        found.append(
             tuple(
-                se.Add(*[x * changes[y] for y, x in slopes.items()], *_explicit(row, weights))
-                for slopes, row in zip(outputs, partial.outputs.values(), strict=True)
+                se.Add(*[motion.diff(x, y) * weights[y] for y in x.free_symbols if y in weights])
+                for x in expressions
             )
         )
-    return VariationalEquations(**{name: tuple(rows) for name, rows in blocks.items()})
+    return tuple(found)
 
 
 def _explicit(row: Row, weights: Mapping[int, Basic]) -> list[Basic]:
     """Return the terms ∂/∂p ∂p/∂θ."""
     return [x * weights[i] for i, x in row.items() if i in weights]
-
-
-def _gradient(expression: Basic, motion: Motion, eq: Equations) -> dict[Basic, Basic]:
-    """Return the nonzero derivatives of an output with respect to q, v, a and λ."""
-    known = expression.free_symbols
-    slopes = {
-        y: motion.diff(expression, y) for y in (*eq.q, *eq.v, *eq.a, *eq.multipliers) if y in known
-    }
-    return {y: x for y, x in slopes.items() if x != ZERO}
