@@ -103,6 +103,8 @@ class Sensitivity:
         Complete.
     names : tuple of n str
         Parameters and initial values, as `directions.direction_names` returns them.
+    many_runs : bool
+        Whether to spend time on making runs fast.
 
     Raises
     ------
@@ -111,7 +113,13 @@ class Sensitivity:
     """
 
     def __init__(
-        self, equations: Equations, system: System, settings: Settings, names: Sequence[str]
+        self,
+        equations: Equations,
+        system: System,
+        settings: Settings,
+        names: Sequence[str],
+        *,
+        many_runs: bool = False,
     ):
         if settings.method in METHODS and METHODS[settings.method].exact:
             raise UsageError(
@@ -121,7 +129,9 @@ class Sensitivity:
         self.equations, self.system = equations, system
         self.directions = Directions(equations.model, tuple(names))
         self.tangent = lower_tangent(equations, self.directions.rates)
-        self.problem = TangentProblem(system, self.tangent, names, self.directions.scales)
+        self.problem = TangentProblem(
+            system, self.tangent, names, self.directions.scales, many_runs=many_runs
+        )
 
     def start(self, start: ConsistentState, values: Sequence[float]) -> StartDerivatives:
         """Return the derivatives of a consistent start with respect to θ / scale.

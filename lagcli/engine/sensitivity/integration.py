@@ -26,6 +26,7 @@ from lagcli.engine.sensitivity.tangent import TangentTapes
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import run_arrays
+from lagcli.settings.resolve import compiled_available
 
 if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
@@ -81,11 +82,22 @@ class TangentProblem:
         Of the directions.
     scales : (n,) array
         The tapes' derivatives are those with respect to θ / scale.
+    many_runs : bool
+        Whether to spend time on making runs fast.
     """
 
-    def __init__(self, system: System, tangent: TangentTapes, names: Sequence[str], scales: Array):
+    def __init__(
+        self,
+        system: System,
+        tangent: TangentTapes,
+        names: Sequence[str],
+        scales: Array,
+        *,
+        many_runs: bool = False,
+    ):
         self.system, self.tangent = system, tangent
         self.names, self.scales = tuple(names), scales
+        self._many_runs = many_runs
         self.blocks = Blocks(system.counts, tangent.directions)
         self._states: list[State] = []
         self._kept: tuple[int, ...] | None = None
@@ -170,7 +182,7 @@ class TangentProblem:
                     times=full.times[rows:],
                     settings=full.settings.replace(t_start=core.t),
                     elimination=self._order(full.rank),
-                    prepared=None,
+                    prepared=self._ready.prepared,
                 )
                 rows = 0
                 continue
@@ -205,7 +217,12 @@ class TangentProblem:
             raise NoOrder from None
         system = augmented(self.system, self.tangent, self.names, found, self._kept)
         full = repeated_elimination(found, self.blocks)
-        self._ready = _Ready(system, full)
+        prepared = None
+        if self._many_runs and rank == self.blocks.counts.nc and compiled_available():
+            from lagcli.engine.integrate.prepared import prepare, unrolled
+
+            prepared = unrolled(system, prepare(system, full))
+        self._ready = _Ready(system, full, prepared)
         return full
 
     def _augmented_request(
