@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from lagcli.version import __version__
 
 if TYPE_CHECKING:
+    from lagcli.analysis.fit.fit import fit
     from lagcli.equations.derivation.lagrange import derive
     from lagcli.equations.render import render
     from lagcli.model.loader import load, load_text
@@ -29,6 +30,7 @@ __all__ = [
     "animate",
     "degrees_of_freedom",
     "derive",
+    "fit",
     "load",
     "load_text",
     "plot",
@@ -45,6 +47,7 @@ _PLACES = {
     "animate": "lagcli.pictures.animation.animate",
     "degrees_of_freedom": "lagcli.simulations.start",
     "derive": "lagcli.equations.derivation.lagrange",
+    "fit": "lagcli.analysis.fit.fit",
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",
     "plot": "lagcli.pictures.plots.plot",

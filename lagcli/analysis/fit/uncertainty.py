@@ -2,8 +2,8 @@
 
 With the Jacobian J of the residuals at the minimum, the covariance is s² (JᵀJ)⁻¹; s = 1 where the
 standard deviations of the data are known, else s² is the sum of squares over the degrees of
-freedom. A singular value of J that vanishes, columns being scaled by the fitted values, is a combination of
-quantities that the data do not identify.
+freedom. Where a singular value of J vanishes, its columns being scaled by the fitted values, the
+data do not identify a combination of quantities.
 
 References
 ----------

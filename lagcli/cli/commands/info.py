@@ -11,7 +11,7 @@ from lagcli.results.formats import SUFFIX_NAMES
 def info(
     file: Annotated[
         str,
-        typer.Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}, or sweep file."),
+        typer.Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}, sweep or fit file."),
     ],
     json: Json = False,
 ) -> None:
@@ -29,8 +29,14 @@ def _described(file: str) -> tuple[dict[str, Any], str]:
     from lagcli.results.formats import format_of
 
     if format_of(file).sweeps == "all":
+        from lagcli.analysis.fit.file import is_fit
         from lagcli.sweeps.file.store import is_sweep
 
+        if is_fit(file):
+            from lagcli.analysis.fit.file import describe_fit, read_fit
+            from lagcli.analysis.fit.text import format_fit
+
+            return describe_fit(file), format_fit(read_fit(file))
         if is_sweep(file):
             from lagcli.sweeps.file.description import describe_sweep, format_sweep
 

@@ -1,4 +1,4 @@
-"""Plots of results: of runs, and of sweeps."""
+"""Plots of results: of runs, of sweeps, and of fits."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 from lagcli.errors import UsageError
 from lagcli.pictures.plots.figure_file import check_picture
+from lagcli.pictures.plots.fit_plot import plot_fit
 from lagcli.pictures.plots.run_plot import plot_runs
 from lagcli.pictures.plots.sweep_plot import PlottedTable, plot_table
 from lagcli.pictures.plots.sweep_rows import Rows
@@ -34,12 +35,12 @@ def plot(
     Parameters
     ----------
     results : path or Trajectory, or sequence of them
-        Runs, drawn over each other, or one sweep file.
+        Runs, drawn over each other, or one sweep or fit file.
     output : path
         A name that ends with ``.png``, ``.svg`` or ``.pdf``.
     names : sequence of str
         What to plot: see docs/pictures.md. By default, of runs, coordinates, multipliers, energy
-        balance and residuals; of a sweep, its measures.
+        balance and residuals; of a sweep, its measures; of a fit, what was observed.
     title : str, optional
         By default the model's name, and what went wrong with a run that is not complete.
     size : (float, float), optional
@@ -68,7 +69,14 @@ def plot(
     kind = check_picture(path, force)
     sources = [results] if isinstance(results, (str, os.PathLike, Trajectory)) else list(results)
     look: dict[str, Any] = {"title": title, "size": size, "dpi": dpi, "force": force}
-    sweep = next((found for found in map(_sweep, sources) if found is not None), None)
+    kinds = [(source, _kind(source)) for source in sources if not isinstance(source, Trajectory)]
+    fit = next((os.fspath(x) for x, of in kinds if of == "fit"), None)
+    if fit is not None:
+        if len(sources) > 1:
+            raise UsageError(f"{fit} is a fit, which is plotted alone")
+        plot_fit(fit, names, path, kind, **look)
+        return ()
+    sweep = next((os.fspath(x) for x, of in kinds if of == "sweep"), None)
     if sweep is None:
         plot_runs([RunFile(source, model) for source in sources], names, path, kind, **look)
         return ()
@@ -84,11 +92,12 @@ def plot(
     return (f"{drawn} of {rows.good} rows are drawn",) if drawn < rows.good else ()
 
 
-def _sweep(source: Source) -> str | None:
-    """Return the name of a sweep file; None for anything else."""
-    if isinstance(source, Trajectory) or format_of(source).sweeps != "all":
-        return None
-    from lagcli.sweeps.file.store import is_sweep
+def _kind(source: str | os.PathLike[str]) -> str:
+    """Return what a file holds: fit, sweep or anything else."""
+    if format_of(source).sweeps != "all":
+        return ""
+    from lagcli.results.hdf5.opening import open_verified
+    from lagcli.trajectory.samples import SCHEMA_VERSION
 
-    path = os.fspath(source)
-    return path if is_sweep(path) else None
+    with open_verified(source, SCHEMA_VERSION) as opened:
+        return opened.kind
