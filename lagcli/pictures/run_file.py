@@ -36,7 +36,7 @@ class RunFile:
     ----------
     name : str
         What messages call it.
-    coordinates, constraints, outputs : tuples of str
+    coordinates, constraints, outputs, sensitivity : tuples of str
     terms : Terms
     count : int
         Number of samples.
@@ -54,6 +54,7 @@ class RunFile:
 
     varied: Mapping[str, float] = MappingProxyType({})
     fields: frozenset[str] | None = None
+    sensitivity: tuple[str, ...] = ()
 
     def __init__(self, source: str | os.PathLike[str] | Trajectory, model: str | None = None):
         self._source, self._model_file = source, model
@@ -61,6 +62,7 @@ class RunFile:
             self.name = "the run"
             self.coordinates, self.constraints = source.coordinates, source.constraints
             self.outputs, self.terms = tuple(source.outputs), source.terms
+            self.sensitivity = source.sensitivity
             self.record: Record = source
             self.count = len(source.time)
             return
@@ -68,6 +70,7 @@ class RunFile:
         with open_reader(source) as reader:
             self.coordinates, self.constraints = reader.coordinates, reader.constraints
             self.outputs, self.terms = reader.outputs, reader.terms
+            self.sensitivity = reader.sensitivity
             self.record = reader.record
             self.count = reader.count()
 

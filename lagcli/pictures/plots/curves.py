@@ -12,11 +12,13 @@ import numpy as np
 
 from lagcli.columns import (
     BY_NAME,
+    DERIVATIVES,
     RESIDUALS,
     SAMPLED,
     SCALARS,
     ColumnName,
     column_names,
+    derivative_names,
     read_column_name,
 )
 from lagcli.equations.render.names import GREEK, Notation, split
@@ -82,6 +84,7 @@ class Catalogue:
         self.run = run
         self._places = {name: i for i, name in enumerate(run.coordinates)}
         self._constraints = {name: i for i, name in enumerate(run.constraints)}
+        self._derivatives = {curve.name: curve for curve in _derivatives(run)}
 
     def find(self, text: str) -> list[Curve]:
         """Return the curves of a name, in which * stands for anything.
@@ -123,6 +126,8 @@ class Catalogue:
             known = not np.isnan(self.run.record.scale_velocity).any()
             group, label = "relative residuals" if known else "residuals", _RESIDUALS[name].label
             return Curve(name, name, (), group, "", label, log=True, largest=True)
+        if name in self._derivatives:
+            return self._derivatives[name]
         if name in self.run.outputs:
             unit = self.run.record.units.get(name, "")
             # outputs without a unit have nothing in common but the name of their family
@@ -175,6 +180,7 @@ class Catalogue:
             yield from map(str, column_names(quantity, q, constraints, terms))
         yield from _RESIDUALS
         yield from self.run.outputs
+        yield from self._derivatives
 
     def _family(self, name: str) -> Iterator[Curve]:
         """Yield the members of a family: of x, x_dot, lambda.rod, tension."""
@@ -207,6 +213,7 @@ class Catalogue:
             ("multipliers", _listed(multipliers)),
             ("forces", ", ".join(filter(self.named, forces))),
             ("outputs", _listed(self.run.outputs)),
+            ("derivatives", _listed([*self._derivatives])),
             ("of all runs", ", ".join(filter(self.named, scalars))),
         ]
         return UsageError(
@@ -241,6 +248,17 @@ class Catalogue:
         if self._names is None:
             return _raw(str(name))
         return f"${self._names.latex_multiplier(name.constraint)}$"
+
+
+def _derivatives(run: RunFile) -> Iterator[Curve]:
+    """Yield the derivatives that a run has: ``dphi/dl``."""
+    for quantity in DERIVATIVES if run.sensitivity else ():
+        along = run.coordinates if quantity.axes[1] == "coordinate" else run.constraints
+        names = derivative_names(quantity, run.coordinates, run.constraints, run.sensitivity)
+        places = product(range(len(along)), range(len(run.sensitivity)))
+        for name, place in zip(names, places, strict=True):
+            group = f"{quantity.name}/d{run.sensitivity[place[1]]}"
+            yield Curve(name, quantity.name, place, group, "", _raw(name))
 
 
 def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:

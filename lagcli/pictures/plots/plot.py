@@ -28,6 +28,7 @@ def plot(
     size: tuple[float, float] | None = None,
     dpi: float = 150,
     model: str | None = None,
+    bands: Sequence[str] = (),
     force: bool = False,
 ) -> tuple[str, ...]:
     """Plot results to a file.
@@ -49,6 +50,9 @@ def plot(
         Dots per inch; a vector format has them for nothing but how finely long runs are drawn.
     model : str, optional
         A model file in place of the text in the result.
+    bands : sequence of str
+        Spreads of parameters, ``l=0.01`` or ``l=5%``, by which bands are drawn around the curves of
+        runs that were simulated with derivatives.
     force : bool
         Replace an existing file.
 
@@ -78,7 +82,8 @@ def plot(
         return ()
     sweep = next((os.fspath(x) for x, of in kinds if of == "sweep"), None)
     if sweep is None:
-        plot_runs([RunFile(source, model) for source in sources], names, path, kind, **look)
+        files = [RunFile(source, model) for source in sources]
+        plot_runs(files, names, path, kind, bands=bands, **look)
         return ()
     if len(sources) > 1:
         raise UsageError(f"{sweep} is a sweep, which is plotted alone")

@@ -9,6 +9,7 @@ import numpy as np
 
 from lagcli.errors import UsageError
 from lagcli.pictures.plots import style
+from lagcli.pictures.plots.bands import half_widths, read_bands
 from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
 from lagcli.pictures.plots.differences import labels_of
 from lagcli.pictures.plots.figure_file import check_resolution, new_figure, write_figure
@@ -40,6 +41,7 @@ def plot_runs(
     title: str | None = None,
     size: tuple[float, float] | None = None,
     dpi: float = 150,
+    bands: Sequence[str] = (),
     force: bool = False,
 ) -> None:
     """Plot runs to a file.
@@ -53,7 +55,7 @@ def plot_runs(
         energy balance and residuals.
     path, kind : str
         The file to be, and its format: one of `lagcli.pictures.plots.figure_file.FORMATS`.
-    title, size, dpi, force
+    title, size, dpi, bands, force
         As for `lagcli.plot`.
 
     Raises
@@ -66,9 +68,11 @@ def plot_runs(
     catalogues = [Catalogue(run) for run in runs]
     panels = [asked(c, names) if names else usual(c) for c in catalogues]
     _check(runs, panels)
-    values = [
-        read_curves(run, {curve for p in own for curve in (*p.curves, *p.over)})
-        for run, own in zip(runs, panels, strict=True)
+    drawn = [{curve for p in own for curve in (*p.curves, *p.over)} for own in panels]
+    values = [read_curves(run, curves) for run, curves in zip(runs, drawn, strict=True)]
+    widths = [
+        half_widths(run, curves, read_bands(run, bands))
+        for run, curves in zip(runs, drawn, strict=True)
     ]
     heights = [_PHASE if panel.over else _TIME for panel in panels[0]]
     size = size or (WIDTH, sum(heights) + 0.6)
@@ -76,7 +80,7 @@ def plot_runs(
     title = _title(runs) if title is None else title
     with new_figure(size, dpi) as figure:
         columns = int(size[0] * (dpi if kind == "png" else _PRINTED))
-        drawing = PanelDrawing(figure, runs, values, columns)
+        drawing = PanelDrawing(figure, runs, values, columns, widths)
         drawing.draw(panels, heights)
         if title:
             figure.suptitle(title.replace("$", r"\$"), fontsize=10)
@@ -121,11 +125,19 @@ class PanelDrawing:
         The curves of each run, by name.
     columns : int
         Pixels, or what stands for them, along the axis of time.
+    widths : sequence of mappings of str to (nt,) array
+        Half-widths of the bands around curves of each run, by name; none without.
     """
 
     def __init__(
-        self, figure: Any, runs: Sequence[RunFile], values: Sequence[Values], columns: int
+        self,
+        figure: Any,
+        runs: Sequence[RunFile],
+        values: Sequence[Values],
+        columns: int,
+        widths: Sequence[Values] = (),
     ):
+        self.widths = widths or [{}] * len(runs)
         self.figure, self.runs, self.values, self.columns = figure, runs, values, columns
         self.labels, numbers, self.difference = labels_of(runs)
         #: Many runs are a family: coloured by what tells them apart, without a legend.
@@ -177,6 +189,11 @@ class PanelDrawing:
                     look["marker"] = "o"
                 ax.plot(x, y, **look)
                 shown.append(y)
+                width = self.widths[number].get(curve.name)
+                if width is not None and not panel.over and not panel.log:
+                    middle, color = drawable(values[curve.name]), look["color"]
+                    ends = middle - width, middle + width
+                    ax.fill_between(values["t"], *ends, color=color, alpha=0.25, linewidth=0)
         plain_ticks(ax.xaxis)
         if first.log:
             decades(ax, shown)
