@@ -6,6 +6,7 @@ from pathlib import Path
 
 from Cython.Build import cythonize
 from setuptools import Extension, setup
+from setuptools.command.build_py import build_py
 
 # a build is isolated from the directory that it is run in
 sys.path.insert(0, str(Path(__file__).parent))
@@ -45,4 +46,18 @@ for extension in extensions:
     # set here because cythonize drops it; with the variable, as in CI, a failed build is an error
     extension.optional = "LAGCLI_REQUIRE_CORE" not in os.environ
 
-setup(ext_modules=extensions)
+
+class BuildWithModels(build_py):
+    """Puts the shipped models into the package; an editable install uses those of the checkout."""
+
+    def run(self) -> None:
+        """Build the package, and copy the models into it."""
+        super().run()
+        if not self.editable_mode:
+            folder = Path(self.build_lib) / "lagcli" / "models"
+            self.mkpath(str(folder))
+            for path in sorted(Path("models").glob("*.yaml")):
+                self.copy_file(str(path), str(folder / path.name))
+
+
+setup(ext_modules=extensions, cmdclass={"build_py": BuildWithModels})

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from lagcli.columns import QUANTITIES, ResultQuantity
+from lagcli.model.keys import MODEL, VIEW, JsonSchema
 from lagcli.settings.kinds import Choice, Flag, Setting, Times, Tolerances, WholeNumber
 from lagcli.settings.methods import FORMULATIONS, METHODS, Method
 from lagcli.settings.settings import Settings
@@ -59,7 +60,28 @@ def columns_table() -> str:
     return _table(("dataset", "shape", "meaning", "unit", "column"), rows)
 
 
-TABLES = {"settings": settings_table, "methods": methods_table, "columns": columns_table}
+def keys_table() -> str:
+    """Return the table of the keys of model files."""
+    return _keys_table(MODEL)
+
+
+def view_table() -> str:
+    """Return the table of the keys of a view."""
+    return _keys_table(VIEW)
+
+
+TABLES = {
+    "settings": settings_table,
+    "methods": methods_table,
+    "columns": columns_table,
+    "keys": keys_table,
+    "view": view_table,
+}
+
+
+def _keys_table(schema: JsonSchema) -> str:
+    rows = ((f"`{name}`", x["description"]) for name, x in schema["properties"].items())
+    return _table(("key", "value"), rows)
 
 
 def _value(setting: Setting[Any]) -> str:

@@ -9,7 +9,11 @@ import typer
 from lagcli.errors import UsageError
 
 ModelPath = Annotated[
-    str, typer.Argument(metavar="MODEL", help="Model file (YAML), or - for standard input.")
+    str,
+    typer.Argument(
+        metavar="MODEL",
+        help="Model file (YAML), name of a shipped model, or - for standard input.",
+    ),
 ]
 SetParameter = Annotated[
     list[str] | None,

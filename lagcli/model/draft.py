@@ -30,20 +30,20 @@ Indices = MappingOf[str, int]
 class Draft:
     """State of loading a model file.
 
-        Parameters
-        ----------
-        source : Source
-        root : Mapping
+    Parameters
+    ----------
+    source : Source
+    root : Mapping
     report : Diagnostics
     names : Symbols
-        trees : dict of str to Tree
-            Syntax trees of the expressions, by key: ``T``, ``Q.phi``, ``outputs.rod_force``.
-        misspelled_keys : set of str
-            Keys that the file misspells, whose error has been reported.
-        members : int
-            Number of family members so far.
-        parameter_needs : mapping of str to lists of str
-            Parameters that each parameter depends on.
+    trees : dict of str to Tree
+        Syntax trees of the expressions, by key: ``T``, ``Q.phi``, ``outputs.rod_force``.
+    misspelled_keys : set of str
+        Keys that the file misspells, whose error has been reported.
+    members : int
+        Number of family members so far.
+    parameter_needs : mapping of str to lists of str
+        Parameters that each parameter depends on.
     """
 
     source: Source
@@ -122,7 +122,7 @@ class Draft:
         key: Scalar,
         node: YamlNode,
         what: str,
-        known: tuple[str, ...] = ("expr", "description"),
+        known: tuple[str, ...],
         later: tuple[str, ...] = (),
         example: str = "expression",
     ) -> tuple[YamlNode | None, dict[str, YamlNode]]:
@@ -197,17 +197,17 @@ class Parsed:
 class Formula:
     """Expression of a model file, built for each value of its index.
 
-        An error is reported once, for the first index value that causes it.
+    An error is reported once, for the first index value that causes it.
 
-        Parameters
-        ----------
-        draft : Draft
-        parsed : Parsed
-        context : Context
+    Parameters
+    ----------
+    draft : Draft
+    parsed : Parsed
+    context : Context
     names : Symbols, optional
-            Symbol table; the draft's by default.
-        index : str, optional
-    Name of the entry's index.
+        Symbol table; the draft's by default.
+    index : str, optional
+        Name of the entry's index.
     """
 
     def __init__(
@@ -229,10 +229,10 @@ class Formula:
     def value(self, indices: Indices = NO_INDICES) -> Sized | None:
         """Return the value for given index values; None if the expression has an error.
 
-                Raises
-                ------
-                Unbuilt
-        A name that it uses has no value yet.
+        Raises
+        ------
+        Unbuilt
+            A name that it uses has no value yet.
         """
         if not self.good:
             return None

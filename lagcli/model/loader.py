@@ -10,6 +10,7 @@ from pathlib import Path
 
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.draft import Draft
+from lagcli.model.keys import MODEL, keys_of
 from lagcli.model.model import Model
 from lagcli.model.names.families import Declaration, declarations
 from lagcli.model.sections.constraints import declare_constraints, read_constraints
@@ -32,10 +33,6 @@ from lagcli.model.yaml.composing import compose
 from lagcli.model.yaml.reading import check_text, read_text
 from lagcli.model.yaml.source import Source
 
-KEYS = (
-    *("name", "description", "coordinates", "parameters", "definitions", "T", "V", "L", "Q", "D"),
-    *("constraints", "initial", "outputs", "simulation", "view", "fit"),
-)
 LATER_KEYS = ("inputs", "events")
 
 
@@ -48,7 +45,7 @@ def load(
 
     Parameters
     ----------
-    path : path, or "-" for standard input
+    path : path, name of a shipped model, or "-" for standard input
     set : mapping of parameter names to values, optional
         Parameter values that override the file's: numbers, or text in the syntax of model files
         (``"30 deg"``, ``"2*m"``).
@@ -104,7 +101,7 @@ def _without_gc() -> Iterator[None]:
 def _model(
     draft: Draft, overrides: Mapping[str, object], initial_overrides: Mapping[str, object]
 ) -> Model:
-    check_keys(draft, KEYS, LATER_KEYS)
+    check_keys(draft, keys_of(MODEL), LATER_KEYS)
     coordinate_entries = read_coordinates(draft)
     parameter_entries = _declarations(draft, "parameters", "parameter")
     definition_entries = _declarations(draft, "definitions", "definition")

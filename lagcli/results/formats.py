@@ -114,6 +114,7 @@ FORMATS = (
     ResultFormat("csv", "CSV", (".csv",), _csv, sweeps="table", streams=True),
 )
 #: All suffixes, as `str.endswith` takes them.
+MODEL_SUFFIXES = (".yaml", ".yml")
 SUFFIXES = tuple(suffix for f in FORMATS for suffix in f.suffixes)
 #: The suffixes in help texts.
 SUFFIX_TEXT = " or ".join(f"{f.suffixes[0]} ({f.title})" for f in FORMATS)
@@ -147,6 +148,23 @@ def format_of(path: str | os.PathLike[str]) -> ResultFormat:
     raise UsageError(
         f"{os.fspath(path)}: the suffix {suffix or '(none)'} is not a result format; use {names}"
     )
+
+
+def format_read(path: str | os.PathLike[str]) -> ResultFormat:
+    """Return the format of a file to read; see `format_of`.
+
+    Raises
+    ------
+    UsageError
+        The suffix is that of no format, or of model files.
+    """
+    stem, suffix = os.path.splitext(os.fspath(path))
+    if suffix.lower() in MODEL_SUFFIXES:
+        raise UsageError(
+            f"{os.fspath(path)} is a model file, not a result;"
+            f" `lagcli simulate {os.fspath(path)} -o {stem}.h5` makes one"
+        )
+    return format_of(path)
 
 
 def check_target(output: str | os.PathLike[str], force: bool = False, meta: bool = False) -> None:
@@ -243,10 +261,7 @@ def open_reader(path: str | os.PathLike[str]) -> AbstractContextManager[Reader]:
 
     They are raised when the context is entered, or when damage is met.
     """
-    name = os.fspath(path)
-    if name.lower().endswith((".yaml", ".yml")):
-        raise UsageError(f"{name} is a model; simulate it first: lagcli simulate {name} -o run.h5")
-    return format_of(name).functions().open_reader(name)
+    return format_read(path).functions().open_reader(os.fspath(path))
 
 
 def _target_format(path: str) -> ResultFormat:

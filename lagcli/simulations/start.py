@@ -119,7 +119,9 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
     names = ", ".join(f"`{x.constraint}`" for x in error.violations)
     plural = "s" if len(error.violations) > 1 else ""
     first = next(c for c in model.constraints if c.name == error.violations[0].constraint)
-    level = "" if error.level == "position" else ", differentiated in time,"
+    kinds = {c.name: c.kind for c in model.constraints}
+    holonomic = any(kinds[x.constraint] == "holonomic" for x in error.violations)
+    level = ", differentiated in time," if error.level == "velocity" and holonomic else ""
     if error.contradiction and error.stuck:
         freed = error.stuck[0]
         base = freed.rstrip("'")

@@ -91,11 +91,11 @@ def test_every_option_is_documented(command):
 def test_every_model_key_and_function_is_documented():
     from lagcli.model.expression.building import TENSOR_FUNCTIONS
     from lagcli.model.expression.functions import FUNCTIONS
-    from lagcli.model.loader import KEYS
+    from lagcli.model.keys import MODEL, keys_of
 
     page = (ROOT / "docs" / "model-file.md").read_text()
     words = set(re.findall(r"\w+", page))
-    names = [*KEYS, *FUNCTIONS, *TENSOR_FUNCTIONS]
+    names = [*keys_of(MODEL), *FUNCTIONS, *TENSOR_FUNCTIONS]
     assert not [n for n in names if n not in words]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -30,12 +29,13 @@ def main(wheel: str) -> None:
 
         run(sys.executable, "-m", "venv", "venv")
         run("python", "-m", "pip", "install", "-q", f"{Path(wheel).resolve()}[pictures]")
-        shutil.copy(ROOT / "models" / "slider_crank.yaml", place)
+        run("lagcli", "new", "slider_crank.yaml", "--from", "slider_crank")
         where = run("python", "-c", "import lagcli; print(lagcli.__file__)").strip()
         assert where.startswith(str(place)), where
         version = Path(wheel).name.split("-")[1]
         assert run("lagcli", "--version") == f"lagcli {version}\n"
-        assert "λ" in run("lagcli", "derive", "slider_crank.yaml")
+        assert "four_bar" in run("lagcli", "models")
+        assert "λ" in run("lagcli", "derive", "slider_crank")
         said = run("lagcli", "simulate", "slider_crank.yaml", "-o", "run.h5")
         assert "compiled engine" in said, said
         run("lagcli", "info", "run.h5")

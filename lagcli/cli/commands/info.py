@@ -26,9 +26,9 @@ def info(
 
 
 def _described(file: str) -> tuple[dict[str, Any], str]:
-    from lagcli.results.formats import format_of
+    from lagcli.results.formats import format_read
 
-    if format_of(file).sweeps == "all":
+    if format_read(file).sweeps == "all":
         from lagcli.analysis.fit.file import is_fit
         from lagcli.sweeps.file.store import is_sweep
 

@@ -7,7 +7,7 @@ import typer
 
 from lagcli.cli.options import Force
 from lagcli.errors import UsageError
-from lagcli.results.formats import SUFFIX_NAMES, SUFFIXES
+from lagcli.results.formats import MODEL_SUFFIXES, SUFFIX_NAMES, SUFFIXES
 
 
 def plot(
@@ -56,8 +56,9 @@ def plot(
     from lagcli.pictures.plots.figure_file import size_of
     from lagcli.pictures.plots.plot import plot as draw
 
-    files = [a for a in arguments if a.lower().endswith(SUFFIXES)]
-    names = [a for a in arguments if not a.lower().endswith(SUFFIXES)]
+    suffixes = (*SUFFIXES, *MODEL_SUFFIXES)  # a model file gets its own error
+    files = [a for a in arguments if a.lower().endswith(suffixes)]
+    names = [a for a in arguments if not a.lower().endswith(suffixes)]
     if not files:
         raise UsageError(
             "there is no result file among the arguments: its name ends with"

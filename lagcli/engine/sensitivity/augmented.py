@@ -109,7 +109,7 @@ def augmented(
         parameters=system.parameters,
         mass_pattern=_repeated(system.mass_pattern, n, nq, nq),
         jacobian_pattern=_repeated(system.jacobian_pattern, n, nc, nq),
-        dynamics=_Dynamics(system, tangent, elimination, independent, blocks).tape(),
+        dynamics=_AugmentedDynamics(system, tangent, elimination, independent, blocks).tape(),
         constraint=_constraint(system, tangent, blocks),
         report=Tape(SampleLayout(blocks.total).size - 1 + len(system.parameters), (), (), ()),
         variation=variation,
@@ -182,7 +182,7 @@ def _repeated(pattern: Pattern, n: int, rows: int, columns: int) -> Pattern:
     return tuple((k * rows + i, k * columns + j) for k in range(n + 1) for i, j in pattern)
 
 
-class _Dynamics(Arithmetic):
+class _AugmentedDynamics(Arithmetic):
     """Emits the dynamics of the augmented System."""
 
     def __init__(

@@ -27,7 +27,7 @@ def unexpected_token(before: Token, token: Token, after: Token, text: str) -> Ex
             "give only the expression; use `==` in conditions of if()",
         )
     if token.kind in ("name", "number") or token.text in ("(", "["):
-        return _no_operator(before, token)
+        return _no_operator(before, token, text)
     if token.text == ",":
         return _stray_comma(before, token, after)
     if token.text in (")", "]"):
@@ -69,10 +69,14 @@ def _fail(message: str, token: Token, help_: str | None = None) -> ExpressionErr
     return ExpressionError("syntax", message, token.start, token.end, help_)
 
 
-def _no_operator(before: Token, token: Token) -> ExpressionError:
-    left, right = before.text, token.text
+def _no_operator(before: Token, token: Token, text: str) -> ExpressionError:
+    # the text itself, as `½` and `x²` are several tokens
+    left = text[before.start : before.end] or before.text
+    right = text[token.start : token.end]
     if right == "[":
         help_ = f"write the member of a family as `{left}[1]`" if before.kind == "name" else None
+        if before.text == "'":  # of a name with dots
+            help_ = "write the velocity of a member as `x[1]'`"
         return _fail("an index must directly follow a name", token, help_)
     if before.kind == "number" and token.kind == "number":
         message, help_ = "two numbers without an operator between them", None

@@ -1,8 +1,13 @@
-"""Tokenizer of the expression language."""
+"""Tokenizer of the expression language.
+
+Characters of printed formulas become those of the language: ``½·m·ẋ²`` is ``(1/2)*m*x'^2``.
+"""
 
 from __future__ import annotations
 
 import re
+import unicodedata
+from collections.abc import Iterator
 from typing import NamedTuple
 
 
@@ -55,37 +60,36 @@ def _first_invalid(text: str) -> int | None:
     return None
 
 
+#: Characters that mean the same as one of the language.
+_SAME = str.maketrans("·⋅∙×÷−–′’", "****/--''")
+_SAME_MARKS = {"≤": "<=", "≥": ">=", "≠": "!="}
+_POWER_DIGITS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
+_POWERS = str.maketrans(_POWER_DIGITS, "0123456789")
+_FRACTIONS = "¼½¾⅐⅑⅒⅓⅔⅕⅖⅗⅘⅙⅚⅛⅜⅝⅞"
+#: Over a letter: first and second time derivative.
+_DOTS = {"\u0307": 1, "\u0308": 2}
+#: Letters of alphabets, not second derivatives.
+_LETTERS = frozenset("äëïöüÿÄËÏÖÜŸϊϋΪΫ")
+
 _NUMBER = r"(?:[0-9]++(?:\.(?!\.)[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
-_WORD = r"[^\W\d_]\w*(?:\.[^\W\d_]\w*)*"
+_OTHER = _POWER_DIGITS + _FRACTIONS  # which \w matches
+_DOTTED = rf"[^\W{_OTHER}]*+(?:[\u0307\u0308][^\W{_OTHER}]*+)*+"
+_WORD = rf"[^\W\d_{_OTHER}]{_DOTTED}(?:\.[^\W\d_{_OTHER}]{_DOTTED})*"
 #: suffixes of members: Qc.rod[2].x[3] and x[3]_dot
 _AFTER_MEMBER = r"(?<=\])\.(?=[^\W\d_])|(?<=\])_d?dot(?!\w)"
 _MARK = rf"\*\*|<=|>=|==|!=|\.\.|[-+*/^()\[\],<>=']|{_AFTER_MEMBER}"
-_TOKEN = re.compile(rf"\s*+(?:(?P<number>{_NUMBER})|(?P<name>{_WORD})|(?P<mark>{_MARK}))")
+_PRINTED = rf"⁻?[{_POWER_DIGITS}]+|[{_FRACTIONS}]|[{''.join(_SAME_MARKS)}″]"
+_TOKEN = re.compile(
+    rf"\s*+(?:(?P<number>{_NUMBER})|(?P<name>{_WORD})|(?P<mark>{_MARK})|(?P<printed>{_PRINTED}))"
+)
 _BLANK = re.compile(r"\s*")
-_MINUS = "use the plain hyphen `-` for minus"
 _PRIME = "use the plain apostrophe `'` for a time derivative"
-_PRODUCT = "write a product as `a*b`"
 _GROUP = "group with parentheses ( )"
 _HINTS = {
-    "²": "write a power as `x^2`",
-    "³": "write a power as `x^3`",
-    "½": "write `1/2`",
-    "·": _PRODUCT,
-    "×": _PRODUCT,
-    "∙": _PRODUCT,
-    "⋅": _PRODUCT,
-    "÷": "write a quotient as `a/b`",
-    "−": _MINUS,
-    "–": _MINUS,
-    "—": _MINUS,
-    "’": _PRIME,
-    "′": _PRIME,
+    "—": "use the plain hyphen `-` for minus",
     "‘": _PRIME,
     "`": _PRIME,
     "√": "write a root as `sqrt(x)`",
-    "≤": "write `<=`",
-    "≥": "write `>=`",
-    "≠": "write `!=`",
     "∞": "a number must be finite",
     "°": "an angle in degrees is a value with a unit: `30 deg`",
     "|": "write an absolute value as `abs(x)`",
@@ -116,22 +120,68 @@ def tokenize(text: str, start: int = 0) -> list[Token]:
     ExpressionError
         At the first invalid character.
     """
-    tokens, position = [], start
-    while match := _TOKEN.match(text, position):
+    tokens: list[Token] = []
+    position = start
+    plain = text if text.isascii() else text.translate(_SAME)
+    while match := _TOKEN.match(plain, position):
         kind = match.lastgroup
         assert kind is not None
         token, position = match[kind], match.end()
-        if kind == "name" and not token.isascii():
-            foreign = _first_invalid(token.replace(".", "_"))
+        begin = position - len(token)
+        if token.isascii():
+            tokens.append(Token(kind, token, begin, position))
+        elif kind == "printed":
+            tokens.extend(_printed(token, begin, position))
+        else:
+            name, primes = without_dots(token)
+            foreign = _first_invalid(name.replace(".", "_"))
             if foreign is not None:
-                raise _unexpected(text, match.start(kind) + foreign)
-        tokens.append(Token(kind, token, position - len(token), position))
+                raise _unexpected(text, begin + foreign)
+            tokens.append(Token(kind, name, begin, position))
+            tokens.extend([Token("mark", "'", position, position)] * primes)
     rest = _BLANK.match(text, position)
     assert rest is not None
     if rest.end() < len(text):
         raise _unexpected(text, rest.end())
     tokens.append(Token("end", "", len(text), len(text)))
     return tokens
+
+
+def _printed(token: str, start: int, end: int) -> Iterator[Token]:
+    """Yield the tokens that a power, a fraction, a comparison or a double prime stands for."""
+    if token == "″":
+        yield Token("mark", "'", start, end)
+        yield Token("mark", "'", end, end)
+    elif token in _SAME_MARKS:
+        yield Token("mark", _SAME_MARKS[token], start, end)
+    elif token in _FRACTIONS:
+        over, _, under = unicodedata.normalize("NFKC", token).partition("⁄")
+        yield Token("mark", "(", start, end)
+        yield Token("number", over, start, end)
+        yield Token("mark", "/", start, end)
+        yield Token("number", under, start, end)
+        yield Token("mark", ")", start, end)
+    else:
+        yield Token("mark", "^", start, end)
+        if token[0] == "⁻":
+            yield Token("mark", "-", start, end)
+        yield Token("number", token.lstrip("⁻").translate(_POWERS), start, end)
+
+
+def without_dots(name: str) -> tuple[str, int]:
+    """Return a name without the dots over a letter, and the derivative that they denote.
+
+    ``ẋ_A`` is the first derivative of ``x_A``; ``ä`` is a letter.
+    """
+    if name.isascii():
+        return name, 0
+    letters, primes = "", 0
+    for char in name:
+        decomposed = char if char in _LETTERS else unicodedata.normalize("NFD", char)
+        rest = "".join(c for c in decomposed if c not in _DOTS)
+        primes += sum(_DOTS.get(c, 0) for c in decomposed)
+        letters += char if rest == decomposed else rest
+    return letters, primes
 
 
 def words(text: str) -> list[str]:

@@ -106,6 +106,8 @@ def _help(names: Symbols, context: Context, name: Name, base: str) -> str | None
         return "numbers are finite"
     if text in _CONSTANTS:
         return _CONSTANTS[text]
+    if context.coordinates and (velocity := meant_derivative(names, as_written(name))):
+        return f"a time derivative is written with primes: `{velocity}`"
     if close := _close(names, context, text):
         return did_you_mean(close)
     if text != base:
@@ -114,6 +116,16 @@ def _help(names: Symbols, context: Context, name: Name, base: str) -> str | None
         block = "coordinates" if name.primes else "parameters"
         return f"declare it under `{block}`"
     return f"declare it, for instance under `parameters`: `{text}: 1`"
+
+
+def meant_derivative(names: Symbols, text: str) -> str | None:
+    """Return ``x'`` for ``xdot`` and ``x''`` for ``xddot`` if x is a coordinate or definition."""
+    base, bracket, index = text.partition("[")
+    for suffix, primes in (("ddot", "''"), ("dot", "'")):
+        stem = base.removesuffix(suffix)
+        if stem != base and (names.declared(stem) or f"{stem}[]" in names.families):
+            return f"{stem}{bracket}{index}{primes}"
+    return None
 
 
 def _close(names: Symbols, context: Context, text: str) -> list[str]:

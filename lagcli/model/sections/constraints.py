@@ -12,6 +12,7 @@ from lagcli.model.expression.grammar import parse_equation
 from lagcli.model.expression.linearity import count_terms, expand_terms, is_zero, nonlinear_in
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Comparison, Tree
+from lagcli.model.keys import CONSTRAINT, keys_of
 from lagcli.model.model import Constraint
 from lagcli.model.names.families import Declaration, Member, by_name
 from lagcli.model.names.scope import uses
@@ -51,7 +52,12 @@ def read_constraints(
 def _builder(draft: Draft, d: Declaration) -> _ConstraintBuilder | None:
     what = f"constraint `{d.title}`"
     node, fields = draft.expression_node(
-        d.key, d.node, what, later=("unilateral", "restitution"), example=_EXAMPLE
+        d.key,
+        d.node,
+        what,
+        keys_of(CONSTRAINT),
+        later=("unilateral", "restitution"),
+        example=_EXAMPLE,
     )
     description = draft.text(fields.get("description"), f"`description` of {what}")
     equation = None if node is None else _equation(draft, node, what)

@@ -10,6 +10,7 @@ from lagcli.errors import SourceLocation
 from lagcli.model.draft import Draft
 from lagcli.model.expression.tokens import is_name
 from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, to_si
+from lagcli.model.keys import COORDINATE, keys_of
 from lagcli.model.model import Coordinate
 from lagcli.model.names.families import Declaration, Member, by_name, members_of, read_key
 from lagcli.model.names.members import family_of, index_of
@@ -150,7 +151,7 @@ def _coordinate(draft: Draft, declaration: Declaration) -> Coordinate:
         )
         return Coordinate(name, location=key.location)
     what = f"the coordinate `{name}`"
-    fields = draft.fields(value, what, ("unit", "description", "latex"))
+    fields = draft.fields(value, what, keys_of(COORDINATE))
     texts = {f: draft.text(n, f"`{f}` of {what}") for f, n in fields.items()}
     unit = si_unit(draft, texts.get("unit"), fields["unit"]) if texts.get("unit") else None
     latex = fields["latex"].location if "latex" in fields else None

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from lagcli.model.diagnostics import Broken
 from lagcli.model.draft import Draft, Formula, Parsed
 from lagcli.model.expression.trees import Name, walk
+from lagcli.model.keys import DEFINITION, keys_of
 from lagcli.model.model import Definition
 from lagcli.model.names.dependencies import Unbuilt, build_on_demand, topological_order
 from lagcli.model.names.families import Declaration, Member, by_name
@@ -91,7 +92,7 @@ def _parsed(draft: Draft, members: Mapping[str, Member]) -> dict[int, _Definitio
             continue
         seen.add(id(d))
         what = f"the definition `{d.title}`"
-        node, fields = draft.expression_node(d.key, d.node, what)
+        node, fields = draft.expression_node(d.key, d.node, what, keys_of(DEFINITION))
         description = draft.text(fields.get("description"), f"`description` of {what}")
         parsed = draft.parse(node, what) if node is not None else None
         if parsed is None:

@@ -10,6 +10,7 @@ from lagcli.columns import SCALARS
 from lagcli.model.draft import Draft
 from lagcli.model.expression.quantities import evaluate, formula_of, read_quantity, unit_of
 from lagcli.model.expression.units import to_si
+from lagcli.model.keys import FIT, FITTED, MEASURED, OBSERVED, keys_of
 from lagcli.model.model import DataFile, FitBlock, FittedQuantity, ObservedQuantity, Parameter
 from lagcli.model.sections.coordinates import si_unit
 from lagcli.model.sections.initial import canonical_name
@@ -17,7 +18,6 @@ from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, YamlNode
 
-_FIELDS = ("data", "observe", "parameters")
 _EXAMPLE = (
     "fit:\n  data: {file: run.csv, time: t}\n  observe:\n    phi: {column: enc, sigma: 1e-3}\n"
     "  parameters:\n    m: {min: 0}"
@@ -39,13 +39,13 @@ def read_fit(
             "wrong-type", f"`fit` must be a mapping, not {node.what}", node.location, _EXAMPLE
         )
         return None
-    fields = draft.fields(node, "`fit`", _FIELDS)
-    missing = [name for name in _FIELDS if name not in fields]
+    fields = draft.fields(node, "`fit`", keys_of(FIT))
+    missing = [name for name in keys_of(FIT) if name not in fields]
     if missing:
         names = " and no ".join(f"`{name}`" for name in missing)
         draft.report.add("missing-value", f"`fit` has no {names}", node.location, _EXAMPLE)
         return None
-    reader = _Reader(draft, constants, parameters, outputs)
+    reader = _FitReader(draft, constants, parameters, outputs)
     data = reader.files(fields["data"])
     observed = reader.observed(fields["observe"])
     fitted = reader.fitted(fields["parameters"])
@@ -56,7 +56,7 @@ def read_fit(
     return FitBlock(tuple(data), tuple(observed), tuple(fitted), node.location)
 
 
-class _Reader:
+class _FitReader:
     """Reads the parts of the block."""
 
     def __init__(
@@ -82,7 +82,7 @@ class _Reader:
             if not isinstance(item, Mapping):
                 self.wrong(item, "`data`", "a mapping", "write `data: {file: run.csv, time: t}`")
                 continue
-            fields = self.draft.fields(item, "`data`", ("file", "time", "set", "initial"))
+            fields = self.draft.fields(item, "`data`", keys_of(MEASURED))
             if "file" not in fields:
                 self.draft.report.add(
                     "missing-value",
@@ -141,7 +141,7 @@ class _Reader:
         sigma = unit = None
         converted = False
         if isinstance(node, Mapping):
-            fields = self.draft.fields(node, what, ("column", "sigma", "unit"))
+            fields = self.draft.fields(node, what, keys_of(OBSERVED))
             if "column" in fields:
                 column = self.draft.text(fields["column"], f"`column` of {what}")
             unit = self.draft.text(fields.get("unit"), f"`unit` of {what}")
@@ -225,7 +225,7 @@ class _Reader:
         bounds = {"min": -math.inf, "max": math.inf}
         what = f"`{shorten(name)}` of `fit`"
         if isinstance(node, Mapping):
-            fields = self.draft.fields(node, what, ("min", "max"))
+            fields = self.draft.fields(node, what, keys_of(FITTED))
             unit = self.parameters[known].unit if known in self.parameters else None
             for bound, value in fields.items():
                 number = self.number(value, f"`{bound}` of {what}")

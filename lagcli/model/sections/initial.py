@@ -9,10 +9,13 @@ from dataclasses import replace
 from lagcli.errors import SourceLocation
 from lagcli.model.draft import Draft, Indices
 from lagcli.model.expression.quantities import Quantity, evaluate, formula_of, read_quantity
+from lagcli.model.expression.tokens import without_dots
+from lagcli.model.keys import INITIAL, keys_of
 from lagcli.model.model import InitialValue, Written
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
 from lagcli.model.names.members import family_of, members_clause
 from lagcli.model.names.scope import uses
+from lagcli.model.names.unknown import meant_derivative
 from lagcli.model.sections.parameters import override_node
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.symbols import Context, Symbols
@@ -147,6 +150,9 @@ def canonical_name(draft: Draft, name: str) -> str | None:
     """Return the coordinate or velocity (x') that an entry names."""
     if name in draft.names.coordinates:
         return name
+    if not name.isascii():  # φ̇ and φ′ are φ'
+        plain, primes = without_dots(name.replace("′", "'"))
+        name = plain + "'" * primes
     for ending in ("'", "_dot"):
         base = name.removesuffix(ending)
         if base != name and base in draft.names.coordinates:
@@ -170,7 +176,9 @@ def _report_unknown(draft: Draft, name: str, key: Scalar) -> None:
         help_: str | None = "remove the entry"
     else:
         message = f"`initial` names `{shorten(name)}`, which is not a coordinate or a velocity"
-        help_ = did_you_mean(nearest(name, _every(draft)))
+        velocity = meant_derivative(names, name)
+        help_ = f"a velocity is written with a prime: `{velocity}`" if velocity else None
+        help_ = help_ or did_you_mean(nearest(name, _every(draft)))
         if what:
             help_ = f"`{base}` is a {what} (line {line}); remove the entry"
     draft.report.add(
@@ -223,7 +231,7 @@ class _InitialReader:
 
     def guess(self, node: MappingNode, what: str) -> YamlNode | None:
         """Return the field ``guess``."""
-        fields = self.draft.fields(node, what, ("guess",))
+        fields = self.draft.fields(node, what, keys_of(INITIAL))
         self.fixed = False
         if "guess" not in fields and not node.entries:
             self.draft.report.add(

@@ -6,6 +6,7 @@ from symengine import Basic
 
 from lagcli.columns import SCALARS
 from lagcli.model.draft import Draft, Formula
+from lagcli.model.keys import OUTPUT, keys_of
 from lagcli.model.names.families import by_name, declarations
 from lagcli.model.sections.coordinates import expanded, si_unit
 from lagcli.model.symbols import DOTS, Context, Symbols
@@ -34,9 +35,7 @@ def read_outputs(draft: Draft, constants: Symbols) -> tuple[dict[str, Basic], di
             )
             continue
         what = f"the output `{d.title}`"
-        node, fields = draft.expression_node(
-            d.key, d.node, what, known=("expr", "unit", "description")
-        )
+        node, fields = draft.expression_node(d.key, d.node, what, keys_of(OUTPUT))
         draft.text(fields.get("description"), f"`description` of {what}")
         unit = draft.text(fields.get("unit"), f"`unit` of {what}")
         if unit is not None and si_unit(draft, unit, fields["unit"]):

@@ -24,6 +24,7 @@ from lagcli.model.expression.quantities import (
 )
 from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
 from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, to_si
+from lagcli.model.keys import PARAMETER, keys_of
 from lagcli.model.model import Parameter, Written
 from lagcli.model.names.dependencies import Unbuilt, build_on_demand, topological_order
 from lagcli.model.names.families import Declaration, Member, bounds, by_name, members_of
@@ -167,7 +168,7 @@ class _ParameterReader:
         description, unit, good = None, None, True
         value: YamlNode | None = d.node
         if isinstance(d.node, MappingNode):
-            fields = draft.fields(d.node, what, ("value", "unit", "description"))
+            fields = draft.fields(d.node, what, keys_of(PARAMETER))
             description = draft.text(fields.get("description"), f"`description` of {what}")
             unit, good = _unit(draft, fields.get("unit"), what)
             value = fields.get("value")

@@ -13,6 +13,7 @@ from symengine import Basic
 from lagcli.model.draft import Draft, Formula
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.keys import DISC, VECTOR, VIEW, keys_of
 from lagcli.model.model import Arrow, Constraint, Definition, Disc, Segment, View
 from lagcli.model.names.families import Declaration, by_name, declarations, members_of
 from lagcli.model.sections.coordinates import si_unit
@@ -22,10 +23,6 @@ from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
-KEYS = (
-    *("points", "rods", "springs", "discs", "grounds", "guides", "trails", "labels"),
-    "vectors",
-)
 _SEGMENTS: tuple[tuple[str, Literal["rod", "spring", "guide"]], ...] = (
     ("rods", "rod"),
     ("springs", "spring"),
@@ -94,7 +91,7 @@ class _ViewReader:
     def read(self, node: MappingNode) -> View | None:
         """Read the whole block."""
         draft = self.draft
-        self.fields = draft.fields(node, "`view`", KEYS)
+        self.fields = draft.fields(node, "`view`", keys_of(VIEW))
         if "points" not in self.fields:
             draft.report.add(
                 "missing-key",
@@ -252,8 +249,8 @@ class _ViewReader:
         """Yield the discs."""
         for d in self.entries("discs", "disc"):
             what = f"the disc `{d.title}`"
-            fields = self.mapping(d, what, ("center", "radius", "angle", "normal"))
-            if fields is None or not self.required(d, what, fields, ("center", "radius")):
+            fields = self.mapping(d, what, keys_of(DISC))
+            if fields is None or not self.required(d, what, fields, tuple(DISC["required"])):
                 continue
             path = read_path(self.draft, fields["center"], f"the center of {what}", 1, "C")
             radius = self.formula(d, fields, "radius", what)
@@ -288,7 +285,7 @@ class _ViewReader:
         kinds = ("velocity", "force", "components")
         for d in self.entries("vectors", "vector"):
             what = f"the vector `{d.title}`"
-            fields = self.mapping(d, what, ("at", *kinds, "unit"))
+            fields = self.mapping(d, what, keys_of(VECTOR))
             if fields is None:
                 continue
             given = [kind for kind in kinds if kind in fields]

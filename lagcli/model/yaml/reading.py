@@ -6,7 +6,8 @@ import re
 import sys
 from pathlib import Path
 
-from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation
+from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation, UsageError
+from lagcli.model.shipped import find_model, shipped_models
 from lagcli.model.spelling import nearest, shorten
 from lagcli.model.yaml.source import Source
 
@@ -18,20 +19,24 @@ _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 def read_text(path: str | Path) -> tuple[str, str]:
-    """Read a file, or standard input for "-".
+    """Read a file, a shipped model by its name, or standard input for "-".
 
-        Returns
-        -------
-        text, name : str
-    The name identifies the file in messages.
+    Returns
+    -------
+    text, name : str
+        The name identifies the file in messages.
 
-        Raises
-        ------
-        FileError
-            The file cannot be read.
-        ModelError
-    The content is not text.
+    Raises
+    ------
+    FileError
+        The file cannot be read.
+    ModelError
+        The content is not text.
+    UsageError
+        It is a result file.
     """
+    if str(path) != "-":
+        path = find_model(path)
     name = "<stdin>" if str(path) == "-" else str(path)
     try:
         if str(path) == "-":
@@ -60,8 +65,12 @@ def _missing(path: Path) -> str:
         candidates = {}
     # compared without suffixes, which would make any two names look similar
     close = nearest(path.stem, list(candidates))
-    guess = f"; did you mean {candidates[close[0]]}?" if close else ""
-    return f"there is no file {path}{guess}"
+    if close:
+        return f"there is no file {path}; did you mean {candidates[close[0]]}?"
+    close = nearest(path.stem, list(shipped_models()))
+    if close and path.parent == Path():
+        return f"there is no file {path}; did you mean `{close[0]}`, which is shipped with lagcli?"
+    return f"there is no file {path}"
 
 
 def _not_text(
@@ -72,6 +81,11 @@ def _not_text(
 
 
 def _decode(data: bytes, name: str) -> str:
+    if data.startswith(b"\x89HDF\r\n"):
+        raise UsageError(
+            f"{name} is a result file, not a model; `lagcli info {name}` describes it, and `plot`,"
+            " `animate` and `report` show it"
+        )
     if len(data) > MAX_BYTES:
         raise _not_text(name, f"the file is larger than {MAX_BYTES // 10**6} MB", _IS_IT)
     even, odd = any(data[:8:2]), any(data[1:8:2])

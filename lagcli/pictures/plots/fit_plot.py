@@ -22,7 +22,7 @@ _GREY = "#8C8C8C"
 _BAND = 2.0
 
 
-class _Panel(NamedTuple):
+class _ObservedPanel(NamedTuple):
     data: FittedData
     place: int  # of the observed quantity
     name: str
@@ -70,7 +70,7 @@ def plot_fit(
         write_figure(figure, output, kind, title, force)
 
 
-def _panels(result: FitResult, names: Sequence[str], path: str) -> list[_Panel]:
+def _panels(result: FitResult, names: Sequence[str], path: str) -> list[_ObservedPanel]:
     for name in names:
         if name not in result.observed:
             help_ = did_you_mean(nearest(name, result.observed))
@@ -79,14 +79,14 @@ def _panels(result: FitResult, names: Sequence[str], path: str) -> list[_Panel]:
                 f" {help_ or 'there are ' + ', '.join(result.observed)}"
             )
     return [
-        _Panel(data, result.observed.index(name), name)
+        _ObservedPanel(data, result.observed.index(name), name)
         for data in result.data
         for name in names or result.observed
     ]
 
 
 def draw_fit(
-    figure: Any, result: FitResult, panels: Sequence[_Panel], heights: Sequence[float]
+    figure: Any, result: FitResult, panels: Sequence[_ObservedPanel], heights: Sequence[float]
 ) -> None:
     """Draw each observed quantity of each experiment, with its residuals."""
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)

@@ -13,7 +13,7 @@ from lagcli.pictures.plots.run_plot import plot_runs
 from lagcli.pictures.plots.sweep_plot import PlottedTable, plot_table
 from lagcli.pictures.plots.sweep_rows import Rows
 from lagcli.pictures.run_file import RunFile
-from lagcli.results.formats import format_of
+from lagcli.results.formats import format_read
 from lagcli.trajectory.trajectory import Trajectory
 
 Source = str | os.PathLike[str] | Trajectory
@@ -99,7 +99,7 @@ def plot(
 
 def _kind(source: str | os.PathLike[str]) -> str:
     """Return what a file holds: fit, sweep or anything else."""
-    if format_of(source).sweeps != "all":
+    if format_read(source).sweeps != "all":
         return ""
     from lagcli.results.hdf5.opening import open_verified
     from lagcli.trajectory.samples import SCHEMA_VERSION

@@ -1,0 +1,42 @@
+"""`lagcli models`: the models that are installed with lagcli."""
+
+import json as json_module
+import shutil
+import textwrap
+from typing import Annotated
+
+import typer
+
+from lagcli.cli.options import Json
+
+
+def models(
+    name: Annotated[
+        str | None, typer.Argument(metavar="NAME", help="Print the file of this model.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """List the shipped models, or print one of them.
+
+    Their names can be used wherever a model file can: `lagcli derive slider_crank`.
+    """
+    from lagcli.cli.streams import visible_json
+    from lagcli.model.loader import load
+    from lagcli.model.shipped import shipped_model, shipped_models
+
+    if name is not None:
+        print(shipped_model(name).read_text(encoding="utf-8"), end="")
+        return
+    found = {key: load(path) for key, path in shipped_models().items()}
+    if json:
+        listed = [
+            {"name": key, "description": model.description, "path": model.path}
+            for key, model in found.items()
+        ]
+        print(visible_json(json_module.dumps({"command": "models", "models": listed})))
+        return
+    indent = " " * (max(map(len, found), default=0) + 2)
+    width = shutil.get_terminal_size().columns
+    for key, model in found.items():
+        lines = textwrap.wrap(model.description or "", max(width - len(indent), 40))
+        print(f"{key:<{len(indent)}}" + f"\n{indent}".join(lines))
