@@ -231,7 +231,6 @@ class TangentProblem:
         n, nq, state = self.blocks.directions, self.blocks.counts.nq, request.state
         given = request.tolerances
         followed = np.zeros(n * nq)
-        kinds, most = request.kind_of, max(request.kind_of, default=0) + 1
         regular = request.rank == self.blocks.counts.nc
         return replace(
             request,
@@ -243,7 +242,8 @@ class TangentProblem:
             ),
             rank=request.rank * (n + 1),
             atol=np.concatenate([given[:nq], followed, given[nq:-1], followed, given[-1:]]),
-            kinds=tuple(k * most + kind for k in range(n + 1) for kind in kinds),
+            # with respect to θ / scale, the derivative of a coordinate has its unit and its size
+            kinds=request.kind_of * (n + 1),
             elimination=ready.elimination if regular else None,
             prepared=ready.prepared,
         )
