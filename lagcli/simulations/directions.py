@@ -14,7 +14,6 @@ from lagcli.engine.sensitivity.start import StartDerivatives
 from lagcli.engine.state import State
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.variational import Rates
 from lagcli.errors import UsageError
 from lagcli.model.expression.functions import derivative
@@ -134,7 +133,7 @@ class Directions:
             Of θ.
         """
         n, nq = len(self.names), len(self.model.coordinates)
-        flat = np.array(ScalarTape(self._initial)(tuple(map(float, values))))
+        flat = np.array(self._initial(tuple(map(float, values))))
         found = flat.reshape(n, 2 * nq) * self.scales[:, None]
         return StartDerivatives(found[:, :nq], found[:, nq:])
 
@@ -148,19 +147,17 @@ class Directions:
         values : sequence of n float
             Of θ.
         """
-        found = ScalarTape(self._given)(tuple(map(float, values)))
+        found = self._given(tuple(map(float, values)))
         first, nq = len(self.model.parameters), len(self.model.coordinates)
         q, v = np.array(found[first : first + nq]), np.array(found[first + nq :])
         return State(t, q, v, tuple(found[:first]))
 
     @cached_property
-    def _given(self) -> Tape:
+    def _given(self) -> ScalarTape:
         model = self.model
         known = {**model.parameter_values, **{k: x.value for k, x in model.initial.items()}}
-        return compile_tape(
-            [self._dependent.get(name, se.RealDouble(value)) for name, value in known.items()],
-            [se.Symbol(name) for name in self.names],
-        )
+        values = [self._dependent.get(name, se.RealDouble(x)) for name, x in known.items()]
+        return ScalarTape(compile_tape(values, [se.Symbol(name) for name in self.names]))
 
     @cached_property
     def _dependent(self) -> dict[str, se.Basic]:
@@ -172,11 +169,9 @@ class Directions:
         return {name: slope for name, slope in found.items() if slope != 0}
 
     @cached_property
-    def _initial(self) -> Tape:
+    def _initial(self) -> ScalarTape:
         names = list(self.model.coordinate_names)
         entries = [*names, *(f"{q}'" for q in names)]
         slopes = [self._slopes(direction) for direction in self.names]
-        return compile_tape(
-            [found.get(entry, se.Integer(0)) for found in slopes for entry in entries],
-            [se.Symbol(name) for name in self.names],
-        )
+        values = [found.get(entry, se.Integer(0)) for found in slopes for entry in entries]
+        return ScalarTape(compile_tape(values, [se.Symbol(name) for name in self.names]))

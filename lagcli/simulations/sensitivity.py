@@ -21,6 +21,7 @@ from lagcli.engine.sensitivity.start import (
     start_derivatives,
 )
 from lagcli.engine.sensitivity.tangent import lower_tangent
+from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
@@ -128,6 +129,8 @@ class Sensitivity:
             )
         self.equations, self.system = equations, system
         self.directions = Directions(equations.model, tuple(names))
+        self._evaluator = Evaluator(system, tuple(equations.model.parameter_values.values()))
+        self._determines: bool | None = None
         self.tangent = lower_tangent(equations, self.directions.rates)
         self.problem = TangentProblem(
             system, self.tangent, names, self.directions.scales, many_runs=many_runs
@@ -151,11 +154,16 @@ class Sensitivity:
         fixed_q, fixed_v = self.directions.fixed
         try:
             found = start_derivatives(
-                self.system, self.tangent, start.state, given, fixed_q, fixed_v
+                self._evaluator.with_parameters(start.state.p),
+                self.tangent,
+                start.state,
+                given,
+                fixed_q,
+                fixed_v,
             )
         except ContradictingStart as error:
             raise self._contradiction(error) from None
-        if start.moved and not self._determined(start):
+        if start.moved and not self.determined(start):
             return self._differences(start, values)
         return found
 
@@ -181,13 +189,40 @@ class Sensitivity:
                 " order of elimination; masses may vanish on the way, or the model may be too large"
             ) from None
 
-    def _determined(self, start: ConsistentState) -> bool:
+    def consistent(self, given: State, near: ConsistentState | None = None) -> ConsistentState:
+        """Return the consistent start for given values.
+
+        Parameters
+        ----------
+        given : State
+            Of `Directions.state`.
+        near : ConsistentState, optional
+            That for similar values. Where the constraints leave no choice, it is where the search
+            begins, which then stays on its branch.
+
+        Raises
+        ------
+        NoConsistentState, UndefinedStart
+        """
+        if near is not None and self.determined(near):
+            fixed_q, fixed_v = self.directions.fixed
+            q = np.where(fixed_q, given.q, near.state.q)
+            given = State(given.t, q, np.where(fixed_v, given.v, near.state.v), given.p)
+        return consistent_state(self.system, given, *self.directions.fixed, self._evaluator)
+
+    def determined(self, start: ConsistentState) -> bool:
         """Return whether the constraints leave no choice of the initial values that are not fixed.
 
-        Where they do, what the search for a start changes depends on the path from the guesses.
+        Where they do, what the search for a start changes depends on the path from the guesses. It
+        is looked at once: the ranks are those of the structure.
         """
+        if self._determines is None:
+            self._determines = self._leaves_no_choice(start)
+        return self._determines
+
+    def _leaves_no_choice(self, start: ConsistentState) -> bool:
         state, system = start.state, self.system
-        evaluator = Evaluator(system, state.p)
+        evaluator = self._evaluator.with_parameters(state.p)
         jacobian = evaluator.constraints(state.t, state.q, state.v).jacobian
         sizes = evaluator.sizes(state.t, state.q, state.v)
         rows = (jacobian[list(system.holonomic)], jacobian)
@@ -208,7 +243,7 @@ class Sensitivity:
                 beside = np.array(values, dtype=float)
                 beside[i] += step * _STEP * directions.scales[i]
                 given = directions.state(start.state.t, beside.tolist())
-                near = consistent_state(self.system, given, *directions.fixed).state
+                near = self.consistent(given).state
                 weight = _WEIGHTS[abs(step) - 1] * math.copysign(1.0, step) / _STEP
                 found.q[i] += weight * near.q
                 found.v[i] += weight * near.v

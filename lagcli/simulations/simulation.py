@@ -195,7 +195,9 @@ class Simulation:
         began = time.perf_counter()
         found = sensitivity_run(self, direction_names(self.model, names, "sensitivity"))
         spent = self.seconds.get("compile", 0.0) + time.perf_counter() - began
-        return replace(self, sensitivity=found, seconds={**self.seconds, "compile": spent})
+        seconds = {**self.seconds, "compile": spent}
+        settings = self.settings.replace(sensitivity=found.names)
+        return replace(self, settings=settings, sensitivity=found, seconds=seconds)
 
     @property
     def request(self) -> IntegrationRequest:

@@ -12,7 +12,11 @@ import symengine as se
 from numpy.typing import NDArray
 
 from lagcli.analysis.fit.data import Measured
-from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart, consistent_state
+from lagcli.engine.constraints.initial import (
+    ConsistentState,
+    NoConsistentState,
+    UndefinedStart,
+)
 from lagcli.engine.contract import Block, IntegrationRequest
 from lagcli.engine.sensitivity.integration import Derivatives
 from lagcli.engine.sensitivity.tangent import lower_observed
@@ -91,6 +95,7 @@ class Experiment:
             equations, _expressions(equations, observed), self.directions.rates
         )
         self.measured = np.isfinite(data.values)
+        self._near: ConsistentState | None = None  # the start of the last run
         self.sigmas = np.where(np.isfinite(data.sigmas), data.sigmas, 1.0)
 
     @property
@@ -137,7 +142,7 @@ class Experiment:
     ) -> tuple[list[tuple[Block, Derivatives]], tuple[float, ...], int]:
         given = self.directions.state(self.settings.t_start, values)
         try:
-            start = consistent_state(self.system, given, *self.directions.fixed)
+            start = self.sensitivity.consistent(given, self._near)
             slopes = self.sensitivity.start(start, values)
         except NoConsistentState as error:
             names = ", ".join(x.constraint for x in error.violations)
@@ -160,6 +165,7 @@ class Experiment:
             raise FailedRun(str(error)) from None
         if run.status != "completed":
             raise FailedRun(run.message)
+        self._near = start
         return blocks, state.p, run.steps
 
     def _observe(

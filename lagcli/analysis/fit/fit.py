@@ -91,7 +91,7 @@ def fit(
     began = time.perf_counter()
     block = _block(model)
     with one_thread():
-        problem, estimated, names, chosen = _problem(model, block, settings)
+        problem, estimated = prepared(model, settings)
         first = np.array(problem.experiments[0].directions.values)
         found = []
         for start in problem.starts(first, starts):
@@ -99,9 +99,7 @@ def fit(
             if progress is not None:
                 progress(len(found), starts)
         best = _best(found, problem)
-        return _result(
-            model, block, problem, names, best, found, estimated, ci, level, chosen, began
-        )
+        return _result(model, block, problem, best, found, estimated, ci, level, began)
 
 
 def _block(model: Model) -> FitBlock:
@@ -113,19 +111,23 @@ def _block(model: Model) -> FitBlock:
     return model.fit
 
 
-def _problem(
-    model: Model, block: FitBlock, given: SettingsOverrides | None
-) -> tuple[Problem, bool, tuple[str, ...], dict[str, Any]]:
-    """Read the data and prepare the runs."""
+def prepared(model: Model, settings: SettingsOverrides | None = None) -> tuple[Problem, bool]:
+    """Read the data and prepare the runs of a fit; for the parameters and errors see `fit`.
+
+    Returns
+    -------
+    problem : Problem
+    estimated : bool
+        Whether the standard deviation of the data is to be estimated.
+    """
+    block = _block(model)
     names = direction_names(model, [x.name for x in block.fitted], "`parameters` of `fit`")
     folder = os.path.dirname(model.path) if model.path else ""
     data = [read_measured(file, folder, block.observed) for file in block.data]
     models = [_with_values(model, file.set, file.initial) for file in block.data]
-    overrides = (given or SettingsOverrides()).replace(sensitivity=None)
-    settings = [
-        resolve(overrides, x.settings.replace(sensitivity=None, **_NO_GRID)) for x in models
-    ]
-    experiments = experiments_of(models, settings, data, names)
+    overrides = (settings or SettingsOverrides()).replace(sensitivity=None)
+    chosen = [resolve(overrides, x.settings.replace(sensitivity=None, **_NO_GRID)) for x in models]
+    experiments = experiments_of(models, chosen, data, names)
     first = experiments[0].directions
     low, high = (np.array([getattr(x, end) for x in block.fitted]) for end in ("low", "high"))
     for name, entry, value in zip(names, block.fitted, first.values, strict=True):
@@ -143,7 +145,7 @@ def _problem(
             )
     problem = Problem(experiments, low, high, first.scales)
     _limit_steps(problem, first.values)
-    return problem, sigma_estimated(data), names, experiments[0].settings.as_dict()
+    return problem, sigma_estimated(data)
 
 
 #: The times are those of the data.
@@ -186,17 +188,16 @@ def _result(
     model: Model,
     block: FitBlock,
     problem: Problem,
-    names: tuple[str, ...],
     best: Found,
     found: list[Found],
     estimated: bool,
     ci: Literal["wald", "profile"],
     level: float,
-    options: dict[str, Any],
     began: float,
 ) -> FitResult:
-    evaluation = best.evaluation
+    evaluation, shown = best.evaluation, problem.experiments[0]
     assert evaluation is not None
+    names = shown.directions.names
     active = _active(best.values, problem)
     free = np.array([not bound for bound in active])
     sure = uncertainty(
@@ -215,7 +216,6 @@ def _result(
 
         probability = float(chi2.sf(square, sure.freedom))
     data = tuple(_fitted(x, best.values, sure.sigma) for x in problem.experiments)
-    shown = problem.experiments[0]
     return FitResult(
         model_name=model.name,
         model=model.text,
@@ -251,7 +251,7 @@ def _result(
         parameters=dict(
             zip(model.parameters, shown.directions.state(0.0, best.values.tolist()).p, strict=True)
         ),
-        options=options,
+        options=shown.settings.as_dict(),
         seconds=time.perf_counter() - began,
     )
 

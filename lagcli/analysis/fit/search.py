@@ -24,9 +24,9 @@ from lagcli.analysis.fit.experiment import Evaluation, Experiment, FailedRun
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-#: Relative changes of the cost, of the quantities and of the gradient at which a search ends: far
-#: below any standard error, above the error of runs at the usual tolerances.
-_TOLERANCE = 1e-10
+#: Relative changes of the cost, of the quantities and of the gradient at which a search ends: of
+#: 10⁴ values, a change of chi-square by 1e-4, a hundredth of a standard error.
+_TOLERANCE = 1e-8
 #: Runs of one search.
 _MOST_RUNS = 300
 #: Starts of quantities without bounds lie within this factor of the first one.
@@ -95,6 +95,10 @@ class Problem:
             self._last = key, self._run(values.tolist())
         return self._last[1]
 
+    def forget(self) -> None:
+        """Forget the last evaluation, which is kept for its Jacobian."""
+        self._last = b"", None
+
     def _run(self, values: list[float]) -> Evaluation | None:
         self.runs += 1
         try:
@@ -119,6 +123,8 @@ class Problem:
         from scipy.optimize import least_squares
 
         free = np.ones(len(start), dtype=bool) if free is None else free
+        # the bits that come back from least_squares, so that no run is repeated
+        start = np.where(free, start / self.scales * self.scales, start)
         first = self.evaluate(start)
         if first is None:
             reason = next(reversed(self.failures), "")

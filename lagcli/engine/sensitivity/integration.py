@@ -83,7 +83,8 @@ class TangentProblem:
     scales : (n,) array
         The tapes' derivatives are those with respect to θ / scale.
     many_runs : bool
-        Whether to spend time on making runs fast.
+        Whether to spend time on making runs fast, and to let the motion alone choose their steps:
+        the derivatives are then those of the numerical solution, as exact as it is.
     """
 
     def __init__(
@@ -230,7 +231,8 @@ class TangentProblem:
     ) -> IntegrationRequest:
         n, nq, state = self.blocks.directions, self.blocks.counts.nq, request.state
         given = request.tolerances
-        followed = np.zeros(n * nq)
+        # 0: by their size; of many runs, the steps are those of the motion alone
+        followed = np.full(n * nq, np.inf if self._many_runs else 0.0)
         regular = request.rank == self.blocks.counts.nc
         return replace(
             request,

@@ -18,8 +18,6 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.sensitivity.tangent import TangentTapes
 from lagcli.engine.state import State
-from lagcli.engine.system import System
-from lagcli.engine.tape.interpreter import ScalarTape
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -56,7 +54,7 @@ class ContradictingStart(Exception):
 
 
 def start_derivatives(
-    system: System,
+    evaluator: Evaluator,
     tangent: TangentTapes,
     state: State,
     given: StartDerivatives,
@@ -67,8 +65,9 @@ def start_derivatives(
 
     Parameters
     ----------
-    system, tangent
-        Of one model.
+    evaluator : Evaluator
+        Of the motion, with the parameters of the start.
+    tangent : TangentTapes
     state : State
         The consistent start.
     given : StartDerivatives
@@ -83,13 +82,12 @@ def start_derivatives(
     ------
     ContradictingStart
     """
-    evaluator = Evaluator(system, state.p)
-    t, q, v = state.t, state.q, state.v
+    system, t, q, v = evaluator.system, state.t, state.q, state.v
     s, u = given.q.copy(), given.v.copy()
     nh, nc, n = len(system.holonomic), len(system.constraints), len(s)
     if not nc or not n:
         return StartDerivatives(s, u)
-    tape = ScalarTape(tangent.constraint)
+    tape = tangent.constraint_at
     holonomic = list(system.holonomic)
     jacobian = evaluator.constraints(t, q, v).jacobian
     mass = evaluator.dynamics(t, q, v).mass_matrix

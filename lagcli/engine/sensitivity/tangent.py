@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 
 import symengine as se
 
 from lagcli.engine.lowering import magnitude
 from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.variational import (
@@ -39,6 +41,11 @@ class TangentTapes:
     directions: int
     dynamics: Tape
     constraint: Tape
+
+    @cached_property
+    def constraint_at(self) -> ScalarTape:
+        """The constraint tape for single states."""
+        return ScalarTape(self.constraint)
 
 
 def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentTapes:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import lagcli
+from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.sensitivity.start import (
     ContradictingStart,
     StartDerivatives,
@@ -29,9 +30,8 @@ def start_of(text: str) -> StartDerivatives:
     directions = Directions(simulation.model, ("l",))
     tangent = lower_tangent(simulation.equations, [{"l": directions.rates[0]["l"] / 5}])
     given = StartDerivatives(np.zeros((1, 2)), np.zeros((1, 2)))
-    return start_derivatives(
-        simulation.system, tangent, simulation.start.state, given, *directions.fixed
-    )
+    evaluator = Evaluator(simulation.system, simulation.start.state.p)
+    return start_derivatives(evaluator, tangent, simulation.start.state, given, *directions.fixed)
 
 
 def test_free_values_follow_by_the_implicit_function_theorem() -> None:
