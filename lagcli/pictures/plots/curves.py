@@ -94,6 +94,8 @@ class Catalogue:
         UsageError
             There is none.
         """
+        if text.strip() in self._derivatives:  # of initial values too: dphi/dphi'
+            return [self._derivatives[text.strip()]]
         name = _plain(text)
         curve = self.named(name)
         if curve is not None:
