@@ -53,10 +53,12 @@ $(BIN)/.extra-%: $(BIN)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement $@.txt
 	@mv $@.txt $@
 
-lint: $(BIN)/.extra-lint ## Check style and types
+lint: $(BIN)/.extra-lint ## Check style, types and spelling
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/codespell README.md CHANGELOG.md CONTRIBUTING.md docs lagcli models tests
+	$(BIN)/proselint --config .proselintrc.json check README.md CHANGELOG.md CONTRIBUTING.md docs
 
 coverage: $(BIN)/.extra-coverage ## Run the tests; report the lines they reach, by package
 	@mkdir -p build

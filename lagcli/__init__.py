@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Any
 
 from lagcli.version import __version__
@@ -58,6 +59,12 @@ _PLACES = {
     "sweep": "lagcli.sweeps.run",
     "write": "lagcli.results",
 }
+
+
+if "IPython" in sys.modules:  # a notebook shows models, equations and runs
+    from lagcli.pictures.notebook import register
+
+    register()
 
 
 def __getattr__(name: str) -> Any:

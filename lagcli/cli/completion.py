@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from lagcli.model.shipped import find_model, shipped_models
 from lagcli.results.formats import MODEL_SUFFIXES, SUFFIXES
 
-Names = Callable[["Line"], Iterable[str]]
+Names = Callable[["CommandWords"], Iterable[str]]
 
 
 class Candidate(NamedTuple):
@@ -20,7 +20,7 @@ class Candidate(NamedTuple):
     help: str = ""
 
 
-class Line(NamedTuple):
+class CommandWords(NamedTuple):
     """A command line: the values of its arguments so far, and the word to complete."""
 
     arguments: list[str]
@@ -62,7 +62,7 @@ def _of_command(command: Any, before: Sequence[str], word: str) -> Iterator[Cand
             pending = option if option is not None and not option.is_flag else None
         else:
             arguments.append(earlier)
-    line = Line(arguments, word)
+    line = CommandWords(arguments, word)
     if pending is not None:
         yield from _values(pending, line)
     elif word.startswith("-"):
@@ -75,7 +75,7 @@ def _of_command(command: Any, before: Sequence[str], word: str) -> Iterator[Cand
             yield from _values(positional[min(len(arguments), len(positional) - 1)], line)
 
 
-def _values(parameter: Any, line: Line) -> Iterator[Candidate]:
+def _values(parameter: Any, line: CommandWords) -> Iterator[Candidate]:
     """Yield the values that a parameter of a command can have."""
     choices = getattr(parameter.type, "choices", None)
     if choices is not None:
@@ -94,7 +94,7 @@ def _first_line(text: str | None) -> str:
 # files
 
 
-def _files(line: Line, suffixes: tuple[str, ...]) -> Iterator[str]:
+def _files(line: CommandWords, suffixes: tuple[str, ...]) -> Iterator[str]:
     """Yield the files with these suffixes, and folders."""
     folder, _, start = line.word.rpartition("/")
     prefix = f"{folder}/" if folder or line.word.startswith("/") else ""
@@ -111,19 +111,19 @@ def _files(line: Line, suffixes: tuple[str, ...]) -> Iterator[str]:
             yield prefix + entry.name
 
 
-def _models(line: Line) -> Iterator[str]:
+def _models(line: CommandWords) -> Iterator[str]:
     yield from _files(line, MODEL_SUFFIXES)
     yield from shipped_models()
 
 
-def _results(line: Line) -> Iterator[str]:
+def _results(line: CommandWords) -> Iterator[str]:
     yield from _files(line, SUFFIXES)
 
 
 # names of the model in the line
 
 
-def _keys(line: Line, *keys: str) -> Iterator[str]:
+def _keys(line: CommandWords, *keys: str) -> Iterator[str]:
     """Yield the names that the line's model declares under keys; none if it cannot be read."""
     from lagcli.errors import LagcliError
     from lagcli.model.yaml.composing import compose
@@ -145,18 +145,18 @@ def _keys(line: Line, *keys: str) -> Iterator[str]:
             yield from (item.value for item in node.items if isinstance(item, Scalar))
 
 
-def _parameters(line: Line) -> Iterator[str]:
+def _parameters(line: CommandWords) -> Iterator[str]:
     for name in _keys(line, "parameters"):
         yield _assigned(name)
 
 
-def _initial_values(line: Line) -> Iterator[str]:
+def _initial_values(line: CommandWords) -> Iterator[str]:
     for name in _keys(line, "coordinates"):
         yield _assigned(name)
         yield _assigned(f"{name}'")
 
 
-def _varied(line: Line) -> Iterator[str]:
+def _varied(line: CommandWords) -> Iterator[str]:
     yield from _parameters(line)
     yield from _initial_values(line)
 

@@ -20,7 +20,7 @@ SetParameter = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Use another value of a parameter, e.g. m=2 or 'l=30 cm'. Repeatable.",
+        help="Set a parameter, e.g. m=2 or 'l=30 cm'. Repeatable.",
     ),
 ]
 SetInitial = Annotated[
@@ -28,19 +28,15 @@ SetInitial = Annotated[
     typer.Option(
         "--set-initial",
         metavar="NAME=VALUE",
-        help="Fix another initial value, e.g. phi=0.3 or phi_dot=2; 'phi={guess: 0.3}' frees it."
+        help="Set and fix an initial value, e.g. phi=0.3 or phi_dot=2; 'phi={guess: 0.3}' frees it."
         " Repeatable.",
     ),
 ]
-Output = Annotated[
-    str | None, typer.Option("--output", "-o", metavar="FILE", help="Where to write.")
-]
+Output = Annotated[str | None, typer.Option("--output", "-o", metavar="FILE", help="Output file.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results and errors only.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only results and errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
-NoColor = Annotated[
-    bool, typer.Option("--no-color", help="No colours on the terminal (NO_COLOR does the same).")
-]
+NoColor = Annotated[bool, typer.Option("--no-color", help="Disable colours (as NO_COLOR does).")]
 
 
 def assignments(option: str, items: Iterable[str] | None) -> dict[str, str]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lagcli.errors import ModelError, UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
+from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.results.formats import open_reader
 from lagcli.trajectory.samples import Array, Record
 from lagcli.trajectory.trajectory import Trajectory
@@ -112,7 +113,18 @@ class RunFile:
 
     @cached_property
     def model(self) -> Model:
-        """The model with the values of this run.
+        """The model with the values of this run, and a view if points can be recognized.
+
+        Raises
+        ------
+        UsageError, ModelError, FileError
+            See `written_model`.
+        """
+        return with_view(self.written_model)
+
+    @cached_property
+    def written_model(self) -> Model:
+        """The model with the values of this run, as its file has it.
 
         Raises
         ------

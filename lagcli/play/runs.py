@@ -15,6 +15,7 @@ from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.rewriting import rewrite
+from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
 from lagcli.play.controls import Control, controls
@@ -110,7 +111,7 @@ class Played:
         self._take(model)
 
     def _take(self, model: Model) -> None:
-        self.model = model
+        self.model = model = with_view(model)
         self._variants = Variants(model, self._settings(""))
         self.controls: dict[str, Control] = controls(model, self._variants.settings)
         self.curves = Curves(model)

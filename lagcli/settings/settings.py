@@ -39,9 +39,9 @@ class _Declared:
         "Number of samples, both ends included.", 1001, check=between(1, float(MAX_SAMPLES))
     )
     dt = RealNumber[float | None](
-        "Spacing of the samples, {unit}, in place of --samples.", unit="s", check=positive
+        "Spacing of the samples, {unit}; instead of --samples.", unit="s", check=positive
     )
-    times = Times("The sample times themselves, {unit}.", unit="s", metavar="T1,T2,…")
+    times = Times("List of sample times, {unit}.", unit="s", metavar="T1,T2,…")
     rtol = RealNumber[float](
         "Relative tolerance.",
         1e-9,
@@ -53,14 +53,14 @@ class _Declared:
         check=positive,
     )
     method = Choice[str](
-        "Integration method: auto is DOP853, and Rodas5P or Radau where the motion proves stiff;"
-        f" Taylor takes power series; {_OF_SCIPY_ALONE} are SciPy's.",
+        "Integration method: auto is DOP853, and Rodas5P or Radau if the motion is stiff;"
+        f" Taylor uses power series; {_OF_SCIPY_ALONE} are SciPy's.",
         "auto",
         choices=METHOD_NAMES,
     )
     formulation = Choice[str](
-        "How the constraints are kept: projected after each step, by Baumgarte's stabilization,"
-        " or not at all, which shows the drift.",
+        "How the constraints are enforced: by projection after each step, by Baumgarte"
+        " stabilization, or not at all (index1), which shows the drift.",
         "projection",
         choices=FORMULATIONS,
     )
@@ -72,11 +72,11 @@ class _Declared:
     )
     engine = Choice[str]("Engine.", stated="compiled, for its methods", choices=ENGINES)
     max_step = RealNumber[float]("Largest step, {unit}.", math.inf, unit="s", check=positive)
-    max_steps = WholeNumber[int]("Give a run up after so many steps.", 10_000_000, check=positive)
+    max_steps = WholeNumber[int]("Maximum number of steps.", 10_000_000, check=positive)
     timeout = RealNumber[float](
-        "Give a run up after so many seconds of wall time.", math.inf, unit="s", check=positive
+        "Time limit of a run, seconds of wall time.", math.inf, unit="s", check=positive
     )
-    through_singular = Flag("Pass singular configurations.", False)
+    through_singular = Flag("Continue through singular configurations.", False)
     sensitivity = Names(
         "Differentiate q, v and λ with respect to parameters and initial values.",
         metavar="NAME,NAME,…",

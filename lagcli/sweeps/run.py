@@ -117,7 +117,7 @@ def sweep(
     jobs : int, optional
         Processes; by default as many as this one may use processors. Rows do not depend on it.
     resume : bool
-        Go on with a sweep that was interrupted; one that was not begun is begun.
+        Continue an interrupted sweep, or start one.
     retry_failed : bool
         With ``resume``, run rows that failed again.
     strict : bool

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,26 @@ from lagcli.trajectory.samples import Array, Record, Samples
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trajectory(Record, Samples):
     """All samples of one run with its record; see `Samples` and `Record` for the fields."""
+
+    def to_xarray(self) -> Any:
+        """Return the run as an `xarray.Dataset` with named coordinates and constraints.
+
+        ``dataset.multipliers.sel(constraint="guide")`` is λ of the guide over the time.
+
+        Returns
+        -------
+        xarray.Dataset
+            The arrays of `Columns` and the outputs, over ``time``, ``coordinate``, ``constraint``
+            and ``term``, with units as far as the model states them. Arrays are not copied.
+
+        Raises
+        ------
+        UsageError
+            xarray is not installed.
+        """
+        from lagcli.trajectory.dataset import to_dataset
+
+        return to_dataset(self)
 
 
 def joined(blocks: Sequence[Samples]) -> Samples:

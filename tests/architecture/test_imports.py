@@ -319,7 +319,8 @@ def test_package_holds_its_data() -> None:
 def test_dependencies_are_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    every = [*project["dependencies"], *extras["pictures"], *extras["cluster"]]
+    used_by = ("pictures", "cluster", "notebook")
+    every = [*project["dependencies"], *(d for extra in used_by for d in extras[extra])]
     declared = {re.split(r"[<>=\[; ]", d)[0].lower() for d in every}
     named = {"yaml": "pyyaml", "PIL": "pillow", "dask": "distributed"}
     used = {name.split(".")[0] for module in MODULES for name in imports(module)}

@@ -83,9 +83,8 @@ def test_every_option_is_documented(command):
     page = (ROOT / "docs" / "command-line.md").read_text()
     options = program().commands[command].params
     names = [n for p in options for n in p.opts if n.startswith("--")]
-    missing = [n for n in names if n != "--help" and f"`{n}" not in page]
-    assert len(names) >= 1
-    assert not missing
+    assert f"## lagcli {command}" in page
+    assert not [n for n in names if n != "--help" and f"`{n}" not in page]
 
 
 def test_every_model_key_and_function_is_documented():

@@ -378,7 +378,7 @@ def without_view(tmp_path_factory):
 @pytest.mark.parametrize(
     ("name", "note"),
     [
-        ("run.h5", "its model has no view; coordinates are drawn over the time"),
+        ("run.h5", "its model has no view, and no point is recognized; coordinates are drawn"),
         ("run.csv", "the result holds no model, and so no view; coordinates are drawn"),
     ],
 )

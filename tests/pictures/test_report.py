@@ -228,7 +228,7 @@ def test_a_run_without_samples_is_a_page_without_plots(tmp_path, result):
 
 
 def test_a_model_without_a_view_is_shown_by_its_plots(tmp_path, result):
-    text = lagcli.read(result("pendulum_cartesian")).model
+    text = lagcli.read(result("bead_on_rotating_hoop")).model
     model = lagcli.load_text(text[: text.index("view:")])
     report(lagcli.simulate(model, samples=20), tmp_path / "report.html")
     assert data_of(tmp_path / "report.html")["scene"] is None

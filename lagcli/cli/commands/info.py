@@ -1,4 +1,4 @@
-"""`lagcli info`: say what a result or sweep file holds."""
+"""`lagcli info`: describe a result or sweep file."""
 
 from typing import Annotated, Any
 
@@ -15,7 +15,7 @@ def info(
     ],
     json: Json = False,
 ) -> None:
-    """Say what a file holds: sizes, status, residuals, multipliers, provenance."""
+    """Describe a result file: sizes, status, residuals, multipliers, provenance."""
     description, text = _described(file)
     if json:
         from lagcli.cli.summary import to_json

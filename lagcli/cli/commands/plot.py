@@ -17,7 +17,7 @@ def plot(
             metavar="FILE… [NAME…]",
             help=f"Result files ({SUFFIX_NAMES}), and what to plot of them: phi, phi_dot,"
             " lambda.guide, Qc.guide.phi, energy_total, outputs, 'x[*]'; a:b is b over a; a,b"
-            " share a panel. [default: coordinates, λ, energy balance and residuals]",
+            " share a panel. [default: coordinates, λ and energies]",
         ),
     ],
     output: Annotated[

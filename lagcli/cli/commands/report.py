@@ -12,21 +12,24 @@ from lagcli.results.formats import SUFFIX_NAMES
 
 def report(
     file: Annotated[str, typer.Argument(metavar="FILE", help=f"Result file, {SUFFIX_NAMES}.")],
-    output: Annotated[str, typer.Option("--output", "-o", metavar="FILE", help="The page, .html.")],
-    title: Annotated[str | None, typer.Option(help="In place of the model's name.")] = None,
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="FILE", help="Page to write, .html.")
+    ],
+    title: Annotated[str | None, typer.Option(help="Title, instead of the model's name.")] = None,
     model: Annotated[
         str | None,
         typer.Option(
-            metavar="MODEL", help="Model file with the view, in place of the text in the result."
+            metavar="MODEL",
+            help="Model file whose view is used, instead of the text in the result.",
         ),
     ] = None,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Put a run on one page: equations, animation, plots, extremes, computation.
+    """Write a report of a run: equations, animation, plots, extremes, computation.
 
-    The page is one file that fetches nothing, to be opened in a browser, sent, or printed. A run
-    that failed is shown up to its last sample, and said to have failed.
+    The report is one self-contained HTML file. It can be opened without a network, sent, or
+    printed. A failed run is shown up to its last sample and marked.
     """
     from lagcli.pictures.report import report as make
 

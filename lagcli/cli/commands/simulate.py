@@ -37,8 +37,8 @@ def simulate(
             "--output",
             "-o",
             metavar="FILE",
-            help=f"Result file: {SUFFIX_TEXT}, or - for CSV on standard output. Values stand"
-            " for names in braces: run_{m}.h5, run_{phi:.3f}.csv.",
+            help=f"Result file: {SUFFIX_TEXT}, or - for CSV on standard output. Names in braces"
+            " are replaced by values: run_{m}.h5, run_{phi:.3f}.csv.",
         ),
     ] = None,
     set: SetParameter = None,
@@ -47,20 +47,20 @@ def simulate(
     settings: SettingsOverrides,
     strict: Annotated[
         bool,
-        typer.Option("--strict", help="End with status 3 where the summary warns."),
+        typer.Option("--strict", help="Exit with status 3 if the summary has warnings."),
     ] = False,
     meta: Annotated[
-        bool, typer.Option("--meta", help="Beside a CSV file, write FILE.json with its provenance.")
+        bool, typer.Option("--meta", help="Write the provenance of a CSV file to FILE.json.")
     ] = False,
     force: Force = False,
     quiet: Quiet = False,
     json: Json = False,
     no_color: NoColor = False,
 ) -> int:
-    """Simulate the motion, with its multipliers, and write it.
+    """Simulate the motion and write it with its multipliers.
 
-    Without -o, only a summary is printed. A run that fails or is interrupted writes the samples
-    that it reached, marked so.
+    Without -o, only a summary is printed. If a run fails or is interrupted, the samples up to that
+    time are written, and the result is marked.
     """
     try:
         return _run(

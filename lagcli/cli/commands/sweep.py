@@ -51,16 +51,17 @@ def sweep(
         list[str] | None,
         typer.Option(
             metavar="NAME=VALUES",
-            help="What runs through which values: m=1:2:0.1, l=0.2,0.3, 'phi=linspace(0, pi, 9)',"
-            " logspace(first, last, count) of values, @file.csv; for --sample a range, m=1..2,"
-            " uniform, loguniform(a, b), normal(mean, deviation). Repeatable: each with each.",
+            help="A quantity to vary and its values: m=1:2:0.1, l=0.2,0.3,"
+            " 'phi=linspace(0, pi, 9)', logspace(first, last, count), @file.csv; with --sample, a"
+            " range: m=1..2, uniform, loguniform(a, b), normal(mean, deviation). Repeatable: all"
+            " combinations.",
         ),
     ] = None,
     measure: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME=EXPR",
-            help="A number of each run: max, min, mean, rms, final, argmax, argmin of an"
+            help="A number computed from each run: max, min, mean, rms, final, argmax, argmin of an"
             " expression, at(expression, time), time_of(condition), and arithmetic of these, e.g."
             " 'peak=max(abs(lambda.guide))'. Repeatable.",
         ),
@@ -68,23 +69,26 @@ def sweep(
     keep: Annotated[
         Keep | None,
         typer.Option(
-            help="Keep the measures alone, or all samples too. [default: measures if any is given"
+            help="Store only the measures, or all samples too. [default: measures if any is given"
             " or the samples take more than 1 GB, else trajectories]"
         ),
     ] = None,
     sample: Annotated[
         str | None,
         typer.Option(
-            metavar="KIND:N", help="Draw N points from the ranges: sobol:N, lhs:N or random:N."
+            metavar="KIND:N", help="Sample N points from the ranges: sobol:N, lhs:N or random:N."
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of --sample.")] = 0,
     zip_: Annotated[
-        bool, typer.Option("--zip", help="Run through the values together, not each with each.")
+        bool,
+        typer.Option("--zip", help="Vary all quantities together instead of all combinations."),
     ] = False,
     jobs: Annotated[
         int | None,
-        typer.Option("--jobs", "-j", min=1, help="Processes. [default: the number of processors]"),
+        typer.Option(
+            "--jobs", "-j", min=1, help="Number of processes. [default: the number of processors]"
+        ),
     ] = None,
     scheduler: Annotated[
         str | None,
@@ -96,19 +100,17 @@ def sweep(
     ] = None,
     resume: Annotated[
         bool,
-        typer.Option(
-            "--resume", help="Go on with a sweep that was interrupted: run what is missing."
-        ),
+        typer.Option("--resume", help="Continue an interrupted sweep: run the missing rows."),
     ] = False,
     retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="With --resume, run failed rows again too.")
+        bool, typer.Option("--retry-failed", help="With --resume, repeat failed rows too.")
     ] = False,
     strict: Annotated[
         bool,
         typer.Option(
             "--strict",
-            help="Count a row as failed where `lagcli simulate` would warn: its energy balance or"
-            " residuals do not bear out the tolerance, or its inertia is negative.",
+            help="Count a row as failed if `lagcli simulate` would warn: its energy balance or"
+            " residuals exceed what the tolerance explains, or its inertia is negative.",
         ),
     ] = False,
     set: SetParameter = None,
@@ -122,7 +124,7 @@ def sweep(
 ) -> int:
     """Simulate a model for many values of its parameters and initial values.
 
-    A row that fails never stops the others: it has its status and message in the file, and the
+    A failed row does not stop the others; its status and message are in the file, and the
     exit status is 3. A sweep that is interrupted or killed goes on with --resume.
     """
     options: dict[str, Any] = {

@@ -96,7 +96,7 @@ class Methods:
             self.steps[self.running] = self.steps.get(self.running, 0) + new
 
     def stiff(self, *, forced: bool = False, longer: float = _LONGER) -> None:
-        """Go on with an implicit method, unless one was tried in vain a short while ago."""
+        """Switch to an implicit method, unless one failed recently."""
         steps = self.core.counts[0]
         if not forced and (steps < self._deaf_until or self._left() < _WORTH):
             return

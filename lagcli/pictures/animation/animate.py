@@ -29,6 +29,7 @@ FPS = {".gif": 25.0, ".mp4": 50.0}
 SIZE = (640, 480)
 _SMALLEST, _LARGEST = 64, 8192  # pixels
 
+_NAMED = 8  # points that a note names
 #: Samples from which films are interpolated.
 _FILMED = 20_000
 
@@ -220,8 +221,19 @@ def _notes(run: RunFile, last: float, known: bool, view: bool) -> tuple[str, ...
         what = _ENDINGS.get(status, f"is marked {status}")
         notes = (f"the run {what} at t = {last:.6g} s{f': {message}' if message else ''}",)
     if view:
+        if run.written_model.view is None and run.model.view is not None:
+            names = list(run.model.view.points)
+            more = ", …" if len(names) > _NAMED else ""
+            notes += (
+                "the model has no view; the points recognized by their names are drawn:"
+                f" {', '.join(names[:_NAMED])}{more}",
+            )
         return notes
-    why = "its model has no view" if known else "the result holds no model, and so no view"
+    why = (
+        "its model has no view, and no point is recognized"
+        if known
+        else "the result holds no model, and so no view"
+    )
     return (*notes, f"{why}; coordinates are drawn over the time")
 
 

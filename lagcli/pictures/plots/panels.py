@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from lagcli.columns import ColumnName
@@ -19,10 +19,13 @@ class Panel(NamedTuple):
         What is drawn upwards.
     over : tuple of Curve
         What each of them is drawn over; empty for the time.
+    joined : bool
+        Whether the user joined the curves.
     """
 
     curves: tuple[Curve, ...]
     over: tuple[Curve, ...] = ()
+    joined: bool = False
 
     @property
     def log(self) -> bool:
@@ -73,7 +76,7 @@ def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
     panels = []
     for key, curves in together.items():
         if curves:
-            panels.append(Panel(tuple(dict.fromkeys(curves))))
+            panels.append(Panel(tuple(dict.fromkeys(curves)), joined=isinstance(key, int)))
         elif isinstance(key, int):
             panels.append(phases.pop(0))
     return panels
@@ -94,17 +97,45 @@ def _phase(catalogue: Catalogue, pairs: Sequence[str]) -> Panel:
 
 
 def usual(catalogue: Catalogue) -> list[Panel]:
-    """Return the panels of a plot without names: q, λ, energy balance and residuals."""
+    """Return the panels of a plot without names: coordinates, multipliers and energies."""
     run = catalogue.run
     names = [
         *run.coordinates,
         *(str(ColumnName("multipliers", c)) for c in run.constraints),
-        "energy_balance",
+        "energy_kinetic,energy_potential,energy_total",
     ]
-    panels = asked(catalogue, names)
-    if run.constraints and catalogue.named("residual_velocity") is not None:
-        residuals = ["residual_velocity"]
-        if any(scale == scale for scale in run.record.scale_position) or not run.record.model:
-            residuals.insert(0, "residual_position")
-        panels += asked(catalogue, [",".join(residuals)])
-    return panels
+    return asked(catalogue, names)
+
+
+#: Curves whose largest values differ by more than this factor get panels of their own.
+_RATIO = 20.0
+#: A panel with more curves shows a family, which stays together.
+_FAMILY = 10
+
+
+def split_by_scale(panels: Iterable[Panel], largest: Mapping[str, float]) -> list[Panel]:
+    """Return panels of which no curve is too small to be seen beside another.
+
+    Panels whose curves the user joined stay as they are.
+
+    Parameters
+    ----------
+    panels : iterable of Panel
+    largest : mapping of str to float
+        The largest magnitude of each curve, by its name.
+    """
+    found: list[Panel] = []
+    for panel in panels:
+        if panel.over or panel.log or panel.joined or len(panel.curves) > _FAMILY:
+            found.append(panel)
+            continue
+        groups: list[list[Curve]] = []
+        for curve in sorted(panel.curves, key=lambda c: -largest[c.name]):
+            size = largest[curve.name]
+            if not groups or 0 < size * _RATIO < largest[groups[-1][0].name]:
+                groups.append([])
+            groups[-1 if size else 0].append(curve)
+        ordered = [[c for c in panel.curves if c in group] for group in groups]
+        ordered.sort(key=lambda group: panel.curves.index(group[0]))
+        found += [Panel(tuple(group)) for group in ordered]
+    return found

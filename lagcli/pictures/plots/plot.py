@@ -40,8 +40,9 @@ def plot(
     output : path
         A name that ends with ``.png``, ``.svg`` or ``.pdf``.
     names : sequence of str
-        What to plot: see docs/pictures.md. By default, of runs, coordinates, multipliers, energy
-        balance and residuals; of a sweep, its measures; of a fit, what was observed.
+        What to plot: see docs/pictures.md. By default, of runs, coordinates, multipliers and
+        energies; of a sweep, its measures; of a fit, what was
+        observed.
     title : str, optional
         By default the model's name, and what went wrong with a run that is not complete.
     size : (float, float), optional

@@ -13,7 +13,7 @@ from lagcli.pictures.plots.bands import half_widths, read_bands
 from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
 from lagcli.pictures.plots.differences import labels_of
 from lagcli.pictures.plots.figure_file import check_resolution, new_figure, write_figure
-from lagcli.pictures.plots.panels import Panel, asked, usual
+from lagcli.pictures.plots.panels import Panel, asked, split_by_scale, usual
 from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.plots.ticks import decades, drawable, plain_ticks
 from lagcli.pictures.run_file import RunFile
@@ -51,8 +51,8 @@ def plot_runs(
     runs : sequence of Run
         At least one; several are drawn over each other.
     names : sequence of str
-        What to plot, see `lagcli.pictures.plots.panels.asked`; by default coordinates, multipliers,
-        energy balance and residuals.
+        What to plot, see `lagcli.pictures.plots.panels.asked`; by default coordinates, multipliers
+        and energies.
     path, kind : str
         The file to be, and its format: one of `lagcli.pictures.plots.figure_file.FORMATS`.
     title, size, dpi, bands, force
@@ -74,6 +74,8 @@ def plot_runs(
         half_widths(run, curves, read_bands(run, bands))
         for run, curves in zip(runs, drawn, strict=True)
     ]
+    largest = _largest(values)
+    panels = [split_by_scale(own, largest) for own in panels]
     heights = [_PHASE if panel.over else _TIME for panel in panels[0]]
     size = size or (WIDTH, sum(heights) + 0.6)
     check_resolution(size, dpi if kind == "png" else 10)
@@ -85,6 +87,16 @@ def plot_runs(
         if title:
             figure.suptitle(title.replace("$", r"\$"), fontsize=10)
         write_figure(figure, path, kind, title, force)
+
+
+def _largest(values: Sequence[Values]) -> dict[str, float]:
+    """Return the largest finite magnitude of each curve over all runs."""
+    found: dict[str, float] = {}
+    for run in values:
+        for name, curve in run.items():
+            finite = np.abs(curve[np.isfinite(curve)])
+            found[name] = max(found.get(name, 0.0), float(finite.max(initial=0.0)))
+    return found
 
 
 def _check(runs: Sequence[RunFile], panels: Sequence[Sequence[Panel]]) -> None:

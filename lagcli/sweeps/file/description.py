@@ -83,7 +83,7 @@ def format_sweep(info: Mapping[str, Any]) -> str:
     lines += _entry("rows", f"{sum(rows.values())}: {statuses}")
     for cause, count in info["failures"].items():
         lines += _entry("  failed", f"{count}: {cause}")
-    how = "together" if info["zip"] else "each with each"
+    how = "together" if info["zip"] else "all combinations"
     varied = "; ".join(x if len(x) <= _LONGEST else f"{x[:_LONGEST]}…" for x in info["vary"])
     lines += _entry("varied", varied + (f" ({how})" if info["vary"][1:] else ""))
     for names, drawn in info["sample"].items():

@@ -57,7 +57,7 @@ class Journal:
     header : mapping
         What the sweep is, as JSON values.
     resume : bool
-        Go on with the journal that is there. One that ends before its first row (an empty file, a
+        Continue an existing journal. One that ends before its first row (an empty file, a
         header cut short, zeros) is begun anew; otherwise the file is emptied first.
 
     Attributes

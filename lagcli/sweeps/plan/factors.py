@@ -1,4 +1,4 @@
-"""What one varied quantity runs through: values that are functions of their number."""
+"""The values of one varied quantity, as functions of their index."""
 
 from __future__ import annotations
 

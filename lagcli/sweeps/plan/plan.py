@@ -28,7 +28,7 @@ MOST_ROWS = 10**9
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What runs through which values.
+    """Quantities to vary and their values.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def make_plan(
         ``sobol:N``, ``lhs:N`` or ``random:N``: points over those quantities that have a range.
     seed : int
     zipped : bool
-        Whether the factors run together, in place of each with each.
+        Whether the factors vary together instead of in all combinations.
     taken : mapping with str keys, optional
         What has a value of its own, and is not to be varied.
 
@@ -177,6 +177,8 @@ def _check(plan: Plan, taken: Mapping[str, object]) -> None:
             )
     if plan.zipped and len({factor.length for factor in plan.factors}) > 1:
         lengths = ", ".join(f"{'+'.join(f.columns)} has {f.length}" for f in plan.factors)
-        raise UsageError(f"--zip runs through all values together, but {lengths}; make them equal")
+        raise UsageError(
+            f"--zip varies all quantities together, but {lengths}; make the numbers of values equal"
+        )
     if plan.length > MOST_ROWS:
         raise UsageError(f"these are {plan.length:,} rows; a sweep has at most 10^9")

@@ -1,0 +1,153 @@
+"""A view for models that have none: points recognized by the names of their coordinates."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from symengine import Basic, expand
+
+from lagcli.model.expression.tensors import Tensor
+from lagcli.model.model import Constraint, Model, Segment, View, coordinate
+
+#: x, x_A, x1, xA, x[2]; partners differ in the first letter only.
+_FIRST = re.compile(r"(?P<letter>[xX])(?P<rest>|_\w+|\d+|[A-Z]\w*|\[\d+\])")
+_OTHERS = {"x": "yz", "X": "YZ"}
+#: Definitions of position vectors: r, r_A, rA.
+_VECTOR = re.compile(r"[rR](?P<rest>|_\w+|\d+|[A-Z]\w*|\[\d+\])")
+_TRAILS = 4  # more would cover the picture
+_LABELS = 12
+
+Position = tuple[Basic, ...]
+
+
+def with_view(model: Model) -> Model:
+    """Return a model with a view: its own, or one of the points that are recognized.
+
+    Points are pairs or triples of coordinates or definitions such as ``x_A, y_A``, and vector
+    definitions such as ``r_A``. Holonomic constraints that keep a distance are drawn as rods.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    Model
+        The model itself if it has a view, or if no point is recognized.
+    """
+    if model.view is not None:
+        return model
+    found = dict(_points(model))
+    if not found:
+        return model
+    dimension = max(map(len, found.values()))
+    points = {name: place for name, place in found.items() if len(place) == dimension}
+    symbols = {coordinate(q) for q in model.coordinate_names}
+    links = list(_rods(model.constraints, points, symbols))
+    for link in links:
+        if link.fixed is not None:
+            points.setdefault(link.ends[0], link.fixed)
+    fixed = tuple(n for n, place in points.items() if not _free(place) & symbols)
+    moving = [name for name in points if name not in fixed]
+    view = View(
+        dimension,
+        points,
+        segments=tuple(Segment("rod", link.name, *link.ends) for link in links),
+        grounds=fixed,
+        trails=tuple(moving) if len(moving) <= _TRAILS else (),
+        labels=dict.fromkeys(points) if len(points) <= _LABELS else {},
+    )
+    return replace(model, view=view)
+
+
+class _Link:
+    """A rod between two points, of which the first may be fixed."""
+
+    def __init__(self, name: str, ends: tuple[str, str], fixed: Position | None = None):
+        self.name, self.ends, self.fixed = name, ends, fixed
+
+
+def _points(model: Model) -> Iterator[tuple[str, Position]]:
+    """Yield the points by name."""
+    scalars = dict(_scalars(model))
+    for name, value in scalars.items():
+        match = _FIRST.fullmatch(name)
+        if match is None:
+            continue
+        rest = match["rest"]
+        partners = [scalars.get(letter + rest) for letter in _OTHERS[match["letter"]]]
+        second, third = partners
+        if second is not None:
+            yield _name(rest), (value, second) if third is None else (value, second, third)
+    for name, definition in model.definitions.items():
+        value = definition.value
+        match = _VECTOR.fullmatch(name)
+        if match and isinstance(value, Tensor) and value.is_vector and len(value.entries) in (2, 3):
+            entries = tuple(value.entries)
+            if not any(s.name.endswith("'") for s in _free(entries)):
+                yield _name(match["rest"]), entries
+
+
+def _scalars(model: Model) -> Iterator[tuple[str, Basic]]:
+    """Yield lengths by name: coordinates in m or without a unit, and scalar definitions."""
+    for q in model.coordinates:
+        if q.unit in (None, "", "m"):
+            yield q.name, coordinate(q.name)
+    for name, definition in model.definitions.items():
+        value = definition.value
+        if not isinstance(value, Tensor) and not any(
+            s.name.endswith("'") for s in value.free_symbols
+        ):
+            yield name, value
+
+
+def _name(rest: str) -> str:
+    """Return the name of a point: A for x_A, P1 for x1, P[2] for x[2]."""
+    letters = rest.lstrip("_")
+    return letters if letters[:1].isalpha() else f"P{letters}"
+
+
+def _free(place: Position) -> set[Basic]:
+    return set().union(*(x.free_symbols for x in place))
+
+
+def _rods(
+    constraints: Sequence[Constraint], points: Mapping[str, Position], symbols: set[Basic]
+) -> Iterator[_Link]:
+    """Yield the rods that constraints stand for: φ = a/2 |P − C|² + const.
+
+    With points whose components are coordinates, ∂φ/∂P = a (P − C) gives the other end C: a fixed
+    point, or another of the points.
+    """
+    owners = {
+        symbol: name
+        for name, place in points.items()
+        if all(x in symbols for x in place)
+        for symbol in place
+    }
+    for constraint in constraints:
+        phi = constraint.expression
+        used = phi.free_symbols & symbols
+        ends = list(dict.fromkeys(owners.get(s, "") for s in sorted(used, key=str)))
+        if constraint.kind != "holonomic" or "" in ends or len(ends) not in (1, 2):
+            continue
+        place = points[ends[-1]]
+        slopes = [phi.diff(x) for x in place]
+        factor = expand(slopes[0].diff(place[0]))
+        if factor == 0 or factor.free_symbols & symbols:
+            continue
+        pairs = zip(place, slopes, strict=True)
+        center = tuple(expand(x - slope / factor) for x, slope in pairs)
+        if len(ends) == 2 and _same(points[ends[0]], center):
+            yield _Link(constraint.name, (ends[0], ends[1]))
+        elif len(ends) == 1 and not _free(center) & symbols:
+            name = next((n for n, p in points.items() if _same(p, center)), None)
+            origin = all(x == 0 for x in center)
+            name = name or ("O" if origin else f"{ends[0]}_0")
+            yield _Link(constraint.name, (name, ends[0]), center)
+
+
+def _same(place: Position, other: Position) -> bool:
+    return all(expand(a - b) == 0 for a, b in zip(place, other, strict=True))

@@ -1,0 +1,99 @@
+"""Views of models that have none: points by their names, rods by their constraints."""
+
+import pytest
+from symengine import Symbol
+
+import lagcli
+from lagcli.pictures.scene.automatic_view import with_view
+
+
+def view(coordinates, constraints="", definitions="", more=""):
+    names = coordinates.split(", ")
+    energy = " + ".join(f"{q}'^2" for q in names)
+    initial = "".join(f"  {q}: {{guess: 1}}\n  {q}': {{guess: 0}}\n" for q in names)
+    text = (
+        f"coordinates: [{coordinates}]\nparameters: {{l: 1, c: 2, w: 3}}\n{definitions}"
+        f"T: {energy}\n{constraints}{more}initial:\n{initial}"
+    )
+    return with_view(lagcli.load_text(text)).view
+
+
+def rods(found):
+    return [(s.name, s.start, s.end) for s in found.segments]
+
+
+def test_a_pendulum_hangs_from_the_origin():
+    found = view("x, y", "constraints: {rod: x^2 + y^2 = l^2}\n")
+    assert found.dimension == 2
+    assert list(found.points) == ["P", "O"]
+    assert rods(found) == [("rod", "O", "P")]
+    assert found.grounds == ("O",)
+    assert found.trails == ("P",)
+
+
+def test_a_chain_of_two_and_a_moving_support():
+    found = view(
+        "x1, y1, x2, y2",
+        "constraints:\n  a: (x1 - c*sin(w*t))^2 + y1^2 = l^2\n"
+        "  b: 2*(x2 - x1)^2 + 2*(y2 - y1)^2 = 2*l^2\n",
+    )
+    assert rods(found) == [("a", "P1_0", "P1"), ("b", "P1", "P2")]
+    assert found.points["P1_0"] == (Symbol("c") * _sin("w*t"), 0)
+
+
+def _sin(text):
+    from symengine import sin, sympify
+
+    return sin(sympify(text))
+
+
+def test_three_dimensions_and_names_of_points():
+    found = view("x_A, y_A, z_A", "constraints: {s: x_A^2 + y_A^2 + z_A^2 = l^2}\n")
+    assert (found.dimension, list(found.points)) == (3, ["A", "O"])
+
+
+def test_definitions_are_points():
+    found = view(
+        "phi, s", definitions="definitions:\n  x_B: l*cos(phi)\n  y_B: l*sin(phi)\n  r_C: [s, l]\n"
+    )
+    assert list(found.points) == ["B", "C"]
+
+
+@pytest.mark.parametrize(
+    "constraint",
+    [
+        "x1^2 + 2*y1^2 = 1",  # an ellipse
+        "x1 = y1",  # a line
+        "(x1 + x2)^2 + (y1 + y2)^2 = 1",  # no distance
+        "x1'*y1 = y1'",  # nonholonomic
+    ],
+)
+def test_other_constraints_are_not_rods(constraint):
+    found = view("x1, y1, x2, y2", f'constraints: {{c: "{constraint}"}}\n')
+    assert rods(found) == []
+
+
+def test_angles_and_other_units_are_not_points():
+    assert view("phi, psi") is None
+    model = lagcli.load_text(
+        "coordinates: {x: rad, y: rad}\nT: x'^2 + y'^2\ninitial: {x: 0, y: 0, x': 0, y': 0}"
+    )
+    assert with_view(model).view is None
+
+
+def test_a_view_of_the_file_is_kept():
+    model = lagcli.load("slider_crank")
+    assert with_view(model) is model
+
+
+def test_it_is_drawn_and_said(tmp_path):
+    text = (
+        "coordinates: [x, y]\nparameters: {l: 1}\nT: x'^2 + y'^2\nV: y\n"
+        "constraints: {rod: x^2 + y^2 = l^2}\ninitial: {x: 1, y: 0, x': 0, y': 0}\n"
+    )
+    run = lagcli.simulate(lagcli.load_text(text), t_end=1)
+    made = lagcli.animate(run, tmp_path / "a.html")
+    assert made.notes == (
+        "the model has no view; the points recognized by their names are drawn: P, O",
+    )
+    assert lagcli.report(run, tmp_path / "r.html").size > 100_000

@@ -1,0 +1,70 @@
+"""A notebook shows models and equations in LaTeX, runs with animation and plot."""
+
+import html
+import re
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.pictures.notebook import trajectory_html
+
+
+@pytest.fixture(scope="module")
+def run():
+    return lagcli.simulate(lagcli.load("pendulum_cartesian"), t_end=0.5, samples=20)
+
+
+def test_a_notebook_is_executed():
+    nbformat = pytest.importorskip("nbformat", reason="nbclient is not installed")
+    nbclient = pytest.importorskip("nbclient", reason="nbclient is not installed")
+    pytest.importorskip("ipykernel", reason="ipykernel is not installed")
+    sources = [
+        "import lagcli\nmodel = lagcli.load('pendulum_cartesian')\nmodel",
+        "lagcli.derive(model)",
+        "run = lagcli.simulate(model, t_end=0.5, samples=20)\nrun",
+        "run.to_xarray()",
+    ]
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(s) for s in sources])
+    nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
+    model, equations, run, dataset = (cell.outputs[-1].data for cell in notebook.cells)
+    for shown in (model, equations):
+        assert r"m \ddot{x} &= 2 \, \lambda \, x" in shown["text/markdown"]
+    assert "<iframe" in run["text/html"]
+    assert "data:image/png;base64," in run["text/html"]
+    assert "xarray.Dataset" in dataset["text/html"]
+
+
+def test_the_html_of_a_run(run):
+    text = trajectory_html(run)
+    assert "<b>pendulum_cartesian</b>: completed, t = 0 to 0.5 s, 20 samples" in text
+    (page,) = re.findall(r'srcdoc="([^"]*)"', text)
+    assert html.unescape(page).startswith("<!doctype html>")
+    assert "Plot of the run" in text
+
+
+def test_a_dataset(run):
+    pytest.importorskip("xarray", reason="xarray is not installed")
+    dataset = run.to_xarray()
+    rod = dataset.multipliers.sel(constraint="rod")
+    assert np.array_equal(rod, run.multipliers[:, 0])
+    assert np.array_equal(dataset.q.sel(coordinate="y"), run.q[:, 1])
+    forces = dataset.constraint_force_by.sel(term="rod.x")
+    assert np.array_equal(forces, run.constraint_force_of("rod")[:, 0])
+    assert dataset.energy_kinetic.attrs["units"] == "J"
+    assert dataset.coordinate_unit.sel(coordinate="x") == "m"
+    assert dataset.attrs["status"] == "completed"
+    assert set(run.outputs) <= set(dataset)
+
+
+def test_a_dataset_has_the_variables_of_the_file(run, tmp_path):
+    xarray = pytest.importorskip("xarray", reason="xarray is not installed")
+    pytest.importorskip("h5netcdf", reason="h5netcdf is not installed")
+    lagcli.write(run, tmp_path / "run.h5")
+    with xarray.open_dataset(tmp_path / "run.h5", engine="h5netcdf") as stored:
+        made = run.to_xarray()
+        shared = set(made) & set(stored)
+        assert set(stored) - shared <= {"term_constraint", "term_coordinate", "coordinate_unit"}
+        for name in shared:
+            assert made[name].dims == stored[name].dims, name
+            assert np.array_equal(made[name], stored[name], equal_nan=True), name
