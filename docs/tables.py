@@ -12,7 +12,7 @@ from typing import Any
 
 from lagcli.columns import QUANTITIES, ResultQuantity
 from lagcli.model.keys import MODEL, VIEW, JsonSchema
-from lagcli.settings.kinds import Choice, Flag, Setting, Times, Tolerances, WholeNumber
+from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, Tolerances, WholeNumber
 from lagcli.settings.methods import FORMULATIONS, METHODS, Method
 from lagcli.settings.settings import Settings
 
@@ -98,6 +98,8 @@ def _value(setting: Setting[Any]) -> str:
             found = "`true`, `false`"
         case Times():
             found = "list of numbers"
+        case Names():
+            found = "list of names"
         case Tolerances():
             found = "number, or numbers by coordinate and velocity"
         case WholeNumber():

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from lagcli.analysis.check.check import check
     from lagcli.analysis.equilibria.diagram import follow_equilibria
     from lagcli.analysis.equilibria.equilibrium import equilibrium
+    from lagcli.analysis.fit.fit import fit
     from lagcli.analysis.linear.linear_model import linearize
     from lagcli.analysis.linear.modes import modes
     from lagcli.equations.derivation.lagrange import derive
@@ -38,6 +39,7 @@ __all__ = [
     "degrees_of_freedom",
     "derive",
     "equilibrium",
+    "fit",
     "follow_equilibria",
     "linearize",
     "load",
@@ -62,6 +64,7 @@ _PLACES = {
     "equilibrium": "lagcli.analysis.equilibria.equilibrium",
     "follow_equilibria": "lagcli.analysis.equilibria.diagram",
     "linearize": "lagcli.analysis.linear.linear_model",
+    "fit": "lagcli.analysis.fit.fit",
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",
     "modes": "lagcli.analysis.linear.modes",

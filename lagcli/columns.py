@@ -273,6 +273,39 @@ PANELS = {
 }
 
 
+#: Derivatives with respect to parameters and initial values, in results that have them.
+DERIVATIVES = tuple(
+    ResultQuantity(
+        name,
+        ("time", axis, "parameter"),
+        f"derivatives of the {what} with respect to parameters and initial values",
+        "mixed: as what is differentiated, per unit of the parameter",
+        text=f"d{text}/d{{parameter}}",
+    )
+    for name, axis, what, text in (
+        ("dq", "coordinate", "coordinates", "{coordinate}"),
+        ("dv", "coordinate", "velocities", "{coordinate}_dot"),
+        ("dmultipliers", "constraint", "Lagrange multipliers", "lambda.{constraint}"),
+    )
+)
+
+
+#: All arrays of a result, by name.
+ARRAYS = {quantity.name: quantity for quantity in (*QUANTITIES, *DERIVATIVES)}
+
+
+def derivative_names(
+    quantity: ResultQuantity,
+    coordinates: Sequence[str],
+    constraints: Sequence[str],
+    parameters: Sequence[str],
+) -> list[str]:
+    """Return the names of the columns of one of `DERIVATIVES`, parameters running fastest."""
+    axis = quantity.axes[1]
+    rows = coordinates if axis == "coordinate" else constraints
+    return [quantity.text.format(**{axis: x, "parameter": p}) for x in rows for p in parameters]
+
+
 class ColumnName(NamedTuple):
     """The name of one column of numbers; `str` writes it as files and messages have it.
 

@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import re
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
@@ -9,13 +10,13 @@ import typer
 
 from lagcli.cli.streams import tell
 from lagcli.errors import LagcliError, UsageError
-from lagcli.settings.kinds import Choice, Flag, Setting, Times, WholeNumber
+from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, WholeNumber
 from lagcli.settings.settings import SettingsOverrides
 
 Command = Callable[..., int]
 
 
-def with_settings(*names: str) -> Callable[[Command], Command]:
+def with_settings(*names: str, without: tuple[str, ...] = ()) -> Callable[[Command], Command]:
     """Give a command options in place of its keyword parameter ``settings``.
 
     The command is called with the `SettingsOverrides` that they make.
@@ -24,9 +25,11 @@ def with_settings(*names: str) -> Callable[[Command], Command]:
     ----------
     *names : str
         The settings that it takes; all of them without names.
+    without : tuple of str
+        Settings that it does not take.
     """
     declared = SettingsOverrides.DECLARED
-    options = [_option(declared[name]) for name in names or declared]
+    options = [_option(declared[name]) for name in names or declared if name not in without]
 
     def decorate(function: Command) -> Command:
         @functools.wraps(function)
@@ -74,7 +77,7 @@ def _option(setting: Setting[Any]) -> inspect.Parameter:
             type_ = bool
         case WholeNumber():
             type_ = int
-        case Times():
+        case Times() | Names():
             type_ = str
         case Choice():
             type_ = Literal[setting.choices]
@@ -98,9 +101,16 @@ def _overrides(given: dict[str, Any]) -> SettingsOverrides:
         setting = SettingsOverrides.DECLARED[name]
         if value is not None and isinstance(setting, Times):
             given[name] = _numbers(name, value)
+        elif value is not None and isinstance(setting, Names):
+            given[name] = split_names(value)
         elif value is False:
             given[name] = None  # a flag that is not set leaves it to the model file
     return SettingsOverrides(**given)
+
+
+def split_names(text: str) -> list[str]:
+    """Return the names of a list with commas; those in brackets belong to a name: ``k[1,2]``."""
+    return [x.strip() for x in re.split(r",(?![^\[]*\])", text)]
 
 
 def _numbers(name: str, text: str) -> list[float]:

@@ -76,6 +76,7 @@ def summarize(
         "initial_correction": {k: list(v) for k, v in record.initial_correction.items()},
         "coordinates": len(initial) // 2,
         **_freedom(record),
+        "sensitivity": list(options.get("sensitivity", ())),
         "seconds": dict(seconds),
     }
 
@@ -185,6 +186,10 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
             )
         if len(s["multipliers"]) > _LISTED:
             lines.append(f"    and {len(s['multipliers']) - _LISTED} more (--json lists all)")
+    if s["sensitivity"]:
+        lines.append(
+            f"  {'derivatives':<12}of q, v and λ with respect to {', '.join(s['sensitivity'])}"
+        )
     total = s["seconds"]["total"]
     lines.append(
         f"  {'time':<12}{total:.2f} s, of which integrating {s['seconds']['integrate']:.2f} s"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import NamedTuple
 
@@ -111,6 +112,12 @@ class Evaluator:
         self._constraint = ScalarTape(system.constraint)
         self._matrices = _Matrices(system)
         self._holonomic = list(system.holonomic)
+
+    def with_parameters(self, p: tuple[float, ...]) -> Evaluator:
+        """Return an evaluator of the same System with other values of its parameters."""
+        other = copy.copy(self)
+        other.p = p
+        return other
 
     def state(self, t: float, q: Array, v: Array) -> State:
         """Return a state with these values of the parameters; it keeps copies of q and v."""

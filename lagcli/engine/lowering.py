@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import symengine as se
 
-from lagcli.engine.system import JacobianTapes, Pattern, System
+from lagcli.engine.system import JacobianTapes, ParameterTapes, Pattern, System
 from lagcli.engine.tape.compiler import compile_tape
 
 if TYPE_CHECKING:
@@ -63,8 +63,8 @@ def lower(equations: Equations) -> System:
                 *positions,
                 *jacobian,
                 *(c.drift for c in eq.constraints),
-                *(_magnitude(x) for x in positions if x is not None),
-                *(_magnitude(c.velocity) for c in eq.constraints),
+                *(magnitude(x) for x in positions if x is not None),
+                *(magnitude(c.velocity) for c in eq.constraints),
             ],
             state,
             parameters,
@@ -76,6 +76,7 @@ def lower(equations: Equations) -> System:
         ),
         outputs=tuple(eq.outputs),
         variation=partial(lower_jacobians, eq),
+        parameter_variation=partial(lower_parameter_jacobians, eq),
         same_unit=_same_unit([x for x in positions if x is not None], eq.q),
     )
 
@@ -121,6 +122,38 @@ def lower_jacobians(equations: Equations) -> JacobianTapes:
     )
 
 
+def lower_parameter_jacobians(equations: Equations, names: Sequence[str]) -> ParameterTapes:
+    """Turn the derivatives of the equations with respect to parameters into a tape.
+
+    Parameters
+    ----------
+    equations : Equations
+    names : sequence of str
+        Names of the model's parameters.
+
+    Returns
+    -------
+    ParameterTapes
+
+    Raises
+    ------
+    KeyError
+        The model has no such parameter.
+    """
+    from lagcli.equations.derivation.parameter_jacobians import differentiate_parameters
+    from lagcli.model.model import TIME
+
+    eq, found = equations, differentiate_parameters(equations, names)
+    blocks = [found.force, found.rhs, found.position, found.velocity, [*found.outputs.values()]]
+    force, rhs, position, velocity, outputs = map(_pattern, blocks)
+    tape = compile_tape(
+        [x for rows in blocks for row in rows for x in row.values()],
+        [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
+        [se.Symbol(name) for name in eq.model.parameters],
+    )
+    return ParameterTapes(found.parameters, force, rhs, position, velocity, outputs, tape)
+
+
 def _same_unit(
     expressions: Sequence[se.Basic], q: Sequence[se.Basic]
 ) -> tuple[tuple[int, ...], ...]:
@@ -147,19 +180,19 @@ def _same_unit(
     return tuple(unique[i] for i in sorted(unique))
 
 
-def _magnitude(expression: se.Basic) -> se.Basic:
+def magnitude(expression: se.Basic) -> se.Basic:
     """Return the sum of the magnitudes of an expression's terms, products of sums written out.
 
     It is what the rounding error of the expression is proportional to.
     """
     if isinstance(expression, se.Add):
-        return se.Add(*[_magnitude(x) for x in expression.args])
+        return se.Add(*[magnitude(x) for x in expression.args])
     if isinstance(expression, se.Mul):
-        return se.Mul(*[_magnitude(x) for x in expression.args])
+        return se.Mul(*[magnitude(x) for x in expression.args])
     if isinstance(expression, se.Pow):
         base, exponent = expression.args
         if isinstance(exponent, se.Integer) and exponent > 0:
-            return _magnitude(base) ** exponent
+            return magnitude(base) ** exponent
     return se.Abs(expression)
 
 

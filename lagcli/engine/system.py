@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,6 +32,8 @@ class JacobianTapes:
     tape : Tape
         (t, q, v, a, λ, parameters) → (entries of ∂G/∂q, ∂G/∂v, ∂Γ/∂q, ∂Γ/∂v, ∂power/∂q, ∂power/∂v;
         ∂G/∂t, ∂Γ/∂t, ∂power/∂t).
+    exact : bool
+        Whether they are all derivatives; Rosenbrock methods need that, Newton's iteration does not.
     """
 
     force_position: Pattern
@@ -40,6 +42,31 @@ class JacobianTapes:
     rhs_velocity: Pattern
     power_position: tuple[int, ...]
     power_velocity: tuple[int, ...]
+    tape: Tape
+    exact: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterTapes:
+    """G = f − M a + Bᵀλ, Γ = γ − B a, φ and ψ, differentiated with respect to parameters.
+
+    Parameters
+    ----------
+    parameters : tuple of str
+        Names, in the order of the patterns' columns.
+    force, rhs, position, velocity, outputs : tuples of (row, parameter)
+        Places of the nonzero entries of ∂G/∂p, ∂Γ/∂p, ∂φ/∂p, ∂ψ/∂p and of the derivatives of the
+        System's outputs. Rows of φ are numbered as in ``System.holonomic``.
+    tape : Tape
+        (t, q, v, a, λ, parameters) → the entries, in that order.
+    """
+
+    parameters: tuple[str, ...]
+    force: Pattern
+    rhs: Pattern
+    position: Pattern
+    velocity: Pattern
+    outputs: Pattern
     tape: Tape
 
 
@@ -76,6 +103,9 @@ class System:
         (t, q, v, parameters) → functions whose sign changes are events.
     variation : callable, optional
         Returns the derivatives that stiff methods need; called when one is going to run.
+    parameter_variation : callable, optional
+        Names of parameters → derivatives with respect to them (`ParameterTapes`); called when an
+        analysis needs them.
     same_unit : tuple of tuples of int
         Coordinates that certainly have the same unit, such as those of a quaternion.
     """
@@ -92,6 +122,7 @@ class System:
     outputs: tuple[str, ...] = ()
     events: Tape | None = None
     variation: Callable[[], JacobianTapes] | None = None
+    parameter_variation: Callable[[Sequence[str]], ParameterTapes] | None = None
     same_unit: tuple[tuple[int, ...], ...] = ()
 
     @cached_property

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from lagcli.settings.kinds import Choice, Flag, Setting, Times, Tolerances, WholeNumber
+from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, Tolerances, WholeNumber
 from lagcli.settings.settings import Settings
 
 JsonSchema = dict[str, Any]
@@ -140,6 +140,46 @@ VIEW = _mapping(
     },
     "points",
 )
+MEASURED = _mapping(
+    {
+        "file": _described("CSV file, from the folder of the model", _TEXT),
+        "time": _described("column of the times; by default `t`", _TEXT),
+        "set": _described("parameters of this experiment: name → value", _named(_SCALAR)),
+        "initial": _described("initial values of this experiment: name → value", _named(_SCALAR)),
+    },
+    "file",
+)
+OBSERVED = _mapping(
+    {
+        "column": _described("column of the data; by default the name of the quantity", _TEXT),
+        "sigma": _described("standard deviation of a measured value", _SCALAR),
+        "unit": _described("unit of the column; by default that in its title, or SI", _TEXT),
+    }
+)
+FITTED = _mapping(
+    {
+        "min": _described("least allowed value", _SCALAR),
+        "max": _described("largest allowed value", _SCALAR),
+    }
+)
+FIT = _mapping(
+    {
+        "data": _described(
+            "{`file`, `time`, `set`, `initial`}, or a list of these",
+            _one_of(MEASURED, {"type": "array", "items": MEASURED, "minItems": 1}),
+        ),
+        "observe": _described(
+            "coordinate, velocity, multiplier, output or expression → {`column`, `sigma`, `unit`},"
+            " or the column",
+            {"type": "object", "additionalProperties": _one_of(_TEXT, _EMPTY, OBSERVED)},
+        ),
+        "parameters": _described(
+            "parameter or initial value to be found → {`min`, `max`}",
+            _named(_one_of(_EMPTY, FITTED)),
+        ),
+    },
+    *("data", "observe", "parameters"),
+)
 MODEL = _mapping(
     {
         "name": _described("text; by default the name of the file", _TEXT),
@@ -188,6 +228,7 @@ MODEL = _mapping(
             " [view.md](view.md)",
             _one_of(VIEW, _EMPTY),
         ),
+        "fit": _described("measured data and what is to be found; see [fit.md](fit.md)", FIT),
     },
     "coordinates",
 )
@@ -223,6 +264,8 @@ def _setting(setting: Setting[Any]) -> JsonSchema:
             return {"type": ["integer", "string"]}
         case Times():
             return _list(_SCALAR, at_least=1)
+        case Names():
+            return _one_of(_TEXT, _list(_TEXT, at_least=1))
         case Tolerances():
             return _one_of(_SCALAR, _named(_SCALAR))
     return _SCALAR

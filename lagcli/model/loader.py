@@ -26,6 +26,7 @@ from lagcli.model.sections.coordinates import (
 )
 from lagcli.model.sections.definitions import expand_definitions, read_definitions
 from lagcli.model.sections.energies import read_energies, read_forces, read_scalar
+from lagcli.model.sections.fit import read_fit
 from lagcli.model.sections.initial import read_initial
 from lagcli.model.sections.outputs import read_outputs
 from lagcli.model.sections.parameters import read_parameters, structural
@@ -123,6 +124,7 @@ def _model(
     outputs, output_units = read_outputs(draft, constants)
     settings, settings_need = read_settings(draft, constants)
     view = read_view(draft, constants, definitions, constraints)
+    fit = read_fit(draft, constants, parameters, outputs)
     name = draft.text(draft.get("name"), "`name`") or Path(draft.source.path).stem
     description = draft.text(draft.get("description"), "`description`")
     draft.report.finish()
@@ -152,6 +154,7 @@ def _model(
         set=dict(overrides),
         set_initial=dict(initial_overrides),
         view=view,
+        fit=fit,
     )
     units = derive_units(model)
     if units.throughout and units.findings:

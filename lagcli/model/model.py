@@ -190,6 +190,73 @@ class View(NamedTuple):
     vectors: tuple[Arrow, ...] = ()
 
 
+class DataFile(NamedTuple):
+    """Measured data of one experiment.
+
+    Parameters
+    ----------
+    path : str
+        A CSV file, from the model's folder.
+    time : str
+        The column of the times.
+    set, initial : mappings of str to str
+        Values of the experiment, as ``--set`` and ``--set-initial`` have them.
+    location : SourceLocation
+    """
+
+    path: str
+    time: str
+    set: Mapping[str, str]
+    initial: Mapping[str, str]
+    location: SourceLocation
+
+
+class ObservedQuantity(NamedTuple):
+    """What a column of the data measures.
+
+    Parameters
+    ----------
+    name : str
+        As the file writes it.
+    expression : expression or str
+        In t, q, q', q'', λ and parameters; or the name of a column that every run has.
+    column : str
+    sigma : float or None
+        Standard deviation of a measured value; None where it is to be estimated.
+    sigma_si : bool
+        Whether sigma is in SI; otherwise in the unit of the column.
+    unit : str or None
+        Of the column.
+    location : SourceLocation
+    """
+
+    name: str
+    expression: Basic | str
+    column: str
+    sigma: float | None
+    sigma_si: bool
+    unit: str | None
+    location: SourceLocation
+
+
+class FittedQuantity(NamedTuple):
+    """A parameter or initial value to be found, and its bounds in SI."""
+
+    name: str
+    low: float
+    high: float
+    location: SourceLocation
+
+
+class FitBlock(NamedTuple):
+    """The `fit` block of a model file."""
+
+    data: tuple[DataFile, ...]
+    observed: tuple[ObservedQuantity, ...]
+    fitted: tuple[FittedQuantity, ...]
+    location: SourceLocation
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
     """A checked model.
@@ -226,6 +293,7 @@ class Model:
     set_initial: Mapping[str, object]
     view: View | None = None
     units: ModelUnits = field(default_factory=ModelUnits)
+    fit: FitBlock | None = None
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

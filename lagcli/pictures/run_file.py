@@ -35,7 +35,7 @@ class RunFile:
     ----------
     name : str
         What messages call it.
-    coordinates, constraints, outputs, conserved_names : tuples of str
+    coordinates, constraints, outputs, conserved_names, sensitivity : tuples of str
     terms : Terms
     count : int
         Number of samples.
@@ -53,6 +53,7 @@ class RunFile:
 
     varied: Mapping[str, float] = MappingProxyType({})
     fields: frozenset[str] | None = None
+    sensitivity: tuple[str, ...] = ()
 
     def __init__(self, source: str | os.PathLike[str] | Trajectory, model: str | None = None):
         self._source, self._model_file = source, model
@@ -61,6 +62,7 @@ class RunFile:
             self.coordinates, self.constraints = source.coordinates, source.constraints
             self.outputs, self.terms = tuple(source.outputs), source.terms
             self.conserved_names = source.conserved_names
+            self.sensitivity = source.sensitivity
             self.record: Record = source
             self.count = len(source.time)
             return
@@ -69,6 +71,7 @@ class RunFile:
             self.coordinates, self.constraints = reader.coordinates, reader.constraints
             self.outputs, self.terms = reader.outputs, reader.terms
             self.conserved_names = reader.conserved_names
+            self.sensitivity = reader.sensitivity
             self.record = reader.record
             self.count = reader.count()
 

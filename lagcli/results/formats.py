@@ -35,6 +35,7 @@ class Reader(Protocol):
     constraints: tuple[str, ...]
     outputs: tuple[str, ...]
     conserved_names: tuple[str, ...]
+    sensitivity: tuple[str, ...]
     terms: Terms
     layout: str
     record: Record

@@ -33,7 +33,8 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         ``path``, ``format`` (``hdf5`` or ``csv``), ``bytes``, ``kind``, ``schema_version``,
         ``lagcli_version``, ``status``, ``message``, ``model_name``, ``model_sha256``; ``sizes``
         (samples, coordinates, constraints, outputs), the names of ``coordinates``,
-        ``constraints``, ``outputs``, and ``units``; ``time`` (first, last); ``parameters``,
+        ``constraints``, ``outputs``, and ``units``; ``sensitivity``, what the motion is
+        differentiated with respect to; ``time`` (first, last); ``parameters``,
         ``options``, ``counts``, ``seconds``, ``initial_correction``; the largest magnitudes of
         ``residual_position`` and ``residual_velocity`` by constraint (``max``, and ``scaled`` by
         the constraint's own scale), of ``residual_equation``, and of ``energy_balance``
@@ -75,6 +76,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         "coordinates": list(file.coordinates),
         "constraints": list(file.constraints),
         "outputs": list(file.outputs),
+        "sensitivity": list(file.sensitivity),
         "time": {"first": known(extremes.first), "last": known(extremes.last)},
         **{
             q.name: _residuals(
@@ -137,6 +139,8 @@ def format_info(info: Mapping[str, Any]) -> str:
     for name in ("coordinates", "constraints", "outputs"):
         shown = [_with_unit(n, units.get(n)) for n in info[name]]
         lines += _entry(name, ", ".join(shown) or "none")
+    if info["sensitivity"]:
+        lines += _entry("derivatives", "of q, v and lambda by " + ", ".join(info["sensitivity"]))
     lines += _entry("parameters", pairs(info["parameters"], units))
     lines += _entry("options", pairs(info["options"]))
     lines += _entry("atol at end", pairs(info["tolerances"]))

@@ -179,6 +179,19 @@ class Tolerances(RealNumber[float | Mapping[str, float] | None]):
             yield from self.number_problems(f"{self.name} of `{name}`", x)
 
 
+class Names(Setting[tuple[str, ...] | None]):
+    """Names of quantities of the model."""
+
+    def convert(self, value: Any) -> Any:
+        """Return a given value as it is kept."""
+        return (value,) if isinstance(value, str) else tuple(value)
+
+    def problems(self, value: Any) -> Iterator[SettingError]:
+        """Yield what is wrong with a value."""
+        if not value or not all(isinstance(name, str) and name.strip() for name in value):
+            yield self.error(f"{self.name} must be a list of names, not {list(value)!r}")
+
+
 def positive(value: float) -> tuple[str, None] | None:
     """Check that a number is greater than 0."""
     return ("must be greater than 0", None) if value <= 0 else None

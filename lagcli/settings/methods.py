@@ -30,6 +30,8 @@ class Method(NamedTuple):
     error_order : int
         Order of the error estimate of SciPy's method, by which its first step is chosen; 0 for
         methods that begin at order one.
+    exact : bool
+        Whether it keeps its order only with exact derivatives, as Rosenbrock methods do.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Method(NamedTuple):
     dense: str
     formulations: Mapping[str, tuple[str, ...]]
     error_order: int = 0
+    exact: bool = False
 
 
 #: Every method but `auto`, which chooses among those of the compiled engine.
@@ -69,6 +72,7 @@ METHODS = {
             implicit=True,
             dense="polynomial of order 4",
             formulations={"compiled": _NO_BAUMGARTE},
+            exact=True,
         ),
         Method(
             name="RK45",

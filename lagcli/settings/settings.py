@@ -15,6 +15,7 @@ from lagcli.settings.kinds import (
     CompleteValues,
     Flag,
     GivenValues,
+    Names,
     RealNumber,
     SettingError,
     Times,
@@ -76,6 +77,10 @@ class _Declared:
         "Time limit of a run, seconds of wall time.", math.inf, unit="s", check=positive
     )
     through_singular = Flag("Continue through singular configurations.", False)
+    sensitivity = Names(
+        "Differentiate q, v and λ with respect to parameters and initial values.",
+        metavar="NAME,NAME,…",
+    )
 
 
 #: Settings that describe one thing, of which one is given.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +37,8 @@ from lagcli.version import __version__
 
 if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
+    from lagcli.engine.sensitivity.integration import Derivatives
+    from lagcli.simulations.sensitivity import SensitivityRun
     from lagcli.trajectory.trajectory import Trajectory
 
 
@@ -116,7 +118,8 @@ def prepare(model: Model, settings: SettingsOverrides | None = None) -> Simulati
     system = lower(equations)
     monitor = monitor_of(equations)
     seconds = {"derive": derived - began, "compile": time.perf_counter() - derived}
-    return ready(equations, system, chosen, seconds, monitor=monitor)
+    simulation = ready(equations, system, chosen, seconds, monitor=monitor)
+    return simulation.with_derivatives(chosen.sensitivity) if chosen.sensitivity else simulation
 
 
 def ready(
@@ -171,6 +174,8 @@ class Simulation:
         As in `lagcli.engine.contract.Request`.
     monitor : Monitor, optional
         Of the conserved quantities.
+    sensitivity : SensitivityRun, optional
+        Made by `with_derivatives`.
     """
 
     model: Model
@@ -182,6 +187,27 @@ class Simulation:
     prepared: Prepared | None = None
     on_event: Callable[[Event], Reaction] | None = None
     monitor: Monitor = NO_MONITOR
+    sensitivity: SensitivityRun | None = None
+
+    def with_derivatives(self, names: Sequence[str]) -> Simulation:
+        """Return the simulation with derivatives with respect to parameters and initial values.
+
+        Raises
+        ------
+        UsageError
+            There is no such parameter or initial value, or the method does not suit.
+        ModelError
+            The fixed initial values satisfy the constraints for the given values alone.
+        """
+        from lagcli.simulations.directions import direction_names
+        from lagcli.simulations.sensitivity import sensitivity_run
+
+        began = time.perf_counter()
+        found = sensitivity_run(self, direction_names(self.model, names, "sensitivity"))
+        spent = self.seconds.get("compile", 0.0) + time.perf_counter() - began
+        seconds = {**self.seconds, "compile": spent}
+        settings = self.settings.replace(sensitivity=found.names)
+        return replace(self, settings=settings, sensitivity=found, seconds=seconds)
 
     @property
     def request(self) -> IntegrationRequest:
@@ -193,7 +219,7 @@ class Simulation:
             times=sample_times(self.settings),
             atol=absolute_tolerances(self.settings.atol, self.model.coordinate_names),
             kinds=_kinds(self.model),
-            block_rows=_block_rows(self.system),
+            block_rows=self._block_rows,
             elimination=self.start.elimination,
             prepared=self.prepared,
             on_event=self.on_event,
@@ -220,15 +246,25 @@ class Simulation:
             Whether all samples are to be kept in memory; otherwise they are written as they come.
         """
         count = self.settings.sample_count
-        rows = min(count, _block_rows(self.system))
-        numbers = 3 * count + _COPIES * rows * _stored(self.system)
+        rows = min(count, self._block_rows)
+        stored = _stored(self.system) * self._copies
+        numbers = 3 * count + _COPIES * rows * stored
         if kept:
-            numbers += 2 * count * _stored(self.system)
+            numbers += 2 * count * stored
         check_fits(
             8 * numbers,
             f"a run of {count} samples",
             "ask for fewer samples" + (", or write them to a file: lagcli simulate -o" * kept),
         )
+
+    @property
+    def _copies(self) -> int:
+        """How many times the numbers of the motion alone a sample has at most."""
+        return 1 if self.sensitivity is None else 1 + len(self.sensitivity.names)
+
+    @property
+    def _block_rows(self) -> int:
+        return max(1, _block_rows(self.system) // self._copies)
 
     def run(
         self,
@@ -258,10 +294,12 @@ class Simulation:
         trust = Trust(self.system, self.start.state.p)
         elsewhere = 0.0  # seconds that are not the engine's
 
-        def take(block: Block) -> None:
+        def take(block: Block, derivatives: Derivatives | None = None) -> None:
             nonlocal elsewhere
             entered = time.perf_counter()
             samples = columns(block)
+            if derivatives is not None:
+                samples = self._with(samples, derivatives)
             trust.add(samples)
             sink(samples)
             elsewhere += time.perf_counter() - entered
@@ -276,11 +314,15 @@ class Simulation:
             self.settings.engine
         )  # loads what it needs before threads are limited
         with one_thread():
-            run = engine(self.system, self.request, take, check_cancelled)
+            if self.sensitivity is None:
+                run = engine(self.system, self.request, take, check_cancelled)
+            else:
+                run = self.sensitivity.integrate(self.request, take, check_cancelled)
         integrating = time.perf_counter() - began - elsewhere
         if not columns.samples:
+            empty = None if self.sensitivity is None else self.sensitivity.no_derivatives
             layout = self.system.sample_layout
-            take(Block.of_rows(np.empty((0, layout.size)), layout))
+            take(Block.of_rows(np.empty((0, layout.size)), layout), empty)
         if run.undefined is not None:
             run.message += "; " + undefined_at(self.equations, run.undefined).with_line
         options = self.settings.as_dict()
@@ -314,6 +356,16 @@ class Simulation:
             freedom=self.freedom.to_mapping(),
             conserved_formulas=dict(self.monitor.formulas),
             lagcli_version=__version__,
+        )
+
+    def _with(self, samples: Samples, found: Derivatives) -> Samples:
+        assert self.sensitivity is not None
+        return replace(
+            samples,
+            sensitivity=self.sensitivity.names,
+            dq=found.q,
+            dv=found.v,
+            dmultipliers=found.multipliers,
         )
 
 

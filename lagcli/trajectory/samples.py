@@ -122,6 +122,13 @@ class Samples(Columns):
         The model's own columns.
     conserved_names : tuple of str
         Of the conserved quantities.
+    sensitivity : tuple of n str
+        Parameters and initial values with respect to which the motion was differentiated; mostly
+        none.
+    dq, dv : (nt, nq, n) arrays or None
+        Derivatives of q and v; None without any.
+    dmultipliers : (nt, nc, n) array or None
+        Derivatives of λ; NaN where λ is not unique.
     """
 
     coordinates: tuple[str, ...]
@@ -129,6 +136,10 @@ class Samples(Columns):
     terms: Terms
     conserved_names: tuple[str, ...] = ()
     outputs: Mapping[str, Array] = field(default_factory=dict)
+    sensitivity: tuple[str, ...] = ()
+    dq: Array | None = None
+    dv: Array | None = None
+    dmultipliers: Array | None = None
 
     @property
     def nbytes(self) -> int:

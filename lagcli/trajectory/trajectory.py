@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.columns import Columns
+from lagcli.columns import DERIVATIVES, Columns
 from lagcli.trajectory.samples import Array, Record, Samples
 
 
@@ -58,6 +58,7 @@ def joined(blocks: Sequence[Samples]) -> Samples:
         return np.concatenate([getattr(block, name) for block in blocks])
 
     arrays = {f.name: column(f.name) for f in fields(Columns)}
+    derivatives = {q.name: column(q.name) for q in DERIVATIVES if first.sensitivity}
     outputs = {n: np.concatenate([block.outputs[n] for block in blocks]) for n in first.outputs}
     return Samples(
         coordinates=first.coordinates,
@@ -65,6 +66,8 @@ def joined(blocks: Sequence[Samples]) -> Samples:
         terms=first.terms,
         conserved_names=first.conserved_names,
         outputs=outputs,
+        sensitivity=first.sensitivity,
+        **derivatives,
         **arrays,
     )
 

@@ -51,7 +51,11 @@ FOREIGN = {
 }
 
 #: The modules of the engine that know symbols: a System can be written by hand for the others.
-SYMBOLIC = {"lagcli.engine.lowering", "lagcli.engine.tape.compiler"}
+SYMBOLIC = {
+    "lagcli.engine.lowering",
+    "lagcli.engine.sensitivity.tangent",
+    "lagcli.engine.tape.compiler",
+}
 
 #: What `lagcli simulate` may import from outside the standard library: what it uses, and what
 #: Typer brings along.
@@ -72,13 +76,14 @@ HEAVY = {
     "scipy": {"engine"},
     "numpy": {
         *("arrays", "engine", "trajectory", "simulations", "results", "sweeps", "pictures"),
-        "analysis",
-        *("play", "cli"),
+        *("analysis", "play", "cli"),
     },
-    "symengine": {"model", "equations", "engine", "simulations", "pictures", "sweeps", "analysis"},
+    "symengine": {
+        *("model", "equations", "engine", "simulations", "pictures", "sweeps", "analysis"),
+    },
 }
 #: Modules of HDF5 files, themselves imported where they are used.
-OF_HDF5 = ("lagcli.results.hdf5", "lagcli.sweeps.file.store")
+OF_HDF5 = ("lagcli.results.hdf5", "lagcli.sweeps.file.store", "lagcli.analysis.fit.file")
 
 #: A folder with more modules than this is divided by subject.
 MOST_MODULES = 15

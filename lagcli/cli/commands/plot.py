@@ -1,6 +1,6 @@
 """`lagcli plot`: draw the curves of runs."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -37,12 +37,21 @@ def plot(
             metavar="MODEL", help="Model file in place of the text in the result; CSV has none."
         ),
     ] = None,
+    band: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=SPREAD",
+            help="Draw bands: how far a spread of a parameter, l=0.01 or l=5%, moves the curves of"
+            " a run that was simulated with --sensitivity. Repeatable.",
+        ),
+    ] = None,
     force: Force = False,
 ) -> None:
     """Plot time histories and phase portraits of results, and measures of a sweep.
 
     Several results are drawn over each other and labelled by the parameters that differ. Of a
-    sweep: peak over what was varied, m:peak over m, m:l:peak as a map; phi of all its rows.
+    sweep: peak over what was varied, m:peak over m, m:l:peak as a map; tornado:peak shows what
+    drives it; phi of all its rows. Of a fit: data, fitted curves and residuals.
     """
     from lagcli.pictures.plots.figure_file import size_of
     from lagcli.pictures.plots.plot import plot as draw
@@ -56,6 +65,5 @@ def plot(
             f" {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; lagcli simulate writes one"
         )
     inches = size_of(size) if size is not None else None
-    print_notes(
-        draw(files, output, names, title=title, size=inches, dpi=dpi, model=model, force=force)
-    )
+    look: dict[str, Any] = {"title": title, "size": inches, "dpi": dpi}
+    print_notes(draw(files, output, names, model=model, bands=band or (), force=force, **look))

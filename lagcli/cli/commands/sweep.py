@@ -36,7 +36,7 @@ class Keep(StrEnum):
     trajectories = "trajectories"
 
 
-@with_settings()
+@with_settings(without=("sensitivity",))
 @errors_as_json
 def sweep(
     model: ModelPath,

@@ -90,7 +90,11 @@ class UndefinedStart(Exception):
 
 
 def consistent_state(
-    system: System, given: State, fixed_q: Flags, fixed_v: Flags
+    system: System,
+    given: State,
+    fixed_q: Flags,
+    fixed_v: Flags,
+    evaluator: Evaluator | None = None,
 ) -> ConsistentState:
     """Solve for an initial state that satisfies φ = 0 and ψ = 0.
 
@@ -103,6 +107,8 @@ def consistent_state(
     given : State
         Its q and v are fixed values and guesses.
     fixed_q, fixed_v : (nq,) arrays of bool
+    evaluator : Evaluator, optional
+        Of the System, for any values of its parameters; made here without.
 
     Returns
     -------
@@ -115,17 +121,17 @@ def consistent_state(
     UndefinedStart
         The equations have no finite value there.
     """
-    return _Start(system, given, fixed_q, fixed_v).solve(given.q, given.v)
+    known = Evaluator(system, given.p) if evaluator is None else evaluator
+    return _Start(known.with_parameters(given.p), given.t, fixed_q, fixed_v).solve(given.q, given.v)
 
 
 class _Start:
     """The search for one start."""
 
-    def __init__(self, system: System, given: State, fixed_q: Flags, fixed_v: Flags):
-        self.system, self.t = system, given.t
-        self.evaluator = Evaluator(system, given.p)
+    def __init__(self, evaluator: Evaluator, t: float, fixed_q: Flags, fixed_v: Flags):
+        self.evaluator, self.system, self.t = evaluator, evaluator.system, t
         self.fixed_q, self.fixed_v = np.asarray(fixed_q, bool), np.asarray(fixed_v, bool)
-        self.holonomic = list(system.holonomic)
+        self.holonomic = list(self.system.holonomic)
         self.of_guess: Array | None = None  # a part of the first scales of positions
 
     def solve(self, q: Array, v: Array) -> ConsistentState:

@@ -7,13 +7,14 @@ not take longer steps either, it goes back, and looks for stiffness less often.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.contract import IntegrationRequest
-from lagcli.engine.system import System
+from lagcli.engine.system import JacobianTapes, System
 from lagcli.settings.methods import METHODS
 
 #: From this relative tolerance on, Rodas5P takes less time than Radau for the same error.
@@ -99,7 +100,8 @@ class Methods:
             return
         before, now = self.core.step
         self._trial = None if forced else (steps, now, longer * (now - before))
-        method = "Rodas5P" if self.settings.rtol >= _LOOSE else "Radau"
+        loose = self.settings.rtol >= _LOOSE and self._jacobians.exact
+        method = "Rodas5P" if loose else "Radau"
         self.changes.append((now, method))
         self._go_on(method)
 
@@ -180,16 +182,23 @@ class Methods:
         t, method = self.changes[-1]
         return f"the motion is stiff: went on with {method} at t = {t:.9g} s"
 
+    @cached_property
+    def _jacobians(self) -> JacobianTapes:
+        """The derivatives that implicit methods need."""
+        assert self.system.variation is not None
+        return self.system.variation()
+
     def _go_on(self, method: str) -> None:
         if METHODS[method].implicit and not self._prepared:
             if self.system.variation is None:
                 raise ValueError(f"the System has no derivatives, which {method} needs")
+            if METHODS[method].exact and not self._jacobians.exact:
+                raise ValueError(f"the System has no exact derivatives, which {method} needs")
             # imported when it is needed: most runs are explicit
             from lagcli.engine.linear.sparse import matrix_pattern
 
-            variation = self.system.variation()
-            pattern = matrix_pattern(self.system, variation, self.request.rank)
-            self.core.prepare(variation, pattern)
+            pattern = matrix_pattern(self.system, self._jacobians, self.request.rank)
+            self.core.prepare(self._jacobians, pattern)
             self._prepared = True
         self.core.switch(method)
         self.running = method

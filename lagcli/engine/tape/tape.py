@@ -6,7 +6,7 @@ ready. Equal operations are one (hash-consing). Nothing in a tape is code.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from lagcli.engine.tape.operations import ARITY, Op
@@ -78,11 +78,48 @@ class Builder:
 
     def extend(self, tape: Tape) -> list[int]:
         """Take over a tape's operations, its inputs being the first here; return its outputs."""
-        place = [*range(tape.inputs), *map(self.constant, tape.constants)]
-        for op, _, a, b, c in tape.code:
+        return self._splice(tape, range(tape.inputs), tape.code, tape.outputs)
+
+    def splice(
+        self, tape: Tape, inputs: Sequence[int], outputs: Iterable[int] | None = None
+    ) -> list[int]:
+        """Take over the operations that outputs of a tape depend on.
+
+        Parameters
+        ----------
+        tape : Tape
+        inputs : sequence of int
+            The registers here that stand for the tape's inputs; those that the outputs do not
+            depend on may be left out at the end.
+        outputs : iterable of int, optional
+            Numbers of the outputs; all of them without.
+
+        Returns
+        -------
+        list of int
+            Their registers here.
+        """
+        wanted = tape.outputs if outputs is None else [tape.outputs[i] for i in outputs]
+        needed, code = set(wanted), []
+        for line in reversed(tape.code):
+            if line[1] in needed:
+                needed.update(line[2 : 2 + ARITY[line[0]]])
+                code.append(line)
+        return self._splice(tape, inputs, reversed(code), wanted)
+
+    def _splice(
+        self,
+        tape: Tape,
+        inputs: Sequence[int],
+        code: Iterable[tuple[int, int, int, int, int]],
+        outputs: Iterable[int],
+    ) -> list[int]:
+        place = dict(enumerate(inputs))
+        place |= {i: self.constant(x) for i, x in enumerate(tape.constants, tape.inputs)}
+        for op, to, a, b, c in code:
             operands = tuple([place[x] for x in (a, b, c)[: ARITY[op]]])
-            place.append(self.new((op, *operands)))
-        return [place[x] for x in tape.outputs]
+            place[to] = self.new((op, *operands))
+        return [place[x] for x in outputs]
 
     def constant(self, value: float) -> int:
         """Return the register of a number."""

@@ -62,24 +62,35 @@ def differentiate(equations: Equations) -> Jacobians:
     Jacobians
     """
     eq = equations
+    force, rhs = defects(eq)
+    power = [q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)]
+    power += [v * x for v, reaction in zip(eq.v, _reactions(eq), strict=True) for x in reaction]
+    differ = _Gradients(Motion.of(eq.model))
+    return Jacobians(
+        force=tuple(differ(parts) for parts in force),
+        rhs=tuple(differ(parts) for parts in rhs),
+        power=differ([*power, eq.time_power]),
+    )
+
+
+def defects(equations: Equations) -> tuple[list[list[Basic]], list[list[Basic]]]:
+    """Return the terms of G = f − M a + Bᵀλ and of Γ = γ − B a, by coordinate and constraint."""
+    eq = equations
+    force = [
+        [f, *(-m * eq.a[j] for j, m in row.items()), *reaction]
+        for f, row, reaction in zip(eq.forcing, eq.mass_matrix, _reactions(eq), strict=True)
+    ]
+    rhs = [[c.rhs, *(-b * eq.a[j] for j, b in c.row.items())] for c in eq.constraints]
+    return force, rhs
+
+
+def _reactions(eq: Equations) -> list[list[Basic]]:
+    """Return the terms of Bᵀλ, by coordinate."""
     reactions: list[list[Basic]] = [[] for _ in eq.q]
     for multiplier, c in zip(eq.multipliers, eq.constraints, strict=True):
         for j, b in c.row.items():
             reactions[j].append(multiplier * b)
-    defects = [
-        [f, *(-m * eq.a[j] for j, m in row.items()), *reaction]
-        for f, row, reaction in zip(eq.forcing, eq.mass_matrix, reactions, strict=True)
-    ]
-    power = [q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)]
-    power += [v * x for v, reaction in zip(eq.v, reactions, strict=True) for x in reaction]
-    differ = _Gradients(Motion.of(eq.model))
-    return Jacobians(
-        force=tuple(differ(parts) for parts in defects),
-        rhs=tuple(
-            differ([c.rhs, *(-b * eq.a[j] for j, b in c.row.items())]) for c in eq.constraints
-        ),
-        power=differ([*power, eq.time_power]),
-    )
+    return reactions
 
 
 class _Gradients:

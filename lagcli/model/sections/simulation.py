@@ -12,7 +12,7 @@ from lagcli.model.sections.parameters import names_used
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, YamlNode
-from lagcli.settings.kinds import Choice, Flag, Times, Tolerances, WholeNumber
+from lagcli.settings.kinds import Choice, Flag, Names, Times, Tolerances, WholeNumber
 from lagcli.settings.settings import SettingsOverrides
 
 
@@ -43,6 +43,10 @@ def _value(draft: Draft, name: str, node: YamlNode, constants: Symbols, needs: s
             return _word(draft, name, node)
         case Flag():
             return _flag(draft, name, node)
+        case Names():
+            items = node.items if isinstance(node, Sequence) else [node]
+            words = [word for item in items if (word := _word(draft, name, item)) is not None]
+            return words if len(words) == len(items) else None
         case WholeNumber():
             return _whole_number(draft, name, node, constants, needs)
         case Times():

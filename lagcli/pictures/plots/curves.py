@@ -12,11 +12,13 @@ import numpy as np
 
 from lagcli.columns import (
     BY_NAME,
+    DERIVATIVES,
     RESIDUALS,
     SAMPLED,
     SCALARS,
     ColumnName,
     column_names,
+    derivative_names,
     read_column_name,
     unit_of_column,
 )
@@ -84,6 +86,7 @@ class Catalogue:
         self._places = {name: i for i, name in enumerate(run.coordinates)}
         self._constraints = {name: i for i, name in enumerate(run.constraints)}
         self._conserved = {name: i for i, name in enumerate(run.conserved_names)}
+        self._derivatives = {curve.name: curve for curve in _derivatives(run)}
 
     def find(self, text: str) -> list[Curve]:
         """Return the curves of a name, in which * stands for anything.
@@ -93,6 +96,8 @@ class Catalogue:
         UsageError
             There is none.
         """
+        if text.strip() in self._derivatives:  # of initial values too: dphi/dphi'
+            return [self._derivatives[text.strip()]]
         name = _plain(text)
         curve = self.named(name)
         if curve is not None:
@@ -125,6 +130,8 @@ class Catalogue:
             known = not np.isnan(self.run.record.scale_velocity).any()
             group, label = "relative residuals" if known else "residuals", _RESIDUALS[name].label
             return Curve(name, name, (), group, "", label, log=True, largest=True)
+        if name in self._derivatives:
+            return self._derivatives[name]
         if name in self.run.outputs:
             unit = self.run.record.units.get(name, "")
             # outputs without a unit have nothing in common but the name of their family
@@ -176,6 +183,7 @@ class Catalogue:
             yield from map(str, column_names(quantity, q, constraints, terms, conserved))
         yield from _RESIDUALS
         yield from self.run.outputs
+        yield from self._derivatives
 
     def _family(self, name: str) -> Iterator[Curve]:
         """Yield the members of a family: of x, x_dot, lambda.rod, tension."""
@@ -210,6 +218,7 @@ class Catalogue:
             ("forces", ", ".join(filter(self.named, forces))),
             ("conserved", _listed([str(ColumnName("conserved", conserved=n)) for n in kept])),
             ("outputs", _listed(self.run.outputs)),
+            ("derivatives", _listed([*self._derivatives])),
             ("of all runs", ", ".join(filter(self.named, scalars))),
         ]
         return UsageError(
@@ -244,6 +253,17 @@ class Catalogue:
         if self.notation is None:
             return _raw(str(name))
         return f"${self.notation.latex_multiplier(name.constraint)}$"
+
+
+def _derivatives(run: RunFile) -> Iterator[Curve]:
+    """Yield the derivatives that a run has: ``dphi/dl``."""
+    for quantity in DERIVATIVES if run.sensitivity else ():
+        along = run.coordinates if quantity.axes[1] == "coordinate" else run.constraints
+        names = derivative_names(quantity, run.coordinates, run.constraints, run.sensitivity)
+        places = product(range(len(along)), range(len(run.sensitivity)))
+        for name, place in zip(names, places, strict=True):
+            group = f"{quantity.name}/d{run.sensitivity[place[1]]}"
+            yield Curve(name, quantity.name, place, group, "", _raw(name))
 
 
 def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:

@@ -12,6 +12,7 @@ from lagcli.pictures.plots.sweep_plot import PlottedTable, plot_table
 from lagcli.pictures.plots.sweep_rows import Rows
 from lagcli.pictures.run_file import RunFile
 from lagcli.results.formats import format_read
+from lagcli.results.metadata import KIND
 from lagcli.trajectory.trajectory import Trajectory
 
 Source = str | os.PathLike[str] | Trajectory
@@ -26,6 +27,7 @@ def plot(
     size: tuple[float, float] | None = None,
     dpi: float = 150,
     model: str | None = None,
+    bands: Sequence[str] = (),
     force: bool = False,
 ) -> tuple[str, ...]:
     """Plot results to a file.
@@ -33,12 +35,12 @@ def plot(
     Parameters
     ----------
     results : path or Trajectory, or sequence of them
-        Runs, drawn over each other, or one file of a sweep, of branches or of modes.
+        Runs, drawn over each other, or one file of a sweep, a fit, branches or modes.
     output : path
         A name that ends with ``.png``, ``.svg`` or ``.pdf``.
     names : sequence of str
         What to plot: see docs/pictures.md. By default, of runs, coordinates, multipliers and
-        energies; of a sweep, its measures; of branches, what changes.
+        energies; of a sweep, its measures; of a fit, what was observed; of branches, what changes.
     title : str, optional
         By default the model's name, and what went wrong with a run that is not complete.
     size : (float, float), optional
@@ -47,6 +49,9 @@ def plot(
         Dots per inch; a vector format has them for nothing but how finely long runs are drawn.
     model : str, optional
         A model file in place of the text in the result.
+    bands : sequence of str
+        Spreads of parameters, ``l=0.01`` or ``l=5%``, by which bands are drawn around the curves of
+        runs that were simulated with derivatives.
     force : bool
         Replace an existing file.
 
@@ -67,46 +72,46 @@ def plot(
     kind = check_picture(path, force)
     sources = [results] if isinstance(results, (str, os.PathLike, Trajectory)) else list(results)
     target = FigureFile(path, kind, title, size, dpi, force)
-    analysis = next((found for found in map(_analysis, sources) if found is not None), None)
-    if analysis is not None:
-        if len(sources) > 1:
-            raise UsageError(f"{analysis} is a file of an analysis, which is plotted alone")
-        from lagcli.pictures.plots.analysis_plot import plot_analysis
-        from lagcli.results.hdf5.analysis_file import read_analysis
-
-        plot_analysis(read_analysis(analysis), names, target)
-        return ()
-    sweep = next((found for found in map(_sweep, sources) if found is not None), None)
-    if sweep is None:
-        plot_runs([RunFile(source, model) for source in sources], names, target)
+    kinds = [(source, _kind(source)) for source in sources]
+    file, what = next(((str(x), of) for x, of in kinds if of != KIND), ("", KIND))
+    if what == KIND:
+        plot_runs([RunFile(source, model) for source in sources], names, target, bands)
         return ()
     if len(sources) > 1:
-        raise UsageError(f"{sweep} is a sweep, which is plotted alone")
-    table = PlottedTable(sweep)
+        raise UsageError(f"{file} is a file of {what}, which is plotted alone")
+    if what == "sweep":
+        return _plot_sweep(file, names, target, model, bands)
+    if what == "fit":
+        from lagcli.pictures.plots.fit_plot import plot_fit
+
+        plot_fit(file, names, target)
+        return ()
+    from lagcli.pictures.plots.analysis_plot import plot_analysis
+    from lagcli.results.hdf5.analysis_file import read_analysis
+
+    plot_analysis(read_analysis(file), names, target)
+    return ()
+
+
+def _plot_sweep(
+    file: str, names: Sequence[str], target: FigureFile, model: str | None, bands: Sequence[str]
+) -> tuple[str, ...]:
+    table = PlottedTable(file)
     if not table.kept or (all(map(table.knows, names)) and (names or table.measures)):
         plot_table(table, names, target)
         return ()
-    rows = Rows(sweep, model)
-    plot_runs(rows.runs, names, target)
+    rows = Rows(file, model)
+    plot_runs(rows.runs, names, target, bands)
     drawn = len(rows.runs)
     return (f"{drawn} of {rows.good} rows are drawn",) if drawn < rows.good else ()
 
 
-def _analysis(source: Source) -> str | None:
-    """Return the name of a file of an analysis; None for anything else."""
+def _kind(source: Source) -> str:
+    """Return what a source holds: a run, a sweep, a fit or another analysis."""
     if isinstance(source, Trajectory) or format_read(source).sweeps != "all":
-        return None
-    from lagcli.results.hdf5.analysis_file import analysis_kind
+        return KIND
+    from lagcli.results.hdf5.opening import open_verified
+    from lagcli.trajectory.samples import SCHEMA_VERSION
 
-    path = os.fspath(source)
-    return path if analysis_kind(path) else None
-
-
-def _sweep(source: Source) -> str | None:
-    """Return the name of a sweep file; None for anything else."""
-    if isinstance(source, Trajectory) or format_read(source).sweeps != "all":
-        return None
-    from lagcli.sweeps.file.store import is_sweep
-
-    path = os.fspath(source)
-    return path if is_sweep(path) else None
+    with open_verified(source, SCHEMA_VERSION) as opened:
+        return opened.kind or KIND

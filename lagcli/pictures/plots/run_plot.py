@@ -9,6 +9,7 @@ import numpy as np
 
 from lagcli.errors import UsageError
 from lagcli.pictures.plots import style
+from lagcli.pictures.plots.bands import half_widths, read_bands
 from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
 from lagcli.pictures.plots.differences import labels_of
 from lagcli.pictures.plots.figure_file import FigureFile
@@ -31,7 +32,9 @@ _GREY = {"color": "#404040"}
 Values = Mapping[str, Array]
 
 
-def plot_runs(runs: Sequence[RunFile], names: Sequence[str], target: FigureFile) -> None:
+def plot_runs(
+    runs: Sequence[RunFile], names: Sequence[str], target: FigureFile, bands: Sequence[str] = ()
+) -> None:
     """Plot runs to a file.
 
     Parameters
@@ -43,6 +46,8 @@ def plot_runs(runs: Sequence[RunFile], names: Sequence[str], target: FigureFile)
         and energies.
     target : FigureFile
         By default as wide as a page, with the model's name.
+    bands : sequence of str
+        As for `lagcli.plot`.
 
     Raises
     ------
@@ -54,9 +59,11 @@ def plot_runs(runs: Sequence[RunFile], names: Sequence[str], target: FigureFile)
     catalogues = [Catalogue(run) for run in runs]
     panels = [asked(c, names) if names else usual(c) for c in catalogues]
     _check(runs, panels)
-    values = [
-        read_curves(run, {curve for p in own for curve in (*p.curves, *p.over)})
-        for run, own in zip(runs, panels, strict=True)
+    drawn = [{curve for p in own for curve in (*p.curves, *p.over)} for own in panels]
+    values = [read_curves(run, curves) for run, curves in zip(runs, drawn, strict=True)]
+    widths = [
+        half_widths(run, curves, read_bands(run, bands))
+        for run, curves in zip(runs, drawn, strict=True)
     ]
     largest = _largest(values)
     panels = [split_by_scale(own, largest) for own in panels]
@@ -64,7 +71,7 @@ def plot_runs(runs: Sequence[RunFile], names: Sequence[str], target: FigureFile)
     with target.figure((WIDTH, sum(heights) + 0.6), _title(runs)) as figure:
         dpi = target.dpi if target.kind == "png" else _PRINTED
         columns = int(figure.get_figwidth() * dpi)
-        PanelDrawing(figure, runs, values, columns).draw(panels, heights)
+        PanelDrawing(figure, runs, values, columns, widths).draw(panels, heights)
 
 
 def _largest(values: Sequence[Values]) -> dict[str, float]:
@@ -115,11 +122,19 @@ class PanelDrawing:
         The curves of each run, by name.
     columns : int
         Pixels, or what stands for them, along the axis of time.
+    widths : sequence of mappings of str to (nt,) array
+        Half-widths of the bands around curves of each run, by name; none without.
     """
 
     def __init__(
-        self, figure: Any, runs: Sequence[RunFile], values: Sequence[Values], columns: int
+        self,
+        figure: Any,
+        runs: Sequence[RunFile],
+        values: Sequence[Values],
+        columns: int,
+        widths: Sequence[Values] = (),
     ):
+        self.widths = widths or [{}] * len(runs)
         self.figure, self.runs, self.values, self.columns = figure, runs, values, columns
         self.labels, numbers, self.difference = labels_of(runs)
         #: Many runs are a family: coloured by what tells them apart, without a legend.
@@ -171,6 +186,11 @@ class PanelDrawing:
                     look["marker"] = "o"
                 ax.plot(x, y, **look)
                 shown.append(y)
+                width = self.widths[number].get(curve.name)
+                if width is not None and not panel.over and not panel.log:
+                    middle, color = drawable(values[curve.name]), look["color"]
+                    ends = middle - width, middle + width
+                    ax.fill_between(values["t"], *ends, color=color, alpha=0.25, linewidth=0)
         plain_ticks(ax.xaxis)
         if first.log:
             decades(ax, shown)

@@ -14,6 +14,7 @@ from lagcli.pictures.plots import style
 from lagcli.pictures.plots.curves import pretty_unit
 from lagcli.pictures.plots.figure_file import FigureFile
 from lagcli.pictures.plots.ticks import drawable, plain_ticks
+from lagcli.pictures.plots.tornado import draw_tornado, effects
 from lagcli.results.layout import NOT_STATED
 from lagcli.sweeps.row_results import COMPLETED
 from lagcli.trajectory.samples import Array
@@ -23,6 +24,8 @@ _FAMILIES = 6  # values of a second quantity that a legend distinguishes
 _MARKED = 60  # points of a curve that are marked
 _USUAL = 6  # measures that are drawn where none is named
 _GREY = "#8C8C8C"
+#: What asks for a tornado chart of a measure.
+_TORNADO = "tornado:"
 
 
 class PlottedQuantity(NamedTuple):
@@ -76,7 +79,8 @@ class PlottedTable:
 
     def knows(self, name: str) -> bool:
         """Whether a name, or a pair or triple of names, is made of the columns of the file."""
-        return name in self._every or all(part.strip() in self._every for part in name.split(":"))
+        plain = name.removeprefix(_TORNADO)
+        return plain in self._every or all(part.strip() in self._every for part in plain.split(":"))
 
     def find(self, name: str) -> PlottedQuantity:
         """Return a quantity.
@@ -111,7 +115,12 @@ def _quantity(column: Any, values: Array, measured: bool) -> PlottedQuantity:
 
 class _Panel(NamedTuple):
     value: PlottedQuantity
-    over: tuple[PlottedQuantity, ...]  # one: a curve; two: a map
+    over: tuple[PlottedQuantity, ...]  # one: a curve; two: a map; none: a tornado chart
+
+    @property
+    def height(self) -> float:
+        """Inches."""
+        return _MAP if len(self.over) == 2 else _CURVE
 
 
 def plot_table(table: PlottedTable, names: Sequence[str], target: FigureFile) -> None:
@@ -122,7 +131,8 @@ def plot_table(table: PlottedTable, names: Sequence[str], target: FigureFile) ->
     table : Table
     names : sequence of str
         Measures, over the one or two quantities that were varied; or ``m:peak``, and ``m:l:peak``
-        for a map over m and l. By default all measures, if they are few.
+        for a map over m and l; ``tornado:peak`` for the effects of all that was varied. By default
+        all measures, if they are few.
     target : FigureFile
 
     Raises
@@ -135,18 +145,23 @@ def plot_table(table: PlottedTable, names: Sequence[str], target: FigureFile) ->
     panels = [_asked(table, name) for name in names or [q.name for q in table.measures[:_USUAL]]]
     if not panels:
         raise UsageError(f"{table.path} holds no measures; sweep with --measure 'peak=max(…)'")
-    heights = [_MAP if len(p.over) == 2 else _CURVE for p in panels]
+    heights = [panel.height for panel in panels]
     with target.figure((_WIDTH, sum(heights) + 0.4), table.title) as figure:
         grid = figure.add_gridspec(len(panels), 1, height_ratios=heights)
         for place, panel in enumerate(panels):
             ax = figure.add_subplot(grid[place])
-            if len(panel.over) == 2:
+            if not panel.over:
+                varied = {q.label: q.values for q in table.varied}
+                draw_tornado(ax, effects(varied, panel.value.values), panel.value.label)
+            elif len(panel.over) == 2:
                 _draw_map(figure, ax, panel)
             else:
                 _draw_curve(ax, panel, table)
 
 
 def _asked(table: PlottedTable, name: str) -> _Panel:
+    if name.startswith(_TORNADO):
+        return _Panel(table.find(name.removeprefix(_TORNADO)), ())
     parts = [name] if name in (q.name for q in table.measures) else name.split(":")
     *over, value = [table.find(part) for part in parts]
     if len(over) > 2:

@@ -9,11 +9,11 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
-from lagcli.columns import BY_NAME, REQUIRED, SCALARS, ColumnName, read_dotted_name
+from lagcli.columns import ARRAYS, REQUIRED, SCALARS, ColumnName, read_dotted_name
 from lagcli.errors import FileError
 from lagcli.results.csv.sidecar import read_sidecar
 from lagcli.results.csv.writer import titles
@@ -48,8 +48,9 @@ class CsvReader:
         self._path, self._file = path, file
         self._header = next(csv.reader(file, strict=True), [])
         names = _names(path, self._header)
-        self.coordinates, self.constraints, self.terms, self.conserved_names = names[:4]
-        self.outputs, self._missing = names[4:]
+        self.coordinates, self.constraints, self.terms = names[:3]
+        self.conserved_names, self.outputs = names.conserved, names.outputs
+        self.sensitivity, self._missing = names.sensitivity, names.missing
         self.layout = SCHEMA_VERSION
         self._reached = -math.inf  # the time of the last sample so far
         self.record = read_sidecar(path, len(self.constraints))
@@ -76,6 +77,7 @@ class CsvReader:
             constraints=self.constraints,
             terms=self.terms,
             conserved_names=self.conserved_names,
+            sensitivity=self.sensitivity,
             **columns,
             **vars(self.record),
         )
@@ -88,12 +90,14 @@ class CsvReader:
             "constraint": len(self.constraints),
             "term": len(self.terms.constraint),
             "conserved_quantity": len(self.conserved_names),
+            "parameter": len(self.sensitivity),
         }
         fields: dict[str, Any] = {}
         position = 0
         names = term_names(self.terms, self.coordinates, self.constraints)
         for name, of_name in titles(
-            self.coordinates, self.constraints, names, self.conserved_names, self.outputs
+            *(self.coordinates, self.constraints, names, self.conserved_names, self.outputs),
+            self.sensitivity,
         ).items():
             if name in self._missing:
                 block = np.full((len(table), len(of_name)), np.nan)
@@ -103,7 +107,7 @@ class CsvReader:
             if name == "outputs":
                 fields[name] = {n: block[:, i].copy() for i, n in enumerate(self.outputs)}
             else:
-                fields[name] = block.reshape([length[axis] for axis in BY_NAME[name].axes])
+                fields[name] = block.reshape([length[axis] for axis in ARRAYS[name].axes])
         self._check_times(fields["time"])
         return fields
 
@@ -132,13 +136,23 @@ def _check_last_line(path: str) -> None:
         )
 
 
-def _names(
-    path: str, header: list[str]
-) -> tuple[tuple[str, ...], tuple[str, ...], Terms, tuple[str, ...], tuple[str, ...], set[str]]:
-    """Return the coordinates, constraints, terms, conserved quantities and outputs of a header.
+class HeaderNames(NamedTuple):
+    """What the header of a CSV file names.
 
-    The last are the quantities that it lacks: those that were added after the file was written.
+    ``missing`` are the quantities that it lacks: those that were added after the file was written.
     """
+
+    coordinates: tuple[str, ...]
+    constraints: tuple[str, ...]
+    terms: Terms
+    conserved: tuple[str, ...]
+    outputs: tuple[str, ...]
+    sensitivity: tuple[str, ...]
+    missing: set[str]
+
+
+def _names(path: str, header: list[str]) -> HeaderNames:
+    """Return the names of a header; raise FileError if it is none of lagcli."""
     # Forces follow the accelerations; without a coordinate there are none, and scalars follow.
     named = [read_dotted_name(text) or ColumnName("") for text in header]
     forces = ("multipliers", "constraint_force", "constraint_force_by")
@@ -161,10 +175,27 @@ def _names(
             f"cannot read {path}: it is CSV, but not of lagcli, whose columns are t, coordinates, "
             "their _dot and _ddot, lambda.CONSTRAINT, …; name a file of lagcli simulate"
         )
-    for names in (coordinates, constraints, conserved, header[len(fixed) :]):
+    rest = header[len(fixed) :]
+    for names in (coordinates, constraints, conserved, rest):
         if len(set(names)) < len(names):
             raise FileError(f"cannot read {path}: two of its columns have one name")
-    return coordinates, constraints, terms, conserved, tuple(header[len(fixed) :]), missing
+    parameters: dict[str, None] = {}
+    for first, text in enumerate(rest):  # derivatives are last; no other name has a slash
+        if "/d" in text:
+            parameters = dict.fromkeys(x.partition("/d")[2] for x in rest[first:])
+            rest = rest[:first]
+            break
+    every = titles(coordinates, constraints, pairs, conserved, rest, (*parameters,))
+    expected = [text for name, block in every.items() if name not in missing for text in block]
+    if header != expected:
+        raise FileError(
+            f"cannot read {path}: its derivatives are not those of its coordinates and constraints;"
+            " copy it again, or run the simulation again"
+        )
+    return HeaderNames(
+        *(coordinates, constraints, terms, conserved),
+        *(tuple(rest), tuple(parameters), missing),
+    )
 
 
 def _terms(

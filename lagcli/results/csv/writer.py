@@ -12,7 +12,7 @@ from itertools import chain
 
 import numpy as np
 
-from lagcli.columns import SAMPLED, column_names
+from lagcli.columns import DERIVATIVES, SAMPLED, column_names, derivative_names
 from lagcli.errors import FileError, UsageError
 from lagcli.results.atomic import FileWriter, check_writable, whole_file
 from lagcli.results.csv.sidecar import sidecar_path, sidecar_text
@@ -30,6 +30,7 @@ def titles(
     terms: Sequence[tuple[str, str]],
     conserved: Sequence[str],
     outputs: Iterable[str],
+    parameters: Sequence[str] = (),
 ) -> dict[str, list[str]]:
     """Return the names of the columns of a CSV file.
 
@@ -41,6 +42,8 @@ def titles(
         Of the constraint forces.
     conserved : sequence of str
         Names of the conserved quantities.
+    parameters : sequence of str
+        Of the derivatives.
 
     Returns
     -------
@@ -54,7 +57,10 @@ def titles(
         )
         for quantity in SAMPLED
     }
-    return {**found, "outputs": list(outputs)}
+    found["outputs"] = list(outputs)
+    for quantity in DERIVATIVES if parameters else ():
+        found[quantity.name] = derivative_names(quantity, coordinates, constraints, parameters)
+    return found
 
 
 class CsvWriter(FileWriter):
@@ -177,18 +183,20 @@ def _titles(samples: Samples) -> dict[str, list[str]]:
     """Return the names of the columns of samples."""
     q, constraints = samples.coordinates, samples.constraints
     terms = term_names(samples.terms, q, constraints)
-    return titles(q, constraints, terms, samples.conserved_names, samples.outputs)
+    return titles(
+        *(q, constraints, terms, samples.conserved_names, samples.outputs, samples.sensitivity)
+    )
 
 
 def _lines(samples: Samples) -> Iterator[bytes]:
     """Yield the lines of samples, some at a time."""
     count = len(samples.time)
-    arrays = [
-        np.asarray(getattr(samples, name)).reshape(count, len(names))
-        for name, names in _titles(samples).items()
-        if name != "outputs"
-    ]
-    arrays += [np.asarray(values).reshape(count, 1) for values in samples.outputs.values()]
+    arrays = []
+    for name, names in _titles(samples).items():
+        if name == "outputs":
+            arrays += [np.asarray(x).reshape(count, 1) for x in samples.outputs.values()]
+        else:
+            arrays.append(np.asarray(getattr(samples, name)).reshape(count, len(names)))
     width = sum(array.shape[1] for array in arrays)
     rows = max(1, _NUMBERS_WRITTEN // width)
     line = ",".join(["%.17g"] * width) + "\n"

@@ -166,7 +166,9 @@ def _copy_trajectory(root: h5py.File, target: str) -> None:
     columns = [q for q in SAMPLED if q.name not in ("constraint_force", "conserved")]
     with Hdf5Writer(target) as writer:
         for rows in slabs:
-            arrays = {q.name: read(q, rows) for q in columns if "term" not in q.axes}
+            arrays: dict[str, Any] = {
+                q.name: read(q, rows) for q in columns if "term" not in q.axes
+            }
             by = read(dense, rows)
             writer.append(
                 Samples(

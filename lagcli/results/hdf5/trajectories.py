@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from lagcli.columns import BY_NAME, QUANTITIES, SAMPLED, UNIT_DATASETS, units_along
+from lagcli.columns import (
+    ARRAYS,
+    BY_NAME,
+    DERIVATIVES,
+    QUANTITIES,
+    SAMPLED,
+    UNIT_DATASETS,
+    units_along,
+)
 from lagcli.errors import FileError
 from lagcli.results.atomic import FileWriter, check_writable
 from lagcli.results.hdf5.container import (
@@ -59,6 +67,7 @@ _LARGE = 1 << 18
 _SLAB = 1 << 23
 
 _OUTPUTS = "outputs/"
+_PARAMETER = "parameter"
 
 #: The axis of the conserved quantities.
 _CONSERVED = "conserved_quantity"
@@ -114,6 +123,7 @@ class Hdf5Writer(FileWriter):
         self._coordinates, self._constraints = first.coordinates, first.constraints
         self._conserved = first.conserved_names
         self._terms, self._families = first.terms, output_families(first.outputs)
+        self._parameters = first.sensitivity
         columns = _columns(first, self._families)
         self._shapes = {name: values.shape[1:] for name, values in columns.items()}
         self._rows = max(1, _CHUNK // sum(map(math.prod, self._shapes.values())))
@@ -163,6 +173,9 @@ class Hdf5Writer(FileWriter):
             "term": add_texts(root, "term", list(map(".".join, names))),
             _CONSERVED: add_texts(root, _CONSERVED, self._conserved),
         }
+        if self._parameters:
+            axes[_PARAMETER] = add_texts(root, _PARAMETER, self._parameters)
+            _say(axes[_PARAMETER], "parameters and initial values of the derivatives", "none")
         for name, axis in axes.items():
             make_axis(axis, name)
         _say(axes["coordinate"], "names of the coordinates", "none")
@@ -179,6 +192,10 @@ class Hdf5Writer(FileWriter):
                 attach_axes(dataset, [axes[axis] for axis in quantity.axes])
             stated = unit(quantity, self._coordinates, self._constraints, record.units)
             _say(dataset, quantity.description, stated)
+
+        for quantity in DERIVATIVES if self._parameters else ():
+            attach_axes(datasets[quantity.name], [axes[axis] for axis in quantity.axes])
+            _say(datasets[quantity.name], quantity.description, quantity.unit)
 
         for name, axis, array in UNIT_DATASETS:
             quantity = BY_NAME[array]
@@ -200,7 +217,8 @@ class Hdf5Writer(FileWriter):
 
 def _columns(samples: Samples, families: Sequence[OutputFamily]) -> dict[str, Array]:
     """Return the datasets that have a value at each sample, by their place in the file."""
-    columns = {quantity.name: getattr(samples, quantity.name) for quantity in SAMPLED}
+    sampled = (*SAMPLED, *(DERIVATIVES if samples.sensitivity else ()))
+    columns = {quantity.name: getattr(samples, quantity.name) for quantity in sampled}
     for family in families:
         values = [samples.outputs[name] for name in family.members]
         together = np.stack(values, axis=1) if family.axis else values[0]
@@ -245,11 +263,13 @@ class Hdf5Reader:
         )
         self._outputs = OutputDatasets(self._root, lead=1)
         self.outputs = self._outputs.names
+        self.sensitivity = read_texts(self._root, _PARAMETER) if _PARAMETER in self._root else ()
         self._length = {
             "time": numbers(self._root, "time").shape[0],
             "coordinate": len(self.coordinates),
             "constraint": len(self.constraints),
             _CONSERVED: len(self.conserved_names),
+            _PARAMETER: len(self.sensitivity),
         }
         check_times(self._array("time"))
         self.terms = self._read_terms()
@@ -281,7 +301,7 @@ class Hdf5Reader:
     def columns(self, names: Sequence[str]) -> Iterator[Mapping[str, Array]]:
         """Yield columns of consecutive samples, by name."""
         lengths = self._length
-        sizes = [math.prod(lengths[a] for a in BY_NAME[n].axes[1:]) for n in names if n in BY_NAME]
+        sizes = [math.prod(lengths[a] for a in ARRAYS[n].axes[1:]) for n in names if n in ARRAYS]
         rows = max(1, _SLAB // (8 * max([1, *sizes])))
         for start in range(0, self._length["time"], rows):
             yield {name: self._array(name, slice(start, start + rows)) for name in names}
@@ -292,12 +312,15 @@ class Hdf5Reader:
 
         arrays: dict[str, Any] = {q.name: self._array(q.name) for q in SAMPLED}
         del arrays["constraint_force"]  # the sum of constraint_force_by
+        if self.sensitivity:
+            arrays |= {q.name: self._array(q.name) for q in DERIVATIVES}
         return Trajectory(
             coordinates=self.coordinates,
             constraints=self.constraints,
             terms=self.terms,
             conserved_names=self.conserved_names,
             outputs=self._outputs.all(self._length["time"]),
+            sensitivity=self.sensitivity,
             **arrays,
             **vars(self.record),
         )
@@ -309,4 +332,4 @@ class Hdf5Reader:
             if (shape := self._outputs.shape(output)) != (self._length["time"],):
                 raise ValueError(f"{name} has shape {shape}, not {(self._length['time'],)}")
             return self._outputs.read(output, rows)
-        return read_quantity(self._root, BY_NAME[name], self._length, rows)
+        return read_quantity(self._root, ARRAYS[name], self._length, rows)

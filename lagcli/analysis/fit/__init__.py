@@ -1,0 +1,1 @@
+"""Fits: parameters and initial values found from measured data by least squares."""

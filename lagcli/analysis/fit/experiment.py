@@ -1,0 +1,244 @@
+"""The residuals of one experiment, with their exact derivatives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import symengine as se
+from numpy.typing import NDArray
+
+from lagcli.analysis.fit.data import Measured
+from lagcli.engine.constraints.initial import (
+    ConsistentState,
+    NoConsistentState,
+    UndefinedStart,
+)
+from lagcli.engine.contract import Block, IntegrationRequest
+from lagcli.engine.sensitivity.integration import Derivatives
+from lagcli.engine.sensitivity.tangent import lower_observed
+from lagcli.engine.system import System
+from lagcli.engine.tape.interpreter import run_arrays
+from lagcli.equations.derivation.column_expressions import column_expression
+from lagcli.equations.derivation.lagrange import Equations, with_forces
+from lagcli.errors import LagcliError, UsageError
+from lagcli.model.model import Model, ObservedQuantity
+from lagcli.settings.settings import Settings
+from lagcli.simulations.sampling import absolute_tolerances
+from lagcli.simulations.sensitivity import Sensitivity
+
+Array = NDArray[np.float64]
+
+
+class Evaluation(NamedTuple):
+    """Residuals of all measured values, by experiment, time and observed quantity.
+
+    Parameters
+    ----------
+    residuals : (n,) array
+        (model − data) / sigma; sigma is 1 where it is to be estimated.
+    jacobian : (n, k) array
+        Derivatives with respect to the fitted quantities.
+    """
+
+    residuals: Array
+    jacobian: Array
+
+
+class FailedRun(Exception):
+    """A run could not be completed: it has no residuals."""
+
+
+class Experiment:
+    """One experiment: a model with its values, and the data.
+
+    Parameters
+    ----------
+    equations, system
+        Of a model with the experiment's values.
+    settings : Settings
+        Complete; their times are replaced by those of the data.
+    observed : sequence of m ObservedQuantity
+    names : sequence of k str
+        Of the fitted quantities.
+    data : Measured
+
+    Raises
+    ------
+    UsageError
+        The data begin before the run, or a derivative is not available.
+    """
+
+    def __init__(
+        self,
+        equations: Equations,
+        system: System,
+        settings: Settings,
+        observed: Sequence[ObservedQuantity],
+        names: Sequence[str],
+        data: Measured,
+    ):
+        if data.times[0] < settings.t_start:
+            raise UsageError(
+                f"{data.path} begins at {data.times[0]:g} s, before the run at"
+                f" {settings.t_start:g} s; give --t-start {data.times[0]:g}"
+            )
+        self.model, self.system, self.data = equations.model, system, data
+        times = tuple(data.times.tolist())
+        self.settings = settings.replace(times=times, samples=None, dt=None, t_end=times[-1])
+        self.sensitivity = Sensitivity(equations, system, self.settings, names, many_runs=True)
+        self.directions = self.sensitivity.directions
+        self.values, self.slopes = lower_observed(
+            equations, _expressions(equations, observed), self.directions.rates
+        )
+        self.measured = np.isfinite(data.values)
+        self._near: ConsistentState | None = None  # the start of the last run
+        self.sigmas = np.where(np.isfinite(data.sigmas), data.sigmas, 1.0)
+
+    @property
+    def count(self) -> int:
+        """The number of measured values."""
+        return int(self.measured.sum())
+
+    def __call__(self, values: Sequence[float]) -> Evaluation:
+        """Return the residuals for values of the fitted quantities.
+
+        Raises
+        ------
+        FailedRun
+        """
+        model, slopes = self.simulate(values)
+        residuals = (model - self.data.values) / self.sigmas
+        jacobian = slopes / self.sigmas[:, None]
+        found = Evaluation(residuals[self.measured], jacobian[self.measured])
+        if not (np.isfinite(found.residuals).all() and np.isfinite(found.jacobian).all()):
+            raise FailedRun("an observed quantity has no finite value, or no derivative")
+        return found
+
+    def simulate(self, values: Sequence[float]) -> tuple[Array, Array]:
+        """Return the observed quantities (n, m) at the data, and derivatives (n, m, k).
+
+        Raises
+        ------
+        FailedRun
+        """
+        blocks, p, _ = self._run(values)
+        return self._observe(blocks, p)
+
+    def steps(self, values: Sequence[float]) -> int:
+        """Return the steps that a run takes.
+
+        Raises
+        ------
+        FailedRun
+        """
+        return self._run(values)[2]
+
+    def _run(
+        self, values: Sequence[float]
+    ) -> tuple[list[tuple[Block, Derivatives]], tuple[float, ...], int]:
+        given = self.directions.state(self.settings.t_start, values)
+        try:
+            start = self.sensitivity.consistent(given, self._near)
+            slopes = self.sensitivity.start(start, values)
+        except NoConsistentState as error:
+            names = ", ".join(x.constraint for x in error.violations)
+            raise FailedRun(f"no consistent start: {names} cannot be met") from None
+        except (UndefinedStart, LagcliError, ArithmeticError) as error:
+            raise FailedRun(f"no start: {error}") from None
+        state = start.state
+        request = IntegrationRequest(
+            state=state,
+            rank=start.rank,
+            settings=self.settings,
+            times=self.data.times,
+            atol=absolute_tolerances(self.settings.atol, self.system.coordinates),
+            block_rows=len(self.data.times),
+        )
+        blocks: list[tuple[Block, Derivatives]] = []
+        try:
+            run = self.sensitivity.integrate(request, slopes, lambda *x: blocks.append(x))
+        except LagcliError as error:
+            raise FailedRun(str(error)) from None
+        if run.status != "completed":
+            raise FailedRun(run.message)
+        self._near = start
+        return blocks, state.p, run.steps
+
+    def _observe(
+        self, blocks: list[tuple[Block, Derivatives]], p: tuple[float, ...]
+    ) -> tuple[Array, Array]:
+        def joined(part: int, name: str) -> Array:
+            return np.concatenate([getattr(block[part], name) for block in blocks])
+
+        names, n = ("q", "v", "a", "multipliers"), len(self.data.times)
+        motion = [joined(0, "time"), *(x for name in names for x in joined(0, name).T)]
+        scales = self.directions.scales
+        # by direction, then by coordinate or constraint: (nt, nq, n) → (n, nq, nt)
+        changes = [
+            x for name in names for direction in (joined(1, name) * scales).T for x in direction
+        ]
+        with np.errstate(all="ignore"):
+            values = run_arrays(self.values, [*motion, *p], n)
+            slopes = run_arrays(self.slopes, [*motion, *changes, *p], n)
+        found = slopes.reshape(len(scales), -1, n).T / scales
+        return values.T, found
+
+
+def experiments_of(
+    models: Sequence[Model],
+    settings: Sequence[Settings],
+    data: Sequence[Measured],
+    names: Sequence[str],
+) -> list[Experiment]:
+    """Return the experiments of models that differ in values alone, derived once if they do."""
+    from lagcli.engine.lowering import lower
+    from lagcli.equations.derivation.lagrange import derive
+
+    found: list[Experiment] = []
+    derived: list[tuple[Equations, System]] = []
+    for model, chosen, measured in zip(models, settings, data, strict=True):
+        assert model.fit is not None
+        alike = next((x for x in derived if _alike(x[0].model, model)), None)
+        if alike is None:
+            equations = derive(model)
+            alike = equations, lower(equations)
+            derived.append(alike)
+        equations, system = replace(alike[0], model=model), alike[1]
+        found.append(Experiment(equations, system, chosen, model.fit.observed, names, measured))
+    return found
+
+
+def _alike(first: Model, second: Model) -> bool:
+    """Return whether two variants of a model have the same equations."""
+    return first.coordinate_names == second.coordinate_names and all(
+        first.parameters[name].value == second.parameters[name].value
+        for name in first.structural_parameters
+    )
+
+
+def _expressions(equations: Equations, observed: Sequence[ObservedQuantity]) -> list[se.Basic]:
+    expressions = {
+        x.name: column_expression(equations, x.expression)
+        if isinstance(x.expression, str)
+        else x.expression
+        for x in observed
+    }
+    found = with_forces(equations.model, equations.constraints, expressions)
+    known = {*equations.q, *equations.v, *equations.a, *equations.multipliers, se.Symbol("t")}
+    known |= {se.Symbol(name) for name in equations.model.parameters}
+    for name, expression in found.items():
+        if not expression.free_symbols <= known:
+            raise UsageError(
+                f"`{name}` cannot be observed: it is not a function of the state at one time;"
+                " observe coordinates, velocities, multipliers or outputs"
+            )
+    return list(found.values())
+
+
+def sigma_estimated(data: Sequence[Measured]) -> bool:
+    """Return whether the standard deviation of the data is to be estimated from the residuals."""
+    return any(math.isnan(x) for measured in data for x in measured.sigmas)

@@ -1,0 +1,284 @@
+"""Find parameters and initial values of a model from measured data."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.fit.data import read_measured
+from lagcli.analysis.fit.experiment import Experiment, FailedRun, experiments_of, sigma_estimated
+from lagcli.analysis.fit.result import FitResult, FittedData
+from lagcli.analysis.fit.search import Found, Problem
+from lagcli.analysis.fit.uncertainty import profile_interval, quantile, uncertainty
+from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
+from lagcli.model.expression.units import si_notation
+from lagcli.model.loader import load_text
+from lagcli.model.model import FitBlock, Model
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.simulations.directions import direction_names
+from lagcli.simulations.threads import one_thread
+
+Array = NDArray[np.float64]
+
+#: A run may take this many steps for each one at the model's values, and this many more: values far
+#: away may be those of a motion that never ends.
+_STEPS = (100, 20_000)
+#: A value this near to a bound, relative to its size, lies on it.
+_ON_BOUND = 1e-6
+
+
+def fit(
+    model: Model,
+    settings: SettingsOverrides | None = None,
+    *,
+    starts: int = 1,
+    ci: Literal["wald", "profile"] = "wald",
+    level: float = 0.95,
+    progress: Callable[[int, int], None] | None = None,
+    **options: Any,
+) -> FitResult:
+    """Find parameters and initial values from measured data, by weighted least squares.
+
+    Minimizes Σ ((model − measured) / sigma)² with the exact derivatives of the motion and of λ.
+
+    Parameters
+    ----------
+    model : Model
+        With a `fit` block. Its values are the first start.
+    settings : SettingsOverrides, optional
+        Of the runs; the times are those of the data.
+    starts : int
+        Number of searches; those beyond the first start between the bounds.
+    ci : "wald" or "profile"
+        Confidence intervals from standard errors, or from the profiles of the sum of squares.
+    level : float
+        Of the intervals.
+    progress : callable, optional
+        Called with the number of searches that have ended and of all.
+    **options
+        Settings by name, in place of ``settings``.
+
+    Returns
+    -------
+    FitResult
+
+    Raises
+    ------
+    UsageError
+        There is no `fit` block, or an argument is out of its range.
+    ModelError
+        A value of the model lies outside its bounds.
+    FileError
+        The data cannot be read.
+    NumericalError
+        No search has found a minimum: all runs failed.
+    """
+    if options:
+        settings = SettingsOverrides(**options).over(settings or SettingsOverrides())
+    if starts < 1:
+        raise UsageError(f"starts must be at least 1, not {starts}")
+    if ci not in ("wald", "profile"):
+        raise UsageError(f"there are no {ci!r} intervals; known are wald and profile")
+    if not 0 < level < 1:
+        raise UsageError(f"level must lie between 0 and 1, not {level:g}")
+    began = time.perf_counter()
+    block = _block(model)
+    with one_thread():
+        problem, estimated = prepared(model, settings)
+        first = np.array(problem.experiments[0].directions.values)
+        found = []
+        for start in problem.starts(first, starts):
+            found.append(problem.search(start))
+            if progress is not None:
+                progress(len(found), starts)
+        best = _best(found, problem)
+        return _result(model, block, problem, best, found, estimated, ci, level, began)
+
+
+def _block(model: Model) -> FitBlock:
+    if model.fit is None:
+        raise UsageError(
+            f"{model.path} has no `fit` block, which names the data and what is to be found;"
+            " see docs/fit.md"
+        )
+    return model.fit
+
+
+def prepared(model: Model, settings: SettingsOverrides | None = None) -> tuple[Problem, bool]:
+    """Read the data and prepare the runs of a fit; for the parameters and errors see `fit`.
+
+    Returns
+    -------
+    problem : Problem
+    estimated : bool
+        Whether the standard deviation of the data is to be estimated.
+    """
+    block = _block(model)
+    names = direction_names(model, [x.name for x in block.fitted], "`parameters` of `fit`")
+    folder = os.path.dirname(model.path) if model.path else ""
+    data = [read_measured(file, folder, block.observed) for file in block.data]
+    models = [_with_values(model, file.set, file.initial) for file in block.data]
+    overrides = (settings or SettingsOverrides()).replace(sensitivity=None)
+    chosen = [resolve(overrides, x.settings.replace(sensitivity=None, **_NO_GRID)) for x in models]
+    experiments = experiments_of(models, chosen, data, names)
+    first = experiments[0].directions
+    low, high = (np.array([getattr(x, end) for x in block.fitted]) for end in ("low", "high"))
+    for name, entry, value in zip(names, block.fitted, first.values, strict=True):
+        if not entry.low <= value <= entry.high:
+            raise ModelError(
+                [
+                    Diagnostic(
+                        "bad-setting",
+                        f"the model's value {value:g} of `{name}` lies outside {entry.low:g} to"
+                        f" {entry.high:g}",
+                        entry.location,
+                        "it is where the search begins: change the value, or the bounds",
+                    )
+                ]
+            )
+    problem = Problem(experiments, low, high, first.scales)
+    _limit_steps(problem, first.values)
+    return problem, sigma_estimated(data)
+
+
+#: The times are those of the data.
+_NO_GRID: dict[str, None] = dict.fromkeys(("samples", "dt", "times", "t_end"))
+
+
+def _with_values(model: Model, values: Any, initial: Any) -> Model:
+    """Return the model with the values of one experiment."""
+    if not values and not initial:
+        return model
+    return load_text(
+        model.text, model.path, {**model.set, **values}, {**model.set_initial, **initial}
+    )
+
+
+def _limit_steps(problem: Problem, values: Array) -> None:
+    """Let no run take very many more steps than those at the model's values."""
+    factor, more = _STEPS
+    for experiment in problem.experiments:
+        try:
+            steps = experiment.steps(values.tolist())
+        except FailedRun:
+            continue
+        most = min(experiment.settings.max_steps, factor * steps + more)
+        experiment.settings = experiment.settings.replace(max_steps=most)
+
+
+def _best(found: list[Found], problem: Problem) -> Found:
+    ended = [x for x in found if x.evaluation is not None]
+    if not ended:
+        reasons = "; ".join(f"{reason} ({n} runs)" for reason, n in problem.failures.most_common(3))
+        raise NumericalError(
+            f"no fit: every search failed at its first run: {reasons}; begin with values for which"
+            " the model runs, or give --starts 20"
+        )
+    return min(ended, key=lambda x: (not x.converged, x.cost))
+
+
+def _result(
+    model: Model,
+    block: FitBlock,
+    problem: Problem,
+    best: Found,
+    found: list[Found],
+    estimated: bool,
+    ci: Literal["wald", "profile"],
+    level: float,
+    began: float,
+) -> FitResult:
+    evaluation, shown = best.evaluation, problem.experiments[0]
+    assert evaluation is not None
+    names = shown.directions.names
+    active = _active(best.values, problem)
+    free = np.array([not bound for bound in active])
+    sure = uncertainty(
+        evaluation.residuals, evaluation.jacobian, best.values, names, free, estimated
+    )
+    errors, half = sure.standard_errors, quantile(level, sure.freedom, estimated)
+    low, high = best.values - half * errors, best.values + half * errors
+    if ci == "profile":
+        for i in np.flatnonzero(np.isfinite(errors)):
+            rise = (half * sure.sigma) ** 2
+            low[i], high[i] = profile_interval(problem, best.values, int(i), errors[i], rise)
+    square = 2 * best.cost / sure.sigma**2 if sure.sigma else 0.0
+    probability = math.nan
+    if not estimated and sure.freedom > 0:
+        from scipy.stats import chi2
+
+        probability = float(chi2.sf(square, sure.freedom))
+    data = tuple(_fitted(x, best.values, sure.sigma) for x in problem.experiments)
+    return FitResult(
+        model_name=model.name,
+        model=model.text,
+        model_sha256=model.sha256,
+        names=names,
+        units=_units(model, block),
+        values=best.values,
+        start=shown.directions.values,
+        bound_low=problem.low,
+        bound_high=problem.high,
+        active=active,
+        standard_errors=errors,
+        low=low,
+        high=high,
+        covariance=sure.covariance,
+        correlation=sure.correlation,
+        level=level,
+        intervals=ci,
+        chi_square=square,
+        freedom=sure.freedom,
+        probability=probability,
+        sigma_estimated=estimated,
+        combinations=sure.combinations,
+        converged=best.converged,
+        message=best.message,
+        starts=np.array([x.start for x in found]),
+        ends=np.array([x.values for x in found]),
+        costs=np.array([2 * x.cost for x in found]),
+        runs=problem.runs,
+        failures=dict(problem.failures),
+        observed=tuple(x.name for x in block.observed),
+        data=data,
+        parameters=dict(
+            zip(model.parameters, shown.directions.state(0.0, best.values.tolist()).p, strict=True)
+        ),
+        options=shown.settings.as_dict(),
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _active(values: Array, problem: Problem) -> tuple[str, ...]:
+    """Return the bounds on which values lie."""
+    near = _ON_BOUND * np.maximum(np.abs(values), problem.scales)
+    return tuple(
+        "min" if value - low <= gap else "max" if high - value <= gap else ""
+        for value, low, high, gap in zip(values, problem.low, problem.high, near, strict=True)
+    )
+
+
+def _fitted(experiment: Experiment, values: Array, sigma: float) -> FittedData:
+    model, _ = experiment.simulate(values.tolist())
+    data = experiment.data
+    sigmas = np.where(np.isfinite(data.sigmas), data.sigmas, sigma)
+    return FittedData(data.path, data.times, data.values, model, sigmas)
+
+
+def _units(model: Model, block: FitBlock) -> dict[str, str]:
+    """Return the units that are known, in SI."""
+    coordinates = {c.name: si_notation(c.unit) for c in model.coordinates if c.unit}
+    found = {p.name: si_notation(p.unit) for p in model.parameters.values() if p.unit}
+    found |= coordinates
+    found |= {f"{q}'": f"{unit}/s" for q, unit in coordinates.items()}
+    found |= {name: si_notation(unit) for name, unit in model.output_units.items()}
+    found |= {x.name: si_notation(x.unit) for x in block.observed if x.unit}
+    wanted = {*(x.name for x in block.fitted), *(x.name for x in block.observed)}
+    return {name: unit for name, unit in found.items() if name in wanted}

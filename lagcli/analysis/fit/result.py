@@ -1,0 +1,223 @@
+"""The result of a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.fit.uncertainty import Combination
+
+Array = NDArray[np.float64]
+
+
+class FittedData(NamedTuple):
+    """One experiment: what was measured, and what the fitted model says.
+
+    Parameters
+    ----------
+    path : str
+        The data file.
+    times : (n,) array
+        s.
+    measured, model : (n, m) arrays
+        Of the observed quantities, in SI; ``measured`` is NaN where there is no measured value.
+    sigmas : (m,) array
+        Standard deviations of measured values: as given, or as estimated.
+    """
+
+    path: str
+    times: Array
+    measured: Array
+    model: Array
+    sigmas: Array
+
+    @property
+    def residuals(self) -> Array:
+        """(model − measured) / sigma, (n, m)."""
+        return np.asarray((self.model - self.measured) / self.sigmas)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class FitResult:
+    """Quantities found from data by least squares; k of them, m observed.
+
+    Parameters
+    ----------
+    model_name, model, model_sha256 : str
+        The model's name, and its text with its digest.
+    names : tuple of k str
+        Parameters and initial values.
+    units : mapping of str to str
+        Of the fitted and the observed quantities, in SI, where they are known.
+    values, start : (k,) arrays
+        Found, and those of the model file, in SI.
+    bound_low, bound_high : (k,) arrays
+        Infinite without a bound.
+    active : tuple of k str
+        "min" or "max" where the value lies on that bound, else "".
+    standard_errors, low, high : (k,) arrays
+        Standard errors, and the ends of the confidence intervals; NaN for quantities that are not
+        identified or lie on a bound.
+    covariance, correlation : (k, k) arrays
+    level : float
+        Of the intervals.
+    intervals : str
+        "wald" or "profile".
+    chi_square : float
+        Sum of squares of (model − measured) / sigma.
+    freedom : int
+        Measured values less the quantities that are free.
+    probability : float
+        That chi-square is at least as large by chance; NaN where sigma is estimated.
+    sigma_estimated : bool
+        Whether the standard deviation of the data is estimated from the residuals.
+    combinations : tuple of Combination
+        Of quantities that the data do not identify.
+    converged : bool
+    message : str
+    starts : (starts, k) array
+    ends : (starts, k) array
+        Where the searches from the starts ended.
+    costs : (starts,) array
+        Chi-square there (with sigma as 1 where it is estimated); NaN where the first run failed.
+    runs : int
+        Evaluations of all experiments.
+    failures : mapping of str to int
+        Failed ones, by their reasons.
+    observed : tuple of m str
+    data : tuple of FittedData
+    parameters : mapping of str to float
+        Of the model, with the values found.
+    options : mapping
+        Settings of the runs.
+    seconds : float
+    """
+
+    model_name: str
+    model: str
+    model_sha256: str
+    names: tuple[str, ...]
+    units: Mapping[str, str]
+    values: Array
+    start: Array
+    bound_low: Array
+    bound_high: Array
+    active: tuple[str, ...]
+    standard_errors: Array
+    low: Array
+    high: Array
+    covariance: Array
+    correlation: Array
+    level: float
+    intervals: str
+    chi_square: float
+    freedom: int
+    probability: float
+    sigma_estimated: bool
+    combinations: tuple[Combination, ...]
+    converged: bool
+    message: str
+    starts: Array
+    ends: Array
+    costs: Array
+    runs: int
+    failures: Mapping[str, int]
+    observed: tuple[str, ...]
+    data: tuple[FittedData, ...]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    @property
+    def count(self) -> int:
+        """The number of measured values."""
+        return sum(int(np.isfinite(x.measured).sum()) for x in self.data)
+
+    @property
+    def agreeing_starts(self) -> int:
+        """How many searches ended at the least cost, to a part of 1e-6."""
+        least = np.nanmin(self.costs)
+        return int((self.costs <= least + 1e-6 * max(least, 1.0)).sum())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What speaks against trusting the values, one sentence each."""
+        found = [f"the data do not identify {x.text}" for x in self.combinations]
+        found += [
+            f"{name} lies on its bound `{bound}` {value:.6g}; its error is not known"
+            for name, bound, value in zip(self.names, self.active, self.values, strict=True)
+            if bound
+        ]
+        for name, value, error in zip(self.names, self.values, self.standard_errors, strict=True):
+            if np.isfinite(error) and error > abs(value) > 0:
+                found.append(f"{name} is hardly identified: its standard error exceeds its value")
+        if self.probability < 1e-3:
+            found.append(
+                f"the model does not fit: chi-square {self.chi_square:.4g} for {self.freedom}"
+                " degrees of freedom; the model is wrong, or sigma too small"
+            )
+        if not self.converged:
+            found.append(f"the search did not converge: {self.message}")
+        return tuple(found)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as JSON values, without the data."""
+        table = {
+            name: {
+                "value": float(self.values[i]),
+                "unit": self.units.get(name),
+                "standard_error": float(self.standard_errors[i]),
+                "low": float(self.low[i]),
+                "high": float(self.high[i]),
+                "start": float(self.start[i]),
+                "min": float(self.bound_low[i]),
+                "max": float(self.bound_high[i]),
+                "active_bound": self.active[i] or None,
+            }
+            for i, name in enumerate(self.names)
+        }
+        return {
+            "model": self.model_name,
+            "status": "completed" if self.converged else "failed",
+            "message": self.message,
+            "warnings": list(self.warnings),
+            "parameters": table,
+            "correlation": self.correlation.tolist(),
+            "covariance": self.covariance.tolist(),
+            "level": self.level,
+            "intervals": self.intervals,
+            "chi_square": self.chi_square,
+            "degrees_of_freedom": self.freedom,
+            "probability": self.probability,
+            "sigma_estimated": self.sigma_estimated,
+            "measured_values": self.count,
+            "unidentified": [dict(zip(x.names, x.changes, strict=True)) for x in self.combinations],
+            "starts": [
+                {"start": start.tolist(), "end": end.tolist(), "chi_square": float(cost)}
+                for start, end, cost in zip(self.starts, self.ends, self.costs, strict=True)
+            ],
+            "runs": self.runs,
+            "failed_runs": dict(self.failures),
+            "data": [
+                {
+                    "file": x.path,
+                    "measured_values": int(np.isfinite(x.measured).sum()),
+                    "sigma": dict(zip(self.observed, x.sigmas.tolist(), strict=True)),
+                    "rms_residual": {
+                        name: _rms(x.residuals[:, j]) for j, name in enumerate(self.observed)
+                    },
+                }
+                for x in self.data
+            ],
+            "seconds": self.seconds,
+        }
+
+
+def _rms(values: Array) -> float:
+    """Return the root mean square of the values that there are."""
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if len(finite) else np.nan

@@ -1,0 +1,236 @@
+"""How well the data determine what was fitted: covariance, identifiability, intervals.
+
+With the Jacobian J of the residuals at the minimum, the covariance is s² (JᵀJ)⁻¹; s = 1 where the
+standard deviations of the data are known, else s² is the sum of squares over the degrees of
+freedom. Where a singular value of J vanishes, its columns being scaled by the fitted values, the
+data do not identify a combination of quantities.
+
+References
+----------
+D. M. Bates and D. G. Watts, Nonlinear Regression Analysis and Its Applications (1988), ch. 2 and
+ch. 6 (profiles), doi:10.1002/9780470316757.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.analysis.fit.search import Problem
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+#: Singular values below this part of the largest vanish: the Jacobian's error is smaller.
+_VANISHING = 1e-6
+#: Parts of a combination, of its largest one, that are named.
+_NAMED = 0.05
+#: A profile is followed 2, 3, ... standard errors to each side, each time 1.5 times as many: 34 at
+#: most. Its ends are found to this part of one.
+_FIRST, _GROWTH, _STEPS, _END = 2.0, 1.5, 8, 1e-3
+
+
+class Combination(NamedTuple):
+    """Quantities that can change together without a change of the data.
+
+    Parameters
+    ----------
+    names : tuple of str
+    changes : tuple of float
+        Relative changes that go together, the largest being 1; of quantities that are zero,
+        absolute ones.
+    """
+
+    names: tuple[str, ...]
+    changes: tuple[float, ...]
+
+    @property
+    def text(self) -> str:
+        """The combination in words."""
+        parts = [f"{n} {100 * x:+.3g} %" for n, x in zip(self.names, self.changes, strict=True)]
+        if len(parts) == 1:
+            return f"{self.names[0]}: the data do not depend on it"
+        return f"{', '.join(self.names)}: no change of the data for {', '.join(parts)}"
+
+
+class Uncertainty(NamedTuple):
+    """What the Jacobian at the minimum says.
+
+    Parameters
+    ----------
+    covariance : (k, k) array
+        NaN for quantities that are not identified or lie on a bound.
+    combinations : tuple of Combination
+        That are not identified.
+    sigma : float
+        s: 1 where the standard deviations of the data are known.
+    freedom : int
+        Measured values less the quantities that were free.
+    """
+
+    covariance: Array
+    combinations: tuple[Combination, ...]
+    sigma: float
+    freedom: int
+
+    @property
+    def standard_errors(self) -> Array:
+        """Square roots of the variances, (k,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> Array:
+        """Correlations, (k, k)."""
+        size = self.standard_errors
+        return np.asarray(self.covariance / np.outer(size, size))
+
+
+def uncertainty(
+    residuals: Array,
+    jacobian: Array,
+    values: Array,
+    names: Sequence[str],
+    free: Flags,
+    estimated: bool,
+) -> Uncertainty:
+    """Return the covariance of fitted quantities and the combinations that are not identified.
+
+    Parameters
+    ----------
+    residuals : (n,) array
+    jacobian : (n, k) array
+    values : (k,) array
+    names : sequence of k str
+    free : (k,) array of bool
+        Those that do not lie on a bound.
+    estimated : bool
+        Whether the standard deviation of the data is estimated.
+    """
+    places = np.flatnonzero(free)
+    size = np.where(values != 0, np.abs(values), 1.0)[places]
+    scaled = jacobian[:, places] * size
+    # columns of very different lengths are units, not combinations
+    lengths = np.linalg.norm(scaled, axis=0)
+    unseen = lengths <= _VANISHING * max(lengths.max(initial=0.0), 1e-300)
+    weight = np.where(unseen, 1.0, np.where(lengths > 0, lengths, 1.0))
+    _, singular, right = np.linalg.svd(scaled / weight, full_matrices=False)
+    right = right.T
+    if len(singular) < len(places):  # fewer data than quantities
+        _, singular, right = np.linalg.svd((scaled / weight).T @ (scaled / weight))
+        singular, right = np.sqrt(singular), right.T
+    vanishing = singular <= _VANISHING * max(singular.max(initial=0.0), 1e-300)
+    directions = right[:, vanishing] / weight[:, None]
+    combinations = tuple(
+        _combination(direction, [names[int(i)] for i in places])
+        for direction in _simple(directions)
+    )
+    freedom = len(residuals) - len(places)
+    square = float(residuals @ residuals)
+    sigma = 1.0
+    if estimated:
+        sigma = math.sqrt(square / freedom) if freedom > 0 else math.nan
+    kept = right[:, ~vanishing] / singular[~vanishing]
+    root = sigma * (size / weight)[:, None] * kept
+    found = root @ root.T
+    involved = (np.abs(directions) > _NAMED * np.abs(directions).max(axis=0, initial=1e-300)).any(
+        axis=1
+    )
+    found[involved] = np.nan
+    found[:, involved] = np.nan
+    covariance = np.full((len(values), len(values)), np.nan)
+    covariance[np.ix_(places, places)] = found
+    return Uncertainty(covariance, combinations, sigma, freedom)
+
+
+def _simple(directions: Array) -> list[Array]:
+    """Return a basis of few entries of the span of columns: by Gaussian elimination."""
+    rows = directions.T.copy()
+    pivots: list[int] = []
+    for k in range(len(rows)):
+        j = int(np.argmax(np.abs(rows[k])))
+        rows[k] /= rows[k, j]
+        for other in range(len(rows)):
+            if other != k:
+                rows[other] -= rows[other, j] * rows[k]
+        pivots.append(j)
+    return list(rows)
+
+
+def _combination(direction: Array, names: Sequence[str]) -> Combination:
+    direction = direction / direction[int(np.argmax(np.abs(direction)))]
+    named = [i for i in range(len(names)) if abs(direction[i]) > _NAMED]
+    return Combination(tuple(names[i] for i in named), tuple(float(direction[i]) for i in named))
+
+
+def quantile(level: float, freedom: int, estimated: bool) -> float:
+    """Return how many standard errors an interval extends to each side."""
+    from scipy.stats import norm, t
+
+    upper = 0.5 * (1 + level)
+    return float(t.ppf(upper, freedom) if estimated and freedom > 0 else norm.ppf(upper))
+
+
+def profile_interval(
+    problem: Problem, values: Array, place: int, error: float, rise: float
+) -> tuple[float, float]:
+    """Return where the least cost for a fixed value of one quantity has risen.
+
+    Parameters
+    ----------
+    problem : Problem
+    values : (k,) array
+        At the minimum.
+    place : int
+        Of the quantity.
+    error : float
+        Its standard error.
+    rise : float
+        Of the sum of squares.
+
+    Returns
+    -------
+    low, high : float
+        A bound where the sum of squares rises less; NaN where it does not rise enough within 34
+        standard errors, or a run fails on the way.
+    """
+    low, high = (_profile_end(problem, values, place, x, rise) for x in (-error, error))
+    return low, high
+
+
+def _profile_end(problem: Problem, values: Array, place: int, error: float, rise: float) -> float:
+    from scipy.optimize import brentq
+
+    free = np.arange(len(values)) != place
+    minimum = problem.evaluate(values)
+    assert minimum is not None
+    least = float(minimum.residuals @ minimum.residuals)
+    bound = problem.low[place] if error < 0 else problem.high[place]
+    warm = values.copy()
+
+    def excess(value: float) -> float:
+        start = warm.copy()
+        start[place] = value
+        found = problem.search(start, free)
+        if found.evaluation is None:
+            return math.nan
+        warm[:] = found.values
+        return 2 * found.cost - least - rise
+
+    inner, outer = float(values[place]), float(values[place])
+    for step in range(_STEPS):
+        outer = values[place] + error * _FIRST * _GROWTH**step
+        limited = (outer - bound) * np.sign(error) >= 0
+        outer = float(bound) if limited else float(outer)
+        found = excess(outer)
+        if math.isnan(found):
+            return math.nan
+        if found > 0:
+            return float(brentq(excess, inner, outer, xtol=_END * abs(error)))
+        if limited:
+            return outer
+        inner = outer
+    return math.nan

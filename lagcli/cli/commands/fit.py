@@ -1,0 +1,136 @@
+"""`lagcli fit`: find parameters and initial values from measured data."""
+
+import sys
+from typing import Annotated, Literal
+
+import typer
+
+from lagcli.cli.options import (
+    Force,
+    Json,
+    ModelPath,
+    Quiet,
+    SetInitial,
+    SetParameter,
+    assignments,
+    refuse_same_file,
+)
+from lagcli.cli.settings import with_settings
+from lagcli.errors import LagcliError, UsageError
+from lagcli.settings.settings import SettingsOverrides
+
+FAILED_STATUS = 3
+
+
+@with_settings(without=("sensitivity", "samples", "dt", "times", "t_end"))
+def fit(
+    model: ModelPath,
+    output: Annotated[
+        str | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Fit file, .h5 (HDF5)."),
+    ] = None,
+    starts: Annotated[
+        int, typer.Option(help="Number of searches; all but the first begin between the bounds.")
+    ] = 1,
+    ci: Annotated[
+        Literal["wald", "profile"],
+        typer.Option(
+            help="Confidence intervals: from standard errors, or from profiles of chi-square."
+        ),
+    ] = "wald",
+    level: Annotated[float, typer.Option(help="Confidence level of the intervals.")] = 0.95,
+    write: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Write the model with the values found, .yaml."),
+    ] = None,
+    set: SetParameter = None,
+    set_initial: SetInitial = None,
+    *,
+    settings: SettingsOverrides,
+    force: Force = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> int:
+    """Find parameters and initial values from measured data.
+
+    The `fit` block of the model names the data, what they measure (coordinates, multipliers,
+    outputs), and what is to be found.
+    """
+    try:
+        return _run(
+            model,
+            output,
+            starts,
+            ci,
+            level,
+            write,
+            assignments("--set", set),
+            assignments("--set-initial", set_initial),
+            settings,
+            force=force,
+            quiet=quiet,
+            json=json,
+        )
+    except LagcliError as error:
+        if json:
+            from lagcli.cli.streams import tell
+            from lagcli.cli.summary import error_object, to_json
+
+            tell(to_json({"command": "fit", **error_object(error)}))
+        raise
+
+
+def _run(
+    model: str,
+    output: str | None,
+    starts: int,
+    ci: Literal["wald", "profile"],
+    level: float,
+    write: str | None,
+    parameters: dict[str, str],
+    initial: dict[str, str],
+    settings: SettingsOverrides,
+    *,
+    force: bool,
+    quiet: bool,
+    json: bool,
+) -> int:
+    from lagcli.analysis.fit.file import write_fit
+    from lagcli.analysis.fit.fit import fit as run_fit
+    from lagcli.analysis.fit.text import format_fit
+    from lagcli.analysis.fit.written import check_written, write_model
+    from lagcli.cli.summary import to_json
+    from lagcli.model.loader import load
+    from lagcli.results.atomic import check_writable
+
+    if output is not None:
+        if not output.lower().endswith((".h5", ".hdf5")):
+            raise UsageError(f"{output}: a fit is written as HDF5; name it fit.h5")
+        refuse_same_file(model, output)
+        check_writable(output, force)
+    loaded = load(model, set=parameters, set_initial=initial)
+    if write is not None:
+        refuse_same_file(model, write)
+        check_written(write, force)
+    show = not quiet and starts > 1 and sys.stderr.isatty()
+
+    def progress(done: int, count: int) -> None:
+        if show:
+            print(f"\r{done} of {count} searches", end="\n" * (done == count), file=sys.stderr)
+
+    result = run_fit(loaded, settings, starts=starts, ci=ci, level=level, progress=progress)
+    if output is not None:
+        write_fit(result, output, force)
+    if write is not None:
+        write_model(loaded, result, write, force)
+    if json:
+        described = result.as_dict()
+        print(to_json({"command": "fit", **described, "output": output, "written": write}))
+    elif not quiet:
+        print(format_fit(result))
+        for label, path in (("written", output), ("model", write)):
+            if path:
+                print(f"  {label:<12}{path}")
+    for warning in result.warnings:
+        print(f"{'warning' if result.converged else 'error'}: {warning}", file=sys.stderr)
+    return 0 if result.converged else FAILED_STATUS

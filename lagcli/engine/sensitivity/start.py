@@ -1,0 +1,133 @@
+"""The derivatives of a consistent start, by the implicit function theorem.
+
+Fixed initial values change as they are given to; the others follow from
+
+    φ_q s + φ_θ = 0,  B ṡ + ψ_q s + ψ_θ = 0,
+
+by the smallest change in the metric of M, as in `lagcli.engine.constraints.initial`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.linear import dense
+from lagcli.engine.sensitivity.tangent import TangentTapes
+from lagcli.engine.state import State
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+#: A residual of the linearized constraints beyond this part of their scale contradicts.
+_REACHED = 1e-7
+
+
+class StartDerivatives(NamedTuple):
+    """∂q/∂θ and ∂v/∂θ at the start.
+
+    Parameters
+    ----------
+    q, v : (n, nq) arrays
+    """
+
+    q: Array
+    v: Array
+
+
+class ContradictingStart(Exception):
+    """The fixed initial values meet a constraint for one value of a direction alone.
+
+    Parameters
+    ----------
+    direction, constraint : int
+    level : str
+        "position" or "velocity".
+    """
+
+    def __init__(self, direction: int, constraint: int, level: str):
+        super().__init__(level)
+        self.direction, self.constraint, self.level = direction, constraint, level
+
+
+def start_derivatives(
+    evaluator: Evaluator,
+    tangent: TangentTapes,
+    state: State,
+    given: StartDerivatives,
+    fixed_q: Flags,
+    fixed_v: Flags,
+) -> StartDerivatives:
+    """Return the derivatives of a consistent start.
+
+    Parameters
+    ----------
+    evaluator : Evaluator
+        Of the motion, with the parameters of the start.
+    tangent : TangentTapes
+    state : State
+        The consistent start.
+    given : StartDerivatives
+        Of the initial values as they are given, fixed values and guesses.
+    fixed_q, fixed_v : (nq,) arrays of bool
+
+    Returns
+    -------
+    StartDerivatives
+
+    Raises
+    ------
+    ContradictingStart
+    """
+    system, t, q, v = evaluator.system, state.t, state.q, state.v
+    s, u = given.q.copy(), given.v.copy()
+    nh, nc, n = len(system.holonomic), len(system.constraints), len(s)
+    if not nc or not n:
+        return StartDerivatives(s, u)
+    tape = tangent.constraint_at
+    holonomic = list(system.holonomic)
+    jacobian = evaluator.constraints(t, q, v).jacobian
+    mass = evaluator.dynamics(t, q, v).mass_matrix
+    sizes = evaluator.sizes(t, q, v)
+
+    def residuals() -> tuple[Array, Array, Array, Array]:
+        inputs = (t, *q.tolist(), *v.tolist(), *s.ravel().tolist(), *u.ravel().tolist(), *state.p)
+        out = np.array(tape(inputs))
+        first, second, third = n * nh, n * (nh + nc), n * (2 * nh + nc)
+        velocity = out[first:second].reshape(n, nc) + u @ jacobian.T
+        return (
+            out[:first].reshape(n, nh),
+            velocity,
+            out[second:third].reshape(n, nh),
+            out[third:].reshape(n, nc),
+        )
+
+    def correct(rows: list[int], values: Array, residual: Array, fixed: Flags) -> None:
+        free = np.flatnonzero(~fixed)
+        part = jacobian[rows][:, free]
+        rank = dense.count_rank(part, sizes=sizes[free])
+        for k in range(n):
+            if len(free) and np.abs(residual[k]).max() > 0:
+                values[k, free] += dense.least_change(
+                    part, residual[k], mass[np.ix_(free, free)], rank, sizes=sizes[free]
+                )
+
+    if nh:
+        correct(holonomic, s, residuals()[0], fixed_q)
+        position, _, scale, _ = residuals()
+        _check(position, scale, holonomic, "position")
+    correct([*range(nc)], u, residuals()[1], fixed_v)
+    _, velocity, _, scale = residuals()
+    _check(velocity, scale, [*range(nc)], "velocity")
+    return StartDerivatives(s, u)
+
+
+def _check(residual: Array, scale: Array, rows: list[int], level: str) -> None:
+    """Raise ContradictingStart for the first residual that does not vanish."""
+    bad = np.argwhere(np.abs(residual) > _REACHED * np.maximum(scale, 1e-300))
+    if len(bad):
+        direction, row = bad[0]
+        raise ContradictingStart(int(direction), rows[row], level)

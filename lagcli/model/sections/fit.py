@@ -1,0 +1,266 @@
+"""The `fit` block: measured data, what of the model they observe, and what is to be found."""
+
+from __future__ import annotations
+
+import math
+
+from symengine import Basic
+
+from lagcli.columns import SCALARS
+from lagcli.model.draft import Draft
+from lagcli.model.expression.quantities import evaluate, formula_of, read_quantity, unit_of
+from lagcli.model.expression.units import to_si
+from lagcli.model.keys import FIT, FITTED, MEASURED, OBSERVED, keys_of
+from lagcli.model.model import DataFile, FitBlock, FittedQuantity, ObservedQuantity, Parameter
+from lagcli.model.sections.coordinates import si_unit
+from lagcli.model.sections.initial import canonical_name
+from lagcli.model.spelling import did_you_mean, nearest, shorten
+from lagcli.model.symbols import Context, Symbols
+from lagcli.model.yaml.source import Mapping, Scalar, Sequence, YamlNode
+
+_EXAMPLE = (
+    "fit:\n  data: {file: run.csv, time: t}\n  observe:\n    phi: {column: enc, sigma: 1e-3}\n"
+    "  parameters:\n    m: {min: 0}"
+)
+
+
+def read_fit(
+    draft: Draft,
+    constants: Symbols,
+    parameters: dict[str, Parameter],
+    outputs: dict[str, Basic],
+) -> FitBlock | None:
+    """Return the block; None without one, or if something is wrong with it."""
+    node = draft.get("fit")
+    if node is None:
+        return None
+    if not isinstance(node, Mapping):
+        draft.report.add(
+            "wrong-type", f"`fit` must be a mapping, not {node.what}", node.location, _EXAMPLE
+        )
+        return None
+    fields = draft.fields(node, "`fit`", keys_of(FIT))
+    missing = [name for name in keys_of(FIT) if name not in fields]
+    if missing:
+        names = " and no ".join(f"`{name}`" for name in missing)
+        draft.report.add("missing-value", f"`fit` has no {names}", node.location, _EXAMPLE)
+        return None
+    reader = _FitReader(draft, constants, parameters, outputs)
+    data = reader.files(fields["data"])
+    observed = reader.observed(fields["observe"])
+    fitted = reader.fitted(fields["parameters"])
+    if not (data and observed and fitted):
+        return None
+    reader.check_sigmas(observed)
+    reader.check_overridden(data, fitted)
+    return FitBlock(tuple(data), tuple(observed), tuple(fitted), node.location)
+
+
+class _FitReader:
+    """Reads the parts of the block."""
+
+    def __init__(
+        self,
+        draft: Draft,
+        constants: Symbols,
+        parameters: dict[str, Parameter],
+        outputs: dict[str, Basic],
+    ):
+        self.draft, self.constants = draft, constants
+        self.parameters, self.outputs = parameters, outputs
+
+    def wrong(self, node: YamlNode, what: str, must: str, help_: str) -> None:
+        self.draft.report.add(
+            "wrong-type", f"{what} must be {must}, not {node.what}", node.location, help_
+        )
+
+    # data files
+
+    def files(self, node: YamlNode) -> list[DataFile]:
+        found = []
+        for item in node.items if isinstance(node, Sequence) else [node]:
+            if not isinstance(item, Mapping):
+                self.wrong(item, "`data`", "a mapping", "write `data: {file: run.csv, time: t}`")
+                continue
+            fields = self.draft.fields(item, "`data`", keys_of(MEASURED))
+            if "file" not in fields:
+                self.draft.report.add(
+                    "missing-value",
+                    "`data` names no file",
+                    item.location,
+                    "write `data: {file: run.csv, time: t}`",
+                )
+                continue
+            path = self.draft.text(fields["file"], "`file` of `data`")
+            time = self.draft.text(fields.get("time"), "`time` of `data`") or "t"
+            values = self.overrides(fields.get("set"), "set")
+            initial = self.overrides(fields.get("initial"), "initial")
+            if path:
+                found.append(DataFile(path, time, values, initial, fields["file"].location))
+        return found
+
+    def overrides(self, node: YamlNode | None, name: str) -> dict[str, str]:
+        """Return the values of one experiment, as ``--set`` and ``--set-initial`` have them."""
+        if node is None:
+            return {}
+        if not isinstance(node, Mapping):
+            self.wrong(node, f"`{name}` of `data`", "a mapping", f"write `{name}: {{m: 2 kg}}`")
+            return {}
+        texts = {key: self.draft.text(x, f"`{key}` of `data`") for key, _, x in node}
+        return {key: text for key, text in texts.items() if text is not None}
+
+    def check_overridden(self, data: list[DataFile], fitted: list[FittedQuantity]) -> None:
+        names = {x.name for x in fitted}
+        for file in data:
+            for name in (*file.set, *file.initial):
+                plain = canonical_name(self.draft, name) or name
+                if plain in names:
+                    self.draft.report.add(
+                        "contradiction",
+                        f"`{plain}` is to be found from all data, and {file.path} fixes it",
+                        file.location,
+                        "remove one of the two entries",
+                    )
+
+    # observed quantities
+
+    def observed(self, node: YamlNode) -> list[ObservedQuantity]:
+        if not isinstance(node, Mapping):
+            self.wrong(node, "`observe`", "a mapping", "write `observe: {phi: {column: enc}}`")
+            return []
+        found = []
+        for name, key, value in node:
+            entry = self.observed_one(name, key, value)
+            if entry is not None:
+                found.append(entry)
+        return found
+
+    def observed_one(self, name: str, key: Scalar, node: YamlNode) -> ObservedQuantity | None:
+        what = f"the observed quantity `{shorten(name)}`"
+        column: str | None = name
+        sigma = unit = None
+        converted = False
+        if isinstance(node, Mapping):
+            fields = self.draft.fields(node, what, keys_of(OBSERVED))
+            if "column" in fields:
+                column = self.draft.text(fields["column"], f"`column` of {what}")
+            unit = self.draft.text(fields.get("unit"), f"`unit` of {what}")
+            if unit is not None and not si_unit(self.draft, unit, fields["unit"]):
+                return None
+            if "sigma" in fields:
+                sigma = self.number(fields["sigma"], f"`sigma` of {what}")
+                converted = unit_of(fields["sigma"]) is not None
+                if sigma is None:
+                    return None
+                if sigma <= 0:
+                    self.draft.report.add(
+                        "bad-setting",
+                        f"`sigma` of {what} must be greater than 0, not {sigma:g}",
+                        fields["sigma"].location,
+                        "give the standard deviation of a measured value",
+                    )
+                    return None
+        elif not (isinstance(node, Scalar) and node.missing):
+            column = self.draft.text(node, f"the column of {what}")
+        expression = self.expression(name, key, what)
+        if expression is None or column is None:
+            return None
+        return ObservedQuantity(name, expression, column, sigma, converted, unit, key.location)
+
+    def expression(self, name: str, key: Scalar, what: str) -> Basic | str | None:
+        """Return what is observed: an expression, or the name of a column that every run has."""
+        if name in self.outputs:
+            return self.outputs[name]
+        if name in {quantity.name for quantity in SCALARS}:
+            return name
+        parsed = self.draft.parse(key, what)
+        if parsed is None:
+            return None
+        return self.draft.scalar(parsed, Context(what, accelerations=True, multipliers=True))
+
+    def check_sigmas(self, observed: list[ObservedQuantity]) -> None:
+        without = [x for x in observed if x.sigma is None]
+        if without and len(observed) > 1:
+            self.draft.report.add(
+                "missing-value",
+                f"`{without[0].name}` has no `sigma`",
+                without[0].location,
+                "with several observed quantities each needs one: it decides how much they count",
+            )
+
+    # what is to be found
+
+    def fitted(self, node: YamlNode) -> list[FittedQuantity]:
+        if not isinstance(node, Mapping):
+            self.wrong(node, "`parameters`", "a mapping", "write `parameters: {m: {min: 0}}`")
+            return []
+        found: dict[str, FittedQuantity] = {}
+        for name, key, value in node:
+            entry = self.fitted_one(name, key, value)
+            if entry is None:
+                continue
+            if entry.name in found:
+                self.draft.report.add(
+                    "duplicate-key",
+                    f"`{entry.name}` is named twice",
+                    key.location,
+                    "keep one of them",
+                )
+            found[entry.name] = entry
+        return list(found.values())
+
+    def fitted_one(self, name: str, key: Scalar, node: YamlNode) -> FittedQuantity | None:
+        known = name if name in self.parameters else canonical_name(self.draft, name)
+        if known is None:
+            names = self.draft.names
+            if not names.incomplete:
+                every = [*self.parameters, *(q + x for q in names.coordinates for x in ("", "'"))]
+                self.draft.report.add(
+                    "unknown-name",
+                    f"`fit` names `{shorten(name)}`, which is not a parameter or an initial value",
+                    key.location,
+                    did_you_mean(nearest(name, every)) or "there are " + ", ".join(every[:12]),
+                )
+            return None
+        bounds = {"min": -math.inf, "max": math.inf}
+        what = f"`{shorten(name)}` of `fit`"
+        if isinstance(node, Mapping):
+            fields = self.draft.fields(node, what, keys_of(FITTED))
+            unit = self.parameters[known].unit if known in self.parameters else None
+            for bound, value in fields.items():
+                number = self.number(value, f"`{bound}` of {what}")
+                if number is None or not self.has_unit(value, unit, f"`{bound}` of {what}"):
+                    return None
+                bounds[bound] = number
+        elif not (isinstance(node, Scalar) and node.missing):
+            self.wrong(node, what, "a mapping", f"write `{name}: {{min: 0, max: 5}}` or `{name}:`")
+            return None
+        if bounds["min"] >= bounds["max"]:
+            self.draft.report.add(
+                "bad-setting",
+                f"{what}: `min` {bounds['min']:g} is not below `max` {bounds['max']:g}",
+                node.location,
+                "exchange them",
+            )
+            return None
+        return FittedQuantity(known, bounds["min"], bounds["max"], key.location)
+
+    def has_unit(self, node: YamlNode, unit: str | None, what: str) -> bool:
+        """Return whether a bound can be read: not without its unit where that is not SI."""
+        if unit is None or unit_of(node) is not None or to_si(unit) == 1:
+            return True
+        self.draft.report.add(
+            "missing-value",
+            f"{what} has no unit, and the parameter is given in {unit}",
+            node.location,
+            f"write it as `{node.value.strip() if isinstance(node, Scalar) else 1} {unit}`",
+        )
+        return False
+
+    def number(self, node: YamlNode, what: str) -> float | None:
+        quantity = read_quantity(self.draft, node, what, self.constants)
+        if quantity is None:
+            return None
+        context = Context(what, coordinates=False, definitions=False, time=False)
+        formula = formula_of(self.draft, quantity, context, self.constants)
+        return evaluate(self.draft, quantity, formula, what)

@@ -1,0 +1,177 @@
+"""What runs are differentiated with respect to: parameters and initial values, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import symengine as se
+from numpy.typing import NDArray
+
+from lagcli.engine.sensitivity.start import StartDerivatives
+from lagcli.engine.state import State
+from lagcli.engine.tape.compiler import compile_tape
+from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.equations.derivation.variational import Rates
+from lagcli.errors import UsageError
+from lagcli.model.expression.functions import derivative
+from lagcli.model.model import Model
+from lagcli.model.names.propagation import dependent_values
+from lagcli.model.spelling import did_you_mean, nearest, shorten
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+_SHOWN = 12
+
+
+def direction_names(model: Model, given: Iterable[str], where: str) -> tuple[str, ...]:
+    """Return the model's names of parameters and initial values.
+
+    Parameters
+    ----------
+    model : Model
+    given : iterable of str
+        ``m``, ``phi``, ``phi'`` or ``phi_dot``.
+    where : str
+        What gives them, for messages.
+
+    Raises
+    ------
+    UsageError
+        There is no such parameter or initial value, it is structural, or it is given twice.
+    """
+    found: dict[str, str] = {}
+    for text in given:
+        name = _known(model, "".join(text.split()), where)
+        if name in found:
+            raise UsageError(f"{where} names `{name}` twice; keep one of them")
+        found[name] = text
+    return tuple(found)
+
+
+def _known(model: Model, name: str, where: str) -> str:
+    if name in model.parameters:
+        if model.parameters[name].structural:
+            raise UsageError(
+                f"{where}: `{name}` decides how many coordinates or constraints there are, and the"
+                " motion has no derivative with respect to it; name another parameter"
+            )
+        return name
+    initial = model.initial
+    for ending, primes in (("", ""), ("_dot", "'")):
+        base = name.removesuffix(ending) if ending else name
+        if base + primes in initial and (not ending or base != name):
+            return base + primes
+    known = [*model.parameters, *initial]
+    shown = ", ".join(f"`{x}`" for x in known[:_SHOWN]) + (", …" if len(known) > _SHOWN else "")
+    help_ = did_you_mean(nearest(name, known)) or f"there are {shown}"
+    raise UsageError(
+        f"{where}: the model has no parameter or initial value `{shorten(name)}`; {help_}"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Directions:
+    """Parameters and initial values with respect to which a model's motion is differentiated.
+
+    Parameters and initial values that are expressions of others follow them; an initial value that
+    is named counts as fixed, as with ``--set-initial``.
+
+    Parameters
+    ----------
+    model : Model
+    names : tuple of n str
+        As `direction_names` returns them.
+    """
+
+    model: Model
+    names: tuple[str, ...]
+
+    @cached_property
+    def values(self) -> Array:
+        """The model's values, (n,)."""
+        initial = {name: x.value for name, x in self.model.initial.items()}
+        known = {**self.model.parameter_values, **initial}
+        return np.array([known[name] for name in self.names])
+
+    @cached_property
+    def scales(self) -> Array:
+        """Sizes of the values, 1 for 0: derivatives are integrated with respect to θ / scale."""
+        return np.where(self.values != 0, np.abs(self.values), 1.0)
+
+    @cached_property
+    def rates(self) -> tuple[Rates, ...]:
+        """∂p/∂θ times the scale of θ, by parameter, for each direction."""
+        return tuple(
+            {
+                name: slope * se.RealDouble(float(scale))
+                for name, slope in self._slopes(direction).items()
+                if name in self.model.parameters
+            }
+            for direction, scale in zip(self.names, self.scales, strict=True)
+        )
+
+    @cached_property
+    def fixed(self) -> tuple[Flags, Flags]:
+        """Which initial positions and velocities are fixed, (nq,) each."""
+        tables = self.model.initial_positions, self.model.initial_velocities
+        positions, velocities = (
+            np.array([x.fixed or q + primes in self.names for q, x in table.items()], dtype=bool)
+            for table, primes in zip(tables, ("", "'"), strict=True)
+        )
+        return positions, velocities
+
+    def given(self, values: Sequence[float]) -> StartDerivatives:
+        """Return the derivatives of the given initial values with respect to θ / scale.
+
+        Parameters
+        ----------
+        values : sequence of n float
+            Of θ.
+        """
+        n, nq = len(self.names), len(self.model.coordinates)
+        flat = np.array(self._initial(tuple(map(float, values))))
+        found = flat.reshape(n, 2 * nq) * self.scales[:, None]
+        return StartDerivatives(found[:, :nq], found[:, nq:])
+
+    def state(self, t: float, values: Sequence[float]) -> State:
+        """Return the given initial values, fixed ones and guesses, and parameters for values of θ.
+
+        Parameters
+        ----------
+        t : float
+            s.
+        values : sequence of n float
+            Of θ.
+        """
+        found = self._given(tuple(map(float, values)))
+        first, nq = len(self.model.parameters), len(self.model.coordinates)
+        q, v = np.array(found[first : first + nq]), np.array(found[first + nq :])
+        return State(t, q, v, tuple(found[:first]))
+
+    @cached_property
+    def _given(self) -> ScalarTape:
+        model = self.model
+        known = {**model.parameter_values, **{k: x.value for k, x in model.initial.items()}}
+        values = [self._dependent.get(name, se.RealDouble(x)) for name, x in known.items()]
+        return ScalarTape(compile_tape(values, [se.Symbol(name) for name in self.names]))
+
+    @cached_property
+    def _dependent(self) -> dict[str, se.Basic]:
+        return dependent_values(self.model, self.names)
+
+    def _slopes(self, direction: str) -> dict[str, se.Basic]:
+        symbol = se.Symbol(direction)
+        found = {name: derivative(x, symbol) for name, x in self._dependent.items()}
+        return {name: slope for name, slope in found.items() if slope != 0}
+
+    @cached_property
+    def _initial(self) -> ScalarTape:
+        names = list(self.model.coordinate_names)
+        entries = [*names, *(f"{q}'" for q in names)]
+        slopes = [self._slopes(direction) for direction in self.names]
+        values = [found.get(entry, se.Integer(0)) for found in slopes for entry in entries]
+        return ScalarTape(compile_tape(values, [se.Symbol(name) for name in self.names]))

@@ -1,0 +1,283 @@
+"""Runs with the derivatives of the motion with respect to parameters and initial values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagcli.engine.constraints.initial import ConsistentState, consistent_state
+from lagcli.engine.contract import IntegrationRequest, Outcome
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.linear import dense
+from lagcli.engine.sensitivity.integration import Derivatives, NoOrder, Sink, TangentProblem
+from lagcli.engine.sensitivity.start import (
+    ContradictingStart,
+    StartDerivatives,
+    start_derivatives,
+)
+from lagcli.engine.sensitivity.tangent import lower_tangent
+from lagcli.engine.state import State
+from lagcli.engine.system import System
+from lagcli.equations.derivation.lagrange import Equations
+from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
+from lagcli.settings.methods import METHODS
+from lagcli.settings.settings import Settings
+from lagcli.simulations.directions import Directions
+
+if TYPE_CHECKING:
+    from lagcli.simulations.simulation import Simulation
+
+Array = NDArray[np.float64]
+
+#: Weights of the central differences of sixth order, at 1, 2 and 3 steps, and the step relative to
+#: θ's scale: the error of a smooth start is of the order of 1e-18, that of rounding 1e-13.
+_WEIGHTS, _STEP = (3 / 4, -3 / 20, 1 / 60), 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class SensitivityRun:
+    """The derivatives of one run; made by `sensitivity_run`.
+
+    Parameters
+    ----------
+    sensitivity : Sensitivity
+    start : StartDerivatives
+    """
+
+    sensitivity: Sensitivity
+    start: StartDerivatives
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Parameters and initial values."""
+        return self.sensitivity.directions.names
+
+    @property
+    def no_derivatives(self) -> Derivatives:
+        """Derivatives of no samples."""
+        nq, nc, n = *self.sensitivity.system.counts[:2], len(self.names)
+        q, multipliers = np.empty((0, nq, n)), np.empty((0, nc, n))
+        return Derivatives(q, q, q, multipliers)
+
+    def integrate(
+        self,
+        request: IntegrationRequest,
+        sink: Sink,
+        progress: Callable[[float], None] | None = None,
+    ) -> Outcome:
+        """Integrate; see `Sensitivity.integrate`."""
+        return self.sensitivity.integrate(request, self.start, sink, progress)
+
+
+def sensitivity_run(simulation: Simulation, names: tuple[str, ...]) -> SensitivityRun:
+    """Prepare the derivatives of a simulation.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    names : tuple of str
+        As `directions.direction_names` returns them.
+
+    Raises
+    ------
+    UsageError, ModelError
+        As `Sensitivity` and `Sensitivity.start`.
+    """
+    found = Sensitivity(simulation.equations, simulation.system, simulation.settings, names)
+    start = found.start(simulation.start, found.directions.values.tolist())
+    return SensitivityRun(found, start)
+
+
+class Sensitivity:
+    """A model's motion with its derivatives, for one or many values of parameters.
+
+    Parameters
+    ----------
+    equations, system
+        Of one model.
+    settings : Settings
+        Complete.
+    names : tuple of n str
+        Parameters and initial values, as `directions.direction_names` returns them.
+    many_runs : bool
+        Whether to spend time on making runs fast.
+
+    Raises
+    ------
+    UsageError
+        The method needs derivatives that there are not.
+    """
+
+    def __init__(
+        self,
+        equations: Equations,
+        system: System,
+        settings: Settings,
+        names: Sequence[str],
+        *,
+        many_runs: bool = False,
+    ):
+        if settings.method in METHODS and METHODS[settings.method].exact:
+            raise UsageError(
+                f"{settings.method} needs second derivatives for sensitivities, which are not"
+                " formed; give --method Radau for stiff motion, or auto"
+            )
+        self.equations, self.system = equations, system
+        self.directions = Directions(equations.model, tuple(names))
+        self._evaluator = Evaluator(system, tuple(equations.model.parameter_values.values()))
+        self._determines: bool | None = None
+        self.tangent = lower_tangent(equations, self.directions.rates)
+        self.problem = TangentProblem(
+            system, self.tangent, names, self.directions.scales, many_runs=many_runs
+        )
+
+    def start(self, start: ConsistentState, values: Sequence[float]) -> StartDerivatives:
+        """Return the derivatives of a consistent start with respect to θ / scale.
+
+        Parameters
+        ----------
+        start : ConsistentState
+        values : sequence of n float
+            Of θ, for which it was found.
+
+        Raises
+        ------
+        ModelError
+            The fixed initial values satisfy the constraints for these values of θ alone.
+        """
+        given = self.directions.given(values)
+        fixed_q, fixed_v = self.directions.fixed
+        try:
+            found = start_derivatives(
+                self._evaluator.with_parameters(start.state.p),
+                self.tangent,
+                start.state,
+                given,
+                fixed_q,
+                fixed_v,
+            )
+        except ContradictingStart as error:
+            raise self._contradiction(error) from None
+        if start.moved and not self.determined(start):
+            return self._differences(start, values)
+        return found
+
+    def integrate(
+        self,
+        request: IntegrationRequest,
+        start: StartDerivatives,
+        sink: Sink,
+        progress: Callable[[float], None] | None = None,
+    ) -> Outcome:
+        """Integrate; see `TangentProblem.integrate`.
+
+        Raises
+        ------
+        NumericalError
+            The equations of the derivatives cannot be solved with a static order of elimination.
+        """
+        try:
+            return self.problem.integrate(request, start, sink, progress)
+        except NoOrder:
+            raise NumericalError(
+                "no sensitivities: the accelerations of this motion cannot be found by a static"
+                " order of elimination; masses may vanish on the way, or the model may be too large"
+            ) from None
+
+    def consistent(self, given: State, near: ConsistentState | None = None) -> ConsistentState:
+        """Return the consistent start for given values.
+
+        Parameters
+        ----------
+        given : State
+            Of `Directions.state`.
+        near : ConsistentState, optional
+            That for similar values. Where the constraints leave no choice, it is where the search
+            begins, which then stays on its branch.
+
+        Raises
+        ------
+        NoConsistentState, UndefinedStart
+        """
+        if near is not None and self.determined(near):
+            fixed_q, fixed_v = self.directions.fixed
+            q = np.where(fixed_q, given.q, near.state.q)
+            given = State(given.t, q, np.where(fixed_v, given.v, near.state.v), given.p)
+        return consistent_state(self.system, given, *self.directions.fixed, self._evaluator)
+
+    def determined(self, start: ConsistentState) -> bool:
+        """Return whether the constraints leave no choice of the initial values that are not fixed.
+
+        Where they do, what the search for a start changes depends on the path from the guesses. It
+        is looked at once: the ranks are those of the structure.
+        """
+        if self._determines is None:
+            self._determines = self._leaves_no_choice(start)
+        return self._determines
+
+    def _leaves_no_choice(self, start: ConsistentState) -> bool:
+        state, system = start.state, self.system
+        evaluator = self._evaluator.with_parameters(state.p)
+        jacobian = evaluator.constraints(state.t, state.q, state.v).jacobian
+        sizes = evaluator.sizes(state.t, state.q, state.v)
+        rows = (jacobian[list(system.holonomic)], jacobian)
+        for part, fixed in zip(rows, self.directions.fixed, strict=True):
+            free = ~fixed
+            count = int(free.sum())
+            if count and dense.count_rank(part[:, free], sizes=sizes[free]) < count:
+                return False
+        return True
+
+    def _differences(self, start: ConsistentState, values: Sequence[float]) -> StartDerivatives:
+        """Return the derivatives of the search for a start, by differences of sixth order."""
+        directions, n = self.directions, len(values)
+        nq = len(self.system.coordinates)
+        found = StartDerivatives(np.zeros((n, nq)), np.zeros((n, nq)))
+        for i in range(n):
+            for step in (1, -1, 2, -2, 3, -3):
+                beside = np.array(values, dtype=float)
+                beside[i] += step * _STEP * directions.scales[i]
+                given = directions.state(start.state.t, beside.tolist())
+                near = self.consistent(given).state
+                weight = _WEIGHTS[abs(step) - 1] * math.copysign(1.0, step) / _STEP
+                found.q[i] += weight * near.q
+                found.v[i] += weight * near.v
+        return found
+
+    def _contradiction(self, error: ContradictingStart) -> ModelError:
+        model, names = self.equations.model, self.directions.names
+        constraint, name = model.constraints[error.constraint], names[error.direction]
+        velocity = error.level == "velocity"
+        symbols = constraint.expression.free_symbols
+        prime = "'" if velocity else ""
+        stuck = [
+            f"{q}{prime}"
+            for q in model.coordinate_names
+            if any(s.name.rstrip("'") == q for s in symbols) and model.initial[f"{q}{prime}"].fixed
+        ]
+        other = next((x for x in stuck if x not in names), None)
+        level = ", differentiated in time," if velocity else ""
+        help_ = f"name other quantities than `{name}`"
+        if other is not None:
+            entry = model.initial[other]
+            help_ = (
+                f"free an initial value that follows, for instance"
+                f" `{other}: {{guess: {entry.value:.6g}}}`"
+            )
+        return ModelError(
+            [
+                Diagnostic(
+                    "inconsistent-start",
+                    f"the fixed initial values satisfy the constraint `{constraint.name}`{level}"
+                    f" for this value of `{name}` alone: the start has no derivative with respect"
+                    " to it",
+                    model.initial[other].location if other else constraint.location,
+                    help_,
+                )
+            ]
+        )

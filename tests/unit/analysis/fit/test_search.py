@@ -1,0 +1,66 @@
+"""Searches: starts between bounds, residuals that fail, fixed quantities."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lagcli.analysis.fit.experiment import Evaluation, FailedRun
+from lagcli.analysis.fit.search import Problem
+
+
+class Line:
+    """Residuals of a line a + b t at t = 0, 1, 2, measured as 1, 3, 5; fails for b > limit."""
+
+    count = 3
+
+    def __init__(self, limit: float = np.inf):
+        self.limit = limit
+
+    def __call__(self, values: list[float]) -> Evaluation:
+        a, b = values
+        if b > self.limit:
+            raise FailedRun("too steep")
+        t = np.arange(3.0)
+        return Evaluation(a + b * t - np.array([1.0, 3.0, 5.0]), np.stack([np.ones(3), t], axis=1))
+
+
+def problem(line: Line, low: float = -np.inf, high: float = np.inf) -> Problem:
+    return Problem([line], np.array([low, -10.0]), np.array([high, 10.0]), np.ones(2))  # type: ignore[list-item]
+
+
+def test_a_search_finds_the_minimum() -> None:
+    found = problem(Line()).search(np.array([0.0, 0.0]))
+    np.testing.assert_allclose(found.values, [1, 2], atol=1e-6)
+    assert found.converged
+    assert found.cost < 1e-12
+
+
+def test_quantities_can_be_held() -> None:
+    found = problem(Line()).search(np.array([0.0, 0.0]), np.array([True, False]))
+    np.testing.assert_allclose(found.values, [3, 0], atol=1e-6)
+    held = problem(Line()).search(np.array([0.0, 1.0]), np.array([False, False]))
+    np.testing.assert_array_equal(held.values, [0, 1])
+
+
+def test_failed_runs_shorten_the_step_and_are_counted() -> None:
+    searched = problem(Line(limit=1.5))
+    found = searched.search(np.array([0.0, 0.0]))
+    assert found.values[1] <= 1.5
+    assert found.cost > 0.01
+    assert searched.failures["too steep"] >= 1
+    failing = problem(Line(limit=-1.0)).search(np.array([0.0, 0.0]))
+    assert failing.evaluation is None
+    assert not failing.converged
+    assert "too steep" in failing.message
+
+
+def test_starts_lie_between_the_bounds_or_near_the_first() -> None:
+    first = np.array([4.0, 1.0])
+    found = problem(Line(), low=0.0).starts(first, 9)
+    assert found.shape == (9, 2)
+    np.testing.assert_array_equal(found[0], first)
+    assert (found[1:, 0] >= 0).all()
+    assert (found[1:, 0] <= 6.0).all()
+    assert (np.abs(found[1:, 1]) <= 10).all()
+    assert len(np.unique(found, axis=0)) == 9
+    np.testing.assert_array_equal(found, problem(Line(), low=0.0).starts(first, 9))

@@ -1,0 +1,110 @@
+"""Integration with derivatives: engines, methods, samples, orders of elimination."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.engine.contract import Block
+from lagcli.engine.sensitivity import integration
+from lagcli.engine.sensitivity.integration import Derivatives
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.simulations.simulation import Simulation, prepare
+
+MODELS = Path(__file__).parents[4] / "models"
+
+
+def simulation(name: str = "slider_crank", **options: object) -> Simulation:
+    settings = SettingsOverrides(
+        **{"sensitivity": ("l", "m"), "samples": 21, "t_end": 1.0, **options}
+    )
+    return prepare(lagcli.load(MODELS / f"{name}.yaml"), settings)
+
+
+def run(prepared: Simulation) -> tuple[list[tuple[Block, Derivatives]], object]:
+    blocks: list[tuple[Block, Derivatives]] = []
+    assert prepared.sensitivity is not None
+    found = prepared.sensitivity.integrate(prepared.request, lambda *x: blocks.append(x))
+    return blocks, found
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"engine": "scipy", "method": "DOP853"},
+        {"engine": "scipy", "method": "Radau"},
+        {"engine": "compiled", "method": "Radau"},
+        {"engine": "compiled", "method": "Taylor"},
+        {"engine": "compiled", "formulation": "baumgarte"},
+        {"engine": "compiled", "formulation": "index1"},
+    ],
+    ids=lambda options: "-".join(options.values()),
+)
+def test_engines_methods_and_formulations_agree(options: dict[str, object]) -> None:
+    reference, _ = run(simulation(rtol=1e-12))
+    found, _ = run(simulation(rtol=1e-10, **options))
+    for part in ("q", "v", "multipliers"):
+        expected = np.concatenate([getattr(d, part) for _, d in reference])
+        values = np.concatenate([getattr(d, part) for _, d in found])
+        # a hundred tolerances, of the largest
+        np.testing.assert_allclose(values, expected, atol=1e-8 * np.abs(expected).max())
+
+
+def test_blocks_hold_the_motion_and_derivatives_by_parameter() -> None:
+    blocks, _ = run(simulation())
+    motion = np.concatenate([block.q for block, _ in blocks])
+    plain = lagcli.simulate(lagcli.load(MODELS / "slider_crank.yaml"), samples=21, t_end=1.0)
+    np.testing.assert_allclose(motion, plain.q, rtol=1e-7)
+    derivatives = blocks[0][1]
+    count = len(blocks[0][0].time)
+    assert derivatives.q.shape == derivatives.v.shape == derivatives.a.shape == (count, 2, 2)
+    assert derivatives.multipliers.shape == (count, 1, 2)
+    work = np.concatenate([block.work for block, _ in blocks])
+    # nothing works on the slider-crank: the power of the derivatives' multipliers is left out
+    np.testing.assert_allclose(work, 0.0, atol=1e-9)
+
+
+def test_a_run_goes_on_with_another_order_of_elimination(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where a pivot vanishes on the way: the run stops there and continues from its state."""
+    from lagcli.engine.integrate.compiled_engine import Integration
+
+    whole, _ = run(simulation())
+    prepared = simulation()
+    advance, steps = Integration.handle_status, []
+
+    def interrupted(self: Integration, status: int) -> bool:
+        done = advance(self, status)
+        steps.append(status)
+        if len(steps) == 3:
+            self.reorder()
+        return done
+
+    monkeypatch.setattr("lagcli.engine.integrate.compiled_engine._SLICE", 1e-5)
+    monkeypatch.setattr(Integration, "handle_status", interrupted)
+    found, _ = run(prepared)
+    assert len(steps) > 3
+    times = np.concatenate([block.time for block, _ in found])
+    np.testing.assert_array_equal(times, np.concatenate([block.time for block, _ in whole]))
+    for part in ("q", "multipliers"):
+        expected = np.concatenate([getattr(d, part) for _, d in whole])
+        values = np.concatenate([getattr(d, part) for _, d in found])
+        np.testing.assert_allclose(values, expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_multipliers_that_are_not_unique_have_no_derivatives() -> None:
+    blocks, _ = run(simulation("parallelogram", sensitivity=("m",)))
+    assert np.isnan(np.concatenate([d.multipliers for _, d in blocks])).any()
+    assert np.isfinite(np.concatenate([d.q for _, d in blocks])).all()
+
+
+def test_the_reference_engine_notices_a_solution_that_has_failed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from lagcli.errors import NumericalError
+
+    monkeypatch.setattr(integration, "_ALLOWED", -1.0)
+    with pytest.raises(NumericalError, match="static order of elimination"):
+        run(simulation(engine="scipy"))

@@ -1,0 +1,41 @@
+"""Spreads of parameters and the bands that follow from them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.errors import UsageError
+from lagcli.pictures.plots.bands import half_widths, read_bands
+from lagcli.pictures.plots.curves import Catalogue
+from lagcli.pictures.run_file import RunFile
+
+MODEL = Path(__file__).parents[4] / "models" / "slider_crank.yaml"
+RUN = lagcli.simulate(lagcli.load(MODEL), samples=5, sensitivity=["l", "phi'"])
+
+
+def test_half_widths_add_by_squares() -> None:
+    run = RunFile(RUN)
+    spreads = read_bands(run, ["l=2%", "phi' = 0.5"])
+    assert spreads == pytest.approx({"l": 0.006, "phi'": 0.5})
+    curves = [c for name in ("psi", "lambda.guide", "slider") for c in Catalogue(run).find(name)]
+    found = half_widths(run, curves, spreads)
+    assert set(found) == {"psi", "lambda.guide"}
+    assert RUN.dq is not None
+    expected = np.hypot(RUN.dq[:, 1, 0] * 0.006, RUN.dq[:, 1, 1] * 0.5)
+    np.testing.assert_allclose(found["psi"], expected)
+    assert half_widths(run, curves, {}) == {}
+
+
+def test_derivatives_are_curves() -> None:
+    (curve,) = Catalogue(RunFile(RUN)).find("dlambda.guide/dphi'")
+    assert (curve.field, curve.place) == ("dmultipliers", (0, 1))
+
+
+@pytest.mark.parametrize("text", ["l", "l=", "l=x", "l=-1", "m=1"])
+def test_mistakes(text: str) -> None:
+    with pytest.raises(UsageError, match="--band"):
+        read_bands(RunFile(RUN), [text])
