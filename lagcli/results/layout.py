@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from lagcli.columns import BY_NAME, UNIT_DATASETS, ResultQuantity, units_along
+from lagcli.column_units import UNIT_DATASETS, units_along
+from lagcli.columns import BY_NAME, ResultQuantity
 from lagcli.trajectory.samples import Terms
 
 #: What `units` says where the model states none.

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from lagcli.columns import QUANTITIES, UNIT_DATASETS, units_along
+from lagcli.column_units import UNIT_DATASETS, units_along
+from lagcli.columns import QUANTITIES
 from lagcli.errors import UsageError
 
 if TYPE_CHECKING:

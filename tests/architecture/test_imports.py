@@ -38,6 +38,7 @@ FOREIGN = {
     "arrays": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "json_values": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "columns": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "column_units": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "model": {"numpy", "scipy", "sympy", "h5py", "typer", "rich"},
     "equations": {"numpy", "scipy", "h5py", "yaml", "typer", "rich"},
     "engine": {"yaml", "sympy", "h5py", "typer", "rich", "pint", "os", "pathlib", "io"},

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lagcli.analysis.fit.result import FitResult, FittedData
-from lagcli.analysis.fit.uncertainty import Combination
+from lagcli.analysis.fit.uncertainty import ParameterCombination
 from lagcli.errors import FileError
 from lagcli.results.hdf5.container import (
     add_array,
@@ -143,7 +143,7 @@ def read_fit(path: str | os.PathLike[str]) -> FitResult:
             observed=read_texts(root, "observed"),
             data=tuple(data),
             active=tuple(fields.pop("active")),
-            combinations=tuple(Combination(tuple(n), tuple(x)) for n, x in combinations),
+            combinations=tuple(ParameterCombination(tuple(n), tuple(x)) for n, x in combinations),
             probability=np.nan if probability is None else probability,
             **fields,
         )

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.analysis.fit.uncertainty import Combination
+from lagcli.analysis.fit.uncertainty import ParameterCombination
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ class FitResult:
         That chi-square is at least as large by chance; NaN where sigma is estimated.
     sigma_estimated : bool
         Whether the standard deviation of the data is estimated from the residuals.
-    combinations : tuple of Combination
+    combinations : tuple of ParameterCombination
         Of quantities that the data do not identify.
     converged : bool
     message : str
@@ -118,7 +118,7 @@ class FitResult:
     freedom: int
     probability: float
     sigma_estimated: bool
-    combinations: tuple[Combination, ...]
+    combinations: tuple[ParameterCombination, ...]
     converged: bool
     message: str
     starts: Array

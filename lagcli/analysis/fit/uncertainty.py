@@ -34,7 +34,7 @@ _NAMED = 0.05
 _FIRST, _GROWTH, _STEPS, _END = 2.0, 1.5, 8, 1e-3
 
 
-class Combination(NamedTuple):
+class ParameterCombination(NamedTuple):
     """Quantities that can change together without a change of the data.
 
     Parameters
@@ -64,7 +64,7 @@ class Uncertainty(NamedTuple):
     ----------
     covariance : (k, k) array
         NaN for quantities that are not identified or lie on a bound.
-    combinations : tuple of Combination
+    combinations : tuple of ParameterCombination
         That are not identified.
     sigma : float
         s: 1 where the standard deviations of the data are known.
@@ -73,7 +73,7 @@ class Uncertainty(NamedTuple):
     """
 
     covariance: Array
-    combinations: tuple[Combination, ...]
+    combinations: tuple[ParameterCombination, ...]
     sigma: float
     freedom: int
 
@@ -160,10 +160,12 @@ def _simple(directions: Array) -> list[Array]:
     return list(rows)
 
 
-def _combination(direction: Array, names: Sequence[str]) -> Combination:
+def _combination(direction: Array, names: Sequence[str]) -> ParameterCombination:
     direction = direction / direction[int(np.argmax(np.abs(direction)))]
     named = [i for i in range(len(names)) if abs(direction[i]) > _NAMED]
-    return Combination(tuple(names[i] for i in named), tuple(float(direction[i]) for i in named))
+    return ParameterCombination(
+        tuple(names[i] for i in named), tuple(float(direction[i]) for i in named)
+    )
 
 
 def quantile(level: float, freedom: int, estimated: bool) -> float:

@@ -150,7 +150,7 @@ class TangentProblem:
         """Run the compiled engine, and go on with another order where one does not suit."""
         from lagcli.engine.integrate.compiled_engine import Integration
 
-        class Tangent(Integration):
+        class AugmentedTangent(Integration):
             """A run that stops where the order of elimination in the tape does not suit."""
 
             def reorder(self) -> None:
@@ -167,7 +167,7 @@ class TangentProblem:
 
         for _ in range(_ORDERS):
             assert self._ready is not None
-            run = Tangent(self._ready.system, full, take, progress)
+            run = AugmentedTangent(self._ready.system, full, take, progress)
             try:
                 found = run.run()
             except _Unsuited:

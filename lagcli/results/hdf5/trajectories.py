@@ -11,15 +11,8 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from lagcli.columns import (
-    ARRAYS,
-    BY_NAME,
-    DERIVATIVES,
-    QUANTITIES,
-    SAMPLED,
-    UNIT_DATASETS,
-    units_along,
-)
+from lagcli.column_units import UNIT_DATASETS, units_along
+from lagcli.columns import ARRAYS, BY_NAME, DERIVATIVES, QUANTITIES, SAMPLED
 from lagcli.errors import FileError
 from lagcli.results.atomic import FileWriter, check_writable
 from lagcli.results.hdf5.container import (

@@ -1,0 +1,50 @@
+"""Units along the axes of results: one for each coordinate or constraint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from lagcli.columns import BY_NAME, ResultQuantity, column_names, unit_of_column
+
+
+class UnitDataset(NamedTuple):
+    """A dataset with the unit of each entry along an axis.
+
+    Parameters
+    ----------
+    name, axis : str
+    quantity : str
+        The array that the units are those of.
+    """
+
+    name: str
+    axis: str
+    quantity: str
+
+
+#: The units of entries along axes, where results state them.
+UNIT_DATASETS = (
+    UnitDataset("coordinate_unit", "coordinate", "q"),
+    UnitDataset("force_unit", "coordinate", "constraint_force"),
+    UnitDataset("multiplier_unit", "constraint", "multipliers"),
+    UnitDataset("position_unit", "constraint", "residual_position"),
+    UnitDataset("velocity_unit", "constraint", "residual_velocity"),
+)
+
+
+def units_along(
+    quantity: ResultQuantity,
+    coordinates: Sequence[str],
+    constraints: Sequence[str],
+    units: Mapping[str, str],
+) -> list[str | None]:
+    """Return the unit of each column of a quantity, None where it is not known.
+
+    Terms of constraint forces have the units of the forces on the coordinates.
+    """
+    if quantity.along == "term":
+        quantity = BY_NAME["constraint_force"]
+    names = column_names(quantity, coordinates, constraints)
+    found = [unit_of_column(name, units) for name in names]
+    return [unit if unit is None else unit or "1" for unit in found]
