@@ -58,7 +58,7 @@ def columns_table() -> str:
             f"`{x.name}`",
             _shape(x),
             x.description,
-            x.unit.replace("{u}", "[q]").replace("{c}", "[c]"),
+            x.unit.replace("{u}", "[q]").replace("{c}", "[c]").replace("{k}", "[k]"),
             _column(x),
         )
         for x in QUANTITIES

@@ -30,6 +30,7 @@ UNIT_DATASETS = (
     UnitDataset("multiplier_unit", "constraint", "multipliers"),
     UnitDataset("position_unit", "constraint", "residual_position"),
     UnitDataset("velocity_unit", "constraint", "residual_velocity"),
+    UnitDataset("conserved_unit", "conserved_quantity", "conserved"),
 )
 
 
@@ -38,6 +39,7 @@ def units_along(
     coordinates: Sequence[str],
     constraints: Sequence[str],
     units: Mapping[str, str],
+    conserved: Sequence[str] = (),
 ) -> list[str | None]:
     """Return the unit of each column of a quantity, None where it is not known.
 
@@ -45,6 +47,6 @@ def units_along(
     """
     if quantity.along == "term":
         quantity = BY_NAME["constraint_force"]
-    names = column_names(quantity, coordinates, constraints)
+    names = column_names(quantity, coordinates, constraints, (), conserved)
     found = [unit_of_column(name, units) for name in names]
     return [unit if unit is None else unit or "1" for unit in found]

@@ -31,7 +31,8 @@ class ResultQuantity(NamedTuple):
     description : str
         The ``long_name`` in HDF5 files.
     unit : str
-        ``{u}`` stands for the unit of the coordinate, ``{c}`` for that of the constraint.
+        ``{u}`` stands for the unit of the coordinate, ``{c}`` for that of the constraint,
+        ``{k}`` for that of the conserved quantity.
     panel : str
         The title of the plots that show it, in lower case; none of what is not along the time.
     label : str
@@ -217,7 +218,7 @@ class Columns:
     )
     conserved: Array = _column(
         "conserved quantities besides the energy",
-        "mixed: as each quantity",
+        "{k}",
         "conserved quantities",
         along="conserved_quantity",
         text="conserved.{conserved}",
@@ -279,7 +280,7 @@ DERIVATIVES = tuple(
         name,
         ("time", axis, "parameter"),
         f"derivatives of the {what} with respect to parameters and initial values",
-        "mixed: as what is differentiated, per unit of the parameter",
+        "of what is differentiated, per unit of the parameter",
         text=f"d{text}/d{{parameter}}",
     )
     for name, axis, what, text in (
@@ -337,12 +338,15 @@ def unit_of_column(name: ColumnName, units: Mapping[str, str]) -> str | None:
     ----------
     name : ColumnName
     units : mapping of str to str
-        Units of coordinates, and of the columns of constraints (``lambda.guide``), as
+        Units of coordinates, and of the columns of constraints (``lambda.guide``) and conserved
+        quantities, as
         ``Record.units`` has them.
     """
     quantity = BY_NAME[name.quantity]
     if name.coordinate:
         return quantity.unit_at(units.get(name.coordinate))
+    if name.conserved:
+        return units.get(str(name))
     if name.constraint:
         return units.get(str(name._replace(quantity=name.quantity.replace("scale", "residual"))))
     return None if "{" in quantity.unit else quantity.unit

@@ -39,6 +39,7 @@ def unit(
     coordinates: Sequence[str],
     constraints: Sequence[str],
     units: Mapping[str, str],
+    conserved: Sequence[str] = (),
 ) -> str:
     """Return what a quantity is measured in.
 
@@ -46,7 +47,7 @@ def unit(
     ----------
     quantity : ResultQuantity
         Of `lagcli.columns.QUANTITIES`.
-    coordinates, constraints : sequence of str
+    coordinates, constraints, conserved : sequence of str
         Names.
     units : mapping of str to str
         As ``Record.units``.
@@ -63,7 +64,7 @@ def unit(
         among = BY_NAME["constraint_force"]
         found = set(units_along(among, coordinates, constraints, units))
         return (found.pop() or NOT_STATED) if len(found) == 1 else NOT_STATED
-    found = set(units_along(quantity, coordinates, constraints, units))
+    found = set(units_along(quantity, coordinates, constraints, units, conserved))
     if found <= {None}:
         return NOT_STATED
     return found.pop() or "" if len(found) == 1 else f"see {_SEE[quantity.name]}"

@@ -8,12 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import symengine as se
 
+from lagcli.columns import ColumnName
 from lagcli.engine.contract import Block
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.symmetry.conserved import monitored_quantities
+from lagcli.model.dimensions.symbolic import symbolic_unit
 from lagcli.model.model import TIME
 from lagcli.trajectory.samples import Array
 
@@ -28,10 +30,13 @@ class Monitor:
         The quantities by the momenta and Jacobi's integral, by name.
     tape : Tape, optional
         (t, q, v, parameters) → the quantities.
+    units : mapping of str to str
+        Of their columns, as far as they are known.
     """
 
     formulas: Mapping[str, str] = field(default_factory=dict)
     tape: Tape | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -64,4 +69,9 @@ def monitor_of(equations: Equations) -> Monitor:
         return NO_MONITOR
     parameters = [se.Symbol(name) for name in eq.model.parameters]
     tape = compile_tape([q.expression for q in quantities], [TIME, *eq.q, *eq.v], parameters)
-    return Monitor({q.name: q.in_momenta for q in quantities}, tape)
+    units = {
+        str(ColumnName("conserved", conserved=q.name)): unit
+        for q in quantities
+        if (unit := symbolic_unit(eq.model, q.expression)) is not None
+    }
+    return Monitor({q.name: q.in_momenta for q in quantities}, tape, units)

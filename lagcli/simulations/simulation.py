@@ -339,7 +339,7 @@ class Simulation:
             ),
             scale_position=columns.scale_position,
             scale_velocity=columns.scale_velocity,
-            units=result_units(self.model),
+            units={**result_units(self.model), **self.monitor.units},
             status=run.status,
             message=run.message,
             model=self.model.text,

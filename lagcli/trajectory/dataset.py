@@ -35,7 +35,10 @@ def to_dataset(trajectory: Trajectory) -> Any:
         "conserved_quantity": list(trajectory.conserved_names),
     }
     along = {
-        q.name: units_along(q, trajectory.coordinates, trajectory.constraints, units)
+        q.name: units_along(
+            *(q, trajectory.coordinates, trajectory.constraints, units),
+            trajectory.conserved_names,
+        )
         for q in QUANTITIES
     }
     for name, axis, quantity in UNIT_DATASETS:

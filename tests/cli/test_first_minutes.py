@@ -99,8 +99,14 @@ def test_the_schema_is_printed_and_written(lagcli, tmp_path):
         (["plot", "swing.yaml", "-o", "a.png"], "swing.yaml is a model file, not a result"),
         (["report", "swing.yaml", "-o", "a.html"], "swing.yaml is a model file, not a result"),
         (["simulate", "swing.yaml", "-o", "a.yaml"], "the suffix .yaml is not a result format"),
-        (["play", "swing.h5"], "swing.h5 is a result file, not a model; `lagcli info swing.h5`"),
-        (["derive", "swing.h5"], "swing.h5 is a result file, not a model"),
+        (
+            ["play", "swing.h5"],
+            "this is a result file, not a model\n   help: `lagcli info swing.h5`",
+        ),
+        (
+            ["derive", "swing.h5"],
+            "swing.h5:1:1: error[not-text]: this is a result file",
+        ),
     ],
 )
 def test_a_command_that_takes_the_file_is_named(lagcli, arguments, said):

@@ -43,6 +43,7 @@ def test_result_files_state_the_units(tmp_path: Path, capsys: pytest.CaptureFixt
         "multiplier_unit": ["N", "N*m"],
         "position_unit": ["m", "rad"],
         "velocity_unit": ["m/s", "rad/s"],
+        "conserved_unit": ["J"],
     }
     assert outputs == {"radial_force": "N", "motor_torque": "N*m", "motor_power": "W"}
     capsys.readouterr()

@@ -418,4 +418,4 @@ def test_without_a_view_films_show_coordinates(without_view, tmp_path):
 def test_a_model_is_no_result(tmp_path, capsys):
     model = str(Path(__file__).parents[2] / "models" / "atwood.yaml")
     assert lagcli_run(["animate", model, "-o", str(tmp_path / "run.gif")]) == 2
-    assert f"simulate it first: lagcli simulate {model} -o run.h5" in capsys.readouterr().err
+    assert f"{model} is a model file, not a result" in capsys.readouterr().err

@@ -199,7 +199,7 @@ def test_bad_values_show_the_models_error_and_the_last_good_curves(crank):
     p.enter("m", "1 + nonsense")
     assert "uses `nonsense`, which is not declared" in p.error()
     assert "1 + nonsense\n" in p.error()
-    p.enter("m", "l/0.1 * 1")
+    p.enter("m", "3000 g")
     assert p.page.locator("#notice").is_hidden()
     assert p.page.locator("#pictures.stale").count() == 0
     assert p.values()["m"] == pytest.approx(3, rel=1e-15)

@@ -255,7 +255,7 @@ def test_a_model_cannot_run_anything(visit, tmp_path):
 name: "{evil}"
 description: "{evil}"
 coordinates: {{x: {{unit: m, description: "{evil}"}}, y: {{unit: m}}}}
-parameters: {{m: {{value: 1 kg, description: "{evil}"}}}}
+parameters: {{m: {{value: 1, description: "{evil}"}}}}
 T: m/2*(x'^2 + y'^2)
 V: m*y
 constraints: {{rod: {{expr: x^2 + y^2 = 1, description: "{evil}"}}}}

@@ -6,7 +6,7 @@ import re
 import sys
 from pathlib import Path
 
-from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation, UsageError
+from lagcli.errors import Diagnostic, FileError, ModelError, SourceLocation
 from lagcli.model.shipped import find_model, shipped_models
 from lagcli.model.spelling import nearest, shorten
 from lagcli.model.yaml.source import Source
@@ -32,8 +32,6 @@ def read_text(path: str | Path) -> tuple[str, str]:
         The file cannot be read.
     ModelError
         The content is not text.
-    UsageError
-        It is a result file.
     """
     if str(path) != "-":
         path = find_model(path)
@@ -82,9 +80,10 @@ def _not_text(
 
 def _decode(data: bytes, name: str) -> str:
     if data.startswith(b"\x89HDF\r\n"):
-        raise UsageError(
-            f"{name} is a result file, not a model; `lagcli info {name}` describes it, and `plot`,"
-            " `animate` and `report` show it"
+        raise _not_text(
+            name,
+            "this is a result file, not a model",
+            f"`lagcli info {name}` describes it; `plot`, `animate` and `report` show it",
         )
     if len(data) > MAX_BYTES:
         raise _not_text(name, f"the file is larger than {MAX_BYTES // 10**6} MB", _IS_IT)

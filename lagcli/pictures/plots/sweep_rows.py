@@ -97,6 +97,7 @@ class SweepRow(RunFile):
         self.name = rows.path
         self.coordinates, self.constraints = rows.names["coordinate"], rows.names["constraint"]
         self.outputs, self.count = rows.outputs, rows.count
+        self.conserved_names, self.sensitivity = (), ()
         self.varied = varied
         self.fields = frozenset(rows.fields) | {f"outputs/{name}" for name in rows.outputs}
         model = rows.model

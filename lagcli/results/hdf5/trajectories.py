@@ -179,11 +179,12 @@ class Hdf5Writer(FileWriter):
             dataset = add_indices(root, f"term_{name}", places)
             attach_axes(dataset, [axes["term"]])
             _say(dataset, f"number of the {name} of each term, from 0", "1")
+        both = (self._coordinates, self._constraints)
         for quantity in QUANTITIES:
             dataset = datasets[quantity.name]
             if quantity.name not in axes:
                 attach_axes(dataset, [axes[axis] for axis in quantity.axes])
-            stated = unit(quantity, self._coordinates, self._constraints, record.units)
+            stated = unit(quantity, *both, record.units, self._conserved)
             _say(dataset, quantity.description, stated)
 
         for quantity in DERIVATIVES if self._parameters else ():
@@ -192,7 +193,7 @@ class Hdf5Writer(FileWriter):
 
         for name, axis, array in UNIT_DATASETS:
             quantity = BY_NAME[array]
-            units = units_along(quantity, self._coordinates, self._constraints, record.units)
+            units = units_along(quantity, *both, record.units, self._conserved)
             if any(units):
                 dataset = add_texts(root, name, [u or NOT_STATED for u in units])
                 attach_axes(dataset, [axes[axis]])

@@ -90,9 +90,9 @@ def test_what_ends_a_run_decides_its_outcome(
             raise ends
 
     found = outcome(integrate)
-    assert found[0] == status
-    assert message in found[1]
-    assert found[2] is undefined
+    assert found.status == status
+    assert message in found.message
+    assert found.undefined is undefined
 
 
 def test_other_exceptions_go_on_to_the_caller() -> None:

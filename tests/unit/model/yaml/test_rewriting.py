@@ -108,17 +108,22 @@ def test_wrong_values_are_those_of_the_model() -> None:
         rewrite(TEXT, "model.yaml", {"c": "1/(d - 3)"}, {})
 
 
+def _unit(unit: str | None) -> str:
+    """Return a unit as it follows a number: none after a pure number."""
+    return "" if unit in (None, "1") else unit
+
+
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
 def test_every_value_of_every_model_can_be_written(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     model = load_text(text, path.name)
     # one and a bit, in the unit of the file, but numbers of members
     set_ = {
-        name: str(p.value + 1) if p.structural else f"1.0625 {p.unit or ''}".strip()
+        name: str(p.value + 1) if p.structural else f"1.0625 {_unit(p.unit)}".strip()
         for name, p in model.parameters.items()
     }
     initial = {
-        name: f"{{guess: 0.1875 {x.unit or ''}}}".replace(" }", "}")
+        name: f"{{guess: 0.1875 {_unit(x.unit)}}}".replace(" }", "}")
         for name, x in model.initial.items()
     }
     # `rewrite` itself holds the result against the model with these options
