@@ -29,7 +29,7 @@ SUMMARY_KEYS = {
     *("evaluations", "engine", "method", "formulation", "residual_position", "residual_velocity"),
     *("energy_balance", "energy_scale", "multipliers", "parameters", "initial"),
     *("initial_correction", "coordinates", "seconds", "warnings", "rtol", "atol", "tolerances"),
-    *("constraints", "rank", "degrees_of_freedom", "redundant", "conserved"),
+    *("constraints", "rank", "degrees_of_freedom", "redundant", "conserved", "sensitivity"),
 }
 
 

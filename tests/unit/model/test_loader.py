@@ -306,9 +306,9 @@ def test_a_constraint_that_parameters_switch_off_is_left_alone() -> None:
 
 @pytest.mark.parametrize("name", sorted(p.name for p in MODELS.glob("*.yaml")))
 def test_shipped_models_load(name: str) -> None:
-    began = time.perf_counter()
+    began = time.process_time()
     model = load(MODELS / name)
-    assert time.perf_counter() - began < 1
+    assert time.process_time() - began < 1
     assert model.initial_positions.keys() == set(model.coordinate_names)
     assert model.initial_velocities.keys() == set(model.coordinate_names)
 
