@@ -251,7 +251,7 @@ cdef class Integrator:
     rank, rtol, h_max, projecting, watching, alpha, beta, baumgarte, detecting, refinable
         As in core/run.h; alpha negative means "from the step", beta "as alpha".
     block_rows : int
-        Samples kept before they are handed over.
+        Samples kept before they are passed on.
     """
 
     cdef lag_run *run

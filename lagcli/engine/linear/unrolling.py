@@ -212,7 +212,7 @@ class _Unrolling(Arithmetic):
             x[k] = total
             if order[k] >= self.nq:
                 multipliers[k] = self.negative(total)
-                # its sign is handed on no further: all are then used alike
+                # its sign goes no further: all are then used alike
                 self.opposite.pop(multipliers[k], None)
         a = [x[self.place[unknown]] for unknown in range(self.nq)]
         found = [multipliers[self.place[unknown]] for unknown in range(self.nq, len(z))]

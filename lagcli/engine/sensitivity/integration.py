@@ -251,7 +251,7 @@ class TangentProblem:
         )
 
     def _emit(self, request: IntegrationRequest, sink: Sink, block: Block) -> None:
-        """Hand over a block of the augmented System's samples."""
+        """Pass on a block of samples of the augmented System."""
         counts, n = self.blocks.counts, self.blocks.directions
 
         def parts(values: Array, size: int) -> tuple[Array, Array]:
