@@ -28,7 +28,7 @@ def modes(
             "--output",
             "-o",
             metavar="FILE",
-            help="Write them: .json or .h5, which lagcli plot, info and animate read.",
+            help="Write them: .json or .h5, which lagcli plot and info read.",
         ),
     ] = None,
     set: SetParameter = None,
