@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from symengine import Basic, expand
 
@@ -62,11 +63,12 @@ def with_view(model: Model) -> Model:
     return replace(model, view=view)
 
 
-class _Link:
+class _Link(NamedTuple):
     """A rod between two points, of which the first may be fixed."""
 
-    def __init__(self, name: str, ends: tuple[str, str], fixed: Position | None = None):
-        self.name, self.ends, self.fixed = name, ends, fixed
+    name: str
+    ends: tuple[str, str]
+    fixed: Position | None = None
 
 
 def _points(model: Model) -> Iterator[tuple[str, Position]]:
