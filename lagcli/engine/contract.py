@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -46,6 +46,51 @@ class Event(NamedTuple):
 
 #: What follows an event: "go on", "stop", or the state (q, v) from which to continue.
 Reaction = Literal["go on", "stop"] | tuple[Array, Array]
+
+
+#: What an entry of the log is. "rest" ends a sequence of impacts that has a limit in time; "event"
+#: is one of the model's events.
+Occurrence = Literal[
+    "closes", "opens", "slips", "sticks", "impact", "rest", "releases", "engages", "event"
+]
+
+
+class EventEntry(NamedTuple):
+    """What happened to one row, or one of the model's events, at an instant.
+
+    Parameters
+    ----------
+    time : float
+        s.
+    occurrence : Occurrence
+    which : int
+        An index in ``System.constraints``; of "event", in ``Switching.events``.
+    q : (nq,) array
+    before, after : (nq,) arrays
+        The velocities.
+    impulse : (nc,) array
+        Of all constraints at that instant; 0 without an impact.
+    loss : float
+        Energy that this row's impulse takes, −Λ (γ⁻ + γ⁺)/2 with its friction; J.
+    supplied : float
+        Energy that moving constraints supply by their impulses; J.
+    work : float
+        Work of the event's actions; J.
+    modes : (ns,) array of int
+        `RowMode` of each switched row afterwards.
+    """
+
+    time: float
+    occurrence: Occurrence
+    which: int
+    q: Array
+    before: Array
+    after: Array
+    impulse: Array
+    loss: float
+    supplied: float
+    work: float
+    modes: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +183,9 @@ class Outcome:
 
     ``undefined`` is the state at which the equations had no finite value, where that
     ended the run. ``methods`` are those that took steps, where the engine chose. ``tolerances``
-    are the absolute ones on q, v and the work at the end, (2 nq + 1,).
+    are the absolute ones on q, v and the work at the end, (2 nq + 1,). ``events`` is what happened
+    at contacts and events, in order, and ``modes`` the modes of the switched rows at the start:
+    those at a sample are those after the last entry up to its time.
     """
 
     status: Status
@@ -149,6 +196,8 @@ class Outcome:
     undefined: State | None = None
     methods: tuple[str, ...] = ()
     tolerances: Array | None = None
+    events: list[EventEntry] = field(default_factory=list)
+    modes: tuple[int, ...] = ()
 
 
 class Stop(Exception):

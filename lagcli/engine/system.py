@@ -9,6 +9,7 @@ from functools import cached_property
 
 from lagcli.arrays import Array
 from lagcli.engine.layout import Counts, SampleLayout
+from lagcli.engine.switching.switching import Switching
 from lagcli.engine.tape.tape import Tape
 
 Pattern = tuple[tuple[int, int], ...]
@@ -108,6 +109,8 @@ class System:
         analysis needs them.
     same_unit : tuple of tuples of int
         Coordinates that certainly have the same unit, such as those of a quaternion.
+    switching : Switching, optional
+        Contacts, friction and events.
     """
 
     coordinates: tuple[str, ...]
@@ -124,6 +127,7 @@ class System:
     variation: Callable[[], JacobianTapes] | None = None
     parameter_variation: Callable[[Sequence[str]], ParameterTapes] | None = None
     same_unit: tuple[tuple[int, ...], ...] = ()
+    switching: Switching | None = None
 
     @cached_property
     def counts(self) -> Counts:

@@ -1,0 +1,1 @@
+"""Switching systems: contact, impacts, friction, events."""
