@@ -121,6 +121,9 @@ class IntegrationRequest:
         Compiled engine only.
     on_event : callable, optional
         Event → Reaction; without it, events are not looked for.
+    breaks : (nb,) array
+        Times at which the right side is not smooth, increasing, s: steps end there, the integration
+        begins anew, and a sample at such a time is that of what follows.
     """
 
     state: State
@@ -133,6 +136,7 @@ class IntegrationRequest:
     elimination: Elimination | None = None
     prepared: Prepared | None = None
     on_event: Callable[[Event], Reaction] | None = None
+    breaks: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def tolerances(self) -> Array:

@@ -392,6 +392,11 @@ cdef class Integrator:
         cdef lag_program program = arguments.program(assemble(tape))
         _checked(lag_use_events(self.run, &program))
 
+    def end_steps_at(self, times):
+        """End steps at times, which increase: the right side is not smooth there."""
+        cdef _Arguments arguments = _Arguments()
+        _checked(lag_use_breaks(self.run, arguments.doubles(times), len(times)))
+
     @property
     def event(self):
         """Number, direction, time and state of the last event."""

@@ -192,6 +192,10 @@ int lag_use_pivots(lag_run *run, const lag_pivots *pivots);
 /* Look for sign changes of functions of (t, q, v, p) along the motion, from lag_start on. */
 int lag_use_events(lag_run *run, const lag_program *functions);
 
+/* End steps at these times, which increase: the right side is not smooth there. Samples at them are those of
+ * what follows. */
+int lag_use_breaks(lag_run *run, const double *times, long count);
+
 /* Continue with another method from here. Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_switch(lag_run *run, const lag_method *method);
 

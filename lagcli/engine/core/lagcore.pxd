@@ -129,6 +129,7 @@ cdef extern from "lagcore.h" nogil:
     const double *lag_matrix(const lag_run *run)
     int lag_use_pivots(lag_run *run, const lag_pivots *pivots)
     int lag_use_events(lag_run *run, const lag_program *functions)
+    int lag_use_breaks(lag_run *run, const double *times, long count)
     int lag_switch(lag_run *run, const lag_method *method)
     int lag_start(lag_run *run)
     int lag_advance(lag_run *run, long slice)

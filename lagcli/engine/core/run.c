@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "breaks.h"
 #include "methods/control.h"
 #include "events.h"
 #include "methods/dop853.h"
@@ -54,6 +55,7 @@ int lag_start(lag_run *run)
     run->step.finishing = 0;
     run->watch.cancellation.last = 0.0;
     run->solver.inaccuracy = INFINITY; /* not known yet */
+    lag_breaks_start(run);
     lag_events_start(run);
     lag_sizes_start(run);
     lag_first_step(run, run->method->order);
@@ -65,7 +67,8 @@ int lag_start(lag_run *run)
 static int finish(lag_run *run)
 {
     const int n = lag_size(&run->system);
-    const int status = lag_sample_until(run, run->step.t);
+    const double t = run->step.t;
+    const int status = lag_sample_until(run, lag_at_break(run) ? nextafter(t, -INFINITY) : t);
     if (status != LAG_RUNNING)
         return status;
     run->step.finishing = 0;
@@ -155,11 +158,18 @@ int lag_advance(lag_run *run, long slice)
                 return LAG_STIFF;
             }
         }
+        int status = LAG_RUNNING;
+        if (lag_at_break(run) && (status = lag_pass_break(run)) == LAG_RUNNING)
+            status = damp(run);
+        if (status == LAG_RUNNING)
+            status = lag_sample_until(run, run->step.t);
+        if (status != LAG_RUNNING)
+            return status;
         if (run->step.t >= run->step.t_end)
             return LAG_DONE;
         if (slice-- <= 0)
             return LAG_RUNNING;
-        const int status = run->method->step(run);
+        status = run->method->step(run);
         if (status != LAG_RUNNING)
             return status;
         const int sound = accurate(run);

@@ -14,6 +14,7 @@
 /* step.c, and the methods: the state and the last step. */
 typedef struct {
     double t_start, t, t_end;
+    double t_stop;                     /* where steps must end: the next break, or t_end */
     double h, h_max;                   /* of the next step */
     double error_old;                  /* what the control keeps of the last step */
     double *y, *f;                     /* n: the state and its derivative */
@@ -131,6 +132,12 @@ typedef struct {
     double *y;                         /* n: scratch */
 } lag_samples;
 
+/* breaks.c: times at which the right side is not smooth. */
+typedef struct {
+    const double *times;               /* increasing, s */
+    long count, next;                  /* the first one after the state */
+} lag_breaks;
+
 /* events.c: where a function of (t, q, v) changes its sign along the motion. */
 typedef struct {
     int count;                         /* 0: there are none to look for */
@@ -168,6 +175,7 @@ struct lag_run {
     lag_watch watch;
     lag_samples samples;
     lag_events events;
+    lag_breaks breaks;
     lag_series series;                 /* what Taylor's method needs */
     struct lag_implicit *implicit;     /* what implicit methods need; NULL until they are allowed */
     lag_failure failure;

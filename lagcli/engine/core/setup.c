@@ -68,7 +68,7 @@ static void copy_settings(lag_run *run, const lag_settings *given)
     const int nq = run->system.nq, nc = run->system.nc, n = 2 * nq + 1;
     run->parameters = lag_copy_doubles(pool, given->parameters, run->np);
     run->step.t = run->step.t_start = given->t_start;
-    run->step.t_end = given->t_end;
+    run->step.t_end = run->step.t_stop = given->t_end;
     run->step.h_max = given->h_max;
     run->step.y = lag_copy_doubles(pool, given->y, n);
     run->tolerances.rtol = given->rtol;
@@ -332,4 +332,11 @@ int lag_use_events(lag_run *run, const lag_program *functions)
     events->after = lag_copy_integers(&run->pool, NULL, events->count);
     events->y = lag_doubles(&run->pool, 2 * run->system.nq + 1);
     return bind(run, &run->pool, &events->tape, functions);
+}
+
+int lag_use_breaks(lag_run *run, const double *times, long count)
+{
+    run->breaks.times = lag_copy_doubles(&run->pool, times, count);
+    run->breaks.count = count;
+    return run->pool.failed;
 }

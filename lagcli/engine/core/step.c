@@ -12,7 +12,7 @@ double lag_step_size(const lag_run *run)
     const double h = run->step.h;
     if (!(h > 10.0 * DBL_EPSILON * fabs(run->step.t)) || !(h > DBL_MIN * 1e10))
         return 0.0;
-    return run->step.t + 1.01 * h >= run->step.t_end ? run->step.t_end - run->step.t : h;
+    return run->step.t + 1.01 * h >= run->step.t_stop ? run->step.t_stop - run->step.t : h;
 }
 
 void lag_accept(lag_run *run, double h, double factor)
@@ -20,8 +20,9 @@ void lag_accept(lag_run *run, double h, double factor)
     run->step.t_old = run->step.t;
     run->step.h_old = h;
     memcpy(run->step.y_old, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
-    run->step.t = h == run->step.t_end - run->step.t ? run->step.t_end : run->step.t + h;
-    run->step.h = fmin(h * factor, run->step.h_max);
+    run->step.t = h == run->step.t_stop - run->step.t ? run->step.t_stop : run->step.t + h;
+    /* a step that was cut short says nothing against the size it had before */
+    run->step.h = fmin(factor < 1.0 ? h * factor : fmax(h * factor, run->step.h), run->step.h_max);
     run->step.dense_ready = 0;
     ++run->step.steps;
 }

@@ -4,7 +4,7 @@
 
 #include "run.h"
 
-/* The size of the next step, cut at t_end; 0 where it is below the floor. */
+/* The size of the next step, cut at t_stop; 0 where it is below the floor. */
 double lag_step_size(const lag_run *run);
 
 /* Accept a step of size h to y_new; the next is larger by a factor. */

@@ -124,7 +124,7 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
     """Return whether there are lanes for runs of a kind; otherwise they are done one by one.
 
     There are none for implicit methods, Baumgarte's stabilization, redundant constraints, events,
-    an elimination that is not unrolled, or samples that would fill the memory.
+    breaks, an elimination that is not unrolled, or samples that would fill the memory.
     """
     width = system.sample_layout.size
     return (
@@ -134,6 +134,7 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
         and request.settings.formulation == "projection"
         and request.rank == len(system.constraints)
         and request.on_event is None
+        and not len(request.breaks)
         and width * len(request.times) * (binding.LANES + 1) <= _MOST_NUMBERS
     )
 

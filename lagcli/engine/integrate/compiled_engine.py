@@ -138,6 +138,8 @@ class Integration:
         self.methods = Methods(self.core, system, request, self.no_series)
         if request.on_event is not None and system.events is not None:
             self.core.watch_events(system.events)
+        if len(request.breaks):
+            self.core.end_steps_at(request.breaks)
 
     def prepared(self) -> Prepared:
         """Return the programs to begin with; redundant constraints have no order of elimination."""

@@ -101,7 +101,7 @@ class _Integration:
         self.sizes = Sizes(self.motion, request, y)
         solver = self.solver(t, y)
         watch.add(t, y)
-        while solver.status == "running":
+        while t < self.settings.t_end:
             self.limits.check(t, self.steps)
             solver.max_step = min(
                 self.settings.max_step, watch.largest_step()
@@ -109,35 +109,59 @@ class _Integration:
             self.step(solver, t)
             t, y, moved = self.accept(solver, t, y)
             if moved:
-                if t >= self.settings.t_end:
-                    return
                 y = self.begin(t, y)
-                solver = self.solver(t, y)
-                watch.restart()
+            elif self.at_break(t):
+                y = self.pass_break(t, y)
             else:
                 solver = self.go_on(solver, t, y)
-            watch.add(t, y)
-            ahead = watch.ahead()
-            if ahead is not None:
+                watch.add(t, y)
+                ahead = watch.ahead()
+                if ahead is None:
+                    self.progress(t)
+                    continue
                 if not self.settings.through_singular:
                     raise watch.stop(ahead.time, *ahead.path(ahead.time))
                 t, y = self.pass_singular(ahead)
-                if t >= self.settings.t_end:
-                    return
                 y = self.begin(t, y)
+            self.progress(t)
+            if t < self.settings.t_end:
                 solver = self.solver(t, y)
                 watch.restart()
                 watch.add(t, y)
-            self.progress(t)
 
     def begin(self, t: float, y: Array) -> Array:
         """Return the consistent state next to one from which the integration begins."""
+        y = self.consistent(t, y)
+        if self.events is not None:
+            self.events.start(t, y)
+        return y
+
+    def consistent(self, t: float, y: Array) -> Array:
+        """Return the consistent state next to one, where y' is as it is from now on."""
+        self.stop = self.next_stop(t)
         self.motion.measure(t, *self.motion.split(y))
         y = self.project(t, y)
         if not np.isfinite(self.motion.rate(t, y)).all():
             raise Undefined(self.motion.state(t, y))
-        if self.events is not None:
-            self.events.start(t, y)
+        return y
+
+    def next_stop(self, t: float) -> float:
+        """Return the next time at which a step must end: a break, or the end."""
+        breaks, end = self.request.breaks, self.settings.t_end
+        after = int(np.searchsorted(breaks, t, side="right"))
+        return min(float(breaks[after]), end) if after < len(breaks) else end
+
+    def at_break(self, t: float) -> bool:
+        """Return whether a time is one at which y' is not smooth."""
+        return bool(np.isin(t, self.request.breaks))
+
+    def pass_break(self, t: float, y: Array) -> Array:
+        """Return the state from which the integration goes on beyond a break, or ends."""
+        y = self.consistent(t, y)
+        assert self.sizes is not None
+        self.sizes.restart(t, y)
+        for at in self.due(t):
+            self.sample(at, y)
         return y
 
     def solver(self, t: float, y: Array) -> OdeSolver:
@@ -153,11 +177,13 @@ class _Integration:
                 self.motion.rate,
                 t,
                 y,
-                self.settings.t_end,
+                self.stop,
                 rtol=max(strict * self.settings.rtol, _LEAST_RTOL),
                 atol=strict * self.sizes.tolerances,
                 max_step=self.settings.max_step,
-                first_step=self.sizes.first_step(t, y, method.error_order + 1.0),
+                first_step=min(
+                    self.sizes.first_step(t, y, method.error_order + 1.0), self.stop - t
+                ),
             )
         except ValueError as error:  # SciPy's word for NaN in a Jacobian
             raise Undefined(self.motion.state(t, y)) from error
@@ -203,7 +229,7 @@ class _Integration:
         moved = self.react(inside, t_old, t, end)
         if moved is not None:
             return (*moved, True)
-        for at in self.due(end):
+        for at in self.due(math.nextafter(end, -math.inf) if self.at_break(end) else end):
             self.sample(at, inside(at))
         if over is not None:
             raise self.watch.stop(over, *self.motion.split(inside(over)))

@@ -49,14 +49,21 @@ class Sizes:
         self.size = np.zeros(len(y))
         self.length = self.settings.t_end - self.start
         rate = motion.rate(self.start, y)
-        self.acceleration_terms = self._acceleration_terms(y, rate)
+        self.acceleration_terms = self._acceleration_terms(self.start, y, rate)
         self.future_acceleration = self._future_acceleration(y, rate)
         self.tolerances = self.given
         self.update(self.start, y, self.first_step(self.start, y, 8.0))
 
-    def _acceleration_terms(self, y: Array, rate: Array) -> Array:
+    def restart(self, t: float, y: Array) -> None:
+        """Take into account what accelerations are made of where y' has jumped."""
+        found = self._acceleration_terms(t, y, self.motion.rate(t, y))
+        self.acceleration_terms = np.fmax(self.acceleration_terms, found)
+        if t < self.settings.t_end:
+            self.update(t, y, self.first_step(t, y, 8.0))
+
+    def _acceleration_terms(self, t: float, y: Array, rate: Array) -> Array:
         """Return what accelerations are made of, the largest of each kind: A."""
-        nq, t = self.nq, self.start
+        nq = self.nq
         found = np.abs(rate[nq:-1])
         for sign in (-1, 1):
             part = sign * _PERTURBATION * np.cos(1.0 + np.arange(len(y)))

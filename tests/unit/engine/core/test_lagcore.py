@@ -63,6 +63,7 @@ ALLOWED = {
         "fmax",
         "fmin",
         "log",
+        "nextafter",
         "pow",
         "sin",
     ),

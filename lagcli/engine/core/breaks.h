@@ -1,0 +1,17 @@
+/* Breaks: times at which the right side is not smooth. Steps end there, and the next one begins anew. */
+#ifndef LAGCLI_BREAKS_H
+#define LAGCLI_BREAKS_H
+
+#include "run.h"
+
+/* Begin, or go on, at run->step.t: find the next break, where steps must end. */
+void lag_breaks_start(lag_run *run);
+
+/* Whether the last step ended at a break that is not passed yet. */
+int lag_at_break(const lag_run *run);
+
+/* Go on beyond it, with the right side as it is there. The size of the next step is chosen anew where
+ * y' jumps. Returns LAG_RUNNING or LAG_UNDEFINED. */
+int lag_pass_break(lag_run *run);
+
+#endif
