@@ -14,12 +14,15 @@ class ContactLaw(IntEnum):
     """The law of a row of a contact problem.
 
     UNILATERAL: 0 ≤ x ⊥ y ≥ 0. LIMITED: y = 0 and |x| ≤ static limit, or y ≠ 0 and x is minus the
-    sign of y times the kinetic limit. FREE: y = 0.
+    sign of y times the kinetic limit. FREE: y = 0. FORWARD and BACKWARD: the row slips already,
+    with a positive or negative velocity; x is minus or plus the kinetic limit, y anything.
     """
 
     UNILATERAL = 0
     LIMITED = 1
     FREE = 2
+    FORWARD = 3
+    BACKWARD = 4
 
 
 class ContactProblem(NamedTuple):
@@ -36,7 +39,7 @@ class ContactProblem(NamedTuple):
     laws : (n,) array of int
         `ContactLaw`.
     static, kinetic : (n,) arrays
-        Constant parts of the limits of limited rows.
+        Constant parts of the limits of rows that are limited or slip.
     static_slopes, kinetic_slopes : (n, n) arrays
         limit_k = constant_k + Σ_j slope_kj |x_j|.
     """
@@ -61,6 +64,8 @@ class ContactProblem(NamedTuple):
                 np.maximum(np.abs(size - kinetic), np.minimum(np.abs(x), x * np.sign(y)).clip(0)),
             ),
             ContactLaw.FREE: np.abs(y),
+            ContactLaw.FORWARD: np.abs(x + kinetic),
+            ContactLaw.BACKWARD: np.abs(x - kinetic),
         }
         off = [np.where(self.laws == law, v, 0.0) for law, v in violations.items()]
         return float(max(np.max(off, initial=0.0), np.abs(y - self.matrix @ x - self.offset).max()))

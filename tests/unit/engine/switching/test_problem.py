@@ -43,3 +43,14 @@ def test_a_contact_neither_pulls_nor_overlaps() -> None:
     problem = block_on_incline(0.0, 0.0)
     assert problem.violation(np.zeros(2), problem.offset) == pytest.approx(10.0)
     assert problem.violation(np.array([12.0, 0.0]), np.array([2.0, 0.0])) == pytest.approx(2.0)
+
+
+def test_the_velocity_of_a_row_that_slips_tells_its_force() -> None:
+    """A block that slides uphill on an incline where it could stick is braked."""
+    problem = block_on_incline(0.3, 0.4)
+    normal = -problem.offset[0]
+    for law, sign in ((ContactLaw.FORWARD, -1.0), (ContactLaw.BACKWARD, 1.0)):
+        slips = problem._replace(laws=np.array([ContactLaw.UNILATERAL, law]))
+        x = np.array([normal, sign * 0.4 * normal])
+        assert slips.violation(x, x + problem.offset) < 1e-14
+        assert slips.violation(-x * [-1, 1], -x * [-1, 1] + problem.offset) > 1.0
