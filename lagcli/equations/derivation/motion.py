@@ -11,7 +11,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model import model as symbols
-from lagcli.model.expression.functions import derivative
+from lagcli.model.expression.functions import KINKS, derivative
 from lagcli.model.model import Model
 
 ZERO = se.Integer(0)
@@ -65,6 +65,7 @@ class Motion:
     _indices: dict[Basic, tuple[int, int]] = field(init=False, repr=False)
     _slopes: dict[Basic, PartialDerivatives] = field(default_factory=dict, init=False, repr=False)
     _occurring: dict[Basic, Occurrences] = field(default_factory=dict, init=False, repr=False)
+    _kinked: dict[Basic, bool] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._indices = {x: (0, i) for i, x in enumerate(self.q)}
@@ -98,7 +99,12 @@ class Motion:
 
     def diff(self, expression: Basic, symbol: Basic) -> Basic:
         """Return ∂expression/∂symbol."""
-        return expression.diff(symbol) if self.smooth else derivative(expression, symbol)
+        if self.smooth:
+            return expression.diff(symbol)
+        kinked = self._kinked.get(expression)
+        if kinked is None:
+            kinked = self._kinked[expression] = bool(expression.atoms(*KINKS))
+        return derivative(expression, symbol) if kinked else expression.diff(symbol)
 
     def sum_diff(self, terms: Iterable[Basic], symbol: Basic) -> Basic:
         """Return ∂/∂symbol of a sum of terms."""

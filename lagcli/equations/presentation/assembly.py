@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from lagcli.equations.presentation.extent import Extent
 from lagcli.equations.presentation.formulas import Formulas, Step
-from lagcli.equations.presentation.index_form import IndexForm
+from lagcli.equations.presentation.index_form import IndexForm, with_hint
 from lagcli.equations.presentation.kinds import (
     ABBREVIATIONS,
     ENTRIES,
@@ -88,7 +88,7 @@ def shown_steps(f: Formulas, contents: Contents) -> tuple[Step, ...]:
     found = [*before, *_arranged(f, after, contents.full)]
     if "first" in kinds or "maggi" in kinds or contents.solve:
         found.append(convention(f))
-    return tuple(found)
+    return tuple(found if contents.full else with_hint(found))
 
 
 def _arranged(f: Formulas, steps: list[Step], full: bool) -> list[Step]:
@@ -100,7 +100,7 @@ def _first(f: Formulas, contents: Contents) -> list[Step]:
     """Return the first kind, without the sign convention, which comes last."""
     p, full = contents.partition, contents.full
     if contents.steps and not in_matrices(f, full):
-        return _arranged(f, list(derivation(f, _coordinates(f, p))), full)
+        return _arranged(f, list(derivation(f, _coordinates(f, p), full)), full)
     found = list(overview(f, full))
     if contents.steps:
         found = list(in_short(f, "The derivation is long; --full writes it out."))
@@ -112,7 +112,7 @@ def _without_equations(f: Formulas, contents: Contents) -> list[Step]:
     """Return coordinates, energies and constraints."""
     p = contents.partition
     if contents.steps:
-        found = [*derivation_before_equations(f), *_coordinates(f, p)]
+        found = [*derivation_before_equations(f, contents.full), *_coordinates(f, p)]
     else:
         found = [*before_equations(f), *([split_step(f, p)] if p is not None else [])]
     return _arranged(f, found, contents.full)

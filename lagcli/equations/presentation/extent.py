@@ -8,45 +8,48 @@ long, the first items.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import accumulate, chain
 
 import symengine as se
+from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
 from lagcli.equations.presentation.matrices import cut_short, first_part
 from lagcli.equations.presentation.typeset import Node, Product, Sign, Sum
+from lagcli.model.model import Model
 
 #: Lines of text, about, that are printed at most.
 ROOM = 380
-_LISTS = 340  # of these, for lists that are cut: they are measured less well
+_LISTS = 340  # of these, for lists that are cut: each then says so
 #: Operations in M, f and B up to which equations are written out: that takes some seconds.
 _OPERATIONS = 12_000
 #: Of a model with families, whose formulas are short in index form.
 _OPERATIONS_OF_FAMILIES = 60_000
 #: Terms of a long sum that stand before and after the dots.
 _FIRST_TERMS, _LAST_TERMS = 5, 1
-_TITLE = 2.0  # lines: the title and a blank one
-#: Letters of a line of text.
-_LINE = 80.0
+_TITLE = 2  # lines: the title and a blank one
+_WIDTH = 100  # columns of the text that is measured
 
 
 def is_large(equations: Equations) -> bool:
     """Whether it would take long to write the equations out."""
-    total, most = 0, _OPERATIONS
-    if any(name.endswith("]") for name in equations.model.coordinate_names):
-        most = _OPERATIONS_OF_FAMILIES
-    for row, f in zip(equations.mass_matrix, equations.forcing, strict=True):
-        total += sum(map(se.count_ops, row.values())) + se.count_ops(f)
-        if total > most:
-            return True
-    for c in equations.constraints:
-        total += sum(map(se.count_ops, c.row.values()))
-        if total > most:
-            return True
-    return False
+    rows = (*equations.mass_matrix, *(c.row for c in equations.constraints))
+    entries = (x for row in rows for x in row.values())
+    return _take_long(equations.model, chain(entries, equations.forcing))
+
+
+def accelerations_are_large(equations: Equations) -> bool:
+    """Whether it would take long to write out the constraints at acceleration level."""
+    return _take_long(equations.model, (c.rhs for c in equations.constraints))
+
+
+def _take_long(model: Model, expressions: Iterable[Basic]) -> bool:
+    families = any(name.endswith("]") for name in model.coordinate_names)
+    most = _OPERATIONS_OF_FAMILIES if families else _OPERATIONS
+    return any(total > most for total in accumulate(map(se.count_ops, expressions)))
 
 
 class Extent:
@@ -61,19 +64,20 @@ class Extent:
         from lagcli.equations.render.formula_text import TextFormula
         from lagcli.equations.render.names import Notation
 
-        self._text = TextFormula(Notation(formulas.model)).text
+        self._formula = TextFormula(Notation(formulas.model))
 
-    def size(self, steps: Iterable[Step]) -> float:
-        """Return about how many lines steps take, titles included."""
-        return sum(map(self._step, steps))
+    def size(self, steps: Iterable[Step]) -> int:
+        """Return how many lines steps take, titles included."""
+        return sum(map(self._height, steps))
 
-    def longest(self, steps: Iterable[Step]) -> float:
-        """Return about how many lines the longest formula takes."""
-        return max((self._line(x, _margin(s)) for s in steps for x in s.lines), default=0.0)
+    def longest(self, steps: Iterable[Step]) -> int:
+        """Return how many lines the longest formula takes."""
+        return max((x for s in steps for x in self._heights(s)), default=0)
 
     def shortened(self, steps: list[Step], room: float = _LISTS) -> list[Step]:
         """Return steps that fit into so many lines: of lists that are too long, the first items."""
-        sizes = sorted(map(self._step, steps))
+        heights = list(map(self._height, steps))
+        sizes = sorted(heights)
         allowed = room
         for i, smallest in enumerate(sizes):
             # what short lists leave is for the long ones
@@ -81,37 +85,33 @@ class Extent:
             if smallest > fair:
                 allowed = fair
                 break
-        return [s if self._step(s) <= allowed else self._first(s, allowed) for s in steps]
+        return [
+            s if height <= allowed else self._first(s, height, allowed)
+            for s, height in zip(steps, heights, strict=True)
+        ]
 
-    def _first(self, step: Step, room: float) -> Step:
+    def _first(self, step: Step, height: int, room: float) -> Step:
         """Return the first items of a step."""
-        items = _items(step)
-        margin = _margin(step)
-        share = (room - _TITLE) / max(self._step(step) - _TITLE, 1.0)
-        shown = first_part(items, lambda item: sum(self._line(x, margin) for x in item), share)
+        costs = iter(self._heights(step))
+        items = [(item, sum(next(costs) for _ in item)) for item in items_of(step.lines)]
+        other = height - sum(cost for _, cost in items)
+        if step.packed:  # side by side
+            other = _TITLE
+        share = (room - other) / max(height - other, 1)
+        shown = first_part(items, lambda item: item[1], share)
         said = cut_short(len(shown), len(items))
         remark = " ".join(x for x in (said, step.remark) if x)
-        return replace(step, lines=tuple(x for item in shown for x in item), remark=remark)
+        return replace(step, lines=tuple(x for item, _ in shown for x in item), remark=remark)
 
-    def _step(self, step: Step) -> float:
-        remark = math.ceil(len(step.remark or "") / _LINE)
-        margin = _margin(step)
-        lines = sum(self._line(line, margin) for line in step.lines)
-        if step.packed:
-            lines = math.ceil(sum(self._letters(line) for line in step.lines) / _LINE)
-        return _TITLE + lines + remark + bool(step.lead)
+    def _height(self, step: Step) -> int:
+        from lagcli.equations.render.text import height
 
-    def _line(self, line: Line, margin: int) -> float:
-        return float(math.ceil(self._letters(line) / (_LINE - margin)))
+        return height(step, self._formula, _WIDTH)
 
-    def _letters(self, line: Line) -> int:
-        return sum(len(self._text(side)) + 3 for side in line.sides) + len(line.note or "")
+    def _heights(self, step: Step) -> list[int]:
+        from lagcli.equations.render.text import heights
 
-
-def _margin(step: Step) -> int:
-    """Return the columns that the labels of a step take."""
-    labels = [line.label for line in step.lines if isinstance(line.label, str)]
-    return min(max(map(len, labels), default=0), int(_LINE / 3))
+        return heights(step, self._formula, _WIDTH)
 
 
 def abridged(node: Node) -> Node:
@@ -127,11 +127,11 @@ def abridged(node: Node) -> Node:
     return Sum((*terms[:_FIRST_TERMS], (1, dots), *terms[-_LAST_TERMS:]))
 
 
-def _items(step: Step) -> list[list[Line]]:
-    """Return the lines of a step by items: a constraint and what stands below it are one."""
+def items_of(lines: Sequence[Line]) -> list[list[Line]]:
+    """Return lines by items: a labelled line and those below it are one."""
     found: list[list[Line]] = []
-    labelled = any(line.label is not None for line in step.lines)
-    for line in step.lines:
+    labelled = any(line.label is not None for line in lines)
+    for line in lines:
         if labelled and line.label is None and found:
             found[-1].append(line)
         else:

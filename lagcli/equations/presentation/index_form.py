@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from operator import is_
 from typing import NamedTuple
 
+from lagcli.equations.presentation.extent import items_of
 from lagcli.equations.presentation.formulas import Line, Step
 from lagcli.equations.presentation.typeset import (
     ONE,
@@ -56,6 +58,26 @@ class _Linear(Node):
     slope: Fraction
 
 
+def with_hint(steps: Sequence[Step]) -> list[Step]:
+    """Return steps of which the first in index form says how to see all members."""
+    found = list(steps)
+    for i, step in enumerate(found):
+        if any(map(_in_index_form, step.lines)):
+            remark = " ".join(x for x in (step.remark, _HINT) if x)
+            found[i] = replace(step, remark=remark)
+            break
+    return found
+
+
+_HINT = "Families are written with an index; --full writes out each member."
+
+
+def _in_index_form(line: Line) -> bool:
+    return line.span is not None or any(
+        isinstance(x, IndexedSum) for side in line.sides for x in _walk(side)
+    )
+
+
 class IndexForm:
     """Writes families of one model in index form.
 
@@ -83,7 +105,7 @@ class IndexForm:
         lines = tuple(
             replace(x, sides=tuple(self._with_sums(side) for side in x.sides)) for x in step.lines
         )
-        items = _items(lines)
+        items = items_of(lines)
         found: list[Line] = []
         at = 0
         while at < len(items):
@@ -218,18 +240,6 @@ def _offset(name: str, offset: int) -> str:
     return name + (f"+{offset}" if offset > 0 else f"−{-offset}" if offset else "")
 
 
-def _items(lines: Sequence[Line]) -> list[list[Line]]:
-    """Return lines by items: a labelled line and those below it are one."""
-    found: list[list[Line]] = []
-    labelled = any(line.label is not None for line in lines)
-    for line in lines:
-        if labelled and line.label is None and found:
-            found[-1].append(line)
-        else:
-            found.append([line])
-    return found
-
-
 def _signed_line(sign: int, term: Node) -> Line:
     return Line((term,), note=str(sign))
 
@@ -336,12 +346,12 @@ def _common(a: Node, b: Node, index: int) -> Node | None:
     if isinstance(a, Symbol) and isinstance(b, Symbol):
         return _common_symbol(a, b, index)
     values = {}
-    for field in fields(a):
-        x, y = getattr(a, field.name), getattr(b, field.name)
+    for name in a.__dataclass_fields__:
+        x, y = getattr(a, name), getattr(b, name)
         found = _common_field(x, y, index)
         if found is None and x is not None:
             return None
-        values[field.name] = found
+        values[name] = found
     return type(a)(**values)
 
 
@@ -382,12 +392,18 @@ def _at(template: Node, index: int) -> Node:
 
 
 def _rebuilt(node: Node, change: Callable[[Node], Node]) -> Node:
-    """Return a node with its child nodes changed."""
+    """Return a node with its child nodes changed; the node itself if none does."""
+    if not children(node):
+        return node
 
     def of(x: object) -> object:
         if isinstance(x, Node):
             return change(x)
-        return tuple(map(of, x)) if isinstance(x, tuple) else x
+        if isinstance(x, tuple):
+            found = tuple(map(of, x))
+            return x if all(map(is_, found, x)) else found
+        return x
 
-    values = {f.name: of(getattr(node, f.name)) for f in fields(node)}
-    return type(node)(**values)
+    values = [getattr(node, name) for name in node.__dataclass_fields__]
+    found = list(map(of, values))
+    return node if all(map(is_, found, values)) else type(node)(*found)

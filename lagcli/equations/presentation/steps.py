@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lagcli.equations.presentation import general
+from lagcli.equations.presentation.extent import accelerations_are_large
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
 from lagcli.equations.presentation.substitution import substituted
 from lagcli.equations.presentation.typeset import Node, Partial, Rate, Symbol, sum_of, weight
 from lagcli.equations.presentation.written import differentiated_in
 
 
-def steps(f: Formulas, coordinates: Sequence[Step] = ()) -> tuple[Step, ...]:
+def steps(f: Formulas, coordinates: Sequence[Step] = (), full: bool = False) -> tuple[Step, ...]:
     """Return the derivation of the equations step by step, as in the textbook.
 
     Parameters
@@ -20,6 +21,8 @@ def steps(f: Formulas, coordinates: Sequence[Step] = ()) -> tuple[Step, ...]:
         Formulas of the system.
     coordinates : sequence of Step
         The sections on independent and dependent coordinates, which follow the constraints.
+    full : bool
+        Whether long constraints at acceleration level are written out.
 
     Returns
     -------
@@ -28,15 +31,15 @@ def steps(f: Formulas, coordinates: Sequence[Step] = ()) -> tuple[Step, ...]:
     signs = general.Signs(f.model)
     found = [_definitions(f), _energies(f, signs)]
     found += _derivatives(f, signs)
-    found += [_forces(f), _constraints(f), _accelerations(f), _variations(f), *coordinates]
+    found += [_forces(f), _constraints(f), _accelerations(f, full), _variations(f), *coordinates]
     found += [_unassembled(f, signs), _assembled(f), _closing(f)]
     return tuple(step for step in found if step is not None)
 
 
-def before_equations(f: Formulas) -> list[Step]:
+def before_equations(f: Formulas, full: bool = False) -> list[Step]:
     """Return definitions, energies, forces, constraints and virtual displacements."""
     found = [_definitions(f), _energies(f, general.Signs(f.model)), _forces(f), _constraints(f)]
-    found += [_accelerations(f), _variations(f)]
+    found += [_accelerations(f, full), _variations(f)]
     return [step for step in found if step is not None]
 
 
@@ -185,13 +188,15 @@ def _variations(f: Formulas) -> Step | None:
     return Step("Virtual displacements", lines, remark, lead=lead)
 
 
-def _accelerations(f: Formulas) -> Step | None:
-    constraints = f.equations.constraints
-    lines = tuple(Line(f.acceleration_line(c).sides, c.constraint.name) for c in constraints)
-    if not lines:
+def _accelerations(f: Formulas, full: bool) -> Step | None:
+    constraints, title = f.equations.constraints, "Constraints at acceleration level"
+    if not constraints:
         return None
+    if not full and accelerations_are_large(f.equations):
+        return Step(title, (), "They are long; --full writes them out.")
+    lines = tuple(Line(f.acceleration_line(c).sides, c.constraint.name) for c in constraints)
     lead = "Differentiating the velocity constraints once more gives"
-    return Step("Constraints at acceleration level", lines, lead=lead)
+    return Step(title, lines, lead=lead)
 
 
 def _unassembled(f: Formulas, signs: general.Signs) -> Step:

@@ -58,8 +58,27 @@ def _padded(text: str, width: int) -> str:
     return text + " " * (width - display_width(text))
 
 
+def heights(step: Step, formula: TextFormula, width: int) -> list[int]:
+    """Return how many lines of text each formula of a step takes that are not packed."""
+    return list(map(len, _blocks(step.lines, formula, width)))
+
+
+def height(step: Step, formula: TextFormula, width: int) -> int:
+    """Return how many lines of text a step takes, with its title and the blank line after it."""
+    inner = width - len(_INDENT)
+    said = _paragraph(step.lead or "", inner) + _paragraph(step.remark or "", inner)
+    write = _packed if step.packed else _group
+    title = _paragraph(step.title, width)
+    return len(title) + len(said) + len(write(step.lines, formula, width)) + 1
+
+
 def _group(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]:
     """Return lines aligned at the label and at the equality sign."""
+    return [text for block in _blocks(group, formula, width) for text in block]
+
+
+def _blocks(group: Sequence[Line], formula: TextFormula, width: int) -> list[list[str]]:
+    """Return the lines of text of each formula."""
     labels = [_label(line, formula) for line in group]
     margin = max((display_width(x) for x in labels if x), default=-2) + 2
     if margin > width // 3:  # long labels go on separate lines
@@ -69,16 +88,18 @@ def _group(group: Sequence[Line], formula: TextFormula, width: int) -> list[str]
     left = [x for x in left if x <= room // 3]
     aligned = max(left, default=0)
     aligned_sides = aligned - min(left, default=0) <= _UNEVEN
-    found: list[str] = []
+    found: list[list[str]] = []
     for line, label in zip(group, labels, strict=True):
         body = _formula(line, formula, room, aligned, aligned_sides)
+        block = []
         if label and display_width(label) + 2 > margin:
-            found.append(_INDENT + label)
+            block.append(_INDENT + label)
             label = ""
         body = _with_note(body, line.remark, room)
         for i, text in enumerate(body):
             head = _padded(label if i == 0 else "", margin)
-            found.append((_INDENT + head + text).rstrip())
+            block.append((_INDENT + head + text).rstrip())
+        found.append(block)
     return found
 
 
