@@ -15,6 +15,7 @@ from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import Tree
 from lagcli.model.model import NO_INDICES
+from lagcli.model.names.expansion import expand
 from lagcli.model.names.renaming import ExpressionTemplate
 from lagcli.model.names.scope import ModelScope
 from lagcli.model.names.scoping import Sized
@@ -144,7 +145,15 @@ class Draft:
     # expressions
 
     def parse(self, node: YamlNode, what: str, example: str = "expression") -> Parsed | None:
-        """Parse an expression; report errors."""
+        """Parse an expression and expand the functions in it; report errors."""
+        parsed = self.parse_alone(node, what, example)
+        if parsed is not None:
+            with self.report.expression(parsed.node):
+                return Parsed(parsed.node, expand(parsed.tree, self.names))
+        return None
+
+    def parse_alone(self, node: YamlNode, what: str, example: str = "expression") -> Parsed | None:
+        """Parse an expression without expanding functions; report errors."""
         if isinstance(node, Sequence):
             node = self.vector_text(node)
         if not isinstance(node, Scalar):
@@ -280,6 +289,7 @@ class Formula:
 
 _EXAMPLES = {
     "parameters": "m: 1 kg",
+    "functions": "spring(u): k/2*u^2",
     "definitions": "x_A: r*cos(phi)",
     "Q": "phi: tau",
     "constraints": "rod: x^2 + y^2 = l^2",

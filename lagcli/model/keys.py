@@ -17,6 +17,10 @@ JsonSchema = dict[str, Any]
 _NAME = r"^\s*[^\W\d]\w*'*\s*(\[.*\])?\s*'*\s*$"
 
 
+#: A function with its arguments.
+_FUNCTION = r"^\s*[^\W\d]\w*\s*\([^()]+\)\s*$"
+
+
 def _described(description: str, value: JsonSchema) -> JsonSchema:
     return {"description": description, **value}
 
@@ -193,6 +197,17 @@ MODEL = _mapping(
             "name → number, number with a unit, expression of other parameters, or {`value`,"
             " `unit`, `description`}",
             _one_of(_named(_one_of(_EXPRESSION, PARAMETER)), _EMPTY),
+        ),
+        "functions": _described(
+            "function with its arguments, `f(x, y)` → expression; expanded where it is used",
+            _one_of(
+                {
+                    "type": "object",
+                    "propertyNames": {"pattern": _FUNCTION},
+                    "additionalProperties": _EXPRESSION,
+                },
+                _EMPTY,
+            ),
         ),
         "definitions": _described(
             "name → expression, vector, matrix or rotation, or {`expr`, `description`}",

@@ -16,6 +16,7 @@ from lagcli.model.draft import Draft
 from lagcli.model.keys import MODEL, keys_of
 from lagcli.model.model import Model
 from lagcli.model.names.families import Declaration, declarations
+from lagcli.model.names.functions import check_functions, read_functions
 from lagcli.model.sections.constraints import declare_constraints, read_constraints
 from lagcli.model.sections.coordinates import (
     check_keys,
@@ -105,15 +106,17 @@ def _model(
     draft: Draft, overrides: Mapping[str, object], initial_overrides: Mapping[str, object]
 ) -> Model:
     check_keys(draft, keys_of(MODEL), LATER_KEYS)
+    functions = read_functions(draft)
     coordinate_entries = read_coordinates(draft)
     parameter_entries = _declarations(draft, "parameters", "parameter")
     definition_entries = _declarations(draft, "definitions", "definition")
     constraint_entries = declarations(draft, draft.entries("constraints") or [], "constraint")
-    declare(draft, coordinate_entries, parameter_entries, definition_entries)
+    declare(draft, coordinate_entries, parameter_entries, definition_entries, functions)
     parameters, constants = read_parameters(draft, parameter_entries, overrides)
     coordinates = expand_coordinates(draft, coordinate_entries, constants)
     defined = expand_definitions(draft, definition_entries, constants)
     report_overlaps(draft)
+    check_functions(draft, functions)
     constrained = declare_constraints(draft, constraint_entries, constants)
     definitions = read_definitions(draft, defined)
     kinetic, potential = read_energies(draft)

@@ -12,11 +12,15 @@ from lagcli.errors import SourceLocation
 from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative
 from lagcli.model.expression.trees import Name
+from lagcli.model.names.expansion import Macro
 from lagcli.model.names.scoping import Sized
 
 DOTS = (("_ddot", 2), ("_dot", 1))
-#: Constructors of the symbols q, q' and q'', by order of the derivative.
-MOTION = (symbols.coordinate, symbols.velocity, symbols.acceleration)
+
+
+def motion(name: str, order: int) -> Basic:
+    """Return the symbol of a coordinate's derivative: q, q', q'', …"""
+    return se.Symbol(name + "'" * order)
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,8 @@ class Symbols:
         Words in malformed declarations that may have been meant as names; likewise not reported.
     structural : set of str
         Parameters used in an index or a range.
+    functions : mapping of str to Macro
+        The model's functions.
     incomplete : bool
         Whether a block of declarations is unreadable, so that any name may be declared there.
     smooth : bool
@@ -75,6 +81,7 @@ class Symbols:
     broken: set[str] = field(default_factory=set)
     suspects: set[str] = field(default_factory=set)
     structural: set[str] = field(default_factory=set)
+    functions: Mapping[str, Macro] = field(default_factory=dict)
     incomplete: bool = False
     smooth: bool = True
     rates: dict[Basic, Basic] = field(default_factory=dict, init=False, repr=False)
@@ -87,6 +94,10 @@ class Symbols:
             or text in self.definitions
             or text in self.families
         )
+
+    def may_be_vector(self, text: str) -> bool:
+        """Whether a name may stand for a vector or matrix: a definition, or one of a family."""
+        return text in self.definitions or "definition" in self.families.get(text, ())
 
     def resolve(self, name: Name) -> tuple[str, int]:
         """Split a name into base and order of derivative: ``x_dot`` is ``x'`` unless declared."""
@@ -128,5 +139,5 @@ class Symbols:
             name = symbol.name.rstrip("'")
             if name in self.coordinates:
                 order = len(symbol.name) - len(name)
-                parts.append(self.slope(term, symbol) * MOTION[order + 1](name))
+                parts.append(self.slope(term, symbol) * motion(name, order + 1))
         return se.Add(*parts)

@@ -20,6 +20,7 @@ from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.trees import CallExpr, Name, SumExpr, Tree, walk
 from lagcli.model.expression.units import read_unit
 from lagcli.model.model import Model
+from lagcli.model.names.expansion import expand
 from lagcli.model.result_units import result_units
 from lagcli.model.sections.measures import REDUCTIONS
 from lagcli.results.layout import NOT_STATED
@@ -78,7 +79,10 @@ def varied_columns(model: Model, names: tuple[str, ...]) -> list[Column]:
 
 def measure_columns(model: Model, measures: tuple[tuple[str, str], ...]) -> list[Column]:
     """Return the columns of measures."""
-    return [Column(name, name, _unit(model, parse(text)), text) for name, text in measures]
+    return [
+        Column(name, name, _unit(model, expand(parse(text), model.names)), text)
+        for name, text in measures
+    ]
 
 
 def named_measure(text: str) -> tuple[str, str]:

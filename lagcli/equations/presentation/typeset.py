@@ -143,6 +143,14 @@ class Vector(Node):
 
 
 @dataclass(frozen=True)
+class Component(Node):
+    """A component of a vector or matrix, named by its subscript: x, or 1,3."""
+
+    of: Node
+    subscript: str
+
+
+@dataclass(frozen=True)
 class Cases(Node):
     """``then`` if the condition holds, else ``otherwise``."""
 
@@ -277,7 +285,7 @@ def children(node: Node) -> tuple[Node, ...]:
             return node.operands
         case Partial():
             return (node.of, node.by)
-        case Rate() | VirtualDisplacement():
+        case Rate() | VirtualDisplacement() | Component():
             return (node.of,)
         case Entry():
             return node.indices

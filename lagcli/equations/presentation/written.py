@@ -161,6 +161,13 @@ class _SourceFormulas:
                 return self._call(tree)
             case trees.VectorExpr():
                 return typeset.Vector(tuple(map(self.node, tree.items)))
+            case trees.ComponentExpr():
+                return self._component(tree)
+            case trees.RateExpr():
+                node = self.node(tree.operand)
+                for _ in range(tree.order):
+                    node = typeset.Rate(node)
+                return node
             case trees.Comparison():
                 sides = [self.node(operand) for operand in tree.operands]
                 pairs = zip(sides, tree.operators, sides[1:], strict=False)
@@ -182,6 +189,11 @@ class _SourceFormulas:
         if column is not None and column.quantity == "multipliers":
             return typeset.Symbol(column.constraint, kind="multiplier")
         return typeset.Symbol(name, dots)
+
+    def _component(self, tree: trees.ComponentExpr) -> Node:
+        base = self.node(tree.base)
+        part = tree.key or ",".join(str(self.scope.index(index)) for index in tree.indices)
+        return typeset.Component(base, part)
 
     def _product(self, tree: trees.ProductExpr) -> Node:
         above: list[Node] = []

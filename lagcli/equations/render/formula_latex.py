@@ -134,6 +134,9 @@ class LatexFormula(DisplayWriter):
         rows = [" & ".join(map(self.latex, items)) for items in rows_of(node)]
         return [r"\begin{pmatrix} " + r" \\ ".join(rows) + r" \end{pmatrix}"]
 
+    def _write_component(self, node: t.Component, depth: int) -> list[Token]:
+        return [f"{{{''.join(map(_text, self._tight(node.of, depth)))}}}_{{{node.subscript}}}"]
+
     def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:
         cases, rest = cases_of(node)
         rows = [rf"{self.latex(x)} & \text{{if }} {self.latex(when)}" for when, x in cases]

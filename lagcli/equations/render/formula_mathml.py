@@ -182,6 +182,13 @@ class MathmlFormula(DisplayWriter):
         )
         return [_between("(", f"<mtable>{rows}</mtable>", ")")]
 
+    def _write_component(self, node: t.Component, depth: int) -> list[Token]:
+        parts = [
+            f"<mn>{x}</mn>" if x.isdigit() else f"<mi>{x}</mi>" for x in node.subscript.split(",")
+        ]
+        base = _row(_joined(self._tight(node.of, depth)))
+        return [f"<msub>{base}{_row(operator(',').join(parts))}</msub>"]
+
     def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:
         cases, rest = cases_of(node)
         rows = []

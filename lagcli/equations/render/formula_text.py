@@ -66,6 +66,10 @@ class TextFormula(FormulaWriter):
     def _write_vector(self, node: t.Vector, depth: int) -> list[Token]:
         return ["[", *self._listed(node.items, depth), "]"]
 
+    def _write_component(self, node: t.Component, depth: int) -> list[Token]:
+        part = f"_{node.subscript}" if node.subscript.isalpha() else f"[{node.subscript}]"
+        return [*self._tight(node.of, depth), part]
+
     def _write_cases(self, node: t.Cases, depth: int) -> list[Token]:
         parts = (node.condition, node.then, node.otherwise)
         return ["if(", *self._listed(parts, depth), ")"]

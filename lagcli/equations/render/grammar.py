@@ -42,6 +42,9 @@ def grammar_text(node: Node) -> str:
         case t.Call():
             name = _FUNCTIONS.get(node.function, node.function)
             return f"{name}({', '.join(map(grammar_text, node.arguments))})"
+        case t.Component():
+            part = f".{node.subscript}" if node.subscript.isalpha() else f"[{node.subscript}]"
+            return f"{_base(node.of)}{part}"
         case t.Cases():
             branches = (node.condition, node.then, node.otherwise)
             return f"if({', '.join(map(grammar_text, branches))})"

@@ -13,12 +13,7 @@ from lagcli.model.dimensions.dimension import (
     Dimension,
     Scalar,
 )
-from lagcli.model.dimensions.evaluation import (
-    Disagreement,
-    TensorDimension,
-    Value,
-    rate_of,
-)
+from lagcli.model.dimensions.evaluation import Disagreement
 from lagcli.model.dimensions.model_units import (
     ModelUnits,
     UnitFinding,
@@ -28,6 +23,7 @@ from lagcli.model.dimensions.model_units import (
     text_of,
 )
 from lagcli.model.dimensions.named import NamedDimensions
+from lagcli.model.dimensions.tensor_dimension import TensorDimension, Value, rate_of
 from lagcli.model.expression.trees import (
     IndexedSumExpr,
     NumberExpr,

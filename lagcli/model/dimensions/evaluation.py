@@ -12,7 +12,6 @@ from lagcli.model.dimensions.dimension import (
     ANGLE,
     NUMBER,
     ONE,
-    SECOND,
     UNKNOWN,
     ZERO,
     Dimension,
@@ -23,42 +22,29 @@ from lagcli.model.dimensions.dimension import (
     product,
     same,
 )
+from lagcli.model.dimensions.tensor_dimension import (
+    ROTATION,
+    TensorDimension,
+    Value,
+    differing,
+    rate_of,
+    scalar_rate,
+)
 from lagcli.model.expression.trees import (
     CallExpr,
     Comparison,
+    ComponentExpr,
     IndexedSumExpr,
     LogicalExpr,
     Name,
     NumberExpr,
     PowerExpr,
     ProductExpr,
+    RateExpr,
     SumExpr,
     Tree,
     VectorExpr,
 )
-
-
-class TensorDimension(NamedTuple):
-    """Dimensions of the entries of a vector (one column) or a matrix."""
-
-    rows: tuple[tuple[Scalar, ...], ...]
-
-    def map(self, function: Callable[[Scalar], Scalar]) -> TensorDimension:
-        """Apply a function to each entry."""
-        return TensorDimension(tuple(tuple(map(function, row)) for row in self.rows))
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The number of entries in each row."""
-        return tuple(map(len, self.rows))
-
-    @property
-    def flat(self) -> tuple[Scalar, ...]:
-        """All entries, row by row."""
-        return tuple(x for row in self.rows for x in row)
-
-
-Value = Scalar | TensorDimension
 
 
 class Disagreement(NamedTuple):
@@ -106,7 +92,6 @@ class Lookup(Protocol):
         ...
 
 
-ROTATION = TensorDimension(((ONE,) * 3,) * 3)
 _NUMBERS = {
     *("sin", "cos", "tan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "exp2"),
     *("expm1", "log", "log10", "log2", "log1p", "floor", "ceil", "erf", "erfc", "degrees"),
@@ -152,7 +137,7 @@ class DimensionEvaluator:
             value = self.value(part)
             joined = self.join(total, value)
             if joined is None:
-                a, b = _differing(total, value)
+                a, b = differing(total, value)
                 self.found.append(Disagreement(reason, part, b, a, shown))
                 return UNKNOWN
             if isinstance(total, Special) and joined is not total:
@@ -241,7 +226,7 @@ class DimensionEvaluator:
             value = self.value(tree.term)
             joined = self.join(total, value)
             if joined is None:
-                a, b = _differing(total, value)
+                a, b = differing(total, value)
                 self.found.append(Disagreement("sum", tree.term, b, a))
                 return UNKNOWN
             total = joined
@@ -332,9 +317,12 @@ class DimensionEvaluator:
             for part in arguments[1:] if name == "rot" else arguments:
                 self.dimensionless(part, f"the argument of `{name}`")
             return ROTATION
+        if name == "diag":
+            x, y, z = map(self.scalar, arguments)
+            return TensorDimension(((x, ZERO, ZERO), (ZERO, y, ZERO), (ZERO, ZERO, z)))
         if name == "omega":
             self.dimensionless(arguments[0], "a rotation")
-            return TensorDimension(((_rate(ANGLE, 1),),) * 3)
+            return TensorDimension(((scalar_rate(ANGLE, 1),),) * 3)
         values = [self.value(a) for a in arguments]
         first = values[0]
         if not all(isinstance(v, TensorDimension) for v in values):
@@ -374,6 +362,24 @@ class DimensionEvaluator:
             self.value(part)
         return ONE
 
+    def _component(self, tree: ComponentExpr) -> Value:
+        value = self.value(tree.base)
+        if tree.key.isdigit():
+            return ONE  # of a quaternion
+        if not isinstance(value, TensorDimension):
+            return value
+        places = [self.number(index) for index in tree.indices]
+        if tree.key:
+            places = [Fraction("xyz".index(tree.key) + 1)]
+        known = [int(x) - 1 for x in places if x is not None]
+        if len(known) < len(places):
+            return UNKNOWN
+        row = value.rows[known[0]]
+        return row[known[1] if len(known) > 1 else 0]
+
+    def _rate(self, tree: RateExpr) -> Value:
+        return rate_of(self.value(tree.operand), tree.order)
+
     def _vector(self, tree: VectorExpr) -> Value:
         values = [self.value(item) for item in tree.items]
         rows = tuple(v.flat if isinstance(v, TensorDimension) else (v,) for v in values)
@@ -392,6 +398,8 @@ _RULES: dict[type[Tree], Callable[[DimensionEvaluator, Any], Value]] = {
     PowerExpr: DimensionEvaluator._power,
     CallExpr: DimensionEvaluator._call,
     Comparison: DimensionEvaluator._comparison,
+    ComponentExpr: DimensionEvaluator._component,
+    RateExpr: DimensionEvaluator._rate,
     LogicalExpr: DimensionEvaluator._logical,
     VectorExpr: DimensionEvaluator._vector,
 }
@@ -402,21 +410,6 @@ def is_measured(number: NumberExpr) -> bool:
     return number.value.denominator not in (1, 2, 4, 8)
 
 
-def rate_of(value: Value, order: int) -> Value:
-    """Return the dimension of a time derivative."""
-    if not order:
-        return value
-    if isinstance(value, TensorDimension):
-        return value.map(lambda x: _rate(x, order))
-    return _rate(value, order)
-
-
-def _rate(x: Scalar, order: int) -> Scalar:
-    if isinstance(x, Dimension):
-        return product(x, SECOND, -order)
-    return ZERO if x is NUMBER else x
-
-
 def _multiplied(x: Scalar, by: Scalar, exponent: Exponent) -> Scalar:
     return product(x, by, exponent)
 
@@ -424,17 +417,3 @@ def _multiplied(x: Scalar, by: Scalar, exponent: Exponent) -> Scalar:
 def whole(x: Fraction) -> Exponent:
     """Return an exponent as an int if it is one."""
     return int(x) if x.denominator == 1 else x
-
-
-def _differing(a: Value, b: Value) -> tuple[Scalar, Scalar]:
-    """Return the first pair of entries that differ."""
-    if not (isinstance(a, TensorDimension) and isinstance(b, TensorDimension)):
-        assert not isinstance(a, TensorDimension)
-        assert not isinstance(b, TensorDimension)
-        return a, b
-    for x, y in zip(a.flat, b.flat, strict=True):
-        if x is not y and isinstance(x, Dimension) and isinstance(y, Dimension) and same(x, y):
-            continue
-        if x is not y and x is not ZERO and y is not ZERO and UNKNOWN not in (x, y):
-            return x, y
-    return a.flat[0], b.flat[0]

@@ -19,7 +19,8 @@ from lagcli.model.dimensions.dimension import (
     product,
     unit_of,
 )
-from lagcli.model.dimensions.evaluation import Disagreement, TensorDimension, Value
+from lagcli.model.dimensions.evaluation import Disagreement
+from lagcli.model.dimensions.tensor_dimension import TensorDimension, Value
 from lagcli.model.names.members import family_of
 
 

@@ -16,19 +16,13 @@ from lagcli.model.dimensions.dimension import (
     Scalar,
     same,
 )
-from lagcli.model.dimensions.evaluation import (
-    DimensionEvaluator,
-    Disagreement,
-    TensorDimension,
-    Value,
-    is_measured,
-    rate_of,
-)
+from lagcli.model.dimensions.evaluation import DimensionEvaluator, Disagreement, is_measured
 from lagcli.model.dimensions.model_units import (
     UnitFinding,
     conjugate,
     find,
 )
+from lagcli.model.dimensions.tensor_dimension import TensorDimension, Value, rate_of
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import (
     IndexedSumExpr,

@@ -21,8 +21,9 @@ from lagcli.model.dimensions.dimension import (
     product,
     same,
 )
-from lagcli.model.dimensions.evaluation import TensorDimension, rate_of, whole
+from lagcli.model.dimensions.evaluation import whole
 from lagcli.model.dimensions.model_units import conjugate, find, text_of
+from lagcli.model.dimensions.tensor_dimension import TensorDimension, rate_of
 from lagcli.model.model import TIME, Model
 
 _ANGLES = (se.asin, se.acos, se.atan, se.atan2)

@@ -16,26 +16,28 @@ from symengine.lib.symengine_wrapper import Boolean
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken
 from lagcli.model.expression import tensors
 from lagcli.model.expression.calls import TENSOR_FUNCTIONS, check_call, tensor_call
-from lagcli.model.expression.constants import cases, fault, relation
+from lagcli.model.expression.constants import fault, relation
 from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.linearity import count_operations
-from lagcli.model.expression.tensors import ShapeError, Tensor
+from lagcli.model.expression.tensors import ShapeError, Tensor, kind_of
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import (
     CallExpr,
     Comparison,
+    ComponentExpr,
     IndexedSumExpr,
     LogicalExpr,
     Name,
     NumberExpr,
     PowerExpr,
     ProductExpr,
+    RateExpr,
     SumExpr,
     Tree,
     VectorExpr,
 )
 from lagcli.model.names.renaming import ExpressionTemplate
-from lagcli.model.names.scoping import Scope, Sized, Value
+from lagcli.model.names.scoping import Scope, Sized
 
 MAX_POWER = 1000  # larger constant exponents are typos
 MAX_BITS = 10_000  # size of an exact number
@@ -62,6 +64,9 @@ def name_errors(tree: Tree, scope: Scope) -> tuple[list[ExpressionError], bool]:
                 check_call(part, inside)
             elif isinstance(part, IndexedSumExpr):
                 inside = inside.check_series(part)
+            elif isinstance(part, ComponentExpr):
+                for index in part.indices:
+                    inside.check_index(index)
         except ExpressionError as error:
             errors.append(error)
             subjects.add(error.subject or error.start)
@@ -86,11 +91,6 @@ def build(tree: Tree, scope: Scope) -> Sized:
 
 def _is_boolean(value: object) -> bool:
     return isinstance(value, (bool, Boolean))
-
-
-def kind_of(value: Value) -> str:
-    """Return a description of a value for messages."""
-    return value.kind if isinstance(value, Tensor) else "a scalar"
 
 
 _NOT_REAL = (
@@ -129,6 +129,10 @@ class _ExpressionBuilder:
                     return self.call(tree)
                 case VectorExpr():
                     return self.vector(tree)
+                case ComponentExpr():
+                    return self.component(tree)
+                case RateExpr():
+                    return self.rate(tree)
                 case Comparison():
                     return self.comparison(tree)
                 case LogicalExpr():
@@ -326,10 +330,11 @@ class _ExpressionBuilder:
         name = tree.function
         if name == "if":
             condition = self.condition(tree.arguments[0])
-            branches = [self.scalar(a, "a case of if()") for a in tree.arguments[1:]]
-            value = cases(condition.value, *(b.value for b in branches))
+            branches = [self.operand(a) for a in tree.arguments[1:]]
             self.scope.mark_nonsmooth()
-            return self.made(tree, value, [condition, *branches], levels=1)
+            value = tensors.choose(condition.value, *(b.value for b in branches))
+            copies = len(value.entries) if isinstance(value, Tensor) else 1
+            return self.made(tree, value, [condition, *branches], copies, levels=1)
         if name in TENSOR_FUNCTIONS:
             return self.tensor_call(tree)
         arguments = [self.scalar(a, f"the argument of {name}") for a in tree.arguments]
@@ -355,12 +360,46 @@ class _ExpressionBuilder:
                     argument,
                 )
             arguments.append(built)
+        order = max(a.order for a in arguments)
+        if name == "omega" and order >= 0:
+            order += 1
+            self.scope.check_order(tree, order)
         value = tensor_call(name, [a.value for a in arguments], self.scope)
         if name == "omega":  # the size depends on the kinds of rotations
             levels = 2 + len(arguments[0].value.factors)
             size = count_operations(value.entries)
-            return self.made(tree, value, arguments, levels=levels, size=size)
+            made = self.made(tree, value, arguments, levels=levels, size=size)
+            return made._replace(order=order)
         return self.made(tree, value, arguments, _COPIES.get(name, 1), levels=2)
+
+    def component(self, tree: ComponentExpr) -> Sized:
+        base = self.operand(tree.base)
+        if not isinstance(base.value, Tensor):
+            raise error_at(
+                "shape",
+                "a scalar has no components",
+                tree,
+                "a vector is written `[a, b, c]`",
+            )
+        indices = tuple(map(self.scope.index, tree.indices))
+        value = tensors.component(base.value, tree.key, indices)
+        size = max(1, base.size // len(base.value.entries))
+        if tree.key.isdigit():
+            size = count_operations([value])
+        return self.made(tree, value, [base], size=size)
+
+    def rate(self, tree: RateExpr) -> Sized:
+        built = self.operand(tree.operand)
+        value, size, order = built.value, built.size, built.order
+        if order >= 0:
+            order += tree.order
+            self.scope.check_order(tree, order)
+        for _ in range(tree.order):
+            derivative = self.scope.derivative
+            value = value.map(derivative) if isinstance(value, Tensor) else derivative(value)
+            size *= 3  # estimate for the product rule
+        made = self.made(tree, value, [built], levels=2 * tree.order, size=size)
+        return made._replace(order=order)
 
     # conditions
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Protocol
 
 import symengine as se
@@ -24,6 +25,7 @@ TENSOR_FUNCTIONS: dict[str, tuple[str, ...]] = {
     "rot_y": ("scalar",),
     "rot_z": ("scalar",),
     "rot": ("tensor", "scalar"),
+    "diag": ("scalar", "scalar", "scalar"),
     "quat": ("scalar", "scalar", "scalar", "scalar"),
 }
 
@@ -64,6 +66,10 @@ class CallScope(Protocol):
     def declared(self, text: str) -> bool:
         """Whether a name is declared."""
 
+    @property
+    def functions(self) -> Collection[str]:
+        """The names of the model's functions."""
+
     def derivative(self, expression: Basic) -> Basic:
         """Return the total time derivative."""
 
@@ -102,7 +108,7 @@ def _unknown(tree: CallExpr, scope: CallScope) -> ExpressionError:
         help_ = f"write it with `{name_of(name)}`"
     else:
         message = f"there is no function `{name}`"
-        close = nearest(name, [*FUNCTIONS, *TENSOR_FUNCTIONS, "if"])
+        close = nearest(name, [*FUNCTIONS, *TENSOR_FUNCTIONS, *scope.functions, "body", "if"])
         help_ = did_you_mean(close) or "the functions are listed in docs/model-file.md"
     return ExpressionError("unknown-function", message, tree.start, end, help_, f"{name}()")
 
@@ -132,6 +138,8 @@ def tensor_call(name: str, arguments: list[Basic | Tensor], scope: CallScope) ->
             return tensors.transpose(a)
         case "quat":
             return tensors.quaternion(a, *rest)
+        case "diag":
+            return tensors.diagonal(a, *rest)
         case "omega":
             return tensors.angular_velocity(a, scope.derivative)
         case "rot":

@@ -9,10 +9,13 @@
     sum        := ["+" | "-"] product (("+" | "-") product)*
     product    := power (("*" | "/") power)*
     power      := ["+" | "-"] primary [("^" | "**") power]
-    primary    := NUMBER | name "'"* | NAME "(" condition ("," condition)* ")"
+    primary    := whole component*
+    component  := "." NAME | "[" sum ["," sum] "]"
+    whole      := NUMBER ["deg"] | name "'"* | NAME "(" condition ("," condition)* ")"
                 | "sum" "(" condition "," NAME "=" range ")"
                 | "(" condition ")" | "[" condition ("," condition)* "]"
-    name       := NAME ["[" sum "]"] ("." NAME ["[" sum "]"])*
+    name       := NAME indices* ("." NAME indices*)*
+    indices    := "[" sum ["," sum] "]"
     range      := sum ".." sum
 
 A sign binds less tightly than a power: -x^2 is -(x^2). An exponent may have a sign: x^-2.
@@ -20,15 +23,18 @@ A sign binds less tightly than a power: -x^2 is -(x^2). An exponent may have a s
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
+from copy import copy
 from fractions import Fraction
 
+from lagcli.model.expression.numerals import read_number
 from lagcli.model.expression.syntax_hints import choice, unexpected_token
-from lagcli.model.expression.tokens import ExpressionError, Token, error_at, tokenize
+from lagcli.model.expression.tokens import ExpressionError, Token, tokenize
 from lagcli.model.expression.trees import (
+    BRACKETS,
     CallExpr,
     Comparison,
+    ComponentExpr,
     IndexedSumExpr,
     LogicalExpr,
     Name,
@@ -42,13 +48,11 @@ from lagcli.model.expression.trees import (
 )
 
 MAX_NESTING = 50  # readable expressions have 10 at most; each level takes eleven Python frames
-MAX_DIGITS = 400  # digits of one number
-# range of decimal exponents of doubles
-MAX_EXPONENT = 308
-MIN_EXPONENT = -340
 
 COMPARISONS = ("<=", ">=", "==", "!=", "<", ">")
 _SIGNS, _FACTORS, _POWERS = ("+", "-"), ("*", "/"), ("^", "**")
+#: Components of vectors, and of the quaternion of a rotation.
+COMPONENTS = ("x", "y", "z", "0", "1", "2", "3")
 KEYWORDS = frozenset({"and", "or", "not", "if"})
 
 
@@ -107,6 +111,13 @@ def parse_equation(text: str) -> tuple[Tree, Tree | None]:
             )
     parser.expect_end()
     return left, right
+
+
+def _spanning(tree: Tree, start: int, end: int) -> Tree:
+    """Return a tree in parentheses, with their span."""
+    spanning = copy(tree)
+    spanning.start, spanning.end = start, end
+    return spanning
 
 
 class _Parser:
@@ -232,14 +243,57 @@ class _Parser:
         return base if sign == 1 else SumExpr(start, self.end, ((-1, base),))
 
     def _primary(self) -> Tree:
+        tree = self._whole()
+        while self.at(".", "[") and self.current.start == tree.end:
+            if isinstance(tree, NumberExpr) or (self.at("[") and isinstance(tree, Name)):
+                break  # `2[`, and `x'[1]`, which the caller reports
+            tree = self._component(tree)
+        return tree
+
+    def _component(self, tree: Tree) -> Tree:
+        """Parse ``.x``, ``[1]`` or ``[1, 3]`` after a vector or matrix."""
+        opening = self.advance()
+        if opening.text == "[":
+            indices = self._indices(opening)
+            return ComponentExpr(tree.start, self.end, tree, "", indices)
+        key = self.advance()
+        if key.text not in COMPONENTS:
+            raise self.fail(
+                f"`.{key.text}` is not a component",
+                key,
+                "the components of a vector are `.x`, `.y` and `.z`, or `[1]`, `[2]`, …",
+            )
+        return ComponentExpr(tree.start, key.end, tree, key.text)
+
+    def _indices(self, opening: Token) -> tuple[Tree, ...]:
+        """Parse one index or two, and the closing bracket."""
+        indices = [self.sum()]
+        if self.at("..", "="):
+            raise self.fail(
+                "a range is not allowed here",
+                self.current,
+                "ranges are allowed in declarations of families and in `sum(x[i], i = 1..N)`",
+            )
+        if self.at(","):
+            self.advance()
+            indices.append(self.sum())
+        if self.at(","):
+            raise self.fail("there are at most two indices", self.current)
+        self._close("]", opening)
+        return tuple(indices)
+
+    def _whole(self) -> Tree:
         token = self.advance()
         if token.kind == "number":
-            return self._number(token)
+            number = read_number(token, self.current)
+            return self._degrees(number) if self.at("deg") else number
         if token.kind == "name" and token.text not in KEYWORDS - {"if"}:
             return self._name(token)
         if token.text == "(":
             inner = self.condition()
             self._close(")", token)
+            if self.at(".", "[") and self.current.start == self.end:
+                return self._component(_spanning(inner, token.start, self.end))
             return inner
         if token.text == "[":
             items = self._arguments("]", token)
@@ -259,43 +313,15 @@ class _Parser:
             raise self.fail(f"an operand is missing before `{token.text}`", token)
         raise self.fail(f"unexpected `{token.text}`", token, help_)
 
-    def _number(self, token: Token) -> NumberExpr:
-        mantissa, _, exponent = token.text.lower().partition("e")
-        power = int(exponent[:9] or 0)
-        if len(mantissa) > MAX_DIGITS or not MIN_EXPONENT <= power <= MAX_EXPONENT:
-            raise error_at(
-                "bad-number",
-                "this number is beyond what a double can hold",
-                token,
-                f"numbers have at most {MAX_DIGITS} digits and exponents from {MIN_EXPONENT} to"
-                f" {MAX_EXPONENT}",
-            )
-        if re.match("0[0-9]", mantissa):
-            raise self.fail(
-                f"`{token.text}` is not a number: it starts with 0",
-                token,
-                "remove the leading 0; dates and times are not numbers",
-            )
-        following = self.current
-        if following.start == token.end:
-            whole = token.text + following.text
-            if following.kind == "number":
-                raise ExpressionError(
-                    "syntax",
-                    f"`{whole}` is not a number: it has two decimal points",
-                    token.start,
-                    following.end,
-                    "write one decimal point",
-                )
-            if re.fullmatch(r"0[xXbBoO][0-9a-fA-F]+", whole):
-                raise ExpressionError(
-                    "syntax",
-                    f"`{whole}` is not a number",
-                    token.start,
-                    following.end,
-                    "write a decimal number",
-                )
-        return NumberExpr(token.start, token.end, Fraction(token.text.lower()))
+    def _degrees(self, number: NumberExpr) -> Tree:
+        """Return an angle in degrees: ``30 deg`` is 30*pi/180."""
+        unit = self.advance()
+        factors = (
+            (1, number),
+            (1, Name(unit.start, unit.end, "pi", 0)),
+            (-1, NumberExpr(unit.start, unit.end, Fraction(180))),
+        )
+        return ProductExpr(number.start, unit.end, factors)
 
     def _name(self, token: Token) -> Tree:
         if self.at("("):
@@ -328,23 +354,15 @@ class _Parser:
             opening = self.advance()
             if self.at("]"):
                 raise self.fail("missing index", self.current, f"write `{token.text}[1]`")
-            indices.append(self.sum())
-            if self.at("..", "="):
-                raise self.fail(
-                    "a range is not allowed here",
-                    self.current,
-                    "ranges are allowed in declarations of families and in `sum(x[i], i = 1..N)`",
-                )
-            if self.at(","):
-                raise self.fail("a member has one index", self.current)
-            self._close("]", opening)
-            end = self.tokens[self.position - 1].end
-            text += "[]"
+            found = self._indices(opening)
+            indices += found
+            end = self.end
+            text += BRACKETS[len(found)]
             if self.at("."):
                 self.advance()
                 following = self.advance()
                 text, end = f"{text}.{following.text}", following.end
-            elif self.at("_dot", "_ddot"):
+            if self.at("_dot", "_ddot"):
                 suffix = self.advance()
                 primes, end = 1 + (suffix.text == "_ddot"), suffix.end
                 break

@@ -15,6 +15,7 @@ from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import NumberExpr, SumExpr
 from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit, to_si
+from lagcli.model.names.expansion import expand
 from lagcli.model.spelling import shorten
 from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Scalar, YamlNode
@@ -118,7 +119,8 @@ def read_quantity(
         factor = to_si(unit) if unit else 1
     with report.expression(node):
         try:
-            return Quantity(Parsed(node, parse(text)), factor, unit)
+            tree = expand(parse(text), names)
+            return Quantity(Parsed(node, tree), factor, unit)
         except ExpressionError as error:
             if error.message.startswith("an operator is missing") and error.help:
                 error.help += ";\nwrite an expression with a unit as `{value: 2*pi, unit: rad/s}`"

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import symengine as se
 from symengine import Basic
 
+from lagcli.model.expression.constants import cases
 from lagcli.model.expression.identities import constant_value
 from lagcli.model.expression.linearity import is_zero
 
@@ -85,6 +86,24 @@ class RotationFactor(NamedTuple):
             return RotationFactor(rows, (-self.parameters[0],), self.axis)
         return RotationFactor(rows, (*self.parameters[:1], *[-e for e in self.parameters[1:]]))
 
+    def quaternion(self) -> tuple[Basic, ...]:
+        """Return the unit quaternion of this rotation.
+
+        Raises
+        ------
+        ShapeError
+            The rotation is given by a matrix.
+        """
+        if not self.parameters:
+            raise ShapeError(
+                "the quaternion of a matrix is not known; write it with rot_x, rot_y, rot_z, rot or"
+                " quat"
+            )
+        if self.axis is None:
+            return self.parameters
+        half = self.parameters[0] / 2
+        return (se.cos(half), *(n * se.sin(half) for n in self.axis))
+
     @property
     def is_rotation(self) -> bool:
         """Whether this is a rotation, RᵀR = 1 and det R = 1.
@@ -118,6 +137,77 @@ class RotationFactor(NamedTuple):
 def vector(*entries: Basic) -> Tensor:
     """Return a column vector."""
     return Tensor(tuple((x,) for x in entries))
+
+
+def diagonal(*entries: Basic) -> Tensor:
+    """Return a diagonal matrix."""
+    zero = se.Integer(0)
+    size = range(len(entries))
+    return Tensor(tuple(tuple(entries[i] if i == j else zero for j in size) for i in size))
+
+
+def component(a: Tensor, key: str, indices: tuple[int, ...]) -> Basic:
+    """Return a component of a vector or matrix.
+
+    Parameters
+    ----------
+    a : Tensor
+    key : str
+        x, y or z of a vector; 0 to 3 of the quaternion of a rotation; empty with indices.
+    indices : tuple of int
+        From 1: of a vector, or the row and column of a matrix.
+    """
+    if key and key in "0123":
+        if a.shape != (3, 3):
+            raise ShapeError(f"`.{key}` belongs to the quaternion of a rotation, not to {a.kind}")
+        return quaternion_of(a)[int(key)]
+    if key:
+        indices = ("xyz".index(key) + 1,)
+    if len(indices) != (1 if a.is_vector else 2):
+        example = "`[2]` or `.y`" if a.is_vector else "row and column, as in `[2, 3]`"
+        raise ShapeError(f"a component of {a.kind} is given by {example}")
+    for index, size in zip(indices, a.shape, strict=False):
+        if not 1 <= index <= size:
+            name = f".{key}" if key else f"number {index}"
+            raise ShapeError(f"{a.kind} has no component {name}")
+    return a.rows[indices[0] - 1][indices[1] - 1 if len(indices) > 1 else 0]
+
+
+def quaternion_of(a: Tensor) -> tuple[Basic, ...]:
+    """Return the quaternion of a product of rotations about constant axes and quaternions."""
+    total: tuple[Basic, ...] = tuple(map(se.Integer, (1, 0, 0, 0)))
+    for turn in a.factors or (RotationFactor(a.rows),):
+        total = _hamilton_product(total, turn.quaternion())
+    return total
+
+
+def _hamilton_product(a: tuple[Basic, ...], b: tuple[Basic, ...]) -> tuple[Basic, ...]:
+    (a0, a1, a2, a3), (b0, b1, b2, b3) = a, b
+    return (
+        a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
+        a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2,
+        a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1,
+        a0 * b3 + a1 * b2 - a2 * b1 + a3 * b0,
+    )
+
+
+def kind_of(value: Basic | Tensor) -> str:
+    """Return a description of a value for messages."""
+    return value.kind if isinstance(value, Tensor) else "a scalar"
+
+
+def choose(condition: Basic, a: Basic | Tensor, b: Basic | Tensor) -> Basic | Tensor:
+    """Return a, entry by entry, where a condition holds, else b."""
+    if not (isinstance(a, Tensor) or isinstance(b, Tensor)):
+        return cases(condition, a, b)
+    if not (isinstance(a, Tensor) and isinstance(b, Tensor) and a.shape == b.shape):
+        raise ShapeError(f"the cases of if() must be alike, not {kind_of(a)} and {kind_of(b)}")
+    return Tensor(
+        tuple(
+            tuple(cases(condition, x, y) for x, y in zip(r, s, strict=True))
+            for r, s in zip(a.rows, b.rows, strict=True)
+        )
+    )
 
 
 def add(a: Tensor, b: Tensor, sign: int = 1) -> Tensor:

@@ -90,12 +90,16 @@ _DOTS = {"\u0307": 1, "\u0308": 2}
 #: Letters of alphabets, not second derivatives.
 _LETTERS = frozenset("äëïöüÿÄËÏÖÜŸϊϋΪΫ")
 
-_NUMBER = r"(?:[0-9]++(?:\.(?!\.)[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
+#: Before the dot of a component: ``R[1].x``, ``omega(R).x``, ``r'.x``.
+_BEFORE_DOT = r"(?<=[\])'])"
+_NUMBER = r"(?:[0-9]++(?:\.(?!\.)[0-9]*+)?|(?<![\])'])\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
 _OTHER = _POWER_DIGITS + _FRACTIONS  # which \w matches
 _DOTTED = rf"[^\W{_OTHER}]*+(?:[\u0307\u0308][^\W{_OTHER}]*+)*+"
-_WORD = rf"[^\W\d_{_OTHER}]{_DOTTED}(?:\.[^\W\d_{_OTHER}]{_DOTTED})*"
-#: suffixes of members: Qc.rod[2].x[3] and x[3]_dot
-_AFTER_MEMBER = r"(?<=\])\.(?=[^\W\d_])|(?<=\])_d?dot(?!\w)"
+#: Component of a quaternion: ``e.0``.
+_PART = r"[0-3](?:_d?dot)?(?![\w.])"
+_WORD = rf"[^\W\d_{_OTHER}]{_DOTTED}(?:\.[^\W\d_{_OTHER}]{_DOTTED}|\.{_PART})*"
+#: suffixes of members: Qc.rod[2].x[3], x[3]_dot and e[1].0_dot
+_AFTER_MEMBER = rf"{_BEFORE_DOT}\.(?=[^\W\d_]|{_PART})|(?<=[\]0-3])_d?dot(?!\w)"
 _MARK = rf"\*\*|<=|>=|==|!=|\.\.|[-+*/^()\[\],<>=']|{_AFTER_MEMBER}"
 _PRINTED = rf"⁻?[{_POWER_DIGITS}]+|[{_FRACTIONS}]|[{''.join(_SAME_MARKS)}″]"
 _TOKEN = re.compile(

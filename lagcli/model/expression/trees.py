@@ -6,6 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
+#: What stands for indices in the text of a name, by their number.
+BRACKETS = {1: "[]", 2: "[,]"}
+
 
 @dataclass(eq=False, slots=True)
 class Tree:
@@ -31,7 +34,8 @@ class NumberExpr(Tree):
 class Name(Tree):
     """A name with its primes; ``text`` may be dotted (``lambda.guide``).
 
-    In ``text``, each index of a family member is replaced by ``[]``: ``x[i - 1]`` is ``x[]``.
+    In ``text``, each index of a family member is replaced by ``[]``: ``x[i - 1]`` is ``x[]``, and
+    a pair of indices by ``[,]``: ``x[i, j]`` is ``x[,]``.
     """
 
     text: str
@@ -147,6 +151,37 @@ class VectorExpr(Tree):
     def parts(self) -> tuple[Tree, ...]:
         """The entries."""
         return self.items
+
+
+@dataclass(eq=False, slots=True)
+class ComponentExpr(Tree):
+    """A component of a vector, matrix or rotation: ``(A*b).x``, ``w[2]``, ``R[1, 3]``.
+
+    ``key`` is x, y or z, or 0 to 3 for the quaternion of a rotation; it is empty where ``indices``
+    select the component.
+    """
+
+    base: Tree
+    key: str
+    indices: tuple[Tree, ...] = ()
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The vector or matrix; its indices are integers, not values."""
+        return (self.base,)
+
+
+@dataclass(eq=False, slots=True)
+class RateExpr(Tree):
+    """The total time derivative of an expression, of the given order."""
+
+    operand: Tree
+    order: int
+
+    @property
+    def parts(self) -> tuple[Tree, ...]:
+        """The expression."""
+        return (self.operand,)
 
 
 def walk(tree: Tree) -> Iterator[Tree]:

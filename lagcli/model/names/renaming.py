@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from symengine import Basic
 
 from lagcli.model.expression.tensors import Tensor
-from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
+from lagcli.model.expression.trees import ComponentExpr, IndexedSumExpr, Name, Tree, walk
 from lagcli.model.names.scoping import Scope, Sized
 
 
@@ -34,7 +34,9 @@ class ExpressionTemplate:
         self.members = [p for p in parts if isinstance(p, Name) and p.indices]
         # if an index is used as a number, each value gives a different expression
         self.renamable = not any(
-            isinstance(p, IndexedSumExpr) or (isinstance(p, Name) and scope.has_value(p.text))
+            isinstance(p, IndexedSumExpr)
+            or (isinstance(p, ComponentExpr) and p.indices)
+            or (isinstance(p, Name) and scope.has_value(p.text))
             for p in parts
         )
         self.first: tuple[list[Basic], Sized] | None = None

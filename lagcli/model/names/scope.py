@@ -11,12 +11,12 @@ from lagcli.model import model as symbols
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError, error_at
-from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree, walk
+from lagcli.model.expression.trees import ComponentExpr, IndexedSumExpr, Name, Tree, walk
 from lagcli.model.names.indices import Indices, form_errors, names_in
 from lagcli.model.names.members import descending, family_of, members_clause, with_indices
 from lagcli.model.names.scoping import Sized
 from lagcli.model.names.unknown import as_written, unknown, unknown_index, unknown_part
-from lagcli.model.symbols import MOTION, Context, Symbols
+from lagcli.model.symbols import Context, Symbols, motion
 
 
 class ModelScope:
@@ -52,6 +52,11 @@ class ModelScope:
     def declared(self, text: str) -> bool:
         """Whether a name is declared."""
         return self.names.declared(text)
+
+    @property
+    def functions(self) -> Collection[str]:
+        """The names of the model's functions."""
+        return self.names.functions.keys()
 
     # checks, before indices have values
 
@@ -189,6 +194,36 @@ class ModelScope:
             yield value
         self.values.pop(tree.index, None)
 
+    def index(self, tree: Tree) -> int:
+        """Return the value of an index.
+
+        Raises
+        ------
+        ExpressionError
+            It is not a whole number.
+        """
+        return self.indices.at(tree)
+
+    def check_order(self, tree: Tree, order: int) -> None:
+        """Raise ExpressionError for a derivative of an expression that is too high.
+
+        Parameters
+        ----------
+        tree : Tree
+        order : int
+            The highest derivative of a coordinate in it.
+        """
+        if order > 2:
+            raise error_at("too-many-primes", _HIGHEST, tree)
+        if order == 2 and not self.context.accelerations:
+            raise error_at(
+                "not-allowed-here",
+                f"{self.context.where} cannot depend on accelerations, but uses the derivative of"
+                " a velocity",
+                tree,
+                _ACCELERATIONS,
+            )
+
     def has_value(self, index: str) -> bool:
         """Whether a name is an index with a value."""
         return index in self.values
@@ -198,7 +233,7 @@ class ModelScope:
         names = self.names
         text, primes = self.named(name)
         if text in names.coordinates:
-            return MOTION[primes](text)
+            return motion(text, primes)
         if text in names.definitions or primes:
             return None
         if "." in text:
@@ -232,7 +267,7 @@ class ModelScope:
 
     def _single(self, name: Name, text: str, primes: int) -> Sized:
         if text in self.names.coordinates:
-            return Sized(MOTION[primes](text), order=primes)
+            return Sized(motion(text, primes), order=primes)
         if text in self.names.definitions:
             return self._definition(name, text, primes)
         if "." in text:
@@ -254,7 +289,7 @@ class ModelScope:
         if "." in text:
             return Sized(self._dotted(name, text))
         if text in names.coordinates:
-            return Sized(MOTION[primes](text), order=primes)
+            return Sized(motion(text, primes), order=primes)
         if text in names.definitions:
             return self._definition(name, text, primes)
         if text in names.parameters:
@@ -320,7 +355,7 @@ class ModelScope:
             raise self._error(
                 "too-many-primes",
                 name,
-                "the highest derivative of a coordinate is the acceleration, q''",
+                _HIGHEST,
             )
         if order == 2 and not self.context.accelerations:
             raise self._not_here(name, "accelerations", _ACCELERATIONS)
@@ -380,18 +415,22 @@ class ModelScope:
             )
 
 
+_HIGHEST = "the highest derivative of a coordinate is the acceleration, q''"
 _ACCELERATIONS = "accelerations may be used in `outputs` and in the vectors of a `view`"
 
 
-def uses(tree: Tree, index: str) -> bool:
+def uses(term: Tree, index: str) -> bool:
     """Whether a term uses an index, as a number or in the index of a member."""
-    for part in walk(tree):
+    for part in walk(term):
         if isinstance(part, Name):
             inner = [name for i in part.indices for name in names_in(i)]
             if part.text == index or any(name.text == index for name in inner):
                 return True
-        if isinstance(part, IndexedSumExpr) and any(
-            name.text == index for name in names_in(part.range)
-        ):
+        inside: tuple[Tree, ...] = ()
+        if isinstance(part, IndexedSumExpr):
+            inside = (part.range,)
+        elif isinstance(part, ComponentExpr):
+            inside = part.indices
+        if any(name.text == index for tree in inside for name in names_in(tree)):
             return True
     return False

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple, Protocol, TypeAlias
 
 from symengine import Basic
 
 from lagcli.model.expression.tensors import Tensor
-from lagcli.model.expression.trees import IndexedSumExpr, Name
+from lagcli.model.expression.trees import IndexedSumExpr, Name, Tree
 
 Value: TypeAlias = "Basic | Tensor"
 
@@ -59,6 +59,19 @@ class Scope(Protocol):
 
     def each(self, tree: IndexedSumExpr) -> Iterator[int]:
         """Iterate over the index of a sum."""
+
+    @property
+    def functions(self) -> Collection[str]:
+        """The names of the model's functions."""
+
+    def check_index(self, tree: Tree) -> None:
+        """Raise ExpressionError for a name that is not allowed in an index."""
+
+    def index(self, tree: Tree) -> int:
+        """Return the value of an index, or raise ExpressionError."""
+
+    def check_order(self, tree: Tree, order: int) -> None:
+        """Raise ExpressionError for a derivative of an expression that is too high."""
 
     def has_value(self, index: str) -> bool:
         """Whether a name is an index with a value."""

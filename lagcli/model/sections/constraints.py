@@ -14,6 +14,7 @@ from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Comparison, Tree
 from lagcli.model.keys import CONSTRAINT, keys_of
 from lagcli.model.model import Constraint
+from lagcli.model.names.expansion import expand
 from lagcli.model.names.families import Declaration, Member, by_name
 from lagcli.model.names.scope import uses
 from lagcli.model.sections.coordinates import expanded
@@ -75,6 +76,8 @@ def _equation(draft: Draft, node: YamlNode, what: str) -> tuple[Scalar, Tree, Tr
         return None
     with draft.report.expression(node):
         left, right = parse_equation(node.value)
+        left = expand(left, draft.names)
+        right = None if right is None else expand(right, draft.names)
         if isinstance(left, Comparison) and right is None:
             sign = left.operators[0]
             raise ExpressionError(

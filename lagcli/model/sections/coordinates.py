@@ -183,6 +183,7 @@ def declare(
     coordinates: list[CoordinateEntry],
     parameters: list[Declaration],
     definitions: list[Declaration],
+    functions: list[Declaration],
 ) -> None:
     """Enter the names, and report those declared twice. Members of families are entered later."""
     names, report = draft.names, draft.report
@@ -212,6 +213,7 @@ def declare(
             what = f"coordinate (`{stem}{suffix}` is `{primed}`)"
             enter(family.replace(stem, stem + suffix), what, places[family][1])
     located += [(d, "parameter") for d in parameters] + [(d, "definition") for d in definitions]
+    located += [(d, "function") for d in functions]
     for d, what in located:
         if what != "coordinate":
             enter(d.family, what, d.key.location)

@@ -7,7 +7,6 @@ that varies along the run; what stands outside of reductions is the same along i
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import NamedTuple
@@ -24,19 +23,14 @@ from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import (
     CallExpr,
-    Comparison,
     IndexedSumExpr,
-    LogicalExpr,
     Name,
     NumberExpr,
-    PowerExpr,
-    ProductExpr,
-    SumExpr,
     Tree,
-    VectorExpr,
     walk,
 )
 from lagcli.model.model import Model
+from lagcli.model.names.expansion import expand, rebuilt
 from lagcli.model.names.scope import ModelScope
 from lagcli.model.names.scoping import Sized
 from lagcli.model.symbols import Context
@@ -232,7 +226,7 @@ class _MeasureReader:
         self.reductions: list[Reduction] = []
 
     def read(self) -> Measure:
-        tree = _replaced(parse(self.text), self.reduction)
+        tree = _replaced(expand(parse(self.text), self.model.names), self.reduction)
         return Measure(self.name, self.text, self.built(tree, self.values), tuple(self.reductions))
 
     def reduction(self, tree: Tree) -> Tree | None:
@@ -305,22 +299,4 @@ def _replaced(tree: Tree, replacement: Callable[[Tree], Tree | None]) -> Tree:
     if found is not None:
         return found
 
-    def below(part: Tree) -> Tree:
-        return _replaced(part, replacement)
-
-    match tree:
-        case SumExpr():
-            return dataclasses.replace(tree, terms=tuple((s, below(x)) for s, x in tree.terms))
-        case ProductExpr():
-            return dataclasses.replace(tree, factors=tuple((s, below(x)) for s, x in tree.factors))
-        case PowerExpr():
-            return dataclasses.replace(tree, base=below(tree.base), exponent=below(tree.exponent))
-        case CallExpr():
-            return dataclasses.replace(tree, arguments=tuple(map(below, tree.arguments)))
-        case Comparison() | LogicalExpr():
-            return dataclasses.replace(tree, operands=tuple(map(below, tree.operands)))
-        case VectorExpr():
-            return dataclasses.replace(tree, items=tuple(map(below, tree.items)))
-        case IndexedSumExpr():
-            return dataclasses.replace(tree, term=below(tree.term))
-    return tree
+    return rebuilt(tree, lambda part: _replaced(part, replacement))

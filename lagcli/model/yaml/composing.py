@@ -22,15 +22,51 @@ MAX_NODES = 300_000  # each use of an alias counts; 5000 bodies need 100 000
 # Inside [ ] and { }, YAML ends a name at a bracket; in a model file, x[1] is one name everywhere.
 # While YAML parses the text, placeholders replace the brackets after a name. An index holds no
 # quotes, and a prime only after a name, so that brackets in two quoted texts are not paired.
-_INDEX = re.compile(r"""(?<=\w)\[(?:[^\[\]{}"':#\n]|(?<=\w)')*\]""")
+_INDEX = re.compile(r"""(?<=[\w)\]])\[(?:[^\[\]{}"':#\n]|(?<=\w)')*\]""")
 _BEFORE_VALUE = re.compile(r"(?:\s|&\S*)*")
 _COLON = re.compile(r"\s*:")
 _HIDE = str.maketrans("[],", "\ufdd0\ufdd1\ufdd2")
 _SHOW = str.maketrans("\ufdd0\ufdd1\ufdd2", "[],")
 
 
+# A value such as `[1, 0]*x`: YAML would end it at the bracket.
+_VECTOR = re.compile(r":[ \t]+(?=\[)")
+_MORE = re.compile(r"[ \t]*[-+*/^=<>.·×÷−≤≥≠]")
+
+
 def _hidden(match: re.Match[str]) -> str:
     return match[0].translate(_HIDE)
+
+
+def _with_hidden_brackets(text: str) -> str:
+    """Return a text for YAML's parser, in which brackets are those of lists only."""
+    text = _INDEX.sub(_hidden, text)
+    parts, done = [], 0
+    for start in (match.end() for match in _VECTOR.finditer(text)):
+        if start < done:
+            continue
+        closing = _end_of_value(text, start, stop_after_bracket=True)
+        if _MORE.match(text, closing):
+            end = _end_of_value(text, start)
+            parts += [text[done:start], text[start:end].translate(_HIDE)]
+            done = end
+    return "".join([*parts, text[done:]])
+
+
+def _end_of_value(text: str, start: int, stop_after_bracket: bool = False) -> int:
+    """Return where a value ends that begins with a bracket: at its line's end, a comma, a brace."""
+    depth = 0
+    for i in range(start, len(text)):
+        char = text[i]
+        if char in "[(":
+            depth += 1
+        elif char in "])":
+            depth -= 1
+            if stop_after_bracket and depth == 0:
+                return i + 1
+        elif char in '{}"#' or (not depth and char in ",\n"):
+            return i
+    return len(text)
 
 
 def compose(source: Source) -> tuple[Mapping, list[Diagnostic]]:
@@ -67,7 +103,7 @@ class _Composer:
     def __init__(self, source: Source):
         self.source = source
         loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-        self.events = yaml.parse(_INDEX.sub(_hidden, source.text), Loader=loader)
+        self.events = yaml.parse(_with_hidden_brackets(source.text), Loader=loader)
         self.anchors: dict[str, tuple[YamlNode, int]] = {}
         self.open: set[str] = set()
         self.count = 0

@@ -28,4 +28,9 @@ def test_a_model_of_given_coordinates_oscillates(coordinates):
 
 def test_all_keys_that_fit_together_are_shown():
     text = new_model("swing") + new_model("springs", ["a", "b"])
-    assert [key for key in keys_of(MODEL) if f"{key}:" not in text] == ["L", "D", "fit"]
+    assert [key for key in keys_of(MODEL) if f"{key}:" not in text] == [
+        "functions",
+        "L",
+        "D",
+        "fit",
+    ]

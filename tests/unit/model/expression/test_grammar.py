@@ -143,7 +143,7 @@ def test_equations() -> None:
         ("x [1]", "[", "must directly follow a name"),
         ("x[]", "]", "missing index"),
         ("x[1..2]", "..", "a range is not allowed here"),
-        ("x[1, 2]", ",", "a member has one index"),
+        ("x[1, 2, 3]", ",", "at most two indices"),
         ("sum(x[i])", "sum", "an index and its range"),
         ("sum(x[i], i = 1)", ")", "missing range"),
         ("sum(x[i], i = 1..2, j = 1..2)", ",", "one range"),
