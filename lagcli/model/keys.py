@@ -187,6 +187,9 @@ FIT = _mapping(
 MODEL = _mapping(
     {
         "name": _described("text; by default the name of the file", _TEXT),
+        "title": _described(
+            "heading of derivations and pages; by default made from the name", _TEXT
+        ),
         "description": _described("text", _TEXT),
         "coordinates": _described(
             "a list of names or families `x[1..N]`, or a mapping name → unit, or name → {`unit`,"

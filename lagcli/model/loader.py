@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import hashlib
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -129,11 +130,13 @@ def _model(
     view = read_view(draft, constants, definitions, constraints)
     fit = read_fit(draft, constants, parameters, outputs)
     name = draft.text(draft.get("name"), "`name`") or Path(draft.source.path).stem
+    title = draft.text(draft.get("title"), "`title`")
     description = draft.text(draft.get("description"), "`description`")
     draft.report.finish()
     assert potential is not None
     model = Model(
         name=name,
+        title=title or _title(name),
         description=description,
         path=draft.source.path,
         text=draft.source.text,
@@ -165,6 +168,13 @@ def _model(
 
         raise ModelError(unit_diagnostics(model, units))
     return replace(model, units=units)
+
+
+def _title(name: str) -> str:
+    """Return a heading made from a name: "Four bar" from "four_bar"."""
+    if re.fullmatch(r"[a-z0-9_-]+", name):
+        name = re.sub("[_-]+", " ", name).strip().capitalize() or name
+    return name
 
 
 def _declarations(draft: Draft, key: str, what: str) -> list[Declaration]:

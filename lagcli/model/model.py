@@ -261,6 +261,7 @@ class FitBlock(NamedTuple):
 class Model:
     """A checked model.
 
+    ``name`` identifies the model, as in names of files; ``title`` is its heading.
     ``kinetic`` and ``potential`` are T and V; a model written with L has ``kinetic`` None and
     ``potential`` −L. Expressions are in the symbols of this module's functions and the
     parameters' names. ``set`` and ``set_initial`` are the values that replaced the file's;
@@ -269,6 +270,7 @@ class Model:
     """
 
     name: str
+    title: str
     description: str | None
     path: str
     text: str

@@ -11,6 +11,7 @@ _HEADER = """\
 
 _PENDULUM = """\
 name: {name}
+title: Pendulum         # heading of derivations and pages
 description: Point mass on a massless rod, in x and y.
 
 coordinates:            # the unknowns, with their SI units
@@ -57,6 +58,7 @@ view:                   # the drawing, for `lagcli animate` and `lagcli report`
 
 _GENERAL = """\
 name: {name}
+title: Masses on springs
 description: Masses on springs; a start for a model in {listed}.
 
 coordinates:            # the unknowns; to give units: {{x: m, phi: {{unit: rad, description: …}}}}

@@ -69,7 +69,7 @@ class Server:
     def __init__(self, play: Callable[[], Played], model: Model, listening: socket.socket):
         self._play, self._socket = play, listening
         self._title = {
-            "name": model.name,
+            "name": model.title,
             "description": model.description or "",
             "palette": list(PALETTE),
         }

@@ -22,8 +22,8 @@ def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 
 def test_the_second_kind_alone(capsys) -> None:
     text = printed(capsys, CRANK, "--kind", "second", "--independent", "phi")
-    assert "ψ̇ = r φ̇ cos φ/(l cos ψ) = r φ̇ cos φ/√(l² − r² sin² φ)" in text
-    assert "½ m {r² φ̇² + r² sin² φ [φ̇ + r φ̇ cos φ/√(l² − r² sin² φ)]²} − m g r sin φ" in text
+    assert "ψ̇ = r φ̇ cos(φ)/(l cos ψ) = r φ̇ cos(φ)/√(l² − r² sin² φ)" in text
+    assert "½ m {r² φ̇² + r² sin² φ [φ̇ + r φ̇ cos(φ)/√(l² − r² sin² φ)]²} − m g r sin φ" in text
     assert "λ" not in text
 
 

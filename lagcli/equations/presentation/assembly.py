@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from lagcli.equations.presentation.extent import Extent
@@ -88,7 +90,21 @@ def shown_steps(f: Formulas, contents: Contents) -> tuple[Step, ...]:
     found = [*before, *_arranged(f, after, contents.full)]
     if "first" in kinds or "maggi" in kinds or contents.solve:
         found.append(convention(f))
-    return tuple(found if contents.full else with_hint(found))
+    return _cited(found if contents.full else with_hint(found))
+
+
+_NUMBER = re.compile(r"\((8\.\d+)\)")
+
+
+def _cited(steps: Iterable[Step]) -> tuple[Step, ...]:
+    """Return steps of which the first one that cites an equation names the source."""
+    found, named = [], False
+    for step in steps:
+        if not named and step.remark and _NUMBER.search(step.remark):
+            remark = _NUMBER.sub(r"(textbook, §8, eq. \1)", step.remark, count=1)
+            step, named = replace(step, remark=remark), True
+        found.append(step)
+    return tuple(found)
 
 
 def _arranged(f: Formulas, steps: list[Step], full: bool) -> list[Step]:

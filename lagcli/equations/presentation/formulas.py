@@ -6,6 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
+import symengine as se
+from symengine import Basic
+
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations
 from lagcli.equations.presentation import general
@@ -18,7 +21,9 @@ from lagcli.equations.presentation.typeset import (
     product_of,
     sum_of,
     symbols_in,
+    weight,
 )
+from lagcli.equations.presentation.variations import differences, displaced, oriented
 from lagcli.equations.presentation.written import named_in, sides_built, written
 from lagcli.equations.simplification.arrange import Arranger
 from lagcli.model.expression.grammar import Tree
@@ -158,13 +163,27 @@ class Formulas:
             (1, product_of([self.arrange(b), VirtualDisplacement(self.coordinates[j])]))
             for j, b in sorted(c.row.items())
         ]
-        return Line((sum_of(terms), ZERO))
+        single = sum_of(terms)
+        v = self.equations.v
+        if any(not b.free_symbols.isdisjoint(v) for b in c.row.values()):
+            return Line((single, ZERO))
+        together = displaced(self.arrange(se.Add(*(b * v[j] for j, b in c.row.items()))))
+        if together is None or weight(together) >= weight(single):
+            return Line((single, ZERO))
+        return Line((oriented(together, self._differences(c)), ZERO))
+
+    def _differences(self, c: ConstraintEquation) -> frozenset[Node]:
+        return differences(self.constraint_line(c).sides)
+
+    def _differentiated(self, c: ConstraintEquation, sides: Iterable[Basic]) -> Line:
+        written = self._differences(c)
+        rates = [oriented(self.arrange(side), written) for side in sides]
+        return Line(tuple(rates) if len(rates) == 2 else (*rates, ZERO))
 
     def rate_line(self, c: ConstraintEquation) -> Line:
         """Return the time derivative of both sides of a holonomic constraint."""
         sides = sides_built(c.constraint, self.model)
-        rates = [self.arrange(general.total_rate(side, self.equations)) for side in sides]
-        return Line(tuple(rates) if len(rates) == 2 else (*rates, ZERO))
+        return self._differentiated(c, [general.total_rate(x, self.equations) for x in sides])
 
     def acceleration_line(self, c: ConstraintEquation) -> Line:
         """Return the constraint differentiated to accelerations, side by side as written."""
@@ -172,8 +191,7 @@ class Formulas:
         sides = sides_built(c.constraint, self.model)
         if c.position is not None:
             sides = tuple(general.total_rate(side, e) for side in sides)
-        rates = [self.arrange(general.total_rate(side, e)) for side in sides]
-        return Line(tuple(rates) if len(rates) == 2 else (*rates, ZERO))
+        return self._differentiated(c, [general.total_rate(side, e) for side in sides])
 
     def right_side(self, i: int, forces_named: bool = False) -> Node:
         """Return Q_i + Σ_β λ_β b_iβ, with Q_i as a symbol or expanded."""

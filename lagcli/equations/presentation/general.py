@@ -1,4 +1,8 @@
-"""General laws: symbols that belong to the theory, and total time derivatives."""
+"""General laws: symbols that belong to the theory, and total time derivatives.
+
+The symbols of the theory give way to the names of a model: beside a coordinate φ, a constraint is
+f_β = 0, not φ_β = 0.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,8 @@ from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.presentation.typeset import Node, Partial, Rate, Sign, Sum, Symbol
+from lagcli.equations.render.letters import LATEX_GREEK
+from lagcli.equations.render.names import letter
 from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import Model
@@ -16,12 +22,42 @@ _SCRIPT = {"T": "𝒯", "V": "𝒱", "L": "ℒ"}
 
 
 class Signs:
-    """Symbols of T, V and L; in script if the model declares the same name."""
+    """Symbols of the theory, none of which looks like a name of the model.
+
+    Parameters
+    ----------
+    model : Model
+    """
 
     def __init__(self, model: Model):
         taken = {*model.coordinate_names, *model.parameters, *model.definitions}
+        letters = {letter(name) for name in taken}
         self.kinetic, self.potential, self.lagrangian = (
             Sign(_SCRIPT[x], rf"\mathcal{{{x}}}") if x in taken else Sign(x, x) for x in "TVL"
+        )
+
+        def free(*candidates: str) -> str:
+            return next((x for x in candidates if x not in letters), candidates[0])
+
+        def sign(*parts: str) -> Sign:
+            below = "".join(parts[1:])
+            latex = "".join(LATEX_GREEK.get(x, x) + " " for x in parts[1:]).strip()
+            base = LATEX_GREEK.get(parts[0], parts[0])
+            return Sign(f"{parts[0]}_{below}", f"{base}_{{{latex}}}") if below else Sign(base, base)
+
+        #: Numbers of coordinates and of constraints.
+        self.coordinate_count, self.constraint_count = free("k", "n", "N"), free("r", "s", "p")
+        row, coefficient = free("β", "α", "μ"), free("b", "a", "c")
+        self.holonomic = sign(free("φ", "f", "h"), row)
+        self.nonholonomic = sign(free("ψ", "g", "w"), row)
+        self.coefficient = sign(coefficient, "i", row)
+        self.multiplier = sign("λ", row)
+        self.block = Sign(f"det {coefficient}", rf"\det {coefficient}")
+        self.row, self.coefficient_letter = row, coefficient
+        greek = LATEX_GREEK[row]
+        self.reaction = Sign(
+            f"Σ_{row} {self.multiplier.text} {self.coefficient.text}",
+            rf"\textstyle\sum_{{{greek}}} {self.multiplier.latex} {self.coefficient.latex}",
         )
 
 
@@ -41,25 +77,24 @@ def total_rate(expression: Basic, equations: Equations) -> Basic:
 
 def law(model: Model) -> tuple[Sum, Node]:
     """Return the sides of d/dt ∂L/∂q̇_i − ∂L/∂q_i = Q_i + Σ_β λ_β b_iβ (8.85)."""
-    lagrangian = Signs(model).lagrangian
-    rate = Rate(Partial(lagrangian, Sign("q̇ᵢ", r"\dot{q}_i")))
-    left = Sum(((1, rate), (-1, Partial(lagrangian, Sign("qᵢ", "q_i")))))
+    signs = Signs(model)
+    rate = Rate(Partial(signs.lagrangian, Sign("q̇ᵢ", r"\dot{q}_i")))
+    left = Sum(((1, rate), (-1, Partial(signs.lagrangian, Sign("qᵢ", "q_i")))))
     if not model.constraints:
         return left, FORCE
-    reaction = Sign("Σ_β λ_β b_iβ", r"\textstyle\sum_{\beta} \lambda_\beta b_{i\beta}")
-    return left, Sum(((1, FORCE), (1, reaction)))
+    return left, Sum(((1, FORCE), (1, signs.reaction)))
 
 
 def coefficients(equations: Equations) -> list[tuple[Node, ...]]:
     """Return the definitions of b_iβ for the kinds of constraints in a system."""
     found: list[tuple[Node, ...]] = []
-    b = Sign("b_iβ", r"b_{i\beta}")
+    signs = Signs(equations.model)
     sides = Sum(((1, Sign("lhs", r"\text{lhs}")), (-1, Sign("rhs", r"\text{rhs}"))))
     kinds = {c.constraint.kind for c in equations.constraints}
-    if "holonomic" in kinds:
-        phi = Sign("φ_β", r"\varphi_\beta")
-        found += [(b, Partial(phi, Sign("qᵢ", "q_i"))), (phi, sides)]
-    if "nonholonomic" in kinds:
-        psi = Sign("ψ_β", r"\psi_\beta")
-        found += [(b, Partial(psi, Sign("q̇ᵢ", r"\dot{q}_i"))), (psi, sides)]
+    for kind, residual, by in (
+        ("holonomic", signs.holonomic, Sign("qᵢ", "q_i")),
+        ("nonholonomic", signs.nonholonomic, Sign("q̇ᵢ", r"\dot{q}_i")),
+    ):
+        if kind in kinds:
+            found += [(signs.coefficient, Partial(residual, by)), (residual, sides)]
     return found

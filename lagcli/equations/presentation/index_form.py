@@ -9,10 +9,9 @@ number of members.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from operator import is_
 from typing import NamedTuple
 
 from lagcli.equations.presentation.extent import items_of
@@ -28,6 +27,7 @@ from lagcli.equations.presentation.typeset import (
     Symbol,
     children,
     product_of,
+    rebuilt,
     sum_of,
 )
 from lagcli.model.model import Model
@@ -137,7 +137,7 @@ class IndexForm:
         if isinstance(node, IndexedSum):
             bounds = (self._shown_bound(x, "") for x in (node.first, node.last))
             return IndexedSum(self._named(node.term), node.index, *bounds)
-        return _rebuilt(node, self._named)
+        return rebuilt(node, self._named)
 
     def _general(self, run: _Run, item: list[Line]) -> list[Line]:
         """Return the lines of one item for all members."""
@@ -162,7 +162,7 @@ class IndexForm:
 
     def _with_sums(self, node: Node) -> Node:
         """Return a formula whose sums have an index where their terms differ by it only."""
-        node = _rebuilt(node, self._with_sums)
+        node = rebuilt(node, self._with_sums)
         if not isinstance(node, Sum) or len(node.terms) < SHORTEST:
             return node
         terms: list[tuple[int, Node]] = []
@@ -201,7 +201,7 @@ class IndexForm:
                 inner = self._shown(node.term, letter)
                 bounds = (self._shown_bound(x, letter) for x in (node.first, node.last))
                 return IndexedSum(inner, node.index, *bounds)
-        return _rebuilt(node, lambda x: self._shown(x, letter))
+        return rebuilt(node, lambda x: self._shown(x, letter))
 
     def _shown_bound(self, node: Node, letter: str) -> Node:
         if isinstance(node, Number) and node.value.denominator == 1:
@@ -388,22 +388,4 @@ def _at(template: Node, index: int) -> Node:
             factors = [_at(x, index) for x in template.factors]
             left = tuple(x for x in factors if x != ONE)
             return left[0] if len(left) == 1 else Product(left)
-    return _rebuilt(template, lambda x: _at(x, index))
-
-
-def _rebuilt(node: Node, change: Callable[[Node], Node]) -> Node:
-    """Return a node with its child nodes changed; the node itself if none does."""
-    if not children(node):
-        return node
-
-    def of(x: object) -> object:
-        if isinstance(x, Node):
-            return change(x)
-        if isinstance(x, tuple):
-            found = tuple(map(of, x))
-            return x if all(map(is_, found, x)) else found
-        return x
-
-    values = [getattr(node, name) for name in node.__dataclass_fields__]
-    found = list(map(of, values))
-    return node if all(map(is_, found, values)) else type(node)(*found)
+    return rebuilt(template, lambda x: _at(x, index))

@@ -131,8 +131,12 @@ def convention(f: Formulas) -> Step:
     lines = [general.law(f.model), *general.coefficients(f.equations)]
     remark = None
     if f.equations.constraints:
-        remark = "lhs and rhs are the sides of constraint β as written."
-    return Step("Sign convention (8.85)", tuple(Line(sides) for sides in lines), remark)
+        row = general.Signs(f.model).row
+        remark = (
+            "λ has the sign of the general equations (8.85); lhs and rhs are the sides of"
+            f" constraint {row} as written."
+        )
+    return Step("Sign convention", tuple(Line(sides) for sides in lines), remark)
 
 
 def _coordinates(f: Formulas) -> Step:
@@ -143,7 +147,8 @@ def _coordinates(f: Formulas) -> Step:
         lines.append(Line((symbol,), note=note or None))
     # many names alone fit side by side
     packed = len(lines) > 6 and not any(line.note for line in lines)
-    return Step(f"Coordinates: k = {len(lines)}", tuple(lines), packed=packed)
+    count = general.Signs(f.model).coordinate_count
+    return Step(f"Coordinates: {count} = {len(lines)}", tuple(lines), packed=packed)
 
 
 def _definitions(f: Formulas, shown: list[Step]) -> Step | None:
@@ -163,24 +168,27 @@ def constraints_step(f: Formulas, variations: bool = True) -> Step | None:
         lines.append(Line(f.constraint_line(c).sides, c.constraint.name, note))
         if variations:
             lines.append(f.variation_line(c))
-    return Step(f"Constraints: r = {len(constraints)}", tuple(lines))
+    count = general.Signs(f.model).constraint_count
+    return Step(f"Constraints: {count} = {len(constraints)}", tuple(lines))
 
 
 def freedom_step(f: Formulas) -> Step:
     """Return the degrees of freedom with the redundant constraints."""
     k, r = len(f.coordinates), len(f.equations.constraints)
+    signs = general.Signs(f.model)
+    all_of, held = (Sign(x, x) for x in (signs.coordinate_count, signs.constraint_count))
     if not r:
-        return Step(_FREEDOM, (Line((Sign("k", "k"), whole(k))),))
+        return Step(_FREEDOM, (Line((all_of, whole(k))),))
     freedom = f.freedom
-    less, subtracted = Sign("r", "r"), r
+    less, subtracted = held, r
     note = "the constraints are independent at the start"
     if freedom.rank is None:
         note = "for independent constraints"
     elif freedom.rank < r:
         less, subtracted = Sign("rank B", r"\operatorname{rank} B"), freedom.rank
-        note = f"at the start; r = {r}"
+        note = f"at the start; {held.text} = {r}"
     sides = (
-        sum_of([(1, Sign("k", "k")), (-1, less)]),
+        sum_of([(1, all_of), (-1, less)]),
         sum_of([(1, whole(k)), (-1, whole(subtracted))]),
         whole(freedom.degrees),
     )

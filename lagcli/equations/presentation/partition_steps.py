@@ -5,6 +5,7 @@ from __future__ import annotations
 import symengine as se
 from symengine import Basic
 
+from lagcli.equations.presentation import general
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
 from lagcli.equations.presentation.typeset import (
     ZERO,
@@ -36,14 +37,16 @@ def split_step(f: Formulas, p: CoordinatePartition) -> Step:
     """Return the section on coordinates and degrees of freedom (8.79 to 8.84)."""
     k, r, rank = len(f.coordinates), len(f.equations.constraints), len(p.constraints)
     count = f"{r} relation{'s' * (r != 1)}"
+    signs = general.Signs(f.model)
+    all_of, held = (Sign(x, x) for x in (signs.coordinate_count, signs.constraint_count))
     lines = [
-        Line((Sign("k", "k"), whole(k)), note="coordinates"),
-        Line((Sign("r", "r"), whole(r)), note="constraints"),
+        Line((all_of, whole(k)), note="coordinates"),
+        Line((held, whole(r)), note="constraints"),
     ]
     if rank < r:
         lines.append(Line((_RANK, whole(rank)), note="at the start"))
-    less = Sign("r", "r") if rank == r else _RANK
-    difference = sum_of([(1, Sign("k", "k")), (-1, less)])
+    less = held if rank == r else _RANK
+    difference = sum_of([(1, all_of), (-1, less)])
     lines.append(Line((difference, whole(k - rank)), note="degrees of freedom"))
     lines += [Line((f.coordinates[i],), note="independent") for i in p.independent]
     lines += [Line((f.coordinates[i],), note="dependent") for i in p.dependent]
@@ -62,12 +65,14 @@ def determinant_step(f: Formulas, p: CoordinatePartition) -> Step | None:
     if not p.dependent:
         return None
     nodes = [f.arrange(x) for x in p.determinants]
-    shown = [Line((Sign("det b", r"\det b"), _multiplied(nodes)))]
+    signs = general.Signs(f.model)
+    shown = [Line((signs.block, _multiplied(nodes)))]
     places = list(dict.fromkeys(x for node in nodes for x in _factors(node) if _moves(f, x)))
     shown += [Line((place, ZERO), note="the determinant is zero here") for place in places]
     remark = (
-        "b has the columns of the dependent coordinates. Where its determinant is not zero, they"
-        " follow from the independent ones, and λ can be chosen as in (8.82)."
+        f"{signs.coefficient_letter} has the columns of the dependent coordinates. Where its"
+        " determinant is not zero, they follow from the independent ones, and λ can be chosen as in"
+        " (8.82)."
     )
     if not places:
         remark += " It is zero nowhere."

@@ -6,9 +6,10 @@ to text, LaTeX, MathML or the model grammar.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from operator import is_
 from typing import Literal
 
 SymbolKind = Literal["name", "multiplier", "force", "constant", "constraint"]
@@ -290,6 +291,24 @@ def children(node: Node) -> tuple[Node, ...]:
         case Entry():
             return node.indices
     return ()
+
+
+def rebuilt(node: Node, change: Callable[[Node], Node]) -> Node:
+    """Return a node with its child nodes changed; the node itself if none does."""
+    if not children(node):
+        return node
+
+    def of(x: object) -> object:
+        if isinstance(x, Node):
+            return change(x)
+        if isinstance(x, tuple):
+            found = tuple(map(of, x))
+            return x if all(map(is_, found, x)) else found
+        return x
+
+    values = [getattr(node, name) for name in node.__dataclass_fields__]
+    found = list(map(of, values))
+    return node if all(map(is_, found, values)) else type(node)(*found)
 
 
 def symbols_in(nodes: Iterable[Node]) -> Iterator[str]:

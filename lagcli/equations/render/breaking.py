@@ -4,25 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-
-LAST_RESORT = 100  # added to the depth of breaks between factors
-SHORT = 150  # added to the depth of breaks in a bracket that is short
+from itertools import accumulate
 
 
 @dataclass(frozen=True)
 class Break:
-    """A possible line break; breaks of lower depth are preferred."""
+    """A possible line break.
+
+    Parameters
+    ----------
+    depth : int
+        Level of nesting. What stands between two breaks of a depth is a term, a factor or the
+        content of a bracket; it is broken only if it is longer than a line.
+    space : str
+        What stands here if the line is not broken.
+    term : bool
+        Whether a term of a sum follows, which begins a line if the one before was broken.
+    """
 
     depth: int
     space: str = " "
+    term: bool = False
 
 
 Token = str | Break
 
 
-def with_break_penalty(tokens: Sequence[Token]) -> list[Token]:
-    """Return tokens with breaks of lower preference than those between factors."""
-    return [Break(x.depth + SHORT, x.space) if isinstance(x, Break) else x for x in tokens]
+def flat(tokens: Sequence[Token]) -> str:
+    """Return a formula on one line."""
+    return "".join(x.space if isinstance(x, Break) else x for x in tokens)
 
 
 def lines(
@@ -46,66 +56,72 @@ def lines(
     list of str
         Lines within the widths, except for pieces without a break that are longer.
     """
-    pieces: list[str] = [""]
-    breaks: list[Break] = []
-    for token in tokens:
-        if isinstance(token, Break):
-            pieces.append("")
-            breaks.append(token)
-        else:
-            pieces[-1] += token
-    widths = [measure(p) for p in pieces]
-    spaces = [measure(b.space) for b in breaks]
-    found: list[str] = []
-    start, room = 0, first
-    while True:
-        total, ends = widths[start], [start]
-        for i in range(start, len(breaks)):
-            total += spaces[i] + widths[i + 1]
-            if total > room:
-                break
-            ends.append(i + 1)
-        if ends[-1] == len(pieces) - 1:
-            found.append(_joined(pieces, breaks, start, len(pieces) - 1))
-            return found
-        end = _best(ends, breaks, widths, spaces, room, following)
-        found.append(_joined(pieces, breaks, start, end))
-        start, room = end + 1, following
+    layout = _Layout(tokens, measure, first, following)
+    layout.place(0, len(layout.breaks), "", 0.0)
+    return layout.found
 
 
-def _best(
-    ends: Sequence[int],
-    breaks: Sequence[Break],
-    widths: Sequence[float],
-    spaces: Sequence[float],
-    room: float,
-    following: float,
-) -> int:
-    """Return the index of the last piece of a line.
+class _Layout:
+    """Lines as they are filled."""
 
-    This is the last of the best breaks, unless the line would be nearly empty and the next part
-    would have to be broken anyway.
-    """
-    used, total = {}, 0.0
-    for i in ends:
-        total += widths[i] + (spaces[i - 1] if i > ends[0] else 0)
-        used[i] = total
-    for depth in sorted({breaks[i].depth for i in ends}):
-        last = max(i for i in ends if breaks[i].depth == depth)
-        if used[last] >= room / 3:
-            return last
-        term = widths[last + 1]
-        for i in range(last + 1, len(breaks)):
-            if breaks[i].depth <= depth or term > following:
-                break
-            term += spaces[i] + widths[i + 1]
-        if term <= following:
-            return last
-    return ends[-1]
+    def __init__(
+        self,
+        tokens: Sequence[Token],
+        measure: Callable[[str], float],
+        first: float,
+        following: float,
+    ):
+        self.pieces: list[str] = [""]
+        self.breaks: list[Break] = []
+        for token in tokens:
+            if isinstance(token, Break):
+                self.pieces.append("")
+                self.breaks.append(token)
+            else:
+                self.pieces[-1] += token
+        self.spaces = [measure(x.space) for x in self.breaks]
+        widths = map(measure, self.pieces)
+        steps = [x + y for x, y in zip(widths, [*self.spaces, 0.0], strict=True)]
+        self.ends = [0.0, *accumulate(steps)]  # with the space that follows
+        self.room, self.following = first, following
+        self.found, self.used = [""], 0.0
 
+    def _width(self, start: int, end: int) -> float:
+        """Return the width of pieces, the last one included."""
+        trailing = self.spaces[end] if end < len(self.spaces) else 0.0
+        return self.ends[end + 1] - self.ends[start] - trailing
 
-def _joined(pieces: Sequence[str], breaks: Sequence[Break], start: int, end: int) -> str:
-    parts = [pieces[start]]
-    for i in range(start, end):
-        parts += [breaks[i].space, pieces[i + 1]]
-    return "".join(parts)
+    def _newline(self) -> None:
+        self.found.append("")
+        self.room, self.used = self.following, 0.0
+
+    def place(self, start: int, end: int, space: str, gap: float, full: float = 1 / 3) -> bool:
+        """Append pieces to the lines; return whether they were broken.
+
+        Pieces that must be broken anyway begin on a line that is used up to the share ``full``.
+        """
+        wanted = self._width(start, end)
+        begun = bool(self.found[-1])
+        if self.used + gap * begun + wanted > self.room and begun:
+            inside = wanted > self.following and start < end
+            if not inside or self.used > self.room * full:
+                self._newline()
+                begun = False
+        if not begun:
+            space, gap = "", 0.0
+        if self.used + gap + wanted <= self.room or start == end:
+            between = [*(x.space for x in self.breaks[start:end]), ""]
+            parts = zip(self.pieces[start : end + 1], between, strict=True)
+            self.found[-1] += space + "".join(map("".join, parts))
+            self.used += gap + wanted
+            return False
+        depth = min(x.depth for x in self.breaks[start:end])
+        cuts = [i for i in range(start, end) if self.breaks[i].depth == depth]
+        broken = self.place(start, cuts[0], space, gap)
+        for cut, last in zip(cuts, [*cuts[1:], end], strict=True):
+            if broken and self.breaks[cut].term:
+                self._newline()
+            at = self.breaks[cut]
+            full = 1 / 3 if at.term else 2 / 3
+            broken = self.place(cut + 1, last, at.space, self.spaces[cut], full)
+        return True

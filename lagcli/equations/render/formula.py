@@ -15,6 +15,16 @@ from lagcli.equations.render.names import Notation
 PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")
 
 
+#: Added to the depth of breaks before factors without brackets, which are broken last.
+LAST_RESORT = 100
+
+
+def factor_depth(factor: Node, depth: int) -> int:
+    """Return the depth of the break before a factor of a product at a depth."""
+    base = factor.base if isinstance(factor, t.Power) else factor
+    return depth if isinstance(base, t.Sum | t.Vector) else depth + LAST_RESORT
+
+
 class FormulaWriter:
     """Writer for the formulas of a model.
 
@@ -64,10 +74,10 @@ class FormulaWriter:
         found: list[Token] = []
         for i, (sign, term) in enumerate(node.terms):
             if i:
-                found += [Break(depth), self.plus if sign > 0 else self.minus]
+                found += [Break(depth, term=True), self.plus if sign > 0 else self.minus]
             elif sign < 0:
                 found.append(self.negative)
-            found += self.tokens(term, depth + 1 if isinstance(term, t.Product) else depth)
+            found += self.tokens(term, depth + 1)
         return found
 
     def _listed(self, items: tuple[Node, ...], depth: int) -> list[Token]:

@@ -7,8 +7,8 @@ from fractions import Fraction
 
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
-from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
-from lagcli.equations.render.formula import PREFIX, DisplayWriter, cases_of, rows_of
+from lagcli.equations.render.breaking import Break, Token, flat
+from lagcli.equations.render.formula import PREFIX, DisplayWriter, cases_of, factor_depth, rows_of
 from lagcli.equations.render.names import latex_ascii, latex_word, letter
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
 
@@ -20,7 +20,6 @@ _FUNCTIONS = {
 _FENCES = {"abs": (r"\lvert ", r" \rvert"), "norm": (r"\lVert ", r" \rVert")}
 _FENCES["floor"] = (r"\lfloor ", r" \rfloor")
 _FENCES["ceil"] = _FENCES["ceiling"] = (r"\lceil ", r" \rceil")
-_SHORT_BRACKET = 70
 _TALL = (r"\frac", r"\begin")
 
 
@@ -31,7 +30,7 @@ class LatexFormula(DisplayWriter):
 
     def latex(self, node: Node) -> str:
         """Return a formula on one line."""
-        return "".join(x.space if isinstance(x, Break) else x for x in self.tokens(node))
+        return flat(self.tokens(node))
 
     def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
         return [rf"\delta {self._symbol(node.of)}"]
@@ -94,7 +93,8 @@ class LatexFormula(DisplayWriter):
             if i:
                 before = node.factors[i - 1]
                 apart = needs_space(before, factor)
-                found.append(Break(depth + LAST_RESORT, r" \, " if apart else " "))
+                space = r" \, " if apart else " "
+                found.append(Break(factor_depth(factor, depth), space))
             found += part
         return found
 
@@ -163,8 +163,6 @@ class LatexFormula(DisplayWriter):
             size = ("", "")
         square = "(" in re.sub(r"\\sqrt\[.\]", "", text) and r"\bigl[" not in text
         opening, closing = ("[", "]") if square else ("(", ")")
-        if len(text) <= _SHORT_BRACKET:
-            inner = with_break_penalty(inner)
         return [f"{size[0]}{opening}", *inner, f"{size[1]}{closing}"]
 
     def _group(self, text: str) -> str:

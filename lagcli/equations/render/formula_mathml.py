@@ -10,8 +10,8 @@ from html import escape, unescape
 
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
-from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
-from lagcli.equations.render.formula import PREFIX, DisplayWriter, cases_of, rows_of
+from lagcli.equations.render.breaking import Break, Token
+from lagcli.equations.render.formula import PREFIX, DisplayWriter, cases_of, factor_depth, rows_of
 from lagcli.equations.render.formula_latex import needs_space
 from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
@@ -22,7 +22,6 @@ _FENCES = {"abs": ("|", "|"), "norm": ("‖", "‖"), "floor": ("⌊", "⌋"), "
 _FENCES["ceiling"] = _FENCES["ceil"]
 _THIN = '<mspace width="0.17em"/>'
 _APPLY, _TIMES = "<mo>\u2061</mo>", "<mo>\u2062</mo>"
-_SHORT_BRACKET = 24
 _TALL = ("<mfrac>", "<mtable")
 
 
@@ -132,7 +131,7 @@ class MathmlFormula(DisplayWriter):
             part = self._tight(factor, depth, product=True)
             if i:
                 apart = needs_space(node.factors[i - 1], factor) or _named(factor)
-                found += [Break(depth + LAST_RESORT), _THIN if apart else _TIMES]
+                found += [Break(factor_depth(factor, depth)), _THIN if apart else _TIMES]
             found += part
         return found
 
@@ -221,8 +220,6 @@ class MathmlFormula(DisplayWriter):
             f'<mo form="{form}" fence="true"{size}>{sign}</mo>'
             for form, sign in (("prefix", opening), ("postfix", closing))
         )
-        if width(text) <= _SHORT_BRACKET:
-            inner = with_break_penalty(inner)
         return [first, *inner, last]
 
 

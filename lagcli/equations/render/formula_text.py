@@ -6,8 +6,8 @@ from fractions import Fraction
 
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
-from lagcli.equations.render.breaking import LAST_RESORT, Break, Token, with_break_penalty
-from lagcli.equations.render.formula import PREFIX, FormulaWriter
+from lagcli.equations.render.breaking import Break, Token, flat
+from lagcli.equations.render.formula import PREFIX, FormulaWriter, factor_depth
 from lagcli.equations.render.names import SUBSCRIPTS, SUPERSCRIPTS
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
 
@@ -20,7 +20,6 @@ _VULGAR = {
     )
 }
 _RELATIONS = {"<=": "≤", ">=": "≥", "!=": "≠", "==": "="}
-_SHORT_BRACKET = 24
 _BRACKETS = (("(", ")"), ("[", "]"), ("{", "}"))
 
 
@@ -31,7 +30,7 @@ class TextFormula(FormulaWriter):
 
     def text(self, node: Node) -> str:
         """Return a formula on one line."""
-        return "".join(x.space if isinstance(x, Break) else x for x in self.tokens(node))
+        return flat(self.tokens(node))
 
     def _write_virtualdisplacement(self, node: t.VirtualDisplacement, depth: int) -> list[Token]:
         name = self._symbol(node.of)
@@ -50,12 +49,15 @@ class TextFormula(FormulaWriter):
         return [f"{node.matrix.text}[{', '.join(map(self._symbol, node.indices))}]"]
 
     def _write_indexedsum(self, node: t.IndexedSum, depth: int) -> list[Token]:
-        span = f"{node.index}={self.text(node.first)}..{self.text(node.last)}"
+        span = f"{node.index}={self.text(node.first)}..{self.text(node.last)}".replace(" ", "")
         return [f"Σ({span}) ", *self._tight(node.term, depth, product=True)]
 
     def _write_quotient(self, node: t.Quotient, depth: int) -> list[Token]:
-        top = self._tight(node.numerator, depth, product=True)
-        return [*top, "/", *self._tight(node.denominator, depth)]
+        below = node.denominator
+        top = self._tight(_closed(node.numerator), depth + 1, product=True)
+        if isinstance(below, t.Power) and isinstance(below.base, t.Symbol | t.Sum):
+            return [*top, "/", *self.tokens(below, depth + 1)]
+        return [*top, "/", *self._tight(below, depth + 1)]
 
     def _write_root(self, node: t.Root, depth: int) -> list[Token]:
         sign, inner = {2: "√", 3: "∛"}[node.degree], node.radicand
@@ -77,7 +79,7 @@ class TextFormula(FormulaWriter):
     def _write_relation(self, node: t.Relation, depth: int) -> list[Token]:
         relation = _RELATIONS.get(node.operator, node.operator)
         left, right = self.tokens(node.left, depth + 1), self.tokens(node.right, depth + 1)
-        return [*left, Break(depth + LAST_RESORT), f"{relation} ", *right]
+        return [*left, Break(depth), f"{relation} ", *right]
 
     def number(self, value: Fraction) -> str:
         """Return a number: ½, 0.1, 3/7."""
@@ -112,7 +114,7 @@ class TextFormula(FormulaWriter):
         found: list[Token] = []
         for i, factor in enumerate(node.factors):
             if i:
-                found.append(Break(depth + LAST_RESORT))
+                found.append(Break(factor_depth(factor, depth)))
             if isinstance(factor, t.Number):
                 found.append(self._factor_number(factor.value))
             elif isinstance(factor, t.Quotient) and i < len(node.factors) - 1:
@@ -183,6 +185,17 @@ class TextFormula(FormulaWriter):
         text = "".join(x for x in inner if isinstance(x, str))
         level = 0 if "(" not in text or round_ else 1 if "[" not in text else 2
         opening, closing = _BRACKETS[level]
-        if len(text) <= _SHORT_BRACKET:
-            inner = with_break_penalty(inner)
         return [opening, *inner, closing]
+
+
+def _closed(node: Node) -> Node:
+    """Return a numerator whose last function has parentheses: sin(φ)/l, not sin φ/l."""
+    match node:
+        case t.Product():
+            *before, last = node.factors
+            return t.Product((*before, _closed(last)))
+        case t.Power():
+            return t.Power(_closed(node.base), node.exponent)
+        case t.Call(arguments=(t.Symbol() as argument,)) if node.function in PREFIX:
+            return t.Call(node.function, (t.Sum(((1, argument),)),))
+    return node

@@ -5,7 +5,7 @@ grammar, which `lagcli.model.expression.grammar` reads back, and LaTeX.
 
 ==================  ==========================================================================
 ``schema``          ``"lagcli-derivation-2"``
-``name``            name of the model; also ``description``
+``name``            name of the model; also ``title`` and ``description``
 ``form``            ``"written-out"``, or for a large model without ``--full`` ``"matrices"``, whose
                     formulas contain abbreviations
 ``abbreviations``   objects ``name, text, latex`` in topological order, including definitions of
@@ -146,6 +146,7 @@ class _JsonWriter:
         return {
             "schema": SCHEMA,
             "name": model.name,
+            "title": model.title,
             "description": model.description,
             "numeric": bool(self.f.values),
             "coordinates": [

@@ -6,16 +6,19 @@ import re
 import unicodedata
 from collections.abc import Sequence
 from itertools import groupby
+from typing import NamedTuple
 
 from lagcli.equations.presentation.formulas import Line, Step
-from lagcli.equations.render.breaking import Break, Token, lines
+from lagcli.equations.presentation.typeset import Symbol
+from lagcli.equations.render.breaking import Break, Token, flat, lines
 from lagcli.equations.render.formula_latex import LatexFormula
-from lagcli.equations.render.names import LATEX_GREEK
+from lagcli.equations.render.names import LATEX_GREEK, latex_ascii
 from lagcli.model.model import Model
 
 TEXT_WIDTH = 455.0  # in points: 160 mm
 _ROWS = 60  # of one display; more than a page
 _INDENT = 20.0  # points: \quad and the alignment
+_NUMBER = 34.0  # points: the number of an equation and the space before it
 
 _PREAMBLE = r"""\documentclass[11pt,a4paper]{article}
 \usepackage[utf8]{inputenc}
@@ -48,6 +51,7 @@ _ESCAPES = {
     "·": r"$\cdot$",
     "×": r"$\times$",
     "°": r"$^\circ$",
+    "§": r"\S{}",
     "²": r"$^2$",
     "³": r"$^3$",
     "≤": r"$\le$",
@@ -100,15 +104,16 @@ def render_latex(
     fragment : bool
         Whether to omit the preamble and the end of the document.
     """
-    found = [rf"\section*{{{escape(model.name)}}}"]
+    found = [rf"\section*{{{escape(model.title)}}}"]
     if model.description:
         found.append(escape(" ".join(model.description.split())))
+    labels = _Labels()
     for i, step in enumerate(steps, 1):
         title = f"{i}. {step.title}" if numbered else step.title
         found.append(rf"\subsection*{{{_title(title)}}}")
         if step.lead:
             found.append(rf"\noindent {escape(step.lead)}")
-        found += _body(step, formula)
+        found += _body(step, formula, labels)
         if step.remark:
             found.append(rf"\noindent {escape(step.remark)}")
     body = "\n\n".join(found)
@@ -117,7 +122,7 @@ def render_latex(
 
 def _title(text: str) -> str:
     """Return a title with k = 2 and r = 1 as formulas."""
-    return re.sub(r"\b([kr]) = (\d+)", r"$\1 = \2$", escape(text))
+    return re.sub(r": ([A-Za-z]) = (\d+)", r": $\1 = \2$", escape(text))
 
 
 def paragraphs(group: Sequence[Line]) -> list[tuple[Line | None, list[Line]]]:
@@ -133,7 +138,28 @@ def paragraphs(group: Sequence[Line]) -> list[tuple[Line | None, list[Line]]]:
     return found
 
 
-def _body(step: Step, formula: LatexFormula) -> list[str]:
+class _Labels:
+    """Names of numbered equations, each used once: eq:motion-phi."""
+
+    def __init__(self) -> None:
+        self._used: set[str] = set()
+
+    def of(self, step: Step, line: Line) -> str:
+        """Return the label of an equation with a coordinate or constraint; empty for others."""
+        label = line.label.name if isinstance(line.label, Symbol) else line.label
+        if not isinstance(label, str):
+            return ""
+        words = [step.title.split(":")[0].rpartition(" of the ")[0] or step.title.split(":")[0]]
+        name = "-".join(re.findall(r"[A-Za-z0-9]+", f"{words[0].lower()} {latex_ascii(label)}"))
+        found, number = name, 1
+        while found in self._used:
+            number += 1
+            found = f"{name}-{number}"
+        self._used.add(found)
+        return rf"\label{{eq:{found}}}"
+
+
+def _body(step: Step, formula: LatexFormula, labels: _Labels) -> list[str]:
     if step.packed:
         # TeX breaks inline formulas
         inline = [" = ".join(map(formula.latex, line.sides)) for line in step.lines]
@@ -147,8 +173,8 @@ def _body(step: Step, formula: LatexFormula) -> list[str]:
             continue
         for named, belonging in paragraphs(list(group)):
             display = "\n".join(
-                f"\\begin{{align*}}\n{part}\n\\end{{align*}}"
-                for part in displays(belonging, formula)
+                "\\begin{align}\n" + _numbered(rows, step, labels) + "\n\\end{align}"
+                for rows in displays(belonging, formula, TEXT_WIDTH - _NUMBER)
             )
             if named is not None:
                 note = f" ({escape(named.remark)})" if named.remark else ""
@@ -158,52 +184,98 @@ def _body(step: Step, formula: LatexFormula) -> list[str]:
     return found
 
 
+def _numbered(rows: Sequence[Row], step: Step, labels: _Labels) -> str:
+    """Return rows of a display; the last row of each equation has its number."""
+    found = []
+    for i, row in enumerate(rows):
+        end = r" \notag" if row.line is None else labels.of(step, row.line)
+        broken = row.line is None or (i > 0 and rows[i - 1].line is None)
+        apart = "" if i == len(rows) - 1 else r" \\[1ex]" if broken and row.line else r" \\"
+        found.append(row.latex + end + apart)
+    return "\n".join(found)
+
+
 def _item(line: Line, formula: LatexFormula) -> str:
     note = f" --- {escape(line.remark)}" if line.remark else ""
     return rf"\item ${formula.latex(line.sides[0])}${note}"
 
 
-def displays(group: Sequence[Line], formula: LatexFormula, width: float = TEXT_WIDTH) -> list[str]:
+class Row(NamedTuple):
+    """A row of a display; the last one of an equation has its line."""
+
+    latex: str
+    line: Line | None
+
+
+def displays(
+    group: Sequence[Line], formula: LatexFormula, width: float = TEXT_WIDTH
+) -> list[list[Row]]:
     """Return formulas as rows of displays aligned at the equality sign, broken to fit the page.
 
     Many rows are split into several displays, because TeX keeps a whole display in memory.
     """
-    left = [measure(_flat(formula.tokens(line.sides[0]))) for line in group]
+    heads = [_head(line, formula) for line in group]
+    left = [
+        measure(h + flat(formula.tokens(x.sides[0]))) for h, x in zip(heads, group, strict=True)
+    ]
     aligned = max(left, default=0.0)
     flush = aligned > width / 4  # long left side: all lines start at the margin
-    equations: list[list[str]] = []
-    for line in group:
-        found: list[str] = []
-        equations.append(found)
-        first, *others = [formula.tokens(side) for side in line.sides]
+    parts: list[list[Row]] = [[]]
+    for line, head in zip(group, heads, strict=True):
         if flush:
-            whole = list(first)
-            for side in others:
-                whole += [Break(-1), "= ", *side]
-            whole += _note(line)
-            broken = lines(whole, measure, width, width - _INDENT)
-            found += [rf"&{broken[0]}", *(rf"&\quad {x}" for x in broken[1:])]
+            texts = _flush(line, head, formula, width)
+        else:
+            texts = _aligned(line, head, formula, width - aligned - measure("= "))
+        rows = [Row(text, None) for text in texts[:-1]] + [Row(texts[-1], line)]
+        for i in range(0, len(rows), _ROWS):
+            if parts[-1] and len(parts[-1]) + len(rows[i : i + _ROWS]) > _ROWS:
+                parts.append([])
+            parts[-1] += rows[i : i + _ROWS]
+    return parts
+
+
+def _head(line: Line, formula: LatexFormula) -> str:
+    """Return the coordinate to which a formula belongs, as it stands before the formula."""
+    label = line.label
+    if label is None or isinstance(label, str):
+        return ""
+    return rf"{formula.latex(label)}\colon\quad "
+
+
+def _flush(line: Line, head: str, formula: LatexFormula, width: float) -> list[str]:
+    """Return the rows of a formula, each side on a new one if they do not fit on one."""
+    room = width - measure(head)
+    sides = [list(formula.tokens(side)) for side in line.sides]
+    sides[-1] += _note(line)
+    whole = " = ".join(map(flat, sides))
+    if measure(whole) <= room:
+        return [rf"{head}&{whole}"]
+    found: list[str] = []
+    for i, side in enumerate(sides):
+        tokens = ["= ", *side] if i else side
+        if found and side == ["0"]:
+            found[-1] += " = 0"
             continue
-        others[-1] = [*others[-1], *_note(line)]
-        head = _flat(first)
-        room = width - aligned - measure("= ")
-        rest = " = ".join(_flat(side) for side in others)
-        if measure(rest) <= room:
-            found.append(f"{head} &= {rest}")
-            continue
-        for side in others:
-            broken = lines(side, measure, room, room - _INDENT)
-            found += [f"{head} &= {broken[0]}", *(rf"&\qquad {x}" for x in broken[1:])]
-            head = ""
-    # extra space around broken equations
-    apart = " \\\\[1ex]\n" if any(len(found) > 1 for found in equations) else " \\\\\n"
-    pieces = [found[i : i + _ROWS] for found in equations for i in range(0, len(found), _ROWS)]
-    parts: list[list[list[str]]] = [[]]
-    for piece in pieces:
-        if parts[-1] and sum(map(len, parts[-1])) + len(piece) > _ROWS:
-            parts.append([])
-        parts[-1].append(piece)
-    return [apart.join(" \\\\\n".join(found) for found in part) for part in parts]
+        broken = lines(tokens, measure, room - _INDENT * bool(i), room - 2 * _INDENT)
+        found.append(rf"&\quad {broken[0]}" if i else rf"{head}&{broken[0]}")
+        found += [rf"&\qquad {x}" for x in broken[1:]]
+    return found
+
+
+def _aligned(line: Line, head: str, formula: LatexFormula, room: float) -> list[str]:
+    """Return the rows of a formula, aligned at the equality sign."""
+    first, *others = [formula.tokens(side) for side in line.sides]
+    others[-1] = [*others[-1], *_note(line)]
+    head += flat(first)
+    rest = " = ".join(map(flat, others))
+    if measure(rest) <= room:
+        return [f"{head} &= {rest}"]
+    found: list[str] = []
+    for side in others:
+        broken = lines(side, measure, room, room - _INDENT)
+        found += [f"{head} &= {broken[0]}", *(rf"&\qquad {x}" for x in broken[1:])]
+        head = ""
+    return found
 
 
 def _note(line: Line) -> list[Token]:
@@ -216,10 +288,6 @@ def _note(line: Line) -> list[Token]:
     for part in parts:
         found += [Break(0, r" \qquad "), part]
     return found
-
-
-def _flat(tokens: Sequence[Token]) -> str:
-    return "".join(x.space if isinstance(x, Break) else x for x in tokens)
 
 
 _PIECE = re.compile(r"\\[A-Za-z]+|\\.|[{}_^]|[A-Za-z]|\d|\s+|.", re.DOTALL)

@@ -8,7 +8,7 @@ from itertools import groupby
 
 from lagcli.equations.presentation.formulas import Line, Step
 from lagcli.equations.render.formula_latex import LatexFormula
-from lagcli.equations.render.latex import displays, paragraphs
+from lagcli.equations.render.latex import Row, displays, paragraphs
 from lagcli.model.model import Model
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]<>#|$~])")
@@ -32,7 +32,7 @@ def render_markdown(
     numbered : bool
         Whether the steps are numbered.
     """
-    found = [f"# {escape(model.name)}"]
+    found = [f"# {escape(model.title)}"]
     if model.description:
         found.append(escape(model.description))
     for i, step in enumerate(steps, 1):
@@ -59,10 +59,14 @@ def _body(step: Step, formula: LatexFormula) -> list[str]:
                 note = f" ({escape(named.remark)})" if named.remark else ""
                 found.append(f"*{escape(str(named.label))}*{note}:")
             found += [
-                f"$$\n\\begin{{aligned}}\n{part}\n\\end{{aligned}}\n$$"
-                for part in displays(belonging, formula)
+                "$$\n\\begin{aligned}\n" + _rows(rows) + "\n\\end{aligned}\n$$"
+                for rows in displays(belonging, formula)
             ]
     return found
+
+
+def _rows(rows: Sequence[Row]) -> str:
+    return " \\\\\n".join(row.latex for row in rows)
 
 
 def _item(line: Line, formula: LatexFormula) -> str:

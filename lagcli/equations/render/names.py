@@ -15,6 +15,8 @@ from lagcli.model.names.latex_symbol import InvalidLatex, parse, to_latex
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+#: Of indices; other letters have no subscript in Unicode.
+_INDEX_SIGNS = str.maketrans("0123456789ijknpsu+−-", "₀₁₂₃₄₅₆₇₈₉ᵢⱼₖₙₚₛᵤ₊₋₋")
 _DOTS = ("", "\u0307", "\u0308")
 
 
@@ -74,7 +76,10 @@ class Notation:
 
     def multiplier(self, constraint: str) -> str:
         """Return λ, with the constraint's name if there are several."""
-        return "λ" if self._single else f"λ_{constraint}"
+        if self._single:
+            return "λ"
+        family, bracket, index = constraint.removesuffix("]").partition("[")
+        return f"λ_{family}{_text_index(index) if bracket else ''}"
 
     def latex_multiplier(self, constraint: str) -> str:
         """Return λ in LaTeX."""
@@ -139,11 +144,28 @@ def _distinct(looks: dict[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
 def _text(name: str) -> tuple[str, str]:
     letter, subscript = split(name)
     letter = GREEK.get(letter, letter)
-    if not subscript or subscript.startswith("["):
-        return letter, subscript
+    subscript, bracket, index = subscript.partition("[")
+    if bracket:
+        return letter, _text_subscript(subscript) + _text_index(index.removesuffix("]"))
+    return letter, _text_subscript(subscript)
+
+
+def _text_subscript(subscript: str) -> str:
+    if not subscript:
+        return ""
     if subscript.isascii() and subscript.isdigit():
-        return letter, subscript.translate(SUBSCRIPTS)
-    return letter, f"_{subscript}"
+        return subscript.translate(SUBSCRIPTS)
+    return f"_{subscript}"
+
+
+def _text_index(index: str) -> str:
+    """Return the index of a member: ₃, ᵢ₋₁, _N, _(N−1), [1,2]."""
+    lowered = index.translate(_INDEX_SIGNS)
+    if not any(x.isascii() for x in lowered):
+        return lowered
+    if "," in index:
+        return f"[{index}]"
+    return f"_{index}" if index.isidentifier() else f"_({index})"
 
 
 def _latex(name: str) -> tuple[str, str]:
@@ -197,12 +219,10 @@ def _latex_letter(text: str, font: str = r"\mathit") -> str:
 
 
 def latex_word(name: str) -> str:
-    """Return a constraint's name as a subscript: rod_1 with a nested subscript."""
+    """Return a constraint's name as an upright subscript: p4,x; rod,1; rod,i."""
     name, _, index = name.removesuffix("]").partition("[")
-    first, *rest = [p for p in name.split("_") if p]
-    head = rf"\mathrm{{{latex_ascii(first)}}}"
-    below = [*map(latex_ascii, rest), *([_latex_index(index)] if index else [])]
-    return head + (f"_{{{','.join(below)}}}" if below else "")
+    words = ",".join(latex_ascii(p) for p in name.split("_") if p)
+    return rf"\mathrm{{{words}}}" + (f",{_latex_index(index)}" if index else "")
 
 
 def latex_ascii(text: str) -> str:

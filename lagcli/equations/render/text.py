@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Sequence
 
 from lagcli.equations.presentation.formulas import Line, Step
-from lagcli.equations.render.breaking import Break, Token, lines
+from lagcli.equations.render.breaking import flat, lines
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.names import display_width
 from lagcli.model.model import Model
@@ -15,6 +15,8 @@ NARROWEST = 40
 _INDENT = "  "
 _APART = ";  "  # between short formulas side by side
 _UNEVEN = 8  # maximum difference of left sides that are aligned, in columns
+_SHORT = 3  # maximum columns of a side that stays on the line before it: = 0
+_SHORT_LEFT = 8  # maximum columns of a left side that shares its line
 _CONTINUED = 4  # indentation of continuation lines, in columns
 
 
@@ -33,7 +35,7 @@ def render_text(
     numbered : bool
         Whether the steps are numbered.
     """
-    blocks = [[model.name, *_paragraph(model.description or "", width)]]
+    blocks = [[model.title, *_paragraph(model.description or "", width)]]
     for i, step in enumerate(steps, 1):
         title = f"{i}. {step.title}" if numbered else step.title
         block = _paragraph(title, width)
@@ -110,8 +112,7 @@ def _packed(group: Sequence[Line], formula: TextFormula, width: int) -> list[str
     for line in group:
         text = " = ".join(map(formula.text, line.sides))
         if display_width(text) > room:
-            broken = lines(_whole(line, formula), display_width, room, room - _CONTINUED)
-            found += [broken[0], *(" " * _CONTINUED + x for x in broken[1:])]
+            found += _unaligned(line, formula, room)
         elif found and display_width(found[-1]) + len(_APART) + display_width(text) <= room:
             found[-1] += _APART + text
         else:
@@ -138,15 +139,12 @@ def _formula(
 ) -> list[str]:
     """Return a formula, broken into as many lines as necessary."""
     first, *others = [formula.tokens(side) for side in line.sides]
-    whole = _whole(line, formula)
-    lhs = display_width(_flat(first))
+    lhs = display_width(flat(first))
     if not others or lhs > aligned:
-        broken = lines(whole, display_width, room, room - _CONTINUED)
-        indents = (" " * (_CONTINUED - 2 * x.startswith("= ")) for x in broken[1:])
-        return [broken[0], *map("".join, zip(indents, broken[1:], strict=True))]
+        return _unaligned(line, formula, room)
     aligned = aligned if aligned_sides else lhs
-    head = _padded(_flat(first), aligned)
-    rest = " = ".join(_flat(side) for side in others)
+    head = _padded(flat(first), aligned)
+    rest = " = ".join(flat(side) for side in others)
     if display_width(head) + 3 + display_width(rest) <= room:
         return [f"{head} = {rest}"]
     found = []
@@ -159,14 +157,23 @@ def _formula(
     return found
 
 
-def _whole(line: Line, formula: TextFormula) -> list[Token]:
-    """Return an unbroken formula with possible breaks before each equality sign."""
-    first, *others = [formula.tokens(side) for side in line.sides]
-    found = list(first)
-    for side in others:
-        found += [Break(-1), "= ", *side]
+def _unaligned(line: Line, formula: TextFormula, room: int) -> list[str]:
+    """Return a formula on one line if it fits, and each of its sides on a new one otherwise."""
+    whole = " = ".join(map(formula.text, line.sides))
+    if display_width(whole) <= room:
+        return [whole]
+    found: list[str] = []
+    parts = [formula.tokens(side) for side in line.sides]
+    parts[1:] = [["= ", *part] for part in parts[1:]]
+    if len(parts) > 1 and display_width(flat(parts[0])) <= _SHORT_LEFT:
+        parts[:2] = [[f"{flat(parts[0])} ", *parts[1]]]
+    for i, tokens in enumerate(parts):
+        short = flat(tokens)
+        if found and len(short) <= _SHORT and display_width(found[-1]) + len(short) < room:
+            found[-1] += f" {short}"
+            continue
+        margin = _CONTINUED // 2 if i else 0
+        broken = lines(tokens, display_width, room - margin, room - _CONTINUED)
+        found.append(" " * margin + broken[0])
+        found += [" " * _CONTINUED + x for x in broken[1:]]
     return found
-
-
-def _flat(tokens: Sequence[Token]) -> str:
-    return "".join(x.space if isinstance(x, Break) else x for x in tokens)

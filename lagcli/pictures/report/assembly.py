@@ -74,7 +74,7 @@ def assembled(run: RunFile, title: str | None = None) -> str:
     packed = Packed()
     scene = _scene(run)
     data = {
-        "name": title or model.name,
+        "name": title or model.title,
         "palette": list(PALETTE),
         "scene": scene,
         "speed": timing(*_ends(scene)).speed if scene else 1,
@@ -82,7 +82,7 @@ def assembled(run: RunFile, title: str | None = None) -> str:
         "arrays": list(packed.texts),
     }
     start = run.columns(("q", "v"), np.zeros(1, dtype=np.intp))
-    name = escape(title or model.name)
+    name = escape(title or model.title)
     script = "\n".join([f"/*\n{asset(_UPLOT + 'LICENSE')}\n*/", *map(asset, _SCRIPTS)])
     style = "\n".join(map(asset, _STYLES))
     return Template(asset("report.html")).substitute(

@@ -97,7 +97,7 @@ def test_schema():
     content = json.loads(render(e, "json", steps=True))
     assert content["schema"] == "lagcli-derivation-2"
     assert list(content) == [
-        *("schema", "name", "description", "numeric", "coordinates", "parameters"),
+        *("schema", "name", "title", "description", "numeric", "coordinates", "parameters"),
         *("form", "abbreviations", "constraints"),
         *(
             "rank",

@@ -20,6 +20,7 @@ from lagcli.equations.render.numbers import written_decimals
 from lagcli.equations.render.text import render_text
 from lagcli.equations.simplification.arrange import Arranger
 from lagcli.errors import UsageError
+from lagcli.model.loader import load_text
 
 
 @pytest.mark.parametrize(
@@ -186,3 +187,119 @@ def test_number_signs():
     assert formula.number(Fraction("0.000012345678")) == "1.23457×10⁻⁵"
     assert formula.number(Fraction(1, 3)) == "0.333333"
     assert formula.number(Fraction(-3)) == "−3"
+
+
+def brackets_of(text: str) -> list[tuple[int, int]]:
+    """Return where brackets open and close."""
+    found, stack = [], []
+    for i, char in enumerate(text):
+        if char in "([{":
+            stack.append(i)
+        elif char in ")]}":
+            found.append((stack.pop(), i))
+    assert not stack
+    return found
+
+
+@pytest.mark.parametrize("width", [80, 100, 120])
+@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
+def test_factors_that_fit_on_a_line_are_not_broken(path, width):
+    """A bracket that contains a line break is longer than the lines."""
+    for steps in (False, True):
+        for block in render(equations_of(path), "text", steps, width=width).split("\n\n"):
+            rows = block.split("\n")
+            for first, last in brackets_of(block):
+                inside = block[first : last + 1]
+                if "\n" not in inside or " " not in inside or not {"=", "−", "+"} & set(inside):
+                    continue
+                begun = block[:first].count("\n")
+                margin = min(
+                    len(x) - len(x.lstrip())
+                    for x in rows[begun + 1 : begun + 1 + inside.count("\n")]
+                )
+                assert display_width(" ".join(inside.split())) > width - margin - 2, inside
+        # lines begin with the sign of a term, an equality sign, a bracket or a whole formula
+        for line in render(equations_of(path), "text", steps, width=width).splitlines():
+            assert not line.rstrip().endswith(("+", "−", "=", "(", "[", "{")), line
+
+
+def test_functions_above_a_fraction_have_parentheses():
+    formula = TextFormula(Notation(model_of("x", "m/2*x'^2").model))
+    sine, m, cosine = (
+        t.Call("sin", (t.Symbol("x"),)),
+        t.Symbol("m"),
+        t.Call("cos", (t.Symbol("x"),)),
+    )
+    two = t.Number(Fraction(2))
+    assert formula.text(t.Quotient(sine, m)) == "sin(x)/m"
+    assert formula.text(t.Quotient(t.Product((m, sine)), m)) == "m sin(x)/m"
+    assert formula.text(t.Quotient(t.Power(cosine, two), m)) == "cos²(x)/m"
+    assert formula.text(t.Quotient(t.ONE, t.Power(m, two))) == "1/m²"
+    assert formula.text(t.Quotient(t.ONE, t.Power(sine, two))) == "1/(sin² x)"
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("theta[1]", "θ₁"),
+        ("x[i−1]", "xᵢ₋₁"),
+        ("x[12]", "x₁₂"),
+        ("x[N]", "x_N"),
+        ("x[N−1]", "x_(N−1)"),
+        ("x_A[2]", "x_A₂"),
+        ("x[1,2]", "x[1,2]"),
+    ],
+)
+def test_indices_are_subscripts(name, shown):
+    names = Notation(model_of("z", "m/2*z'^2").model)
+    assert names.text(name) == shown
+
+
+def test_a_member_and_a_name_that_would_look_the_same_are_told_apart():
+    text = "coordinates: ['x[1..2]', x1]\nT: (x[1]'^2 + x[2]'^2 + x1'^2)/2\n"
+    text += "initial: {'x[1..2]': 0, \"x[1..2]'\": 0, x1: 0, x1': 0}\n"
+    names = Notation(load_text(text))
+    assert (names.text("x[1]"), names.text("x1")) == ("x[1]", "x1")
+
+
+def test_symbols_of_the_theory_give_way_to_names_of_the_model():
+    rest = {"constraints": "  c: phi = b*beta"}
+    equations = model_of("phi beta k", "(phi'^2 + beta'^2 + k'^2)/2", parameters="b r f", **rest)
+    text = render(equations)
+    assert "Coordinates: n = 3" in text
+    assert "Constraints: s = 1" in text
+    assert "n − s = 3 − 1 = 2" in text
+    assert "a_iα = ∂h_α/∂qᵢ" in text
+    assert "Σ_α λ_α a_iα" in text
+    assert "constraint α as written" in text
+
+
+def test_the_textbook_is_named_once():
+    for steps in (False, True):
+        text = render(equations_of(next(p for p in MODELS if p.stem == "four_bar")), steps=steps)
+        assert text.count("textbook, §8") == 1
+
+
+def test_virtual_displacements_are_factored_like_the_constraint():
+    path = next(p for p in MODELS if p.stem == "double_pendulum_cartesian")
+    assert "2 [(x₂ − x₁) (δx₂ − δx₁) + (y₂ − y₁) (δy₂ − δy₁)] = 0" in render(equations_of(path))
+
+
+def test_a_wrapped_sum_breaks_before_its_right_side():
+    text = render(equations_of(next(p for p in MODELS if p.stem == "heavy_top")), width=80)
+    (block,) = [x for x in text.split("\n\n") if x.startswith("Equations of motion")]
+    for line in block.splitlines()[4:]:
+        assert " = " not in line.strip(), line
+
+
+def test_the_heading_is_the_title():
+    path = next(p for p in MODELS if p.stem == "andrews_squeezer")
+    for form, heading in (
+        ("text", "Andrews' squeezing mechanism\n"),
+        ("latex", r"\section*{Andrews' squeezing mechanism}"),
+        ("markdown", "# Andrews' squeezing mechanism\n"),
+    ):
+        assert heading in render(equations_of(path), form)
+    assert model_of("x", "x'^2/2").model.title == "<text>"
+    named = "name: four_bar_2\ncoordinates: [x]\nT: x'^2/2\ninitial: {x: 0, x': 0}\n"
+    assert load_text(named).title == "Four bar 2"

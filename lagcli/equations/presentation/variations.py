@@ -1,0 +1,89 @@
+"""Arrangement of differentiated constraints: factored, with differences as they are written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from lagcli.equations.presentation.typeset import (
+    Node,
+    Product,
+    Quotient,
+    Root,
+    Sum,
+    Symbol,
+    VirtualDisplacement,
+    children,
+    rebuilt,
+)
+
+
+def displaced(node: Node) -> Node | None:
+    """Return a formula with δq in the place of q̇, each at the end of its product.
+
+    Returns None if a fraction or a root contains a velocity.
+    """
+    if isinstance(node, Symbol):
+        moved = node.dots == 1 and node.kind == "name"
+        return VirtualDisplacement(Symbol(node.name)) if moved else node
+    if isinstance(node, Quotient | Root):
+        return None if _moves(node) else node
+    found: list[Node | None] = [displaced(x) for x in children(node)]
+    if None in found:
+        return None
+    changed = iter(x for x in found if x is not None)
+    whole = rebuilt(node, lambda _: next(changed))
+    if isinstance(whole, Product):
+        whole = Product(tuple(sorted(whole.factors, key=_displaces)))
+    return whole
+
+
+def _moves(node: Node) -> bool:
+    return (isinstance(node, Symbol) and node.dots > 0) or any(map(_moves, children(node)))
+
+
+def _displaces(node: Node) -> bool:
+    return isinstance(node, VirtualDisplacement) or any(map(_displaces, children(node)))
+
+
+def differences(nodes: Iterable[Node]) -> frozenset[Node]:
+    """Return the differences a − b in formulas."""
+    found: set[Node] = set()
+    stack = list(nodes)
+    while stack:
+        node = stack.pop()
+        if _is_difference(node):
+            found.add(node)
+        stack.extend(children(node))
+    return frozenset(found)
+
+
+def oriented(node: Node, written: frozenset[Node]) -> Node:
+    """Return a formula whose products have differences as they are written elsewhere.
+
+    (x₁ − x₂) (ẋ₁ − ẋ₂) becomes (x₂ − x₁) (ẋ₂ − ẋ₁) if the author wrote x₂ − x₁.
+    """
+    if not written:
+        return node
+    node = rebuilt(node, lambda x: oriented(x, written))
+    if not isinstance(node, Product):
+        return node
+    factors = list(node.factors)
+    turned = [i for i, x in enumerate(factors) if _is_difference(x) and _turned(x) in written]
+    others = [
+        i
+        for i, x in enumerate(factors)
+        if _is_difference(x) and i not in turned and x not in written
+    ]
+    for pair in zip(turned, others, strict=False):
+        for i in pair:
+            factors[i] = _turned(factors[i])
+    return Product(tuple(factors))
+
+
+def _is_difference(node: Node) -> bool:
+    return isinstance(node, Sum) and [sign for sign, _ in node.terms] == [1, -1]
+
+
+def _turned(node: Node) -> Node:
+    assert isinstance(node, Sum)
+    return Sum(tuple((-sign, term) for sign, term in reversed(node.terms)))
