@@ -23,9 +23,9 @@ from lagcli.equations.presentation.typeset import (
     symbols_in,
     weight,
 )
-from lagcli.equations.presentation.variations import differences, displaced, oriented
 from lagcli.equations.presentation.written import named_in, sides_built, written
 from lagcli.equations.simplification.arrange import Arranger
+from lagcli.equations.simplification.variations import differences, displaced, oriented
 from lagcli.model.expression.grammar import Tree
 
 

@@ -11,8 +11,6 @@ from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.presentation.typeset import Node, Partial, Rate, Sign, Sum, Symbol
-from lagcli.equations.render.letters import LATEX_GREEK
-from lagcli.equations.render.names import letter
 from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import Model
@@ -30,6 +28,9 @@ class Signs:
     """
 
     def __init__(self, model: Model):
+        from lagcli.equations.render.letters import LATEX_GREEK
+        from lagcli.equations.render.names import letter
+
         taken = {*model.coordinate_names, *model.parameters, *model.definitions}
         letters = {letter(name) for name in taken}
         self.kinetic, self.potential, self.lagrangian = (
