@@ -1,0 +1,167 @@
+"""Impact laws: Poisson's, Newton's, and a sequence of impacts of one contact each.
+
+References: Pfeiffer & Glocker, Multibody Dynamics with Unilateral Contacts, 1996, chapter 8;
+Glocker, Set-Valued Force Laws, 2001.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from lagcli.arrays import Array, Flags, Indices
+from lagcli.engine.switching.contacts import solve_contacts
+from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
+
+ImpactLaw = Literal["poisson", "newton", "sequential"]
+
+#: Impacts of a sequence, by contact, after which all that are left happen at once.
+_SEQUENCE = 200
+#: Of the velocities: an approach that is rounding.
+_RESTS = 1e-12
+
+
+class ImpactProblem(NamedTuple):
+    """Relative velocities before an impact, and how contacts answer.
+
+    Its rows are the contacts that take part, their friction, and bilateral rows that limit
+    friction; all other bilateral rows are eliminated from the matrix.
+
+    Parameters
+    ----------
+    matrix : (n, n) array
+        A: after = before + A impulse.
+    before : (n,) array
+        Those of contacts are not positive.
+    laws : (n,) array of int
+        `ContactLaw`: unilateral, limited or free.
+    restitution : (n,) array
+        Coefficients, of unilateral rows.
+    friction : (n, n) array
+        Of limited rows: |impulse_k| ≤ Σ_j friction_kj |impulse_j|.
+    """
+
+    matrix: Array
+    before: Array
+    laws: Array
+    restitution: Array
+    friction: Array
+
+    def of_rows(self, rows: Indices, before: Array) -> ImpactProblem:
+        """Return the impact of some of the rows, with other velocities."""
+        block = np.ix_(rows, rows)
+        return ImpactProblem(
+            self.matrix[block],
+            before[rows],
+            self.laws[rows],
+            self.restitution[rows],
+            self.friction[block],
+        )
+
+
+class ImpactResult(NamedTuple):
+    """What an impact does, in each row.
+
+    Parameters
+    ----------
+    impulse, after : (n,) arrays
+    loss : (n,) array
+        Energy that the row takes, −Λ (before + after)/2, or its sum over a sequence.
+    """
+
+    impulse: Array
+    after: Array
+    loss: Array
+
+
+def resolve_impact(impact: ImpactProblem, law: ImpactLaw) -> ImpactResult | None:
+    """Return what an impact does, or None where its law has no solution.
+
+    Poisson's law: compression 0 ≤ γ_C ⊥ Λ_C ≥ 0, then expansion 0 ≤ γ ⊥ Λ_E − e Λ_C ≥ 0. Newton's:
+    0 ≤ γ + e γ⁻ ⊥ Λ ≥ 0. Sequential: Poisson's law for one contact after the other, always the one
+    whose approach takes most energy to stop. Coulomb's friction in each phase.
+
+    Newton's law with friction may gain energy, as in the double pendulum of Kane and Levinson;
+    Poisson's where contacts have different coefficients.
+    """
+    step = {"poisson": _poisson, "newton": _newton, "sequential": _sequence}[law]
+    return step(impact)
+
+
+def _result(impact: ImpactProblem, impulse: Array) -> ImpactResult:
+    after = impact.before + impact.matrix @ impulse
+    return ImpactResult(impulse, after, -impulse * (impact.before + after) / 2)
+
+
+def _solve(impact: ImpactProblem, offset: Array, limits: Array) -> ContactSolution | None:
+    friction = impact.friction
+    return solve_contacts(
+        ContactProblem(impact.matrix, offset, impact.laws, limits, limits, friction, friction)
+    )
+
+
+def _poisson(impact: ImpactProblem) -> ImpactResult | None:
+    nothing = np.zeros(len(impact.before))
+    compression = _solve(impact, impact.before, nothing)
+    if compression is None:
+        return None
+    returned = np.where(_unilateral(impact), impact.restitution * compression.force, 0.0)
+    if not returned.any():
+        return _result(impact, compression.force)
+    # rows that hold have exactly y = 0: what follows is then larger than rounding, or zero
+    offset = compression.motion + impact.matrix @ returned
+    size = np.abs(impact.matrix) @ (np.abs(compression.force) + returned) + np.abs(impact.before)
+    offset[np.abs(offset) <= _RESTS * size] = 0.0
+    expansion = _solve(impact, offset, impact.friction @ returned)
+    if expansion is None:
+        return None
+    return _result(impact, compression.force + returned + expansion.force)
+
+
+def _newton(impact: ImpactProblem) -> ImpactResult | None:
+    shift = np.where(_unilateral(impact), impact.restitution * impact.before, 0.0)
+    found = _solve(impact, impact.before + shift, np.zeros(len(shift)))
+    return None if found is None else _result(impact, found.force)
+
+
+def _sequence(impact: ImpactProblem) -> ImpactResult | None:
+    contacts = np.flatnonzero(_unilateral(impact))
+    on_others = impact.friction[:, contacts] != 0
+    diagonal = np.diag(impact.matrix)[contacts]
+    weight = np.where(diagonal > 0, 1 / np.where(diagonal > 0, diagonal, 1.0), 0.0)
+    velocity = impact.before
+    total = ImpactResult(*np.zeros((3, len(velocity))))
+    rest = _RESTS * float(np.abs(velocity).max())
+    for _ in range(_SEQUENCE * len(contacts)):
+        approach = np.minimum(velocity[contacts], 0.0)
+        approach[approach > -rest] = 0.0
+        if not approach.any():
+            return total._replace(after=velocity)
+        chosen = int(np.argmax(weight * approach**2))
+        others = np.arange(len(contacts)) != chosen
+        taking = ~on_others[:, others].any(axis=1)
+        taking[contacts[others]] = False
+        added = _add(total, impact, np.flatnonzero(taking), velocity)
+        if added is None:
+            return None
+        total, velocity = added, added.after
+    # what is left of an infinite sequence
+    return _add(total, impact, np.arange(len(velocity)), velocity)
+
+
+def _add(
+    total: ImpactResult, impact: ImpactProblem, rows: Indices, velocity: Array
+) -> ImpactResult | None:
+    """Add Poisson's impact of some rows."""
+    found = _poisson(impact.of_rows(rows, velocity))
+    if found is None:
+        return None
+    impulse, loss = total.impulse.copy(), total.loss.copy()
+    impulse[rows] += found.impulse
+    loss[rows] += found.loss
+    return ImpactResult(impulse, impact.before + impact.matrix @ impulse, loss)
+
+
+def _unilateral(impact: ImpactProblem) -> Flags:
+    return np.asarray(impact.laws == ContactLaw.UNILATERAL)
