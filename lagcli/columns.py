@@ -16,6 +16,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 if TYPE_CHECKING:
     from lagcli.arrays import Array
 
+#: After the name of a constraint: the name of its friction.
+SLIP = ".slip"
+
 _PER_JOULE = {"m": "N", "rad": "N*m", "1": "J", "": "J", "C": "V"}
 
 
@@ -385,8 +388,12 @@ def column_names(
 
 @cache
 def _expression(quantity: ResultQuantity) -> re.Pattern[str]:
-    """Return what matches the names of a quantity's columns; names of models have no dots."""
+    """Return what matches the names of a quantity's columns.
+
+    Names of models have no dots, but for the friction of a constraint: ``floor.slip``.
+    """
     pattern = re.escape(quantity.pattern).replace(r"\{", "{").replace(r"\}", "}")
+    pattern = pattern.replace("{constraint}", rf"(?P<constraint>[^.]+(?:{re.escape(SLIP)})?)")
     return re.compile(re.sub(r"{(\w+)}", r"(?P<\1>[^.]+)", pattern))
 
 

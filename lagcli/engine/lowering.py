@@ -26,7 +26,12 @@ def lower(equations: Equations) -> System:
     -------
     System
     """
-    from lagcli.equations.derivation.column_expressions import power_applied, reported
+    from lagcli.engine.switching.symbolic import lower_switching
+    from lagcli.equations.derivation.column_expressions import (
+        power_applied,
+        power_reactive,
+        reported,
+    )
     from lagcli.model.model import TIME
 
     eq, model = equations, equations.model
@@ -40,6 +45,7 @@ def lower(equations: Equations) -> System:
     jacobian = [rows[i][j] for i, j in jacobian_pattern]
 
     positions = [eq.constraints[i].position for i in holonomic]
+    switching, conditions = lower_switching(eq)
     return System(
         coordinates=model.coordinate_names,
         constraints=model.constraint_names,
@@ -53,7 +59,7 @@ def lower(equations: Equations) -> System:
                 *eq.forcing,
                 *jacobian,
                 *(c.rhs for c in eq.constraints),
-                power_applied(eq) + eq.time_power,
+                power_applied(eq) - power_reactive(eq) + eq.time_power,
             ],
             state,
             parameters,
@@ -75,6 +81,11 @@ def lower(equations: Equations) -> System:
             parameters,
         ),
         outputs=tuple(eq.outputs),
+        events=conditions,
+        switching=switching,
+        nonlinear=tuple(
+            i for i, c in enumerate(eq.constraints) if c.constraint.kind == "nonlinear"
+        ),
         variation=partial(lower_jacobians, eq),
         parameter_variation=partial(lower_parameter_jacobians, eq),
         same_unit=_same_unit([x for x in positions if x is not None], eq.q),

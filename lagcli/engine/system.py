@@ -111,6 +111,8 @@ class System:
         Coordinates that certainly have the same unit, such as those of a quaternion.
     switching : Switching, optional
         Contacts, friction and events.
+    nonlinear : tuple of int
+        Constraints whose ψ is nonlinear in v: B and b_0 = ψ − B v depend on v.
     """
 
     coordinates: tuple[str, ...]
@@ -128,6 +130,14 @@ class System:
     parameter_variation: Callable[[Sequence[str]], ParameterTapes] | None = None
     same_unit: tuple[tuple[int, ...], ...] = ()
     switching: Switching | None = None
+    nonlinear: tuple[int, ...] = ()
+
+    @cached_property
+    def held_at_start(self) -> tuple[int, ...]:
+        """The constraints on which the initial state is."""
+        rows = self.switching.rows if self.switching else ()
+        free = {row.row for row in rows if not row.holds_at_start}
+        return tuple(i for i in range(len(self.constraints)) if i not in free)
 
     @cached_property
     def counts(self) -> Counts:

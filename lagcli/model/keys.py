@@ -81,8 +81,56 @@ PARAMETER = _mapping(
 DEFINITION = _mapping(
     {"expr": _described("expression", _EXPRESSION), "description": _DESCRIPTION}, "expr"
 )
+LIMIT = _mapping(
+    {
+        "static": _described("value while it sticks", _SCALAR),
+        "kinetic": _described("value while it slips", _SCALAR),
+    },
+    *("static", "kinetic"),
+)
 CONSTRAINT = _mapping(
-    {"expr": _described("equation", _SCALAR), "description": _DESCRIPTION}, "expr"
+    {
+        "expr": _described("equation, or inequality with `>=` or `<=`", _SCALAR),
+        "restitution": _described("coefficient of restitution of an inequality; 0", _SCALAR),
+        "friction": _described(
+            "coefficient of friction, or {`static`, `kinetic`}", _one_of(_SCALAR, LIMIT)
+        ),
+        "slip": _described("sliding velocity that friction acts against", _SCALAR),
+        "limit": _described(
+            "largest |λ| that a velocity constraint bears, or {`static`, `kinetic`}",
+            _one_of(_SCALAR, LIMIT),
+        ),
+        "active": _described("`false` for a constraint that an event engages", {"type": "boolean"}),
+        "description": _DESCRIPTION,
+    },
+    "expr",
+)
+EVENT = _mapping(
+    {
+        "when": _described(
+            "condition, or a change of a contact: `floor closes`, `opens`, `slips`, `sticks`,"
+            " `impacts`",
+            _SCALAR,
+        ),
+        "stop": _described("whether the run ends", {"type": "boolean"}),
+        "record": _described(
+            "columns to write to the table of events; by default all",
+            _one_of({"type": "boolean"}, _TEXT, _list(_TEXT)),
+        ),
+        "set": _described(
+            "coordinate, velocity or parameter → new value, from values of before",
+            {"type": "object", "additionalProperties": _EXPRESSION},
+        ),
+        "impulse": _described(
+            "generalized impulses, like the forces `Q`",
+            {"type": "object", "additionalProperties": _EXPRESSION},
+        ),
+        "release": _described("constraints that cease", _one_of(_TEXT, _list(_TEXT))),
+        "engage": _described("constraints that hold from then on", _one_of(_TEXT, _list(_TEXT))),
+        "times": _described("how often it happens at most", {"type": "integer", "minimum": 1}),
+        "description": _DESCRIPTION,
+    },
+    "when",
 )
 OUTPUT = _mapping(
     {
@@ -225,7 +273,9 @@ MODEL = _mapping(
         ),
         "D": _described("a Rayleigh dissipation function: adds −∂D/∂q' to each equation", _SCALAR),
         "constraints": _described(
-            "name → `lhs = rhs`, or an expression (`= 0`), or {`expr`, `description`}",
+            "name → `lhs = rhs`, `lhs >= rhs`, `lhs <= rhs`, or an expression (`= 0`), or {`expr`,"
+            " `restitution`, `friction`, `slip`, `limit`, `active`, `description`}; see"
+            " [contact.md](contact.md)",
             _one_of(_named(_one_of(_SCALAR, CONSTRAINT)), _EMPTY),
         ),
         "initial": _described(
@@ -237,6 +287,11 @@ MODEL = _mapping(
             "name → expression, or {`expr`, `unit`, `description`}: additional columns of the"
             " result",
             _one_of(_named(_one_of(_SCALAR, OUTPUT)), _EMPTY),
+        ),
+        "events": _described(
+            "name → {`when`, and what it does: `stop`, `record`, `set`, `impulse`, `release`,"
+            " `engage`}; see [events.md](events.md)",
+            _one_of(_named(EVENT), _EMPTY),
         ),
         "simulation": _described(
             "defaults for the options of `lagcli simulate` with the same names", {}

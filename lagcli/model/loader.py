@@ -29,16 +29,17 @@ from lagcli.model.sections.coordinates import (
 from lagcli.model.sections.definitions import expand_definitions, read_definitions
 from lagcli.model.sections.energies import read_energies, read_forces, read_scalar
 from lagcli.model.sections.fit import read_fit
-from lagcli.model.sections.initial import read_initial
+from lagcli.model.sections.initial import read_closed, read_initial
 from lagcli.model.sections.outputs import read_outputs
 from lagcli.model.sections.parameters import read_parameters, structural
 from lagcli.model.sections.simulation import read_settings
+from lagcli.model.sections.switching.events import EventNames, read_events
 from lagcli.model.sections.view import read_view
 from lagcli.model.yaml.composing import compose
 from lagcli.model.yaml.reading import check_text, read_text
 from lagcli.model.yaml.source import Source
 
-LATER_KEYS = ("inputs", "events")
+LATER_KEYS = ("inputs",)
 
 
 def load(
@@ -122,10 +123,13 @@ def _model(
     definitions = read_definitions(draft, defined)
     kinetic, potential = read_energies(draft)
     dissipation = read_scalar(draft, "D")
-    forces = read_forces(draft, definitions, constants)
-    constraints = read_constraints(draft, constraint_entries, constrained)
+    forces = read_forces(draft, definitions, constants, draft.entries("Q") or [])
+    constraints = read_constraints(draft, constraint_entries, constrained, constants)
+    closed = read_closed(draft, constraints)
     positions, velocities = read_initial(draft, constants, initial_overrides)
     outputs, output_units = read_outputs(draft, constants)
+    known = EventNames(constants, parameters, definitions, constraints, outputs)
+    events = read_events(draft, known)
     settings, settings_need = read_settings(draft, constants)
     view = read_view(draft, constants, definitions, constraints)
     fit = read_fit(draft, constants, parameters, outputs)
@@ -161,6 +165,8 @@ def _model(
         set_initial=dict(initial_overrides),
         view=view,
         fit=fit,
+        events=events,
+        closed=closed,
     )
     units = derive_units(model)
     if units.throughout and units.findings:

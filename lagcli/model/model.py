@@ -21,7 +21,11 @@ from lagcli.settings.settings import SettingsOverrides
 if TYPE_CHECKING:
     from lagcli.model.symbols import Symbols
 
-Kind = Literal["holonomic", "nonholonomic"]
+Kind = Literal["holonomic", "nonholonomic", "nonlinear"]
+#: The sign between the sides of a constraint.
+Relation = Literal["=", ">=", "<="]
+#: What happens to a contact or a limited row, as conditions of events say it.
+ContactChange = Literal["closes", "opens", "slips", "sticks", "impacts"]
 
 TIME = se.Symbol("t")
 
@@ -101,10 +105,26 @@ class Definition(NamedTuple):
     indices: Mapping[str, int] = NO_INDICES
 
 
-class Constraint(NamedTuple):
-    """A constraint, φ(q, t) = 0 or ψ(q, q', t) = 0 affine in q'.
+class MultiplierLimit(NamedTuple):
+    """How much a velocity constraint bears: |λ| ≤ static while ψ = 0, |λ| = kinetic otherwise.
 
-    ``expression`` is lhs − rhs; ``indices`` are the index values of a family member.
+    ``normal`` is the constraint whose multiplier the limits are proportional to, if they are: they
+    are friction then.
+    """
+
+    static: Basic
+    kinetic: Basic
+    normal: str | None = None
+
+
+class Constraint(NamedTuple):
+    """A constraint, φ(q, t) = 0, or ψ(q, q', t) = 0, affine in q' unless its kind is nonlinear.
+
+    ``expression`` is lhs − rhs, whatever the ``relation`` between them; ``indices`` are the index
+    values of a family member. A unilateral constraint has a coefficient of ``restitution``, and a
+    velocity constraint that bears only so much a ``limit``. What is not ``active`` is engaged by an
+    event. The friction of a constraint is a constraint of its own, after it in the model's order:
+    ``floor.slip``.
     """
 
     name: str
@@ -115,6 +135,69 @@ class Constraint(NamedTuple):
     description: str | None = None
     location: SourceLocation | None = None
     indices: Mapping[str, int] = NO_INDICES
+    relation: Relation = "="
+    restitution: Basic | None = None
+    limit: MultiplierLimit | None = None
+    active: bool = True
+
+    @property
+    def sign(self) -> int:
+        """Of φ and λ of a unilateral constraint, 1 or −1; 0 of any other."""
+        return {">=": 1, "<=": -1, "=": 0}[self.relation]
+
+
+class EventAction(NamedTuple):
+    """What an event does, in the order of the file.
+
+    Parameters
+    ----------
+    set : mapping of str to expression
+        New values of coordinates, velocities (``x'``) and parameters, from values of before.
+    impulse : mapping of str to expression
+        Generalized impulses by coordinate.
+    release, engage : tuples of str
+        Names of constraints.
+    stop : bool
+    record : tuple of str or None
+        Names of columns to write; None for all.
+    """
+
+    set: Mapping[str, Basic] = MappingProxyType({})
+    impulse: Mapping[str, Basic] = MappingProxyType({})
+    release: tuple[str, ...] = ()
+    engage: tuple[str, ...] = ()
+    stop: bool = False
+    record: tuple[str, ...] | None = None
+
+
+class ModelEvent(NamedTuple):
+    """An event of the model.
+
+    Parameters
+    ----------
+    name : str
+    when : str
+        Its condition as the file has it.
+    condition : expression or None
+        Rises through zero as the condition becomes true.
+    either : bool
+        Whether it fires in both directions.
+    change : (str, ContactChange) or None
+        Instead of a condition: what happens to a constraint.
+    action : EventAction
+    times : int or None
+        How often it happens at most.
+    """
+
+    name: str
+    when: str
+    condition: Basic | None
+    either: bool
+    change: tuple[str, ContactChange] | None
+    action: EventAction
+    times: int | None = None
+    description: str | None = None
+    location: SourceLocation | None = None
 
 
 class InitialValue(NamedTuple):
@@ -266,7 +349,8 @@ class Model:
     ``potential`` −L. Expressions are in the symbols of this module's functions and the
     parameters' names. ``set`` and ``set_initial`` are the values that replaced the file's;
     ``settings_need`` are the parameters that the settings depend on; ``units`` are the units of all
-    quantities, as they follow from the text.
+    quantities, as they follow from the text. ``closed`` are the contacts that the initial values
+    state to be closed.
     """
 
     name: str
@@ -296,6 +380,15 @@ class Model:
     view: View | None = None
     units: ModelUnits = field(default_factory=ModelUnits)
     fit: FitBlock | None = None
+    events: tuple[ModelEvent, ...] = ()
+    closed: frozenset[str] = frozenset()
+
+    @property
+    def switches(self) -> bool:
+        """Whether constraints come and go, or events happen."""
+        return bool(self.events) or any(
+            c.sign or c.limit is not None or not c.active for c in self.constraints
+        )
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

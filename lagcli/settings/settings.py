@@ -76,6 +76,16 @@ class _Declared:
     timeout = RealNumber[float](
         "Time limit of a run, seconds of wall time.", math.inf, unit="s", check=positive
     )
+    impacts = Choice[str](
+        "Law of impacts: Poisson's, Newton's, or one contact at a time (sequential).",
+        "poisson",
+        choices=("poisson", "newton", "sequential"),
+    )
+    closed = RealNumber[float](
+        "Gap below which a contact counts as closed, of the size of its terms.",
+        1e-9,
+        check=between(1e-13, 1e-3),
+    )
     through_singular = Flag("Continue through singular configurations.", False)
     sensitivity = Names(
         "Differentiate q, v and λ with respect to parameters and initial values.",

@@ -147,7 +147,7 @@ def ready(
     """
     began = time.perf_counter()
     with one_thread():
-        start = find_start(equations, system, settings.t_start)
+        start = find_start(equations, system, settings.t_start, settings.closed)
     seconds = {**seconds, "integrate": time.perf_counter() - began}
     return Simulation(
         equations.model, settings, equations, system, start, seconds, prepared, monitor=monitor

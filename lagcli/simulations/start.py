@@ -23,18 +23,33 @@ from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom, Red
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError
 from lagcli.model.model import InitialValue, Model, velocity
+from lagcli.settings.settings import DEFAULTS
 
 if TYPE_CHECKING:
     from lagcli.simulations.undefined import UndefinedExpression
 
 
-def find_start(equations: Equations, system: System, t: float) -> ConsistentState:
+def find_start(
+    equations: Equations, system: System, t: float, closed: float = DEFAULTS.closed or 0.0
+) -> ConsistentState:
     """Find the consistent initial state of a model at a time, or explain why there is none.
+
+    Contacts that are open there do not constrain.
+
+    Parameters
+    ----------
+    equations : Equations
+    system : System
+    t : float
+        s.
+    closed : float
+        The setting ``closed``.
 
     Raises
     ------
     ModelError
-        The fixed initial values, or the constraints among each other, contradict.
+        The fixed initial values, or the constraints among each other, contradict; a contact is
+        violated.
     NumericalError
         No consistent state near the guesses, no finite value there, a coordinate without inertia.
     """
@@ -48,6 +63,10 @@ def find_start(equations: Equations, system: System, t: float) -> ConsistentStat
         raise _undefined_start(equations, error.state) from None
     except NoConsistentState as error:
         raise _no_start(model, error) from None
+    if system.switching is not None:
+        from lagcli.simulations.contacts import check_contacts
+
+        check_contacts(model, system, start.state, closed)
     if not start.elimination:
         _check_inertia(equations, system, start)
     return start
@@ -166,7 +185,7 @@ def _check_inertia(equations: Equations, system: System, start: ConsistentState)
     d = Evaluator(system, state.p).dynamics(state.t, state.q, state.v)
     if not d.finite:
         raise _undefined_start(equations, state)
-    values, directions = _free_inertia(d, start.rank)
+    values, directions = _free_inertia(d, system, start.rank)
     weakest = int(np.argmin(np.abs(values))) if len(values) else 0
     if len(values) and abs(values[weakest]) <= 1e-12:
         raise _no_inertia(equations.model, _moving(system, directions[:, weakest]))
@@ -178,13 +197,13 @@ def _own_sizes(mass: Array) -> Array:
     return 1 / np.where(size > 0, size, 1.0)
 
 
-def _free_inertia(d: Dynamics, rank: int) -> tuple[Array, Array]:
+def _free_inertia(d: Dynamics, system: System, rank: int) -> tuple[Array, Array]:
     """Return the eigenvalues of M scaled, in the directions that B allows, and these directions."""
     free = np.eye(len(d.forcing))
-    if len(d.jacobian):
+    if held := list(system.held_at_start):
         from lagcli.engine.linear.dense import decompose
 
-        free = decompose(d.jacobian, rank).null
+        free = decompose(d.jacobian[held], rank).null
     size = _own_sizes(d.mass_matrix)
     basis, _ = np.linalg.qr(free / size[:, None])
     reduced = basis.T @ (d.mass_matrix * np.outer(size, size)) @ basis
@@ -247,7 +266,7 @@ def negative_inertia(system: System, state: State, rank: int) -> list[str]:
     with suppress(np.linalg.LinAlgError):
         np.linalg.cholesky(mass * np.outer(size, size) + 1e-9 * np.eye(nq))
         return []
-    values, directions = _free_inertia(d, rank)
+    values, directions = _free_inertia(d, system, rank)
     if not len(values) or values[0] > -1e-9:
         return []
     names = [f"`{name}`" for name in _moving(system, directions[:, 0])]

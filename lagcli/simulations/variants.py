@@ -93,7 +93,9 @@ class Variants:
         from lagcli.engine.integrate.prepared import find_elimination, prepare, unrolled
 
         try:
-            start = find_start(self.equations, self.system, self.settings.t_start)
+            start = find_start(
+                self.equations, self.system, self.settings.t_start, self.settings.closed
+            )
         except (ModelError, NumericalError):
             return None
         evaluator = Evaluator(self.system, start.state.p)

@@ -54,6 +54,7 @@ FOREIGN = {
 #: The modules of the engine that know symbols: a System can be written by hand for the others.
 SYMBOLIC = {
     "lagcli.engine.lowering",
+    "lagcli.engine.switching.symbolic",
     "lagcli.engine.sensitivity.tangent",
     "lagcli.engine.tape.compiler",
 }

@@ -131,7 +131,10 @@ class _Start:
     def __init__(self, evaluator: Evaluator, t: float, fixed_q: Flags, fixed_v: Flags):
         self.evaluator, self.system, self.t = evaluator, evaluator.system, t
         self.fixed_q, self.fixed_v = np.asarray(fixed_q, bool), np.asarray(fixed_v, bool)
-        self.holonomic = list(self.system.holonomic)
+        self.held = list(self.system.held_at_start)
+        held = set(self.held)
+        self.places = [k for k, i in enumerate(self.system.holonomic) if i in held]
+        self.holonomic = [self.system.holonomic[k] for k in self.places]
         self.of_guess: Array | None = None  # a part of the first scales of positions
 
     def solve(self, q: Array, v: Array) -> ConsistentState:
@@ -139,11 +142,11 @@ class _Start:
         new_v = self.velocities(new_q, v.copy())
         c = self.evaluator.constraints(self.t, new_q, new_v)
         elimination = self.elimination(new_q, new_v)
-        rank = len(c.jacobian)
+        rank = len(self.held)
         if rank and not elimination:
             sizes = self.evaluator.sizes(self.t, new_q, new_v)
-            lengths = self.evaluator.row_lengths(c, new_q, new_v, sizes)
-            rank = dense.count_rank(c.jacobian, scale=lengths, sizes=sizes)
+            lengths = self.evaluator.row_lengths(c, new_q, new_v, sizes)[self.held]
+            rank = dense.count_rank(c.jacobian[self.held], scale=lengths, sizes=sizes)
         names = self.system.coordinates
         moved = {}
         for labels, before, after in (
@@ -161,7 +164,7 @@ class _Start:
         Singular values would cost the third power of its size.
         """
         system = self.system
-        if len(system.coordinates) + len(system.constraints) < _LARGE:
+        if len(system.coordinates) + len(system.constraints) < _LARGE or system.switching:
             return None
         try:
             found = order_at(system, [self.evaluator.entries(self.t, q, v)])
@@ -175,13 +178,14 @@ class _Start:
         """Return φ, its scale and its Jacobian."""
         c = self.evaluator.constraints(self.t, q, v)
         jacobian = c.jacobian[self.holonomic]
-        if not (np.isfinite(c.position).all() and np.isfinite(jacobian).all()):
+        position = c.position[self.places]
+        if not (np.isfinite(position).all() and np.isfinite(jacobian).all()):
             raise UndefinedStart(self.evaluator.state(self.t, q, v))
         inertia = self.inertia(q, v)
-        scale = np.maximum(c.position_scale, least_scales(inertia, jacobian, q))
+        scale = np.maximum(c.position_scale[self.places], least_scales(inertia, jacobian, q))
         if self.of_guess is None:
             self.of_guess = OF_GUESS * scale
-        return c.position, usable(np.maximum(scale, self.of_guess)), jacobian
+        return position, usable(np.maximum(scale, self.of_guess)), jacobian
 
     def positions(self, q: Array, v: Array) -> Array:
         if not self.holonomic:
@@ -219,7 +223,7 @@ class _Start:
         largest = np.abs(q / sizes).max(initial=0.0)
         if not largest:
             length = dense.row_scale(c.jacobian[self.holonomic] * sizes)
-            largest = (c.position_scale / length).max(initial=0.0) or 1.0
+            largest = (c.position_scale[self.places] / length).max(initial=0.0) or 1.0
         return np.asarray(largest * sizes)
 
     def descend(self, q: Array, v: Array) -> Array:
@@ -268,29 +272,32 @@ class _Start:
     # velocities
 
     def velocities(self, q: Array, v: Array) -> Array:
-        if not self.system.constraints:
+        if not self.held:
             return v
         free = np.flatnonzero(~self.fixed_v)
-        for left in reversed(range(4)):  # linear: the later steps remove rounding
+        # linear but for few constraints: the later steps remove rounding
+        steps = _ITERATIONS if self.system.nonlinear else 4
+        of_guess: Array | None = None
+        for left in reversed(range(steps)):
             c = self.evaluator.constraints(self.t, q, v)
             if not c.finite:
                 raise UndefinedStart(self.evaluator.state(self.t, q, v))
-            psi = c.velocity(v)
+            psi, jacobian = c.velocity(v)[self.held], c.jacobian[self.held]
             inertia = self.inertia(q, v)
-            scale = np.maximum(c.velocity_scale, least_scales(inertia, c.jacobian, v))
-            if left == 3:
+            scale = np.maximum(c.velocity_scale[self.held], least_scales(inertia, jacobian, v))
+            if of_guess is None:
                 of_guess = OF_GUESS * scale
             scale = usable(np.maximum(scale, of_guess))
             if np.abs(psi / scale).max() <= REACHED or not len(free) or not left:
                 break
-            part = c.jacobian[:, free]
+            part = jacobian[:, free]
             sizes = self.evaluator.sizes(self.t, q, v)[free]
             rank = dense.count_rank(part, sizes=sizes)
             weight = self.weight(q, v, free)
             v[free] += dense.least_change(part, psi, weight, rank, sizes=sizes)
         if np.abs(psi / scale).max() > ACCEPTED:
             sizes = self.evaluator.sizes(self.t, q, v)
-            raise self.failure("velocity", psi, scale, c.jacobian * sizes, self.fixed_v)
+            raise self.failure("velocity", psi, scale, jacobian * sizes, self.fixed_v)
         return v
 
     def failure(
@@ -310,7 +317,7 @@ class _Start:
         position = level == "position"
         names = [self.system.constraints[i] for i in self.holonomic]
         if not position:
-            names = list(self.system.constraints)
+            names = [self.system.constraints[i] for i in self.held]
         violations = [Violation(names[i], float(residual[i]), float(relative[i])) for i in bad]
         touched = (jacobian[bad] != 0.0).any(axis=0)
         stuck = [

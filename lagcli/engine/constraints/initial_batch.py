@@ -79,6 +79,7 @@ class StartSearch:
         )
         q, v = np.array(q, dtype=float), np.array(v, dtype=float)
         found = np.isfinite(np.hstack([parameters, q, v]).sum(axis=1))
+        found &= not (system.switching or system.nonlinear)
         together = max(1, _NUMBERS // (len(system.coordinates) + len(system.constraints) + 1) ** 2)
         for first in range(0, len(q), together):
             rows = first + np.flatnonzero(found[first : first + together])

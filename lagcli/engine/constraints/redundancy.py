@@ -27,20 +27,21 @@ def dependent_sets(system: System, state: State, rank: int) -> list[tuple[list[i
     state : State
         On the constraints.
     rank : int
-        Of B.
+        Of the rows of B that hold at the start.
 
     Returns
     -------
     list of (list of int, int)
         The constraints of each set, and how many of them follow from the others.
     """
-    if rank == len(system.constraints):
+    held = list(system.held_at_start)
+    if rank == len(held):
         return []
     evaluator, t, q, v = Evaluator(system, state.p), state.t, state.q, state.v
     c = evaluator.constraints(t, q, v)
     sizes = evaluator.sizes(t, q, v)
-    lengths = evaluator.row_lengths(c, q, v, sizes)
-    found = dense.decompose(c.jacobian, rank, scale=lengths, sizes=sizes).dependent
+    lengths = evaluator.row_lengths(c, q, v, sizes)[held]
+    found = dense.decompose(c.jacobian[held], rank, scale=lengths, sizes=sizes).dependent
     projection = found @ found.T
     joined = np.abs(projection) > _TAKES_PART
     left = {int(i) for i in np.flatnonzero(np.diag(joined))}
@@ -55,5 +56,5 @@ def dependent_sets(system: System, state: State, rank: int) -> list[tuple[list[i
                 stack.extend(left.intersection(np.flatnonzero(joined[i]).tolist()) - members)
         left -= members
         inside = sorted(members)
-        sets.append((inside, round(float(projection[inside, inside].sum()))))
+        sets.append(([held[i] for i in inside], round(float(projection[inside, inside].sum()))))
     return sets

@@ -123,8 +123,9 @@ def run_batch(
 def suits_batch(system: System, request: IntegrationRequest) -> bool:
     """Return whether there are lanes for runs of a kind; otherwise they are done one by one.
 
-    There are none for implicit methods, Baumgarte's stabilization, redundant constraints, events,
-    breaks, an elimination that is not unrolled, or samples that would fill the memory.
+    There are none for implicit methods, Baumgarte's stabilization, redundant constraints, contacts,
+    events, breaks, constraints nonlinear in the velocities, an elimination that is not unrolled, or
+    samples that would fill the memory.
     """
     width = system.sample_layout.size
     return (
@@ -135,6 +136,7 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
         and request.rank == len(system.constraints)
         and request.on_event is None
         and not len(request.breaks)
+        and not (system.switching or system.nonlinear)
         and width * len(request.times) * (binding.LANES + 1) <= _MOST_NUMBERS
     )
 

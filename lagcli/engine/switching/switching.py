@@ -46,6 +46,8 @@ class SwitchedRow(NamedTuple):
         Where that one is unilateral, the row is open with it, and takes part in its impacts.
     active : bool
         Whether it is there at the start; events engage and release it.
+    closed : bool
+        Whether the initial state is solved with it as a constraint.
     """
 
     row: int
@@ -53,6 +55,13 @@ class SwitchedRow(NamedTuple):
     limit: int | None = None
     normal: int | None = None
     active: bool = True
+    closed: bool = False
+
+    @property
+    def holds_at_start(self) -> bool:
+        """Whether the initial state is on it, without looking at the state."""
+        permanent = not self.sign and self.limit is None
+        return self.active and (self.closed or permanent)
 
 
 class EventRule(NamedTuple):

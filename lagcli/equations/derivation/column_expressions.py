@@ -55,6 +55,11 @@ def power_applied(eq: Equations) -> Basic:
     return se.Add(*[q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)])
 
 
+def power_reactive(eq: Equations) -> Basic:
+    """Return the part of Q·v that depends on multipliers."""
+    return se.Add(*[q * v for q, v in zip(eq.reactive_forces, eq.v, strict=True)])
+
+
 def _power_constraint(eq: Equations) -> Basic:
     forces = ((multiplier(c.constraint.name), c.row) for c in eq.constraints)
     return se.Add(*[force * b * eq.v[j] for force, row in forces for j, b in row.items()])
@@ -62,8 +67,8 @@ def _power_constraint(eq: Equations) -> Basic:
 
 def _residual_equation(eq: Equations) -> Basic:
     rows = [
-        [m * eq.a[j] for j, m in row.items()] + [-f]
-        for row, f in zip(eq.mass_matrix, eq.forcing, strict=True)
+        [m * eq.a[j] for j, m in row.items()] + [-f, -own]
+        for row, f, own in zip(eq.mass_matrix, eq.forcing, eq.reactive_forces, strict=True)
     ]
     for c in eq.constraints:
         for j, b in c.row.items():

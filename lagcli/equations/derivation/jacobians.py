@@ -77,8 +77,10 @@ def defects(equations: Equations) -> tuple[list[list[Basic]], list[list[Basic]]]
     """Return the terms of G = f − M a + Bᵀλ and of Γ = γ − B a, by coordinate and constraint."""
     eq = equations
     force = [
-        [f, *(-m * eq.a[j] for j, m in row.items()), *reaction]
-        for f, row, reaction in zip(eq.forcing, eq.mass_matrix, _reactions(eq), strict=True)
+        [f, own, *(-m * eq.a[j] for j, m in row.items()), *reaction]
+        for f, own, row, reaction in zip(
+            eq.forcing, eq.reactive_forces, eq.mass_matrix, _reactions(eq), strict=True
+        )
     ]
     rhs = [[c.rhs, *(-b * eq.a[j] for j, b in c.row.items())] for c in eq.constraints]
     return force, rhs

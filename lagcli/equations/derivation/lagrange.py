@@ -43,9 +43,10 @@ class ConstraintEquation(NamedTuple):
     velocity : expression
         ψ(q, v, t) = Σ b_i v_i + b_0.
     row : mapping of int to expression
-        The nonzero b_i by coordinate: row β of B.
+        The nonzero b_i = ∂ψ/∂v_i by coordinate: row β of B. They depend on v for a constraint that
+        is nonlinear in v (Chetaev's rule).
     drift : expression
-        b_0, the part of ψ that does not depend on v.
+        b_0 = ψ − Σ b_i v_i; it does not depend on v for a constraint that is affine in v.
     rhs : expression
         γ in B a = γ.
     """
@@ -79,10 +80,12 @@ class Equations:
         T and V. If the model gives L: its part quadratic in v, and minus the rest.
     applied_forces : k expressions
         Q_i, including −∂D/∂v_i of the Rayleigh dissipation function.
+    reactive_forces : k expressions
+        The terms of Q_i that depend on multipliers.
     mass_matrix : k mappings of int to expression
         Nonzero entries of M by row and column; both triangles.
     forcing : k expressions
-        f_i.
+        f_i, without the terms that depend on multipliers.
     constraints : r ConstraintEquations
     energy : expression
         v·p − L, which is T + V when T is a quadratic form in v.
@@ -100,6 +103,7 @@ class Equations:
     kinetic: Basic
     potential: Basic
     applied_forces: tuple[Basic, ...]
+    reactive_forces: tuple[Basic, ...]
     mass_matrix: tuple[Row, ...]
     forcing: tuple[Basic, ...]
     constraints: tuple[ConstraintEquation, ...]
@@ -156,11 +160,15 @@ def derive(model: Model) -> Equations:
     lagrangian = -model.potential if model.kinetic is None else model.kinetic - model.potential
     dynamics = _dynamics(model, lagrangian, motion)
     dissipation = motion.by_symbol(addends(model.dissipation or ZERO))
+    constraints = tuple(_constraint(c, motion) for c in model.constraints)
+    forces = with_forces(model, constraints, model.applied_forces)
     applied = tuple(
-        model.applied_forces.get(name, ZERO) - motion.sum_diff(dissipation.get(x, ()), x)
+        forces.get(name, ZERO) - motion.sum_diff(dissipation.get(x, ()), x)
         for name, x in zip(model.coordinate_names, v, strict=True)
     )
-    constraints = tuple(_constraint(c, motion) for c in model.constraints)
+    multipliers = frozenset(symbols.multiplier(c.name) for c in model.constraints)
+    reactive = tuple(_reactive(force, multipliers) for force in applied)
+    free = [force - x for force, x in zip(applied, reactive, strict=True)]
     kinetic, potential = model.kinetic, model.potential
     if kinetic is None:
         kinetic = se.Add(
@@ -177,7 +185,8 @@ def derive(model: Model) -> Equations:
         potential=potential,
         applied_forces=applied,
         mass_matrix=tuple(dynamics.mass),
-        forcing=tuple(f + force for f, force in zip(dynamics.forcing, applied, strict=True)),
+        reactive_forces=reactive,
+        forcing=tuple(f + force for f, force in zip(dynamics.forcing, free, strict=True)),
         constraints=constraints,
         energy=dynamics.energy,
         time_power=dynamics.time_power,
@@ -225,6 +234,13 @@ def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
     )
 
 
+def _reactive(force: Basic, multipliers: frozenset[Basic]) -> Basic:
+    """Return the terms of a force that depend on multipliers."""
+    if multipliers.isdisjoint(force.free_symbols):
+        return ZERO
+    return se.Add(*[x for x in addends(force) if not multipliers.isdisjoint(x.free_symbols)])
+
+
 def _same(terms: list[Basic], others: list[Basic]) -> bool:
     """Whether two sums have the same terms."""
     return bool(se.Add(*terms) == se.Add(*others))
@@ -250,8 +266,13 @@ def _constraint(constraint: Constraint, motion: Motion) -> ConstraintEquation:
         rates = motion.occurring(expression).rates
         row = {j: _slope(expression, j, motion) for j in rates}
         row = {j: b for j, b in row.items() if b != ZERO}
-        drift = expression.subs({motion.v[j]: ZERO for j in rates})
-    velocity = se.Add(*[b * motion.v[j] for j, b in row.items()], drift)
+        if constraint.kind == "nonlinear":
+            drift = expression - se.Add(*[b * motion.v[j] for j, b in row.items()])
+        else:
+            drift = expression.subs({motion.v[j]: ZERO for j in rates})
+    velocity = expression
+    if constraint.kind != "nonlinear":
+        velocity = se.Add(*[b * motion.v[j] for j, b in row.items()], drift)
     if position is None:
         acceleration = motion.convective(velocity)
     return ConstraintEquation(constraint, position, velocity, row, drift, -acceleration)

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator
 import symengine as se
 from symengine import Basic
 
+from lagcli.columns import SLIP
 from lagcli.model import model as symbols
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken
 from lagcli.model.expression.tensors import Tensor
@@ -379,6 +380,8 @@ class ModelScope:
         index values are known.
         """
         head, *rest = text.split(".")
+        if f".{''.join(rest[1:2])}" == SLIP and (head == "lambda" or self._has_friction(rest[0])):
+            rest[:2] = [rest[0] + SLIP]
         if head in ("lambda", "Qc") and not self.context.multipliers:
             raise self._error(
                 "not-allowed-here",
@@ -402,6 +405,11 @@ class ModelScope:
             "names with dots are `lambda.CONSTRAINT`, `Qc.COORDINATE` and"
             " `Qc.CONSTRAINT.COORDINATE`;\na decimal number needs no letters around its point",
         )
+
+    def _has_friction(self, constraint: str) -> bool:
+        """Whether a constraint or a family of constraints has friction."""
+        name = constraint + SLIP
+        return name in self.names.constraints or name in self.names.constraint_families
 
     def _known_part(self, name: Name, text: str, part: str, what: str) -> None:
         names = self.names

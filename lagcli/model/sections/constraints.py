@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 from symengine import Basic
 
+from lagcli.columns import SLIP
 from lagcli.model import model as symbols
 from lagcli.model.draft import NO_INDICES, Draft, Formula, Indices, Parsed
 from lagcli.model.expression.grammar import parse_equation
-from lagcli.model.expression.linearity import count_terms, expand_terms, is_zero, nonlinear_in
+from lagcli.model.expression.linearity import (
+    count_terms,
+    expand_terms,
+    is_zero,
+    kinked_in,
+    nonlinear_in,
+)
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Comparison, Tree
 from lagcli.model.keys import CONSTRAINT, keys_of
-from lagcli.model.model import Constraint
+from lagcli.model.model import Constraint, Relation
 from lagcli.model.names.expansion import expand
 from lagcli.model.names.families import Declaration, Member, by_name
 from lagcli.model.names.scope import uses
 from lagcli.model.sections.coordinates import expanded
+from lagcli.model.sections.switching.contacts import ContactFields, has_friction, slip_equation
 from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Scalar, YamlNode
 
@@ -30,42 +39,72 @@ def declare_constraints(
 ) -> dict[str, Member]:
     """Return what the entries declare, by name, and enter the names into the draft's."""
     names = draft.names
-    names.constraint_families = {d.family for d in declared if d.span is not None}
+    families = [d for d in declared if d.span is not None]
+    names.constraint_families = {d.family for d in families}
+    names.constraint_families |= {d.family + SLIP for d in families if has_friction(d)}
     members = by_name(draft, expanded(draft, declared, constants))
-    names.constraints = dict.fromkeys(members)
+    for name, member in members.items():
+        names.constraints[name] = None
+        if has_friction(member.declaration):
+            names.constraints[name + SLIP] = None
     return members
 
 
 def read_constraints(
-    draft: Draft, declared: list[Declaration], members: Mapping[str, Member]
+    draft: Draft, declared: list[Declaration], members: Mapping[str, Member], constants: Symbols
 ) -> tuple[Constraint, ...]:
-    """Return the constraints that can be built."""
-    builders = {id(d): _builder(draft, d) for d in declared}
-    found = []
-    for name, member in members.items():
-        builder = builders[id(member.declaration)]
-        constraint = builder.constraint(name, member.indices) if builder else None
-        if constraint is not None:
-            found.append(constraint)
-    return tuple(found)
-
-
-def _builder(draft: Draft, d: Declaration) -> _ConstraintBuilder | None:
-    what = f"constraint `{d.title}`"
-    node, fields = draft.expression_node(
-        d.key,
-        d.node,
-        what,
-        keys_of(CONSTRAINT),
-        later=("unilateral", "restitution"),
-        example=_EXAMPLE,
+    """Return the constraints that can be built, each followed by its friction."""
+    readers = {id(d): _ConstraintReader(draft, d, constants) for d in declared}
+    return tuple(
+        constraint
+        for name, member in members.items()
+        for constraint in readers[id(member.declaration)].constraints(name, member.indices)
     )
-    description = draft.text(fields.get("description"), f"`description` of {what}")
-    equation = None if node is None else _equation(draft, node, what)
-    return None if equation is None else _ConstraintBuilder(draft, d, equation, description)
 
 
-def _equation(draft: Draft, node: YamlNode, what: str) -> tuple[Scalar, Tree, Tree | None] | None:
+class _ConstraintReader:
+    """Reads one entry: its equation, and what it says of impacts, friction and limits."""
+
+    def __init__(self, draft: Draft, d: Declaration, constants: Symbols):
+        what = f"constraint `{d.title}`"
+        node, fields = draft.expression_node(
+            d.key, d.node, what, keys_of(CONSTRAINT), example=_EXAMPLE
+        )
+        description = draft.text(fields.get("description"), f"`description` of {what}")
+        equation = None if node is None else _equation(draft, node, what)
+        self.builder: _ConstraintBuilder | None = None
+        self.slip: _ConstraintBuilder | None = None
+        if equation is None:
+            return
+        self.builder = _ConstraintBuilder(draft, d, what, equation, description)
+        self.fields = ContactFields(draft, d, fields, equation.relation, constants)
+        if parsed := slip_equation(draft, fields, what):
+            slipping = _Equation(parsed.node, parsed.tree, None)
+            self.slip = _ConstraintBuilder(draft, d, f"`slip` of {what}", slipping, None)
+
+    def constraints(self, name: str, indices: Indices) -> Iterator[Constraint]:
+        """Yield the constraint of a member, and its friction; nothing if there is an error."""
+        plain = self.builder.constraint(name, indices) if self.builder else None
+        constraint = self.fields.complete(plain, indices) if plain else None
+        if constraint is None:
+            return
+        yield constraint
+        slipping = self.slip.constraint(name, indices) if self.slip else None
+        friction = self.fields.slip(constraint, slipping) if slipping else None
+        if friction is not None:
+            yield friction
+
+
+class _Equation(NamedTuple):
+    """A parsed equation or inequality; without a right side, ``= 0``."""
+
+    node: Scalar
+    left: Tree
+    right: Tree | None
+    relation: Relation = "="
+
+
+def _equation(draft: Draft, node: YamlNode, what: str) -> _Equation | None:
     if not isinstance(node, Scalar) or node.missing:
         draft.report.add(
             "wrong-type",
@@ -79,18 +118,43 @@ def _equation(draft: Draft, node: YamlNode, what: str) -> tuple[Scalar, Tree, Tr
         left = expand(left, draft.names)
         right = None if right is None else expand(right, draft.names)
         if isinstance(left, Comparison) and right is None:
-            sign = left.operators[0]
-            raise ExpressionError(
-                "not-an-equation",
-                f"{what} is an equation and has `=`, not `{sign}`",
-                start := node.value.index(sign, left.operands[0].end),
-                start + len(sign),
-                "write a single `=`"
-                if sign == "=="
-                else "inequalities are not part of this version",
-            )
-        return node, left, right
+            return _inequality(node, left, what)
+        return _Equation(node, left, right)
     return None
+
+
+def _inequality(node: Scalar, compared: Comparison, what: str) -> _Equation:
+    """Return the unilateral constraint of a comparison."""
+    (left, right, *more), sign = compared.operands, compared.operators[0]
+    text, at = node.value, compared.operands[0].end
+    if more:
+        first, second = (text[a.start : a.end] for a in (left, more[0]))
+        middle = text[right.start : right.end]
+        raise ExpressionError(
+            "not-an-equation",
+            f"{what} has two inequalities",
+            compared.start,
+            compared.end,
+            f"give each its own name: `{first} {sign} {middle}` and"
+            f" `{middle} {compared.operators[1]} {second}`",
+        )
+    match sign:
+        case ">=" | "<=":
+            return _Equation(node, left, right, sign)
+        case "==":
+            help_ = "write a single `=`"
+        case "!=":
+            help_ = "write `=`, or `>=` or `<=` for a unilateral constraint"
+        case _:
+            help_ = f"write `{sign}=`: a contact is closed where both sides are equal"
+    start = text.index(next(c for c in text[at:] if c in "<>=≤≥≠!"), at)
+    raise ExpressionError(
+        "not-an-equation",
+        f"{what} has the sign `{sign}`, not `=`, `>=` or `<=`",
+        start,
+        start + len(sign),
+        help_,
+    )
 
 
 class _ConstraintBuilder:
@@ -100,18 +164,18 @@ class _ConstraintBuilder:
         self,
         draft: Draft,
         declaration: Declaration,
-        equation: tuple[Scalar, Tree, Tree | None],
+        what: str,
+        equation: _Equation,
         description: str | None,
     ):
         self.draft, self.key, self.description = draft, declaration.key, description
-        self.what = f"constraint `{declaration.title}`"
-        self.node, self.left, self.right = equation
+        self.what = what
+        self.node, self.left, self.right, self.relation = equation
         trees = [self.left] if self.right is None else [self.left, self.right]
         context, index = Context(self.what), declaration.index
         self.sides = [
             Formula(draft, Parsed(self.node, tree), context, index=index) for tree in trees
         ]
-        draft.trees[f"constraints.{declaration.title}.left"] = self.left
         self.good = True
         if declaration.several and not self.uses(index):
             self.fault(
@@ -153,17 +217,18 @@ class _ConstraintBuilder:
             help_ = "it constrains nothing: fix or remove it"
             self.fault("no-unknowns", message, help_, indices)
             return None
-        bad = nonlinear_in(expression, rates)
-        if bad is not None:
+        kinked = kinked_in(expression, rates) if rates else None
+        if kinked is not None:
             self.fault(
-                "not-yet",
-                f"{self.what} is not affine in the velocity `{bad.name}`",
-                "velocities may stand in sums and be multiplied by functions of coordinates and"
-                " time, no more, in this version",
+                "not-smooth",
+                f"{self.what} has a kink or a jump in the velocity `{kinked.name}`",
+                "a constraint is a smooth function of the velocities",
                 indices,
             )
             return None
-        kind: symbols.Kind = "nonholonomic" if rates else "holonomic"
+        kind: symbols.Kind = "holonomic"
+        if rates:
+            kind = "nonholonomic" if nonlinear_in(expression, rates) is None else "nonlinear"
         return Constraint(
             name,
             kind,
@@ -173,6 +238,7 @@ class _ConstraintBuilder:
             self.description,
             self.key.location,
             indices,
+            self.relation,
         )
 
     def motion_in(self, expression: Basic) -> tuple[list[Basic], list[Basic]]:

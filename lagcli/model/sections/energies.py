@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import symengine as se
 from symengine import Basic
 
-from lagcli.model.draft import Draft, Formula, Parsed
+from lagcli.model.draft import Draft, Entry, Formula, Parsed
 from lagcli.model.expression.linearity import nonlinear_in
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError
@@ -76,17 +76,21 @@ def read_scalar(draft: Draft, key: str) -> Basic | None:
 
 
 def read_forces(
-    draft: Draft, definitions: Mapping[str, Definition], constants: Symbols
+    draft: Draft,
+    definitions: Mapping[str, Definition],
+    constants: Symbols,
+    entries: list[Entry],
+    block: str = "Q",
 ) -> dict[str, Basic]:
-    """Return Q_i by coordinate: Σ F·∂r/∂q_i over the entries of `Q`."""
+    """Return Q_i by coordinate: Σ F·∂r/∂q_i over the entries of `Q`, or of impulses of an event."""
     terms: dict[str, list[Basic]] = {}
-    declared = [_acted_on(draft, key, node) for _, key, node in draft.entries("Q") or []]
+    declared = [_acted_on(draft, key, node) for _, key, node in entries]
     groups = [members_of(draft, d, constants) for d in declared if d is not None]
     unique = by_name(draft, [member for group in groups for member in group])
     for group in groups:
         if group:
             chosen = [m for m in group if unique[m.name] is m]
-            _read_force(draft, group[0].declaration, chosen, definitions, terms)
+            _read_force(draft, group[0].declaration, chosen, definitions, terms, block)
     return {name: se.Add(*parts) for name, parts in terms.items()}
 
 
@@ -113,15 +117,16 @@ def _read_force(
     members: list[Member],
     definitions: Mapping[str, Definition],
     terms: dict[str, list[Basic]],
+    block: str,
 ) -> None:
     """Add the forces of one entry."""
     names = draft.names
-    what = f"the force on `{shorten(d.title)}`"
+    what = f"the {'force' if block == 'Q' else 'impulse'} on `{shorten(d.title)}`"
     parsed = draft.parse(d.node, what)
     if parsed is None:
         return
-    draft.trees[f"Q.{d.title}"] = parsed.tree
-    formula = Formula(draft, parsed, Context(what), index=d.index)
+    draft.trees[f"{block}.{d.title}"] = parsed.tree
+    formula = Formula(draft, parsed, Context(what, multipliers=True), index=d.index)
     for member in members:
         name = member.name
         if name in names.coordinates:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from lagcli.errors import SourceLocation
@@ -11,7 +11,7 @@ from lagcli.model.draft import Draft, Indices
 from lagcli.model.expression.quantities import Quantity, evaluate, formula_of, read_quantity
 from lagcli.model.expression.tokens import without_dots
 from lagcli.model.keys import INITIAL, keys_of
-from lagcli.model.model import InitialValue, Written
+from lagcli.model.model import Constraint, InitialValue, Written
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
 from lagcli.model.names.members import family_of, members_clause
 from lagcli.model.names.scope import uses
@@ -29,6 +29,37 @@ GUESS = re.compile(r"\s*+\{\s*+(guess)\s*+:\s++([^{}]*+)\}\s*+")
 Values = dict[str, InitialValue]
 
 
+def read_closed(draft: Draft, constraints: Sequence[Constraint]) -> frozenset[str]:
+    """Return the contacts that `initial` states to be closed: ``floor: closed``."""
+    unilateral = {c.name for c in constraints if c.sign}
+    found = set()
+    for name, key, node in draft.entries("initial") or []:
+        if not _is_contact(draft, name):
+            continue
+        if not isinstance(node, Scalar) or node.value.strip() != "closed":
+            draft.report.add(
+                "wrong-type",
+                f"the initial state of `{shorten(name)}` is `closed`, or left out",
+                node.location,
+                f"write `{name}: closed` to solve the guesses with the contact closed",
+            )
+        elif name in unilateral:
+            found.add(name)
+        elif any(c.name == name for c in constraints):
+            draft.report.add(
+                "not-unilateral",
+                f"`{name}` cannot be closed: it is not a contact",
+                key.location,
+                "only a constraint with `>=` or `<=` opens and closes",
+            )
+    return frozenset(found)
+
+
+def _is_contact(draft: Draft, name: str) -> bool:
+    """Whether an entry of `initial` names a constraint."""
+    return name in draft.names.constraints and canonical_name(draft, name) is None
+
+
 def read_initial(
     draft: Draft, constants: Symbols, overrides: Mapping[str, object]
 ) -> tuple[Values, Values]:
@@ -40,6 +71,8 @@ def read_initial(
     attempted: dict[str, Member] = {}
     readers: dict[int, _InitialReader] = {}
     for name, key, node in entries or []:
+        if _is_contact(draft, name):
+            continue
         declaration = _declaration(draft, name, key, node)
         if declaration is None:
             continue
