@@ -221,8 +221,9 @@ class _ConstraintBuilder:
         if kinked is not None:
             self.fault(
                 "not-smooth",
-                f"{self.what} has a kink or a jump in the velocity `{kinked.name}`",
-                "a constraint is a smooth function of the velocities",
+                f"{self.what} is not affine in the velocity `{kinked.name}`: it has a kink or a jump",
+                "a constraint is a smooth function of the velocities; friction is written with"
+                " `friction` and `slip`, or with `limit`",
                 indices,
             )
             return None
