@@ -27,11 +27,7 @@ def lower(equations: Equations) -> System:
     System
     """
     from lagcli.engine.switching.symbolic import lower_switching
-    from lagcli.equations.derivation.column_expressions import (
-        power_applied,
-        power_reactive,
-        reported,
-    )
+    from lagcli.equations.derivation.column_expressions import power_free, reported
     from lagcli.model.model import TIME
 
     eq, model = equations, equations.model
@@ -59,7 +55,7 @@ def lower(equations: Equations) -> System:
                 *eq.forcing,
                 *jacobian,
                 *(c.rhs for c in eq.constraints),
-                power_applied(eq) - power_reactive(eq) + eq.time_power,
+                power_free(eq) + eq.time_power,
             ],
             state,
             parameters,

@@ -55,9 +55,9 @@ def power_applied(eq: Equations) -> Basic:
     return se.Add(*[q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)])
 
 
-def power_reactive(eq: Equations) -> Basic:
-    """Return the part of Q·v that depends on multipliers."""
-    return se.Add(*[q * v for q, v in zip(eq.reactive_forces, eq.v, strict=True)])
+def power_free(eq: Equations) -> Basic:
+    """Return the part of Q·v that does not depend on multipliers."""
+    return se.Add(*[q * v for q, v in zip(eq.free_forces, eq.v, strict=True)])
 
 
 def _power_constraint(eq: Equations) -> Basic:

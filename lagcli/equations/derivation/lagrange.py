@@ -80,8 +80,8 @@ class Equations:
         T and V. If the model gives L: its part quadratic in v, and minus the rest.
     applied_forces : k expressions
         Q_i, including −∂D/∂v_i of the Rayleigh dissipation function.
-    reactive_forces : k expressions
-        The terms of Q_i that depend on multipliers.
+    free_forces, reactive_forces : k expressions
+        The terms of Q_i that do not depend on multipliers, and those that do.
     mass_matrix : k mappings of int to expression
         Nonzero entries of M by row and column; both triangles.
     forcing : k expressions
@@ -103,6 +103,7 @@ class Equations:
     kinetic: Basic
     potential: Basic
     applied_forces: tuple[Basic, ...]
+    free_forces: tuple[Basic, ...]
     reactive_forces: tuple[Basic, ...]
     mass_matrix: tuple[Row, ...]
     forcing: tuple[Basic, ...]
@@ -167,8 +168,8 @@ def derive(model: Model) -> Equations:
         for name, x in zip(model.coordinate_names, v, strict=True)
     )
     multipliers = frozenset(symbols.multiplier(c.name) for c in model.constraints)
-    reactive = tuple(_reactive(force, multipliers) for force in applied)
-    free = [force - x for force, x in zip(applied, reactive, strict=True)]
+    parts = [_by_multipliers(force, multipliers) for force in applied]
+    free, reactive = zip(*parts, strict=True)
     kinetic, potential = model.kinetic, model.potential
     if kinetic is None:
         kinetic = se.Add(
@@ -185,6 +186,7 @@ def derive(model: Model) -> Equations:
         potential=potential,
         applied_forces=applied,
         mass_matrix=tuple(dynamics.mass),
+        free_forces=free,
         reactive_forces=reactive,
         forcing=tuple(f + force for f, force in zip(dynamics.forcing, free, strict=True)),
         constraints=constraints,
@@ -234,11 +236,14 @@ def _dynamics(model: Model, lagrangian: Basic, motion: Motion) -> _Dynamics:
     )
 
 
-def _reactive(force: Basic, multipliers: frozenset[Basic]) -> Basic:
-    """Return the terms of a force that depend on multipliers."""
+def _by_multipliers(force: Basic, multipliers: frozenset[Basic]) -> tuple[Basic, Basic]:
+    """Return the terms of a force that do not depend on multipliers, and those that do."""
     if multipliers.isdisjoint(force.free_symbols):
-        return ZERO
-    return se.Add(*[x for x in addends(force) if not multipliers.isdisjoint(x.free_symbols)])
+        return force, ZERO
+    found: tuple[list[Basic], list[Basic]] = [], []
+    for term in addends(force):
+        found[not multipliers.isdisjoint(term.free_symbols)].append(term)
+    return se.Add(*found[0]), se.Add(*found[1])
 
 
 def _same(terms: list[Basic], others: list[Basic]) -> bool:

@@ -150,7 +150,7 @@ def _inequality(node: Scalar, compared: Comparison, what: str) -> _Equation:
     start = text.index(next(c for c in text[at:] if c in "<>=≤≥≠!"), at)
     raise ExpressionError(
         "not-an-equation",
-        f"{what} has the sign `{sign}`, not `=`, `>=` or `<=`",
+        f"{what} has `=`, `>=` or `<=`, not `{sign}`",
         start,
         start + len(sign),
         help_,
@@ -221,7 +221,7 @@ class _ConstraintBuilder:
         if kinked is not None:
             self.fault(
                 "not-smooth",
-                f"{self.what} is not affine in the velocity `{kinked.name}`: it has a kink or a jump",
+                f"{self.what} is not affine in the velocity `{kinked.name}`, and has a kink there",
                 "a constraint is a smooth function of the velocities; friction is written with"
                 " `friction` and `slip`, or with `limit`",
                 indices,

@@ -32,18 +32,12 @@ Values = dict[str, InitialValue]
 def read_closed(draft: Draft, constraints: Sequence[Constraint]) -> frozenset[str]:
     """Return the contacts that `initial` states to be closed: ``floor: closed``."""
     unilateral = {c.name for c in constraints if c.sign}
+    node = draft.get("initial")
     found = set()
-    for name, key, node in draft.entries("initial") or []:
-        if not _is_contact(draft, name):
+    for name, key, value in node if isinstance(node, MappingNode) else ():
+        if not _is_closed(draft, name, value):
             continue
-        if not isinstance(node, Scalar) or node.value.strip() != "closed":
-            draft.report.add(
-                "wrong-type",
-                f"the initial state of `{shorten(name)}` is `closed`, or left out",
-                node.location,
-                f"write `{name}: closed` to solve the guesses with the contact closed",
-            )
-        elif name in unilateral:
+        if name in unilateral:
             found.add(name)
         elif any(c.name == name for c in constraints):
             draft.report.add(
@@ -55,9 +49,10 @@ def read_closed(draft: Draft, constraints: Sequence[Constraint]) -> frozenset[st
     return frozenset(found)
 
 
-def _is_contact(draft: Draft, name: str) -> bool:
-    """Whether an entry of `initial` names a constraint."""
-    return name in draft.names.constraints and canonical_name(draft, name) is None
+def _is_closed(draft: Draft, name: str, node: YamlNode) -> bool:
+    """Whether an entry states that a constraint is closed."""
+    stated = isinstance(node, Scalar) and node.value.strip() == "closed"
+    return stated and name in draft.names.constraints and canonical_name(draft, name) is None
 
 
 def read_initial(
@@ -71,7 +66,7 @@ def read_initial(
     attempted: dict[str, Member] = {}
     readers: dict[int, _InitialReader] = {}
     for name, key, node in entries or []:
-        if _is_contact(draft, name):
+        if _is_closed(draft, name, node):
             continue
         declaration = _declaration(draft, name, key, node)
         if declaration is None:
@@ -212,6 +207,8 @@ def _report_unknown(draft: Draft, name: str, key: Scalar) -> None:
         velocity = meant_derivative(names, name)
         help_ = f"a velocity is written with a prime: `{velocity}`" if velocity else None
         help_ = help_ or did_you_mean(nearest(name, _every(draft)))
+        if base in names.constraints:
+            help_ = f"`{base}` is a constraint; a contact starts closed with `{base}: closed`"
         if what:
             help_ = f"`{base}` is a {what} (line {line}); remove the entry"
     draft.report.add(

@@ -32,5 +32,6 @@ def test_all_keys_that_fit_together_are_shown():
         "functions",
         "L",
         "D",
+        "events",
         "fit",
     ]
