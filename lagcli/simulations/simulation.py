@@ -48,6 +48,8 @@ _BLOCK_NUMBERS = 1 << 16
 _LEAST_ROWS = 16
 #: Intermediate results of a block's samples: 16 MB.
 _BLOCK_REGISTERS = 1 << 21
+#: Settings that say something of models with contacts alone.
+_OF_CONTACTS = ("impacts", "closed")
 #: How often the numbers of a block are held while it is completed and written.
 _COPIES = 4
 
@@ -326,6 +328,9 @@ class Simulation:
         if run.undefined is not None:
             run.message += "; " + undefined_at(self.equations, run.undefined).with_line
         options = self.settings.as_dict()
+        if not self.model.switches:
+            for name in _OF_CONTACTS:
+                del options[name]
         if run.methods:
             options["method"] = ", ".join(run.methods)  # what `auto` was
         tolerances: dict[str, float] = {}

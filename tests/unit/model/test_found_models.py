@@ -55,7 +55,7 @@ AFFINE = [
     "(norm([x, 1, 2]) + acos(0.5*cos(x - m)))*y' + x' = m*(norm([x, 1, 2]) + min(x, t))",
 ]
 NOT_AFFINE = [
-    *("y' = abs(x')", "y' = floor(x')", "y' = if(x' > 0, 1, 2)", "if(x > 0, x'^2, y') = 0"),
+    *("y' = abs(x')", "y' = floor(x')", "y' = if(x' > 0, 1, 2)"),
     *("y' + sign(x') = 0", "y' = max(x', 0)", "y' = step(x')*x"),
 ]
 
