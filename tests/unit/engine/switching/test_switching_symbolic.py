@@ -6,6 +6,7 @@ import pytest
 
 from lagcli.engine.lowering import lower
 from lagcli.engine.switching.switching import SwitchedRow, Switching
+from lagcli.engine.switching.symbolic import LoweredSwitching, lower_switching
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import derive
@@ -134,9 +135,9 @@ def test_actions(switching: Switching) -> None:
 
 def test_a_model_without_contacts_has_none() -> None:
     text = "coordinates: [x]\nT: x'^2\ninitial: {x: 0, x': 1}\n"
-    system = lower(derive(load_text(text)))
-    assert system.switching is None
-    assert system.events is None
+    equations = derive(load_text(text))
+    assert lower_switching(equations) == LoweredSwitching(None, None)
+    assert lower(equations).switching is None
 
 
 def test_forces_alone_switch_nothing() -> None:
