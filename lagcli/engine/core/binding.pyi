@@ -9,6 +9,7 @@ from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.linear.sparse import MatrixPattern, PivotOrder
 from lagcli.engine.program.program import Program
 from lagcli.engine.state import State
+from lagcli.engine.switching.problem import ContactProblem
 from lagcli.engine.system import JacobianTapes, System
 from lagcli.engine.tape.tape import Tape
 from lagcli.engine.taylor.series import SeriesProgram
@@ -27,6 +28,17 @@ def run_tape(
 def solve_ldl(
     plan: Elimination, places: Sequence[tuple[int, int]], values: Iterable[float], right: ArrayLike
 ) -> _Array: ...
+def solve_contacts(
+    problem: ContactProblem, present: ArrayLike | None = None
+) -> list[tuple[_Array, _Array, NDArray[np.int32]]]: ...
+def solve_impact(
+    matrix: ArrayLike,
+    before: ArrayLike,
+    laws: ArrayLike,
+    restitution: ArrayLike,
+    friction: ArrayLike,
+    law: int,
+) -> tuple[int, _Array, _Array, _Array]: ...
 def batch_sincos(x: ArrayLike, portable: bool = False) -> _Array: ...
 
 class Integrator:

@@ -510,3 +510,4 @@ cdef class Integrator:
 
 
 include "batch.pxi"
+include "contact.pxi"

@@ -36,8 +36,8 @@ typedef struct lag_contacts {
     const double *kinetic_slope; /* n * n */
 } lag_contacts;
 
-/* Where a solution goes; n entries each. Of redundant contacts the forces are those of least norm
- * among the ones that obey the laws. */
+/* Where a solution goes; n entries each. Of redundant contacts the forces are those of least norm,
+ * sum x^2, among the ones that obey the laws. */
 typedef struct lag_contact_motion {
     double *force;  /* x */
     double *motion; /* y */
@@ -85,7 +85,8 @@ typedef struct lag_impact_result {
  * Poisson's law: compression 0 <= y, x, x y = 0, then expansion with 0 <= y, x - e x_C, y (x - e x_C) = 0.
  * Newton's law: 0 <= y + e y_before in place of 0 <= y. Sequential: Poisson's law of one unilateral row
  * after the other, always the one with the largest y^2 / A of those that approach; of equal ones the
- * first. Coulomb's friction in all phases.
+ * first; after 200 of these for each contact, all that are left happen at once. Coulomb's friction in all
+ * phases.
  *
  * Returns what lag_solve_contacts does; of two motions the result is the first that was found.
  * memory: lag_impact_memory(n) bytes, aligned for double.

@@ -14,7 +14,9 @@ binding = pytest.importorskip("lagcli.engine.core.binding")
 
 FOLDER = Path(binding.__file__).parent
 STUB = ast.parse((FOLDER / "binding.pyi").read_text(encoding="utf-8"))
-SOURCE = "\n".join((FOLDER / name).read_text("utf-8") for name in ("binding.pyx", "batch.pxi"))
+SOURCE = "\n".join(
+    (FOLDER / name).read_text("utf-8") for name in ("binding.pyx", "batch.pxi", "contact.pxi")
+)
 
 #: name → default, None without one
 Parameters = dict[str, Any]

@@ -1,0 +1,225 @@
+#include <math.h>
+#include <string.h>
+
+#include "contact/contact.h"
+
+#define APPROACH 1e-12 /* of the first approach: a slower one of a sequence is over */
+#define SEQUENCE 200   /* impacts of a sequence by contact, after which all that are left happen at once */
+
+typedef struct phases {
+    const lag_impact *impact;
+    double *offset, *limit, *none;  /* n each; `none` are zeros */
+    double *matrix, *slope;         /* n * n each: of the rows of a sequence's impact */
+    double *before, *restitution;   /* n each, likewise */
+    double *taken, *changed, *lost; /* n each, likewise */
+    lag_contact_motion first, second;
+    void *memory;
+    int *law, *row;
+    int contacts;                   /* unilateral rows */
+} phases;
+
+static size_t reals(int n)
+{
+    return 12 * (size_t)n + 2 * (size_t)n * n;
+}
+
+size_t lag_impact_memory(int n)
+{
+    const size_t whole = 4 * (size_t)n * sizeof(int);
+    return lag_contact_memory(n) + reals(n) * sizeof(double) + whole;
+}
+
+static phases prepare(const lag_impact *impact, void *memory)
+{
+    const int n = impact->n;
+    phases p = {.impact = impact};
+    double *next = memory;
+    double **const parts[] = {
+        &p.offset, &p.limit, &p.none, &p.before, &p.restitution, &p.taken, &p.changed, &p.lost,
+        &p.first.force, &p.first.motion, &p.second.force, &p.second.motion};
+    for (size_t i = 0; i < sizeof parts / sizeof *parts; ++i, next += n)
+        *parts[i] = next;
+    p.matrix = next;
+    p.slope = p.matrix + n * n;
+    p.memory = p.slope + n * n;
+    int *whole = (int *)((char *)p.memory + lag_contact_memory(n));
+    int **const lists[] = {&p.first.mode, &p.second.mode, &p.law, &p.row};
+    for (size_t i = 0; i < sizeof lists / sizeof *lists; ++i, whole += n)
+        *lists[i] = whole;
+    memset(p.none, 0, n * sizeof *p.none);
+    for (int i = 0; i < n; ++i)
+        p.contacts += impact->law[i] == LAG_UNILATERAL;
+    return p;
+}
+
+/* One phase: the contact problem with an offset and limits' constant parts. */
+static int phase(phases *p, const lag_impact *of, const double *limit)
+{
+    const lag_contacts problem = {of->n,        of->matrix, p->offset, of->law,
+                                  limit,        of->friction, limit,   of->friction};
+    return lag_solve_contacts(&problem, NULL, p->memory, &p->first, &p->second);
+}
+
+static int worse(int a, int b)
+{
+    return a == LAG_NO_MOTION || b == LAG_NO_MOTION ? LAG_NO_MOTION : a > b ? a : b;
+}
+
+/* Newton's law: the problem of y + e y_before. */
+static int newton(phases *p, const lag_impact *of, double *impulse, double *after)
+{
+    for (int i = 0; i < of->n; ++i) {
+        const int bounces = of->law[i] == LAG_UNILATERAL && of->before[i] < 0.0;
+        p->offset[i] = of->before[i] + (bounces ? of->restitution[i] * of->before[i] : 0.0);
+    }
+    const int found = phase(p, of, p->none);
+    if (found != LAG_NO_MOTION)
+        for (int i = 0; i < of->n; ++i) {
+            impulse[i] = p->first.force[i];
+            after[i] = p->first.motion[i] + of->before[i] - p->offset[i];
+        }
+    return found;
+}
+
+/* Poisson's law: compression; then expansion, a problem of x - e x_C. */
+static int poisson(phases *p, const lag_impact *of, double *impulse, double *after)
+{
+    const int n = of->n;
+    memcpy(p->offset, of->before, n * sizeof *p->offset);
+    int found = phase(p, of, p->none), expands = 0;
+    if (found == LAG_NO_MOTION)
+        return found;
+    memcpy(impulse, p->first.force, n * sizeof *impulse);
+    memcpy(after, p->first.motion, n * sizeof *after);
+    memcpy(p->offset, after, n * sizeof *after);
+    memset(p->limit, 0, n * sizeof *p->limit);
+    for (int j = 0; j < n; ++j) {
+        if (of->law[j] != LAG_UNILATERAL)
+            continue;
+        const double returned = of->restitution[j] * impulse[j];
+        if (!(returned > 0.0))
+            continue;
+        expands = 1;
+        impulse[j] += returned;
+        for (int i = 0; i < n; ++i) {
+            p->offset[i] += of->matrix[i * n + j] * returned;
+            p->limit[i] += of->friction[i * n + j] * returned;
+        }
+    }
+    if (!expands)
+        return found;
+    found = worse(found, phase(p, of, p->limit));
+    if (found == LAG_NO_MOTION)
+        return found;
+    for (int i = 0; i < n; ++i)
+        impulse[i] += p->first.force[i];
+    memcpy(after, p->first.motion, n * sizeof *after);
+    return found;
+}
+
+/* The rows of one unilateral row's impact: itself, free rows, and what they give a limit. */
+static int gather(phases *p, int unilateral)
+{
+    const lag_impact *whole = p->impact;
+    const int n = whole->n;
+    int count = 0;
+    for (int i = 0; i < n; ++i) {
+        int takes_part = i == unilateral || whole->law[i] == LAG_FREE;
+        for (int j = 0; whole->law[i] == LAG_LIMITED && j < n; ++j)
+            takes_part |= whole->friction[i * n + j] != 0.0 &&
+                          (j == unilateral || whole->law[j] != LAG_UNILATERAL);
+        if (takes_part)
+            p->row[count++] = i;
+    }
+    return count;
+}
+
+/* Add Poisson's impact of `count` gathered rows at the velocities reached. */
+static int add(phases *p, int count, lag_impact_result *result)
+{
+    const lag_impact *whole = p->impact;
+    const int n = whole->n;
+    for (int i = 0; i < count; ++i) {
+        const int row = p->row[i];
+        p->law[i] = whole->law[row];
+        p->before[i] = result->after[row];
+        p->restitution[i] = whole->restitution[row];
+        for (int j = 0; j < count; ++j) {
+            p->matrix[i * count + j] = whole->matrix[row * n + p->row[j]];
+            p->slope[i * count + j] = whole->friction[row * n + p->row[j]];
+        }
+    }
+    const lag_impact part = {count, p->matrix, p->before, p->law, p->restitution, p->slope};
+    const int found = poisson(p, &part, p->taken, p->changed);
+    if (found == LAG_NO_MOTION)
+        return found;
+    for (int i = 0; i < count; ++i) {
+        const int row = p->row[i];
+        result->impulse[row] += p->taken[i];
+        result->loss[row] -= p->taken[i] * (p->before[i] + p->changed[i]) / 2.0;
+    }
+    for (int i = 0; i < n; ++i) {
+        result->after[i] = whole->before[i];
+        for (int k = 0; k < n; ++k)
+            result->after[i] += whole->matrix[i * n + k] * result->impulse[k];
+    }
+    return found;
+}
+
+/* The unilateral row whose approach takes most energy to stop, beyond `least`, its root; -1 if none does. */
+static int fastest(const phases *p, const double *velocity, double *least)
+{
+    const lag_impact *whole = p->impact;
+    int next = -1;
+    for (int i = 0; i < whole->n; ++i) {
+        if (whole->law[i] != LAG_UNILATERAL || !(velocity[i] < 0.0))
+            continue;
+        const double speed = -velocity[i] / sqrt(whole->matrix[i * whole->n + i]);
+        if (speed > *least * (1.0 + APPROACH)) {
+            *least = speed;
+            next = i;
+        }
+    }
+    return next;
+}
+
+static int sequential(phases *p, lag_impact_result *result)
+{
+    const int n = p->impact->n;
+    double rest = 0.0;
+    int found = LAG_ONE_MOTION;
+    memset(result->impulse, 0, n * sizeof *result->impulse);
+    memset(result->loss, 0, n * sizeof *result->loss);
+    memcpy(result->after, p->impact->before, n * sizeof *result->after);
+    for (int round = 0; round <= SEQUENCE * p->contacts; ++round) {
+        double speed = rest;
+        const int next = fastest(p, result->after, &speed);
+        if (next < 0)
+            return found;
+        if (round == 0)
+            rest = APPROACH * speed;
+        int count = n;
+        if (round < SEQUENCE * p->contacts)
+            count = gather(p, next);
+        else /* what is left of a sequence without end */
+            for (int i = 0; i < n; ++i)
+                p->row[i] = i;
+        found = worse(found, add(p, count, result));
+        if (found == LAG_NO_MOTION)
+            return found;
+    }
+    return found;
+}
+
+int lag_solve_impact(const lag_impact *impact, int law, void *memory, lag_impact_result *result)
+{
+    phases p = prepare(impact, memory);
+    if (law == LAG_SEQUENTIAL)
+        return sequential(&p, result);
+    const int found =
+        (law == LAG_NEWTON ? newton : poisson)(&p, impact, result->impulse, result->after);
+    if (found != LAG_NO_MOTION)
+        for (int i = 0; i < impact->n; ++i)
+            result->loss[i] = -result->impulse[i] * (impact->before[i] + result->after[i]) / 2.0;
+    return found;
+}

@@ -1,0 +1,398 @@
+#include "contact/modes.h"
+
+#include <math.h>
+#include <string.h>
+
+#define RANK 1e-11      /* of the largest pivot: equations that depend on the others */
+#define TOLERANCE 1e-10 /* of the problem's size: inequalities, and equations that must agree */
+#define RELAXED 1e-13   /* of it: inequalities that redundant forces are chosen by */
+#define INERT 1e-13     /* of A's largest entry: rows that no force moves */
+
+/* of lag_least_distance with n columns and 3 n rows; Lemke's tableau and the forces in terms of its
+ * variables, 2 n at most */
+#define ROOM(n) (2 * (n) * (4 * (n) + 2) + 4 * (n) * (n) + 16 * (n) + 8)
+
+size_t lag_contact_memory(int n)
+{
+    const size_t reals = 4 * n + 2 * n * n + 6 * n * n + 3 * n + ROOM(n);
+    return reals * sizeof(double) + 10 * (size_t)n * sizeof(int);
+}
+
+static int limited(int law)
+{
+    return law == LAG_LIMITED || law == LAG_FORWARD || law == LAG_BACKWARD;
+}
+
+void lag_contact_prepare(lag_contact_work *w, const lag_contacts *problem, void *memory)
+{
+    const int n = problem->n;
+    double *next = memory;
+    w->problem = problem;
+    w->n = n;
+    double **const parts[] = {&w->scale, &w->force, &w->motion, &w->right};
+    for (size_t i = 0; i < sizeof parts / sizeof *parts; ++i, next += n)
+        *parts[i] = next;
+    w->equation = next;
+    w->null = w->equation + n * n;
+    w->normal = w->null + n * n;
+    w->reduced = w->normal + 3 * n * n;
+    w->bound = w->reduced + 3 * n * n;
+    w->room = w->bound + 3 * n;
+    int *whole = (int *)(w->room + ROOM(n));
+    int **const lists[] = {&w->sign, &w->turned, &w->referred, &w->mode, &w->next, &w->order};
+    for (size_t i = 0; i < sizeof lists / sizeof *lists; ++i, whole += n)
+        *lists[i] = whole;
+    w->place = whole;
+
+    double largest = 0.0;
+    for (int i = 0; i < n; ++i)
+        largest = fmax(largest, problem->matrix[i * n + i]);
+    for (int i = 0; i < n; ++i) {
+        const double entry = problem->matrix[i * n + i];
+        w->scale[i] = largest > 0.0 ? 1.0 / sqrt(entry > INERT * largest ? entry : largest) : 1.0;
+        w->sign[i] = 1;
+        w->referred[i] = 0;
+    }
+    for (int k = 0; k < n; ++k)
+        if (limited(problem->law[k]))
+            for (int j = 0; j < n; ++j)
+                w->referred[j] |=
+                    problem->static_slope[k * n + j] != 0.0 || problem->kinetic_slope[k * n + j] != 0.0;
+    int count = 0;
+    for (int pass = 0; pass < 3; ++pass)
+        for (int i = 0; i < n; ++i) {
+            const int law = problem->law[i];
+            if ((law == LAG_UNILATERAL ? 0 : law == LAG_FREE ? 1 : 2) == pass)
+                w->order[count++] = i;
+        }
+}
+
+int lag_contact_idle(const lag_contact_work *w, const int *mode, int k)
+{
+    const lag_contacts *p = w->problem;
+    const int n = w->n;
+    int any = 0;
+    if (!limited(p->law[k]) || p->static_limit[k] != 0.0 || p->kinetic_limit[k] != 0.0)
+        return 0;
+    for (int j = 0; j < n; ++j)
+        if (p->static_slope[k * n + j] != 0.0 || p->kinetic_slope[k * n + j] != 0.0) {
+            if (p->law[j] != LAG_UNILATERAL || mode[j] != LAG_OPEN)
+                return 0;
+            any = 1;
+        }
+    return any;
+}
+
+int lag_contact_sign(const lag_contact_work *w, int j)
+{
+    if (w->problem->law[j] == LAG_UNILATERAL)
+        return 1;
+    if (w->mode[j] == LAG_SLIPS_FORWARD)
+        return -1;
+    if (w->mode[j] == LAG_SLIPS_BACKWARD)
+        return 1;
+    return w->sign[j];
+}
+
+/* The equations of the modes for x/d: y = 0, x = 0 or the force that slip has. */
+static void equations(lag_contact_work *w)
+{
+    const lag_contacts *p = w->problem;
+    const int n = w->n;
+    const double *d = w->scale;
+    for (int i = 0; i < n; ++i) {
+        double *row = w->equation + i * n;
+        if (w->mode[i] == LAG_HOLDS) {
+            for (int j = 0; j < n; ++j)
+                row[j] = d[i] * p->matrix[i * n + j] * d[j];
+            w->right[i] = -d[i] * p->offset[i];
+        } else {
+            memset(row, 0, n * sizeof *row);
+            w->right[i] = 0.0;
+            if (w->mode[i] != LAG_OPEN) {
+                const double direction = w->mode[i] == LAG_SLIPS_FORWARD ? 1.0 : -1.0;
+                for (int j = 0; j < n; ++j)
+                    row[j] = direction * p->kinetic_slope[i * n + j] * lag_contact_sign(w, j) * d[j] / d[i];
+                w->right[i] = -direction * p->kinetic_limit[i] / d[i];
+            }
+            row[i] += 1.0;
+        }
+    }
+}
+
+static void exchange(double *a, double *b, int count, int stride)
+{
+    for (int k = 0; k < count; ++k) {
+        const double x = a[k * stride];
+        a[k * stride] = b[k * stride];
+        b[k * stride] = x;
+    }
+}
+
+int lag_contact_reduce(double *m, double *right, int n, int width, int *columns)
+{
+    double first = 0.0;
+    for (int j = 0; j < n; ++j)
+        columns[j] = j;
+    for (int k = 0; k < n; ++k) {
+        int row = k, column = k;
+        double largest = -1.0;
+        for (int i = k; i < n; ++i)
+            for (int j = k; j < n; ++j)
+                if (fabs(m[i * n + j]) > largest) {
+                    largest = fabs(m[i * n + j]);
+                    row = i;
+                    column = j;
+                }
+        if (k == 0)
+            first = largest;
+        if (!(largest > RANK * first))
+            return k;
+        if (row != k) {
+            exchange(m + k * n, m + row * n, n, 1);
+            exchange(right + k * width, right + row * width, width, 1);
+        }
+        if (column != k) {
+            exchange(m + k, m + column, n, n);
+            const int number = columns[k];
+            columns[k] = columns[column];
+            columns[column] = number;
+        }
+        const double inverse = 1.0 / m[k * n + k];
+        for (int j = k; j < n; ++j)
+            m[k * n + j] *= inverse;
+        for (int j = 0; j < width; ++j)
+            right[k * width + j] *= inverse;
+        for (int i = 0; i < n; ++i) {
+            const double factor = m[i * n + k];
+            if (i == k || factor == 0.0)
+                continue;
+            for (int j = k; j < n; ++j)
+                m[i * n + j] -= factor * m[k * n + j];
+            for (int j = 0; j < width; ++j)
+                right[i * width + j] -= factor * right[k * width + j];
+        }
+    }
+    return n;
+}
+
+/* x of least norm, and an orthonormal basis of what may be added. */
+static void least_norm(lag_contact_work *w, int rank, const int *columns)
+{
+    const int n = w->n, count = n - rank;
+    for (int k = 0; k < n; ++k)
+        w->force[columns[k]] = k < rank ? w->scale[columns[k]] * w->right[k] : 0.0;
+    for (int f = 0; f < count; ++f) {
+        double *z = w->null + f * n;
+        memset(z, 0, n * sizeof *z);
+        for (int k = 0; k < rank; ++k)
+            z[columns[k]] = -w->scale[columns[k]] * w->equation[k * n + rank + f];
+        z[columns[rank + f]] = w->scale[columns[rank + f]];
+        for (int pass = 0; pass < 2; ++pass) /* twice is enough */
+            for (int e = 0; e < f; ++e) {
+                double along = 0.0;
+                for (int i = 0; i < n; ++i)
+                    along += z[i] * w->null[e * n + i];
+                for (int i = 0; i < n; ++i)
+                    z[i] -= along * w->null[e * n + i];
+            }
+        double length = 0.0, along = 0.0;
+        for (int i = 0; i < n; ++i)
+            length += z[i] * z[i];
+        length = sqrt(length);
+        for (int i = 0; i < n; ++i)
+            z[i] /= length;
+        for (int i = 0; i < n; ++i)
+            along += z[i] * w->force[i];
+        for (int i = 0; i < n; ++i)
+            w->force[i] -= along * z[i];
+    }
+}
+
+static void move(lag_contact_work *w)
+{
+    const lag_contacts *p = w->problem;
+    for (int i = 0; i < w->n; ++i) {
+        double sum = p->offset[i];
+        for (int j = 0; j < w->n; ++j)
+            sum += p->matrix[i * w->n + j] * w->force[j];
+        w->motion[i] = sum;
+    }
+}
+
+/* The largest of |x|/d and |d b|. */
+static double size(const lag_contact_work *w)
+{
+    double largest = 0.0;
+    for (int i = 0; i < w->n; ++i) {
+        largest = fmax(largest, fabs(w->force[i]) / w->scale[i]);
+        largest = fmax(largest, fabs(w->problem->offset[i]) * w->scale[i]);
+    }
+    return largest;
+}
+
+static double *inequality(lag_contact_work *w, int *count)
+{
+    double *normal = w->normal + *count * w->n;
+    memset(normal, 0, w->n * sizeof *normal);
+    w->bound[(*count)++] = 0.0;
+    return normal;
+}
+
+/* The inequalities of the modes, normal . x >= bound, in the unit of x/d; they are counted. */
+static int inequalities(lag_contact_work *w)
+{
+    const lag_contacts *p = w->problem;
+    const int n = w->n;
+    int count = 0;
+    for (int i = 0; i < n; ++i) {
+        const double d = w->scale[i];
+        const int law = p->law[i], mode = w->mode[i];
+        const int judged = law == LAG_UNILATERAL || (law == LAG_LIMITED && mode != LAG_OPEN);
+        if (mode == LAG_HOLDS && (law == LAG_UNILATERAL || w->referred[i]))
+            inequality(w, &count)[i] = lag_contact_sign(w, i) / d;
+        if (mode == LAG_HOLDS && law == LAG_LIMITED)
+            for (int side = -1; side <= 1; side += 2) {
+                double *normal = inequality(w, &count);
+                for (int j = 0; j < n; ++j)
+                    normal[j] = p->static_slope[i * n + j] * lag_contact_sign(w, j) / d;
+                normal[i] += side / d;
+                w->bound[count - 1] = -p->static_limit[i] / d;
+            }
+        if (mode != LAG_HOLDS && judged) {
+            const double direction = mode == LAG_SLIPS_BACKWARD ? -d : d;
+            double *normal = inequality(w, &count);
+            for (int j = 0; j < n; ++j)
+                normal[j] = direction * p->matrix[i * n + j];
+            w->bound[count - 1] = -direction * p->offset[i];
+        }
+    }
+    return count;
+}
+
+/* Whether the inequalities hold. */
+static int obeyed(const lag_contact_work *w, int count, double tolerance)
+{
+    for (int i = 0; i < count; ++i) {
+        double sum = -w->bound[i];
+        for (int j = 0; j < w->n; ++j)
+            sum += w->normal[i * w->n + j] * w->force[j];
+        if (!(sum >= -tolerance))
+            return 0;
+    }
+    return 1;
+}
+
+/* Of the forces that obey the inequalities, go to those of least norm; return whether there are any. */
+static int least_within(lag_contact_work *w, int freedom, int count, double magnitude)
+{
+    const int n = w->n;
+    double unit = 0.0;
+    for (int i = 0; i < n; ++i)
+        unit = fmax(unit, w->scale[i]);
+    for (int i = 0; i < count; ++i) {
+        const double *normal = w->normal + i * n;
+        double *along = w->reduced + i * freedom;
+        for (int j = 0; j < n; ++j)
+            w->bound[i] -= normal[j] * w->force[j];
+        w->bound[i] = w->bound[i] / magnitude - RELAXED;
+        for (int f = 0; f < freedom; ++f) {
+            along[f] = 0.0;
+            for (int j = 0; j < n; ++j)
+                along[f] += normal[j] * w->null[f * n + j] * unit;
+        }
+    }
+    double *z = w->right;
+    if (!lag_least_distance(freedom, count, w->reduced, w->bound, z, w->room, w->place))
+        return 0;
+    for (int f = 0; f < freedom; ++f)
+        for (int j = 0; j < n; ++j)
+            w->force[j] += z[f] * magnitude * unit * w->null[f * n + j];
+    return 1;
+}
+
+/* What violated rows ask for: the neighbouring mode, the other sign. */
+static void suggest(lag_contact_work *w, double tolerance)
+{
+    const lag_contacts *p = w->problem;
+    const int n = w->n;
+    memcpy(w->next, w->mode, n * sizeof *w->next);
+    memcpy(w->turned, w->sign, n * sizeof *w->turned);
+    for (int i = 0; i < n; ++i) {
+        const double x = w->force[i] / w->scale[i], y = w->motion[i] * w->scale[i];
+        const int mode = w->mode[i];
+        if (p->law[i] == LAG_UNILATERAL) {
+            if (mode == LAG_HOLDS ? x < -tolerance || y > tolerance : y < -tolerance)
+                w->next[i] = mode == LAG_HOLDS ? LAG_OPEN : LAG_HOLDS;
+        } else if (p->law[i] == LAG_LIMITED && mode == LAG_HOLDS) {
+            double limit = p->static_limit[i];
+            for (int j = 0; j < n; ++j)
+                limit += p->static_slope[i * n + j] * fabs(w->force[j]);
+            if (fabs(y) > tolerance)
+                w->next[i] = y > 0.0 ? LAG_SLIPS_FORWARD : LAG_SLIPS_BACKWARD;
+            else if (fabs(x) > limit / w->scale[i] + tolerance)
+                w->next[i] = x < 0.0 ? LAG_SLIPS_FORWARD : LAG_SLIPS_BACKWARD;
+        } else if (p->law[i] == LAG_LIMITED && mode != LAG_OPEN) {
+            if (mode == LAG_SLIPS_FORWARD ? y < -tolerance : y > tolerance)
+                w->next[i] = LAG_HOLDS;
+        }
+        if (fabs(x) > tolerance)
+            w->turned[i] = x > 0.0 ? 1 : -1;
+    }
+    lag_contact_rouse(w, w->next);
+}
+
+void lag_contact_rouse(const lag_contact_work *w, int *mode)
+{
+    for (int k = 0; k < w->n; ++k) {
+        const int law = w->problem->law[k];
+        if (!limited(law))
+            continue;
+        if (lag_contact_idle(w, mode, k))
+            mode[k] = LAG_OPEN;
+        else if (law != LAG_LIMITED)
+            mode[k] = law == LAG_FORWARD ? LAG_SLIPS_FORWARD : LAG_SLIPS_BACKWARD;
+        else if (mode[k] == LAG_OPEN)
+            mode[k] = LAG_HOLDS;
+    }
+}
+
+/* What the modes say is zero is exactly that. */
+static void clean(lag_contact_work *w)
+{
+    for (int i = 0; i < w->n; ++i) {
+        if (w->mode[i] == LAG_HOLDS)
+            w->motion[i] = 0.0;
+        else if (w->mode[i] == LAG_OPEN)
+            w->force[i] = 0.0;
+        if (w->problem->law[i] == LAG_UNILATERAL) {
+            w->force[i] = fmax(w->force[i], 0.0);
+            w->motion[i] = fmax(w->motion[i], 0.0);
+        }
+    }
+}
+
+int lag_contact_try(lag_contact_work *w)
+{
+    equations(w);
+    const int rank = lag_contact_reduce(w->equation, w->right, w->n, 1, w->place);
+    double disagreement = 0.0;
+    for (int k = rank; k < w->n; ++k)
+        disagreement = fmax(disagreement, fabs(w->right[k]));
+    least_norm(w, rank, w->place);
+    const double magnitude = size(w), tolerance = TOLERANCE * magnitude;
+    if (disagreement <= tolerance) {
+        const int count = inequalities(w);
+        int found = obeyed(w, count, tolerance);
+        if (!found && rank < w->n && least_within(w, w->n - rank, count, magnitude))
+            found = obeyed(w, inequalities(w), tolerance);
+        if (found) {
+            move(w);
+            clean(w);
+            return 1;
+        }
+    }
+    move(w);
+    suggest(w, tolerance);
+    return 0;
+}

@@ -1,0 +1,72 @@
+/* A contact problem in given modes of its rows: linear equations and inequalities. */
+#ifndef LAGCLI_CONTACT_MODES_H
+#define LAGCLI_CONTACT_MODES_H
+
+#include "contact/contact.h"
+
+/*
+ * Rows are scaled by d = 1/sqrt(A_ii): forces x/d and motions d y then have the same unit, the root of
+ * that of x y, and one tolerance.
+ */
+typedef struct lag_contact_work {
+    const lag_contacts *problem;
+    int n;
+    double *scale;    /* n: d */
+    double *force;    /* n: x of the last modes that were solved */
+    double *motion;   /* n: y */
+    double *equation; /* n * n: of the modes, scaled */
+    double *right;    /* n */
+    double *null;     /* n * n: row by row the vectors that the equations map to 0, orthonormal */
+    double *normal;   /* 3 n * n: inequalities normal . x >= bound */
+    double *reduced;  /* 3 n * n: the normals along the vectors of `null` */
+    double *bound;    /* 3 n */
+    double *room;     /* of lag_least_distance and Lemke's method */
+    int *place;       /* 4 n, likewise */
+    int *sign;        /* n: of x, as assumed where a limit depends on its absolute value */
+    int *turned;      /* n: the sign that the last solution asks for */
+    int *referred;    /* n: whether one does */
+    int *mode;        /* n: the modes that are tried */
+    int *next;        /* n: those that the last solution asks for */
+    int *order;       /* n: unilateral rows, free rows, others */
+} lag_contact_work;
+
+/* Lay out the memory, and scale. */
+void lag_contact_prepare(lag_contact_work *work, const lag_contacts *problem, void *memory);
+
+/* Whether all unilateral rows that give row k its limit are open in these modes. */
+int lag_contact_idle(const lag_contact_work *work, const int *mode, int k);
+
+/* Open the friction of open contacts, give other rows that slip already their modes, and let friction of
+ * contacts that close anew hold. */
+void lag_contact_rouse(const lag_contact_work *work, int *mode);
+
+/* Sign of x_j in the present modes. */
+int lag_contact_sign(const lag_contact_work *work, int j);
+
+/*
+ * Reduce n equations in place by complete pivoting; `right` has `width` columns. The rank is returned.
+ * columns: the variables' numbers in the order of the pivots. In the first `rank` rows, the first
+ * `rank` variables have the unit matrix, the others what they add to these.
+ */
+int lag_contact_reduce(double *matrix, double *right, int n, int width, int *columns);
+
+/*
+ * Solve the equations of work->mode and work->sign into work->force and work->motion. Returns whether
+ * the inequalities of the modes hold; if not, work->next and work->turned are what violated rows ask for.
+ */
+int lag_contact_try(lag_contact_work *work);
+
+/*
+ * Find the shortest z with normal . z >= bound: Lawson and Hanson's least distance programming by
+ * nonnegative least squares. Returns whether there is one.
+ *
+ * normal: m * n, is overwritten. z: n. room: (n + 1) * (n + 4) + 2 m. place: m.
+ */
+int lag_least_distance(
+    int n, int m, double *normal, const double *bound, double *z, double *room, int *place);
+
+/* Let Lemke's method choose work->mode and work->sign. Returns whether it ends at a solution; it does
+ * not where the force of a limited row limits another. */
+int lag_contact_lemke(lag_contact_work *work);
+
+#endif

@@ -1,0 +1,461 @@
+"""The core's contact problems and impacts, against problems solved by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lagcli.arrays import Array
+from lagcli.engine.switching.problem import ContactLaw, ContactProblem
+
+binding = pytest.importorskip("lagcli.engine.core.binding")
+
+UNILATERAL, LIMITED, FREE = ContactLaw.UNILATERAL, ContactLaw.LIMITED, ContactLaw.FREE
+FORWARD, BACKWARD = ContactLaw.FORWARD, ContactLaw.BACKWARD
+OPEN, HOLDS, SLIPS_FORWARD, SLIPS_BACKWARD = range(4)
+POISSON, NEWTON, SEQUENTIAL = range(3)
+G = 9.81
+
+
+def problem(
+    matrix: object,
+    offset: object,
+    laws: object,
+    friction: dict[tuple[int, int], float] | None = None,
+    static: dict[tuple[int, int], float] | None = None,
+    limits: object = None,
+) -> ContactProblem:
+    """Return a problem with coefficients of friction {(limited row, normal row): μ}."""
+    b = np.array(offset, dtype=float)
+    kinetic_slopes = np.zeros((len(b), len(b)))
+    for place, mu in (friction or {}).items():
+        kinetic_slopes[place] = mu
+    static_slopes = kinetic_slopes.copy()
+    for place, mu in (static or {}).items():
+        static_slopes[place] = mu
+    constant = np.zeros(len(b)) if limits is None else np.array(limits, dtype=float)
+    return ContactProblem(
+        np.array(matrix, dtype=float), b, np.array(laws), constant, constant,
+        static_slopes, kinetic_slopes,
+    )  # fmt: skip
+
+
+def solve(given: ContactProblem) -> tuple[Array, Array, list[int]]:
+    """Return the only solution."""
+    [(force, motion, modes)] = binding.solve_contacts(given)
+    size = np.abs(force).max() + np.abs(given.offset).max()
+    assert given.violation(force, motion) < 1e-12 * size
+    return force, motion, list(modes)
+
+
+def inverse_inertia(mass: Array, rows: object) -> Array:
+    b = np.array(rows, dtype=float)
+    out: Array = b @ np.linalg.solve(mass, b.T)
+    return out
+
+
+@pytest.mark.parametrize(
+    ("slope", "mode", "acceleration"),
+    [(0.3, HOLDS, 0.0), (0.5, SLIPS_FORWARD, G * (math.sin(0.5) - 0.4 * math.cos(0.5)))],
+)
+def test_block_on_an_incline(slope: float, mode: int, acceleration: float) -> None:
+    """Friction 0.4: sticks at 0.3 rad (tan 0.309), slides at 0.5 (tan 0.546)."""
+    force, motion, modes = solve(
+        problem(
+            np.eye(2) / 3.0,
+            [-G * math.cos(slope), G * math.sin(slope)],
+            [UNILATERAL, LIMITED],
+            {(1, 0): 0.4},
+        )
+    )
+    assert modes == [HOLDS, mode]
+    assert force[0] == pytest.approx(3.0 * G * math.cos(slope), rel=1e-14)
+    assert motion[1] == pytest.approx(acceleration, rel=1e-13)
+
+
+def test_a_block_without_weight_leaves() -> None:
+    force, motion, modes = solve(
+        problem(np.eye(2), [1.0, -3.0], [UNILATERAL, LIMITED], {(1, 0): 0.4})
+    )
+    assert modes == [OPEN, OPEN]
+    assert list(force) == [0.0, 0.0]
+    assert list(motion) == [1.0, -3.0]
+
+
+def test_a_block_sticks_if_it_can() -> None:
+    """Static friction 0.4, kinetic 0.3: between them both are solutions, and it sticks."""
+    for present in (None, [HOLDS, SLIPS_FORWARD], [HOLDS, HOLDS]):
+        given = problem(
+            np.eye(2), [-10.0, 3.5], [UNILATERAL, LIMITED], {(1, 0): 0.3}, {(1, 0): 0.4}
+        )
+        [(force, motion, modes)] = binding.solve_contacts(given, present)
+        assert list(modes) == [HOLDS, HOLDS]
+        assert force == pytest.approx([10.0, -3.5])
+        slides = given._replace(offset=np.array([-10.0, 4.5]))
+        [(force, motion, modes)] = binding.solve_contacts(slides, present)
+        assert list(modes) == [HOLDS, SLIPS_FORWARD]
+        assert motion[1] == pytest.approx(1.5)
+
+
+# --- Painlevé's rod: benchmark painleve_rod -------------------------------------------------------
+
+
+def rod(rate: float, friction: float, law: ContactLaw) -> ContactProblem:
+    """Return the tip's problem: m = 1, half length 0.5, tan θ = 2, g = 9.81; normal, tangent."""
+    half, theta = 0.5, math.atan(2.0)
+    mass = np.diag([1.0, 1.0, half**2 / 3.0])
+    rows = [[0.0, 1.0, -half * math.cos(theta)], [1.0, 0.0, half * math.sin(theta)]]
+    # y_A = y − l sin θ, x_A = x − l cos θ
+    bias = [half * math.sin(theta) * rate**2 - G, half * math.cos(theta) * rate**2]
+    return problem(inverse_inertia(mass, rows), bias, [UNILATERAL, law], {(1, 0): friction})
+
+
+def test_painleve_no_motion() -> None:
+    assert binding.solve_contacts(rod(0.0, 1.6, BACKWARD)) == []
+
+
+def test_painleve_two_motions() -> None:
+    """The references of benchmark painleve_rod: it slides, or it opens."""
+    given = rod(6.0, 1.6, BACKWARD)
+    solutions = binding.solve_contacts(given)
+    assert len(solutions) == 2
+    by_mode = {int(modes[0]): (force, motion) for force, motion, modes in solutions}
+    assert by_mode[HOLDS][0][0] == pytest.approx(19.65527949374526816920641, rel=1e-13)
+    assert by_mode[OPEN][1][0] == pytest.approx(6.289689437998485814146050, rel=1e-13)
+    for force, motion in by_mode.values():
+        assert given.violation(force, motion) < 1e-12
+    for present in ([HOLDS, SLIPS_BACKWARD], [OPEN, OPEN]):
+        first = binding.solve_contacts(given, present)[0]
+        assert list(first[2]) == present  # the present mode goes first
+
+
+def test_below_the_bound_of_painleve_one_motion() -> None:
+    """At tan θ = 2, the bound is 4/3."""
+    force, _, modes = solve(rod(0.0, 1.33, BACKWARD))
+    assert modes == [HOLDS, SLIPS_BACKWARD]
+    assert force[0] > 1000.0
+    assert binding.solve_contacts(rod(0.0, 1.34, BACKWARD)) == []
+
+
+# --- redundant contacts: benchmark box_on_two_corners ---------------------------------------------
+
+
+def box(degrees: float, friction: float) -> ContactProblem:
+    """Return the problem of the box at rest: left, right, left slip, right slip."""
+    m, b, h, slope = 10.0, 0.2, 0.3, math.radians(degrees)
+    mass = np.diag([m, m, m * (b * b + h * h) / 3.0])
+    rows = [[0.0, 1.0, -b], [0.0, 1.0, b], [1.0, 0.0, h], [1.0, 0.0, h]]
+    free = [G * math.sin(slope), -G * math.cos(slope), 0.0]
+    return problem(
+        inverse_inertia(mass, rows),
+        np.array(rows) @ free,
+        [UNILATERAL, UNILATERAL, LIMITED, LIMITED],
+        {(2, 0): friction, (3, 1): friction},
+    )
+
+
+def test_box_at_rest_shares_friction_within_the_cones() -> None:
+    """Equal shares, 8.52 N, are within both cones at friction 0.4; at 0.2 not on the left."""
+    force, _, modes = solve(box(10.0, 0.4))
+    assert modes == [HOLDS] * 4
+    assert force[:2] == pytest.approx([35.52865561340440489517369, 61.08098495709320572870380])
+    assert force[2] + force[3] == pytest.approx(-17.03488622912586722235340, rel=1e-12)
+    assert force[2] == pytest.approx(force[3], rel=1e-12)
+    force, _, modes = solve(box(10.0, 0.2))
+    assert modes == [HOLDS] * 4
+    assert force[2] + force[3] == pytest.approx(-17.03488622912586722235340, rel=1e-12)
+    assert force[2] == pytest.approx(-0.2 * force[0], rel=1e-8)
+
+
+def test_box_slides() -> None:
+    force, motion, modes = solve(box(25.0, 0.4))
+    assert modes == [HOLDS, HOLDS, SLIPS_FORWARD, SLIPS_FORWARD]
+    assert motion[2] == pytest.approx(0.5895333913444470132304824, rel=1e-12)
+    assert force[0] == pytest.approx(17.78175878165907227881888, rel=1e-12)
+    assert force[1] == pytest.approx(71.12703512663628911527553, rel=1e-12)
+
+
+def test_box_tips() -> None:
+    _, motion, modes = solve(box(36.0, 0.9))
+    assert modes == [OPEN, HOLDS, OPEN, HOLDS]
+    # φ″ about the right corner; the left corner rises with 2 b φ″
+    assert motion[0] == pytest.approx(2 * 0.2 * 0.8224653146140475368546266, rel=1e-12)
+
+
+def test_a_plank_on_three_supports() -> None:
+    """Three equal supports under the centre and the ends bear a third each: the least norm."""
+    mass = np.diag([2.0, 0.5])
+    rows = [[1.0, -1.0], [1.0, 0.0], [1.0, 1.0]]
+    free = np.array([-G, 0.0])
+    given = problem(inverse_inertia(mass, rows), np.array(rows) @ free, [UNILATERAL] * 3)
+    force, _, _ = solve(given)
+    assert force == pytest.approx([2 * G / 3] * 3, rel=1e-13)
+    # beyond x = 2/3 of the half length, least norm would pull at the far support
+    moment = np.array([-G, -0.8 * 2.0 * G / 0.5])
+    off = given._replace(offset=np.array(rows) @ moment)
+    force, _, _ = solve(off)
+    assert force[0] == pytest.approx(0.0, abs=1e-9)
+    assert force[1:] == pytest.approx([0.2 * 2 * G, 0.8 * 2 * G], rel=1e-9)
+
+
+def test_forces_that_exceed_their_cones_have_no_share() -> None:
+    """A contradiction between redundant bilateral rows has no solution."""
+    assert binding.solve_contacts(problem(np.ones((2, 2)), [1.0, 2.0], [FREE, FREE])) == []
+
+
+# --- limits that depend on bilateral rows, and constant ones --------------------------------------
+
+
+def test_guide_with_friction() -> None:
+    """A slider that a force presses against its guide, from either side."""
+    for press in (-5.0, 5.0):
+        given = problem(np.eye(2), [press, 3.0], [FREE, LIMITED], {(1, 0): 0.5})
+        force, motion, modes = solve(given)
+        assert modes == [HOLDS, SLIPS_FORWARD]
+        assert force == pytest.approx([-press, -2.5])
+        assert motion[1] == pytest.approx(0.5)
+
+
+def test_jamming_in_a_guide() -> None:
+    """A rod in a guide whose friction turns it harder into the guide has two answers."""
+    matrix = [[1.0, 0.9], [0.9, 1.0]]
+    solutions = binding.solve_contacts(problem(matrix, [-1.0, 0.0], [FREE, FORWARD], {(1, 0): 1.5}))
+    # y0 = x0 − 0.9·1.5|x0| − 1 = 0 has no answer; with an offset of the other sign, two
+    assert solutions == []
+    solutions = binding.solve_contacts(problem(matrix, [1.0, 0.0], [FREE, FORWARD], {(1, 0): 1.5}))
+    assert sorted(s[0][0] for s in solutions) == pytest.approx([-1 / 2.35, 1 / 0.35])
+
+
+def test_constant_limit() -> None:
+    force, motion, modes = solve(problem([[0.5]], [4.0], [LIMITED], limits=[6.0]))
+    assert (force[0], motion[0], modes) == (-6.0, 1.0, [SLIPS_FORWARD])
+    force, motion, modes = solve(problem([[0.5]], [-2.0], [LIMITED], limits=[6.0]))
+    assert (force[0], motion[0], modes) == (4.0, 0.0, [HOLDS])
+
+
+def test_no_rows() -> None:
+    assert len(binding.solve_contacts(problem(np.zeros((0, 0)), [], []))) == 1
+
+
+# --- many contacts: Lemke's method ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("balls", [11, 40])
+def test_a_column_of_balls_under_weight(balls: int) -> None:
+    """Contact k bears the weight of all above it; the column's A is tridiagonal."""
+    matrix = 2.0 * np.eye(balls) - np.eye(balls, k=1) - np.eye(balls, k=-1)
+    matrix[0, 0] = 1.0
+    offset = np.zeros(balls)
+    offset[0] = -G
+    force, _, modes = solve(problem(matrix, offset, [UNILATERAL] * balls))
+    assert force == pytest.approx(G * np.arange(balls, 0, -1), rel=1e-11)
+    assert modes == [HOLDS] * balls
+
+
+def test_many_frictional_contacts() -> None:
+    """Twelve blocks on inclines coupled by nothing: each as if it were alone."""
+    slopes = np.linspace(0.1, 0.9, 12)
+    offset = np.concatenate([-np.cos(slopes), np.sin(slopes) * (-1.0) ** np.arange(12)])
+    laws = [UNILATERAL] * 12 + [LIMITED] * 12
+    given = problem(np.eye(24), offset, laws, {(12 + k, k): 0.5 for k in range(12)})
+    _, motion, _ = solve(given)
+    expected = np.maximum(np.sin(slopes) - 0.5 * np.cos(slopes), 0.0) * (-1.0) ** np.arange(12)
+    assert motion[12:] == pytest.approx(expected, abs=1e-14)
+
+
+# --- impacts --------------------------------------------------------------------------------------
+
+
+def kane_levinson(friction: float, restitution: float) -> tuple[Array, Array, object, Array, Array]:
+    """Return A, velocities, laws, restitution and friction of benchmark kane_levinson; B, M, v."""
+    a, b = math.radians(20.0), math.radians(30.0)
+    mass = np.array([[1 / 4 + 1 + 1 / 12, math.cos(a - b) / 2],
+                     [math.cos(a - b) / 2, 1 / 4 + 1 / 12]])  # fmt: skip
+    rows = np.array([[math.sin(a), math.sin(b)], [math.cos(a), math.cos(b)]])
+    coefficients = np.array([[0.0, 0.0], [friction, 0.0]])
+    v = np.array([-0.1, -0.2])
+    inverse = inverse_inertia(mass, rows)
+    return inverse, rows @ v, [UNILATERAL, LIMITED], np.array([restitution, 0.0]), coefficients
+
+
+ENERGY = 0.5 * np.array([-0.1, -0.2]) @ np.array(
+    [[4 / 3, math.cos(math.radians(10)) / 2], [math.cos(math.radians(10)) / 2, 1 / 3]]
+) @ [-0.1, -0.2]  # fmt: skip
+
+
+def test_kane_levinson_under_poissons_law() -> None:
+    found, impulse, after, loss = binding.solve_impact(*kane_levinson(0.5, 0.7), POISSON)
+    assert found == 1
+    expected = [0.1288789629522897144735343, 0.02913926649880179502501691]
+    assert impulse == pytest.approx(expected, rel=1e-12)
+    assert loss.sum() == pytest.approx((1 - 0.5708817108903888226773073) * ENERGY, rel=1e-11)
+    assert after[0] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("friction", "restitution", "ratio"),
+    [
+        (0.5, 0.7, 2.757611078697391955669194),
+        (0.1, 0.9, 1.013),
+        (0.3, 0.7, 1.199),
+        (1.0, 0.9, 5.14),
+    ],
+)
+def test_kane_levinson_gains_energy_under_newtons_law(
+    friction: float, restitution: float, ratio: float
+) -> None:
+    """The last three ratios have the digits that the benchmark gives."""
+    given = kane_levinson(friction, restitution)
+    found, _, after, loss = binding.solve_impact(*given, NEWTON)
+    assert found == 1
+    assert after[0] == pytest.approx(-restitution * given[1][0], rel=1e-13)
+    tolerance = 1e-12 if friction == 0.5 else 1e-3
+    assert 1.0 - loss.sum() / ENERGY == pytest.approx(ratio, rel=tolerance)
+
+
+@pytest.mark.parametrize("law", [POISSON, NEWTON, SEQUENTIAL])
+def test_a_ball_on_the_floor(law: int) -> None:
+    """Mass 2: impulse m (1 + e) v; the loss m v² (1 − e²) / 2."""
+    found, impulse, after, loss = binding.solve_impact(
+        [[0.5]], [-3.0], [UNILATERAL], [0.8], [[0.0]], law
+    )
+    assert found == 1
+    assert (impulse[0], after[0], loss[0]) == pytest.approx((2 * 1.8 * 3, 2.4, 9 * (1 - 0.64)))
+
+
+def cradle(balls: int, struck: int, restitution: float) -> tuple[object, ...]:
+    """Return an impact of `struck` balls of mass 1 and velocity 1 on the others, all in contact."""
+    matrix = 2.0 * np.eye(balls - 1) - np.eye(balls - 1, k=1) - np.eye(balls - 1, k=-1)
+    v = (np.arange(balls) < struck).astype(float)
+    n = balls - 1
+    return matrix, np.diff(v), [UNILATERAL] * n, [restitution] * n, np.zeros((n, n))
+
+
+@pytest.mark.parametrize("struck", [1, 2, 3])
+def test_newtons_cradle_sends_as_many_balls_as_it_is_struck_by(struck: int) -> None:
+    found, _, after, loss = binding.solve_impact(*cradle(5, struck, 1.0), SEQUENTIAL)
+    assert found == 1
+    expected = np.diff((np.arange(5) >= 5 - struck).astype(float))
+    assert after == pytest.approx(expected, abs=1e-12)
+    assert loss == pytest.approx(np.zeros(4), abs=1e-12)
+
+
+def test_simultaneous_laws_do_not_know_a_cradle() -> None:
+    """Poisson's law at e = 1: the struck ball rebounds, and the energy stays."""
+    for law in (POISSON, NEWTON):
+        found, impulse, _, loss = binding.solve_impact(*cradle(3, 1, 1.0), law)
+        assert found == 1
+        assert loss.sum() == pytest.approx(0.0, abs=1e-14)
+        assert 1.0 - impulse[0] < -0.3  # velocity of the struck ball, 1 − Λ₁
+
+
+def test_a_box_lands_on_two_corners() -> None:
+    """It lands flat and without restitution: both corners take half of momentum and energy."""
+    given = box(0.0, 0.4)
+    found, impulse, after, loss = binding.solve_impact(
+        given.matrix, [-1.0, -1.0, 0.0, 0.0], given.laws, np.zeros(4), given.kinetic_slopes, POISSON
+    )
+    assert found == 1
+    assert after == pytest.approx(np.zeros(4), abs=1e-13)
+    assert impulse == pytest.approx([5.0, 5.0, 0.0, 0.0], abs=1e-12)
+    assert loss == pytest.approx([2.5, 2.5, 0.0, 0.0], abs=1e-12)
+
+
+def test_a_sequence_without_end_ends() -> None:
+    """In a narrow wedge with restitution 0.9, no energy is gained."""
+    angle = math.pi / 20
+    rows = np.array([[math.sin(angle), math.cos(angle)], [-math.sin(angle), math.cos(angle)]])
+    found, _, after, loss = binding.solve_impact(
+        rows @ rows.T, rows @ [0.3, -1.0], [UNILATERAL] * 2, [0.9] * 2, np.zeros((2, 2)), SEQUENTIAL
+    )
+    assert found == 1
+    assert after.min() > -1e-12
+    assert 0.0 < loss.sum() <= 0.5 * (0.3**2 + 1.0) * (1 + 1e-12)
+
+
+# --- random problems ------------------------------------------------------------------------------
+
+
+def random_impact(rng: np.random.Generator) -> tuple[Array, Array, Array, Array, Array]:
+    """Return A, velocities, laws, restitution, friction of an impact of 1 to 4 contacts."""
+    contacts = int(rng.integers(1, 5))
+    frictional = rng.random() < 0.8
+    n, size = contacts * (2 if frictional else 1), int(rng.integers(2, 8))
+    root = rng.normal(size=(size, size))
+    mass = root @ root.T + 0.1 * np.eye(size)
+    rows = rng.normal(size=(n, size))
+    if rng.random() < 0.3 and contacts > 1:  # a redundant contact
+        rows[contacts - 1] = rows[0]
+    v = rng.normal(size=size)
+    before = rows @ v
+    away = before[:contacts] > 0.0
+    rows[:contacts][away] *= -1.0
+    before[:contacts][away] *= -1.0
+    friction = np.zeros((n, n))
+    laws = np.zeros(n, dtype=int)
+    if frictional:
+        laws[contacts:] = LIMITED
+        for k in range(contacts):
+            friction[contacts + k, k] = rng.uniform(0.0, 1.0)
+    restitution = np.where(laws == UNILATERAL, rng.uniform(0.0, 1.0), 0.0)
+    return inverse_inertia(mass, rows), before, laws, restitution, friction
+
+
+def assert_lawful(given: tuple[Array, Array, Array, Array, Array], law: int) -> bool:
+    """Check an impact's kinematics and its contacts; return whether its motion is unique.
+
+    Newton's law with friction has no solution at times.
+    """
+    matrix, before, laws, _, _ = given
+    found, impulse, after, loss = binding.solve_impact(*given, law)
+    if law == NEWTON and found == 0:
+        return False
+    assert found > 0
+    size = np.abs(before).max() + np.abs(matrix @ impulse).max()
+    assert np.abs(matrix @ impulse + before - after).max() < 1e-8 * size
+    energy = size * np.abs(impulse).max()
+    unilateral = laws == UNILATERAL
+    assert impulse[unilateral].min() >= -1e-9 * np.abs(impulse).max()
+    total = -impulse @ (before + after) / 2.0
+    assert loss.sum() == pytest.approx(total, abs=1e-8 * energy)
+    if law != NEWTON:
+        assert after[unilateral].min() >= -1e-9 * size
+        assert loss.sum() >= -1e-8 * energy
+    return bool(found == 1)
+
+
+def check_random(count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    unique = [assert_lawful(random_impact(rng), k % 3) for k in range(count)]
+    assert np.mean(unique) > 0.8
+
+
+def test_random_problems_obey_their_laws() -> None:
+    """All that is called a solution is one, of problems with any offset."""
+    rng = np.random.default_rng(3)
+    counts = np.zeros(3, dtype=int)
+    for _ in range(1000):
+        matrix, before, laws, _, friction = random_impact(rng)
+        offset = before + 0.3 * matrix @ rng.normal(size=len(before))
+        slips = (laws == LIMITED) & (rng.random(len(laws)) < 0.3)
+        laws = np.where(slips, rng.choice([FORWARD, BACKWARD], len(laws)), laws)
+        given = problem(matrix, offset, laws)
+        given = given._replace(static_slopes=friction, kinetic_slopes=friction)
+        solutions = binding.solve_contacts(given)
+        counts[len(solutions)] += 1
+        for force, motion, _ in solutions:
+            size = np.abs(offset).max() + np.abs(matrix).max() * np.abs(force).max()
+            scale = max(size, np.abs(force).max())
+            assert given.violation(force, motion) < 1e-8 * scale
+    assert counts.min() > 10
+
+
+def test_random_impacts() -> None:
+    check_random(1000, 20261122)
+
+
+@pytest.mark.slow
+def test_many_random_impacts() -> None:
+    check_random(100_000, 15)
