@@ -11,6 +11,7 @@ cdef extern from "contact/contact.h" nogil:
         const double *static_slope
         const double *kinetic_limit
         const double *kinetic_slope
+        const double *rounding
 
     ctypedef struct lag_contact_motion:
         double *force
@@ -24,6 +25,7 @@ cdef extern from "contact/contact.h" nogil:
         const int32_t *law
         const double *restitution
         const double *friction
+        const double *rounding
 
     ctypedef struct lag_impact_result:
         double *impulse
@@ -63,7 +65,7 @@ def solve_contacts(problem, present=None):
     cdef _Arguments arguments = _Arguments()
     cdef int n = len(problem.offset)
     cdef lag_contacts c
-    c.n = n
+    c.n, c.rounding = n, NULL
     c.matrix, c.offset = arguments.doubles(problem.matrix), arguments.doubles(problem.offset)
     c.law = arguments.integers(problem.laws)
     c.static_limit = arguments.doubles(problem.static)
@@ -98,7 +100,7 @@ def solve_impact(matrix, before, laws, restitution, friction, int law):
     cdef _Arguments arguments = _Arguments()
     cdef int n = len(before)
     cdef lag_impact impact
-    impact.n, impact.matrix = n, arguments.doubles(matrix)
+    impact.n, impact.matrix, impact.rounding = n, arguments.doubles(matrix), NULL
     impact.before, impact.law = arguments.doubles(before), arguments.integers(laws)
     impact.restitution, impact.friction = arguments.doubles(restitution), arguments.doubles(friction)
     reals = np.zeros((3, n + 1))

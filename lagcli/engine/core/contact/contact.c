@@ -63,7 +63,7 @@ static int same(const lag_contact_work *w, const lag_contact_motion *other)
         size = fmax(size, fmax(fabs(w->problem->offset[i]) * d, fabs(w->force[i]) / d));
         difference = fmax(difference, fabs(w->motion[i] - other->motion[i]) * d);
     }
-    return difference <= SAME * size;
+    return difference <= SAME * size + w->floor;
 }
 
 /* Enter the solution at hand. */

@@ -34,6 +34,7 @@ typedef struct lag_contacts {
     const double *static_slope;  /* n * n */
     const double *kinetic_limit; /* n */
     const double *kinetic_slope; /* n * n */
+    const double *rounding;      /* n, errors that the offset may have; or NULL */
 } lag_contacts;
 
 /* Where a solution goes; n entries each. Of redundant contacts the forces are those of least norm,
@@ -71,6 +72,7 @@ typedef struct lag_impact {
     const int *law;            /* n: LAG_UNILATERAL, LAG_LIMITED or LAG_FREE */
     const double *restitution; /* n, read of unilateral rows */
     const double *friction;    /* n * n, read of limited rows */
+    const double *rounding;    /* n, errors that `before` may have; or NULL */
 } lag_impact;
 
 /* What an impact does; n entries each. The losses, -impulse (before + after) / 2, or the sum of these

@@ -4,14 +4,17 @@
 #include "contact/contact.h"
 
 #define APPROACH 1e-12 /* of the first approach: a slower one of a sequence is over */
+#define ROUNDING 1e-14 /* of the terms of a velocity */
 #define SEQUENCE 200   /* impacts of a sequence by contact, after which all that are left happen at once */
 
 typedef struct phases {
     const lag_impact *impact;
     double *offset, *limit, *none;  /* n each; `none` are zeros */
+    double *rounding;               /* n, of the offset */
     double *matrix, *slope;         /* n * n each: of the rows of a sequence's impact */
     double *before, *restitution;   /* n each, likewise */
-    double *taken, *changed, *lost; /* n each, likewise */
+    double *error;                  /* n, likewise: of `before` */
+    double *taken, *changed;        /* n each, likewise */
     lag_contact_motion first, second;
     void *memory;
     int *law, *row;
@@ -20,7 +23,7 @@ typedef struct phases {
 
 static size_t reals(int n)
 {
-    return 12 * (size_t)n + 2 * (size_t)n * n;
+    return 13 * (size_t)n + 2 * (size_t)n * n;
 }
 
 size_t lag_impact_memory(int n)
@@ -35,8 +38,8 @@ static phases prepare(const lag_impact *impact, void *memory)
     phases p = {.impact = impact};
     double *next = memory;
     double **const parts[] = {
-        &p.offset, &p.limit, &p.none, &p.before, &p.restitution, &p.taken, &p.changed, &p.lost,
-        &p.first.force, &p.first.motion, &p.second.force, &p.second.motion};
+        &p.offset, &p.limit, &p.none, &p.before, &p.restitution, &p.taken, &p.changed,
+        &p.rounding, &p.error, &p.first.force, &p.first.motion, &p.second.force, &p.second.motion};
     for (size_t i = 0; i < sizeof parts / sizeof *parts; ++i, next += n)
         *parts[i] = next;
     p.matrix = next;
@@ -52,11 +55,18 @@ static phases prepare(const lag_impact *impact, void *memory)
     return p;
 }
 
-/* One phase: the contact problem with an offset and limits' constant parts. */
-static int phase(phases *p, const lag_impact *of, const double *limit)
+/* One phase: the contact problem with an offset and limits' constant parts, after these impulses. */
+static int phase(phases *p, const lag_impact *of, const double *limit, const double *impulse)
 {
-    const lag_contacts problem = {of->n,        of->matrix, p->offset, of->law,
-                                  limit,        of->friction, limit,   of->friction};
+    const int n = of->n;
+    for (int i = 0; i < n; ++i) {
+        double terms = fabs(of->before[i]);
+        for (int j = 0; j < n; ++j)
+            terms += fabs(of->matrix[i * n + j] * impulse[j]);
+        p->rounding[i] = ROUNDING * terms + (of->rounding ? of->rounding[i] : 0.0);
+    }
+    const lag_contacts problem = {n,     of->matrix,   p->offset, of->law,      limit, of->friction,
+                                  limit, of->friction, p->rounding};
     return lag_solve_contacts(&problem, NULL, p->memory, &p->first, &p->second);
 }
 
@@ -72,7 +82,7 @@ static int newton(phases *p, const lag_impact *of, double *impulse, double *afte
         const int bounces = of->law[i] == LAG_UNILATERAL && of->before[i] < 0.0;
         p->offset[i] = of->before[i] + (bounces ? of->restitution[i] * of->before[i] : 0.0);
     }
-    const int found = phase(p, of, p->none);
+    const int found = phase(p, of, p->none, p->none);
     if (found != LAG_NO_MOTION)
         for (int i = 0; i < of->n; ++i) {
             impulse[i] = p->first.force[i];
@@ -86,7 +96,7 @@ static int poisson(phases *p, const lag_impact *of, double *impulse, double *aft
 {
     const int n = of->n;
     memcpy(p->offset, of->before, n * sizeof *p->offset);
-    int found = phase(p, of, p->none), expands = 0;
+    int found = phase(p, of, p->none, p->none), expands = 0;
     if (found == LAG_NO_MOTION)
         return found;
     memcpy(impulse, p->first.force, n * sizeof *impulse);
@@ -108,7 +118,7 @@ static int poisson(phases *p, const lag_impact *of, double *impulse, double *aft
     }
     if (!expands)
         return found;
-    found = worse(found, phase(p, of, p->limit));
+    found = worse(found, phase(p, of, p->limit, impulse));
     if (found == LAG_NO_MOTION)
         return found;
     for (int i = 0; i < n; ++i)
@@ -144,12 +154,16 @@ static int add(phases *p, int count, lag_impact_result *result)
         p->law[i] = whole->law[row];
         p->before[i] = result->after[row];
         p->restitution[i] = whole->restitution[row];
+        p->error[i] = whole->rounding ? whole->rounding[row] : 0.0;
+        for (int j = 0; j < n; ++j)
+            p->error[i] += ROUNDING * fabs(whole->matrix[row * n + j] * result->impulse[j]);
         for (int j = 0; j < count; ++j) {
             p->matrix[i * count + j] = whole->matrix[row * n + p->row[j]];
             p->slope[i * count + j] = whole->friction[row * n + p->row[j]];
         }
     }
-    const lag_impact part = {count, p->matrix, p->before, p->law, p->restitution, p->slope};
+    const lag_impact part = {
+        count, p->matrix, p->before, p->law, p->restitution, p->slope, p->error};
     const int found = poisson(p, &part, p->taken, p->changed);
     if (found == LAG_NO_MOTION)
         return found;

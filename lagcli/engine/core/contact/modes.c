@@ -29,6 +29,7 @@ void lag_contact_prepare(lag_contact_work *w, const lag_contacts *problem, void 
     double *next = memory;
     w->problem = problem;
     w->n = n;
+    w->floor = 0.0;
     double **const parts[] = {&w->scale, &w->force, &w->motion, &w->right};
     for (size_t i = 0; i < sizeof parts / sizeof *parts; ++i, next += n)
         *parts[i] = next;
@@ -50,6 +51,8 @@ void lag_contact_prepare(lag_contact_work *w, const lag_contacts *problem, void 
     for (int i = 0; i < n; ++i) {
         const double entry = problem->matrix[i * n + i];
         w->scale[i] = largest > 0.0 ? 1.0 / sqrt(entry > INERT * largest ? entry : largest) : 1.0;
+        if (problem->rounding)
+            w->floor = fmax(w->floor, problem->rounding[i] * w->scale[i]);
         w->sign[i] = 1;
         w->referred[i] = 0;
     }
@@ -295,7 +298,7 @@ static int least_within(lag_contact_work *w, int freedom, int count, double magn
         double *along = w->reduced + i * freedom;
         for (int j = 0; j < n; ++j)
             w->bound[i] -= normal[j] * w->force[j];
-        w->bound[i] = w->bound[i] / magnitude - RELAXED;
+        w->bound[i] = (w->bound[i] - w->floor) / magnitude - RELAXED;
         for (int f = 0; f < freedom; ++f) {
             along[f] = 0.0;
             for (int j = 0; j < n; ++j)
@@ -380,7 +383,7 @@ int lag_contact_try(lag_contact_work *w)
     for (int k = rank; k < w->n; ++k)
         disagreement = fmax(disagreement, fabs(w->right[k]));
     least_norm(w, rank, w->place);
-    const double magnitude = size(w), tolerance = TOLERANCE * magnitude;
+    const double magnitude = size(w), tolerance = TOLERANCE * magnitude + w->floor;
     if (disagreement <= tolerance) {
         const int count = inequalities(w);
         int found = obeyed(w, count, tolerance);

@@ -11,6 +11,7 @@
 typedef struct lag_contact_work {
     const lag_contacts *problem;
     int n;
+    double floor;     /* errors that d b may have */
     double *scale;    /* n: d */
     double *force;    /* n: x of the last modes that were solved */
     double *motion;   /* n: y */

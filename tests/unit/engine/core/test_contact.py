@@ -363,6 +363,22 @@ def test_a_box_lands_on_two_corners() -> None:
     assert loss == pytest.approx([2.5, 2.5, 0.0, 0.0], abs=1e-12)
 
 
+def test_a_redundant_contact_ends_a_sequence_of_many_impacts() -> None:
+    """Two contacts in one place, whose velocities differ by the rounding of many impacts' sums."""
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        rows = rng.normal(size=(3, 2))
+        rows[2] = rows[0]
+        before = rows @ rng.normal(size=2)
+        signs = np.where(before > 0.0, -1.0, 1.0)
+        rows, before = rows * signs[:, None], before * signs
+        found, _, after, _ = binding.solve_impact(
+            rows @ rows.T, before, [UNILATERAL] * 3, [0.9] * 3, np.zeros((3, 3)), SEQUENTIAL
+        )
+        assert found == 1
+        assert after.min() > -1e-9
+
+
 def test_a_sequence_without_end_ends() -> None:
     """In a narrow wedge with restitution 0.9, no energy is gained."""
     angle = math.pi / 20
