@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 if TYPE_CHECKING:
@@ -386,23 +385,21 @@ def column_names(
     return [ColumnName(quantity.name)]
 
 
-@cache
-def _expression(quantity: ResultQuantity) -> re.Pattern[str]:
-    """Return what matches the names of a quantity's columns.
-
-    Names of models have no dots, but for the friction of a constraint: ``floor.slip``.
-    """
-    pattern = re.escape(quantity.pattern).replace(r"\{", "{").replace(r"\}", "}")
-    pattern = pattern.replace("{constraint}", rf"(?P<constraint>[^.]+(?:{re.escape(SLIP)})?)")
-    return re.compile(re.sub(r"{(\w+)}", r"(?P<\1>[^.]+)", pattern))
-
-
 def _readings(text: str) -> Iterator[ColumnName]:
-    """Yield the columns that a text may name, whatever the coordinates and constraints are."""
+    """Yield the columns that a text may name; names of a model may have dots, as ``r.x`` has."""
     for quantity in SAMPLED:
-        found = _expression(quantity).fullmatch(text)
-        if found is not None:
-            yield ColumnName(quantity.name, **found.groupdict())
+        if not quantity.along:
+            if text == quantity.pattern:
+                yield ColumnName(quantity.name)
+            continue
+        before, *names, after = re.split(r"{(\w+)}", quantity.pattern)
+        names = names[0::2]
+        inner = text.removeprefix(before).removesuffix(after)
+        if not inner or text != before + inner + after:
+            continue
+        dots = [dot.start() for dot in re.finditer(r"(?<=.)\.(?=.)", inner)]
+        for found in [(inner,)] if len(names) < 2 else [(inner[:i], inner[i + 1 :]) for i in dots]:
+            yield ColumnName(quantity.name, **dict(zip(names, found, strict=True)))
 
 
 def read_column_name(
@@ -435,9 +432,18 @@ def read_column_name(
 
 
 def read_dotted_name(text: str) -> ColumnName | None:
-    """Return the column of a name with dots, of any model.
+    """Return the column of a name whose first part is that of a quantity, of any model.
 
-    ``lambda.guide``, ``Qc.phi``, ``Qc.guide.phi``, ``residual_position.guide``,
-    ``conserved.p_phi``; None of any other text.
+    ``lambda.guide``, ``residual_position.guide``, ``conserved.p_phi``; None of any other text,
+    such as the coordinate ``r.x``. Of ``Qc.rod.phi``, only the quantity is certain: which
+    constraint and which coordinate it names is known to `read_column_name`.
     """
-    return next(_readings(text), None) if "." in text else None
+    head = text.partition(".")[0]
+    for name in _readings(text) if head in _HEADS else ():
+        if BY_NAME[name.quantity].pattern.startswith(f"{head}."):
+            return name
+    return None
+
+
+#: First parts of names with dots that are not names of a model.
+_HEADS = {quantity.pattern.partition(".")[0] for quantity in SAMPLED if "." in quantity.pattern}

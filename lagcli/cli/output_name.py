@@ -80,6 +80,7 @@ def _values(model: Model) -> dict[str, float]:
     for q, initial in model.initial_velocities.items():
         base, bracket, index = q.partition("[")
         values[f"{base}_dot{bracket}{index}"] = values[f"{q}'"] = initial.value
+        values[f"{q}_dot"] = initial.value
     return values
 
 

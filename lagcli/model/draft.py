@@ -45,6 +45,8 @@ class Draft:
         Number of family members so far.
     parameter_needs : mapping of str to lists of str
         Parameters that each parameter depends on.
+    left_out : list of str
+        Components of vector constraints that hold for all values of the coordinates.
     """
 
     source: Source
@@ -55,6 +57,7 @@ class Draft:
     misspelled_keys: set[str] = field(default_factory=set)
     members: int = 0
     parameter_needs: MappingOf[str, list[str]] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
 
     # entries
 
@@ -215,8 +218,8 @@ class Formula:
     context : Context
     names : Symbols, optional
         Symbol table; the draft's by default.
-    index : str, optional
-        Name of the entry's index.
+    indices : tuple of str
+        Names of the entry's indices.
     """
 
     def __init__(
@@ -225,10 +228,10 @@ class Formula:
         parsed: Parsed,
         context: Context,
         names: Symbols | None = None,
-        index: str | None = None,
+        indices: tuple[str, ...] = (),
     ):
         self.draft, self.parsed, self.context = draft, parsed, context
-        self.scope = ModelScope(names or draft.names, context, (index,) if index else ())
+        self.scope = ModelScope(names or draft.names, context, indices)
         errors, broken = name_errors(parsed.tree, self.scope)
         for error in errors:
             draft.report.add_expression_error(error, parsed.node)

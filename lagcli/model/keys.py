@@ -64,6 +64,7 @@ _DESCRIPTION = _described("text", _TEXT)
 COORDINATE = _mapping(
     {
         "unit": _described("SI unit", _TEXT),
+        "kind": _described("`point` or `quaternion`", _TEXT),
         "description": _DESCRIPTION,
         "latex": _described("symbol in LaTeX", _TEXT),
     }
@@ -240,8 +241,8 @@ MODEL = _mapping(
         ),
         "description": _described("text", _TEXT),
         "coordinates": _described(
-            "a list of names or families `x[1..N]`, or a mapping name → unit, or name → {`unit`,"
-            " `description`, `latex`}",
+            "a list of names or families `x[1..N]`, or a mapping name → unit, kind (`point`,"
+            " `quaternion`), or {`unit`, `kind`, `description`, `latex`}",
             _one_of(_list(_TEXT, at_least=1), _named(_one_of(_TEXT, _EMPTY, COORDINATE))),
         ),
         "parameters": _described(

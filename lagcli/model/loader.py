@@ -35,6 +35,7 @@ from lagcli.model.sections.parameters import read_parameters, structural
 from lagcli.model.sections.simulation import read_settings
 from lagcli.model.sections.switching.events import EventNames, read_events
 from lagcli.model.sections.view import read_view
+from lagcli.model.vectors.kinds import constraints_of, definitions_of
 from lagcli.model.yaml.composing import compose
 from lagcli.model.yaml.reading import check_text, read_text
 from lagcli.model.yaml.source import Source
@@ -113,9 +114,15 @@ def _model(
     parameter_entries = _declarations(draft, "parameters", "parameter")
     definition_entries = _declarations(draft, "definitions", "definition")
     constraint_entries = declarations(draft, draft.entries("constraints") or [], "constraint")
+    vectors = definitions_of(entry.declaration for entry in coordinate_entries)
+    draft.names.kinds = {d.family: d.kind for d in vectors}
+    definition_entries = [*vectors, *definition_entries]
+    constraint_entries += constraints_of(vectors)
     declare(draft, coordinate_entries, parameter_entries, definition_entries, functions)
     parameters, constants = read_parameters(draft, parameter_entries, overrides)
-    coordinates = expand_coordinates(draft, coordinate_entries, constants)
+    coordinates = expand_coordinates(
+        draft, coordinate_entries, constants, any(p.unit for p in parameters.values())
+    )
     defined = expand_definitions(draft, definition_entries, constants)
     report_overlaps(draft)
     check_functions(draft, functions)
@@ -123,8 +130,8 @@ def _model(
     definitions = read_definitions(draft, defined)
     kinetic, potential = read_energies(draft)
     dissipation = read_scalar(draft, "D")
-    forces = read_forces(draft, definitions, constants, draft.entries("Q") or [])
     constraints = read_constraints(draft, constraint_entries, constrained, constants)
+    forces = read_forces(draft, definitions, constants, draft.entries("Q") or [])
     closed = read_closed(draft, constraints)
     positions, velocities = read_initial(draft, constants, initial_overrides)
     outputs, output_units = read_outputs(draft, constants)
@@ -167,6 +174,7 @@ def _model(
         fit=fit,
         events=events,
         closed=closed,
+        left_out=tuple(draft.left_out),
     )
     units = derive_units(model)
     if units.throughout and units.findings:

@@ -36,7 +36,7 @@ class ExpressionLocations:
         node = found[1] if found else None
         if name is not None and isinstance(node, Mapping):
             family = name.partition("[")[0]
-            keys = [k for k in node.entries if k == name]
+            keys = [k for k in (name, name.rpartition(".")[0]) if k in node.entries]
             keys += [k for k in node.entries if k.startswith(f"{family}[") and "[" in name]
             node = node.entries[keys[0]][1] if keys else None
         if isinstance(node, Mapping) and "expr" in node.entries:

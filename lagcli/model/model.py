@@ -350,7 +350,8 @@ class Model:
     parameters' names. ``set`` and ``set_initial`` are the values that replaced the file's;
     ``settings_need`` are the parameters that the settings depend on; ``units`` are the units of all
     quantities, as they follow from the text. ``closed`` are the contacts that the initial values
-    state to be closed.
+    state to be closed, ``left_out`` the components of vector constraints that hold for all values
+    of the coordinates.
     """
 
     name: str
@@ -382,6 +383,7 @@ class Model:
     fit: FitBlock | None = None
     events: tuple[ModelEvent, ...] = ()
     closed: frozenset[str] = frozenset()
+    left_out: tuple[str, ...] = ()
 
     @property
     def switches(self) -> bool:

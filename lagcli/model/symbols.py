@@ -63,6 +63,8 @@ class Symbols:
         Parameters used in an index or a range.
     functions : mapping of str to Macro
         The model's functions.
+    kinds : mapping of str to str
+        Kinds of the coordinates that are vectors or rotations, and of families of these: ``r[]``.
     incomplete : bool
         Whether a block of declarations is unreadable, so that any name may be declared there.
     smooth : bool
@@ -82,6 +84,7 @@ class Symbols:
     suspects: set[str] = field(default_factory=set)
     structural: set[str] = field(default_factory=set)
     functions: Mapping[str, Macro] = field(default_factory=dict)
+    kinds: Mapping[str, str] = field(default_factory=dict)
     incomplete: bool = False
     smooth: bool = True
     rates: dict[Basic, Basic] = field(default_factory=dict, init=False, repr=False)
@@ -102,12 +105,15 @@ class Symbols:
     def resolve(self, name: Name) -> tuple[str, int]:
         """Split a name into base and order of derivative: ``x_dot`` is ``x'`` unless declared."""
         if not self.declared(name.text):
-            stem = name.text.removesuffix("[]")
-            brackets = name.text[len(stem) :]
-            for suffix, order in DOTS:
+            stem, bracket, rest = name.text.partition("[")
+            for suffix, order in DOTS:  # x_dot, x_dot[1], and r[1].x_dot
                 base = stem.removesuffix(suffix)
-                if base != stem and (self.declared(base + brackets) or base in self.suspects):
-                    return base + brackets, name.primes + order
+                text = base + bracket + rest
+                if base != stem and (self.declared(text) or base in self.suspects):
+                    return text, name.primes + order
+                text = name.text.removesuffix(suffix)
+                if bracket and text != name.text and self.declared(text):
+                    return text, name.primes + order
         return name.text, name.primes
 
     def members(self, base: str) -> list[str]:

@@ -134,7 +134,7 @@ class _Maker:
             low,
             high,
             step,
-            _family(name),
+            family_label(name),
             parameter.description or "",
             " ".join(parameter.text.split()) if self.follows(parameter.written) else "",
             whole=parameter.structural,
@@ -162,7 +162,7 @@ class _Maker:
             low,
             high,
             step,
-            _family(base) + "'" * (moving and base.endswith("]")),
+            family_label(base) + "'" * (moving and "[" in base),
             f"velocity: {described}" if moving and described else described,
             _written(initial) if self.follows(initial.written) else "",
             free=not initial.fixed,
@@ -179,9 +179,10 @@ def _end(settings: Settings) -> Control | None:
     return Control("t_end", "end", "t_end", end, unit, "", low + step, high, step, "", description)
 
 
-def _family(name: str) -> str:
+def family_label(name: str) -> str:
+    """Return the family of a name without brackets: ``r.x`` of ``r[1].x``; or nothing."""
     family = family_of(name)
-    return family.removesuffix("[]") if family != name else ""
+    return family.replace("[]", "").replace("[,]", "") if family != name else ""
 
 
 def _written(initial: InitialValue) -> str:

@@ -18,7 +18,7 @@ from lagcli.model.yaml.rewriting import rewrite
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
-from lagcli.play.controls import Control, controls
+from lagcli.play.controls import Control, controls, family_label
 from lagcli.play.curves import Curves
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
@@ -194,7 +194,7 @@ class Played:
             return {
                 name: value
                 for name, value in values.items()
-                if name in self.controls or name.partition("[")[0] not in families
+                if name in self.controls or family_label(name.rstrip("'")) not in families
             }
 
         return dataclasses.replace(

@@ -104,7 +104,7 @@ class _ExpressionSearch:
                 yield _Written(trees[key], key)
         for key, tree in trees.items():
             block, _, name = key.partition(".")
-            if block == "Q" and not name.endswith("]"):
+            if block == "Q" and "[" not in name:
                 yield _Written(tree, block, name)
         for c in self.model.constraints:
             for side in (c.left, c.right):

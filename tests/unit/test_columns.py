@@ -30,10 +30,10 @@ from lagcli.equations.derivation.lagrange import derive
 from lagcli.model.loader import load
 
 MODELS = Path(__file__).parents[2] / "models"
-COORDINATES = ("phi", "x[3]", "x_dot", "energy")
-CONSTRAINTS = ("guide", "rod[2]")
+COORDINATES = ("phi", "x[3]", "x_dot", "energy", "r.x", "q[1].y", "u[1,2]")
+CONSTRAINTS = ("guide", "rod[2]", "pin.x", "next[2].z", "e.unit")
 CONSERVED = ("p_phi",)
-TERMS = (("guide", "phi"), ("rod[2]", "x[3]"))
+TERMS = (("guide", "phi"), ("rod[2]", "x[3]"), ("pin.x", "r.x"), ("next[2].z", "phi"))
 NAMES = {
     "t": ColumnName("time"),
     "phi": ColumnName("q", "", "phi"),
@@ -43,6 +43,14 @@ NAMES = {
     "lambda.rod[2]": ColumnName("multipliers", "rod[2]"),
     "Qc.phi": ColumnName("constraint_force", "", "phi"),
     "Qc.guide.x[3]": ColumnName("constraint_force_by", "guide", "x[3]"),
+    "lambda.pin.x": ColumnName("multipliers", "pin.x"),
+    "r.x_dot": ColumnName("v", "", "r.x"),
+    "u[1,2]": ColumnName("q", "", "u[1,2]"),
+    "Qc.r.x": ColumnName("constraint_force", "", "r.x"),
+    "Qc.pin.x.r.x": ColumnName("constraint_force_by", "pin.x", "r.x"),
+    "Qc.pin.x.phi": ColumnName("constraint_force_by", "pin.x", "phi"),
+    "Qc.guide.q[1].y": ColumnName("constraint_force_by", "guide", "q[1].y"),
+    "residual_position.next[2].z": ColumnName("residual_position", "next[2].z"),
     "energy_total": ColumnName("energy_total"),
     "residual_velocity.guide": ColumnName("residual_velocity", "guide"),
 }
@@ -52,8 +60,18 @@ NAMES = {
 def test_names_are_written_and_read(text: str) -> None:
     assert str(NAMES[text]) == text
     assert read_column_name(text, COORDINATES, CONSTRAINTS) == NAMES[text]
-    dotted = NAMES[text] if "." in text else None
-    assert read_dotted_name(text) == dotted
+
+
+@pytest.mark.parametrize("text", NAMES)
+def test_first_part_of_a_name_says_that_it_is_no_coordinate(text: str) -> None:
+    found = read_dotted_name(text)
+    if text.startswith("Qc."):  # which constraint and coordinate it names is another question
+        assert found is not None
+        assert found.quantity.startswith("constraint_force")
+    elif text.partition(".")[0] in ("lambda", "residual_position", "residual_velocity"):
+        assert found == NAMES[text]
+    else:
+        assert found is None
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import symengine as se
 from symengine import Basic
 
-from lagcli.columns import ColumnName, read_dotted_name
+from lagcli.columns import ColumnName, read_column_name
 from lagcli.equations.derivation.motion import TWO, ZERO, Motion, addends
 from lagcli.equations.derivation.quadratic import QuadraticForms, QuadraticPart
 from lagcli.model import model as symbols
@@ -315,7 +315,7 @@ def with_forces(
     forces = _ConstraintForces(model, constraints)
     found = {}
     for name, expression in expressions.items():
-        named = {s: read_dotted_name(s.name) for s in expression.free_symbols}
+        named = {s: forces.named(s.name) for s in expression.free_symbols}
         used = {s: forces.of(n) for s, n in named.items() if n is not None and n.coordinate}
         found[name] = expression.subs(used) if used else expression
     return found
@@ -328,6 +328,12 @@ class _ConstraintForces:
         self.positions = {name: j for j, name in enumerate(model.coordinate_names)}
         self.constraints = {c.constraint.name: c for c in constraints}
         self.by_coordinate: dict[int, list[ConstraintEquation]] = {}
+
+    def named(self, text: str) -> ColumnName | None:
+        """Return the column that a symbol names, if it is a constraint force."""
+        if not text.startswith("Qc."):
+            return None
+        return read_column_name(text, self.positions, self.constraints)
 
     def of(self, name: ColumnName) -> Basic:
         """Return a constraint force, in total or of one constraint, as λ b."""

@@ -47,7 +47,7 @@ def accelerations_are_large(equations: Equations) -> bool:
 
 
 def _take_long(model: Model, expressions: Iterable[Basic]) -> bool:
-    families = any(name.endswith("]") for name in model.coordinate_names)
+    families = any("[" in name for name in model.coordinate_names)
     most = _OPERATIONS_OF_FAMILIES if families else _OPERATIONS
     return any(total > most for total in accumulate(map(se.count_ops, expressions)))
 

@@ -37,14 +37,16 @@ SHORTEST = 3
 #: A bound that differs from the number of members by at most this is written with its name.
 _NEAR = 3
 _LETTERS = ("i", "j", "k", "n", "p", "s", "u", "w")
-_MEMBER = re.compile(r"(.*)\[(-?\d+)\]")
+#: A member, whose last index runs: x[3], r[3].x, u[2,3].
+_MEMBER = re.compile(r"(.*\[(?:-?\d+,)?)(-?\d+)(\].*)")
 
 
 @dataclass(frozen=True)
 class _Member(Node):
-    """A symbol whose index is that of the formula plus an offset."""
+    """A symbol whose index is that of the formula plus an offset, between family and part."""
 
     family: str
+    part: str
     offset: int
     dots: int
     kind: str
@@ -88,7 +90,7 @@ class IndexForm:
 
     def __init__(self, model: Model):
         names = {*model.coordinate_names, *model.parameters, *model.definitions}
-        self._families = any(name.endswith("]") for name in (*names, *model.constraint_names))
+        self._families = any("[" in name for name in (*names, *model.constraint_names))
         self._letters = [x for x in _LETTERS if x not in names]
         self._sizes = [
             (p.name, int(p.value))
@@ -133,7 +135,7 @@ class IndexForm:
             member = _MEMBER.fullmatch(node.name)
             if member is None:
                 return node
-            return replace(node, name=f"{member[1]}[{self._bound(int(member[2]))}]")
+            return replace(node, name=f"{member[1]}{self._bound(int(member[2]))}{member[3]}")
         if isinstance(node, IndexedSum):
             bounds = (self._shown_bound(x, "") for x in (node.first, node.last))
             return IndexedSum(self._named(node.term), node.index, *bounds)
@@ -194,7 +196,8 @@ class IndexForm:
         match node:
             case _Member():
                 index = _offset(letter, node.offset)
-                return Symbol(f"{node.family}[{index}]", node.dots, node.kind)  # type: ignore[arg-type]
+                name = f"{node.family}{index}{node.part}"
+                return Symbol(name, node.dots, node.kind)  # type: ignore[arg-type]
             case _Linear():
                 return self._number(node, letter)
             case IndexedSum():
@@ -369,18 +372,18 @@ def _common_field(x: object, y: object, index: int) -> object | None:
 def _common_symbol(a: Symbol, b: Symbol, index: int) -> Node | None:
     one, two = _MEMBER.fullmatch(a.name), _MEMBER.fullmatch(b.name)
     same = (a.dots, a.kind) == (b.dots, b.kind)
-    if one is None or two is None or one[1] != two[1] or not same:
+    if one is None or two is None or (one[1], one[3]) != (two[1], two[3]) or not same:
         return None
     if int(two[2]) - int(one[2]) != 1:
         return None
-    return _Member(one[1], int(one[2]) - index, a.dots, a.kind)
+    return _Member(one[1], one[3], int(one[2]) - index, a.dots, a.kind)
 
 
 def _at(template: Node, index: int) -> Node:
     """Return a template for one index."""
     match template:
         case _Member():
-            name = f"{template.family}[{index + template.offset}]"
+            name = f"{template.family}{index + template.offset}{template.part}"
             return Symbol(name, template.dots, template.kind)  # type: ignore[arg-type]
         case _Linear():
             return Number(template.start + template.slope * index)

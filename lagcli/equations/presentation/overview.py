@@ -88,6 +88,7 @@ def before_equations(f: Formulas) -> list[Step]:
 
 
 _FREEDOM = "Degrees of freedom"
+_SHOWN = 12  # components that are left out
 
 
 @lru_cache(maxsize=1)  # measured first, then printed
@@ -169,7 +170,12 @@ def constraints_step(f: Formulas, variations: bool = True) -> Step | None:
         if variations:
             lines.append(f.variation_line(c))
     count = general.Signs(f.model).constraint_count
-    return Step(f"Constraints: {count} = {len(constraints)}", tuple(lines))
+    left_out = f.model.left_out
+    remark = None
+    if left_out:
+        those = ", ".join(left_out[:_SHOWN]) + (", …" if len(left_out) > _SHOWN else "")
+        remark = f"Left out, as they hold for all values of the coordinates: {those}."
+    return Step(f"Constraints: {count} = {len(constraints)}", tuple(lines), remark)
 
 
 def freedom_step(f: Formulas) -> Step:

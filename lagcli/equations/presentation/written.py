@@ -125,7 +125,7 @@ def _names(model: Model) -> Symbols:
         ("parameter", model.parameters),
     ):
         for name in known:
-            if name.endswith("]"):
+            if "[" in name:
                 families.setdefault(family_of(name), set()).add(kind)
     return Symbols(
         coordinates=dict.fromkeys(model.coordinate_names),

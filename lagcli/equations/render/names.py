@@ -17,15 +17,19 @@ SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 #: Of indices; other letters have no subscript in Unicode.
 _INDEX_SIGNS = str.maketrans("0123456789ijknpsu+−-", "₀₁₂₃₄₅₆₇₈₉ᵢⱼₖₙₚₛᵤ₊₋₋")
+_MEMBER = re.compile(r"([^\[]+)(\[.*\])(.*)")
 _DOTS = ("", "\u0307", "\u0308")
 
 
 def split(name: str) -> tuple[str, str]:
-    """Split a name into letter and subscript: x_A, y1, theta_0, rod_1, x[3]."""
-    if name.endswith("]"):
-        letter, subscript = split(name[: name.index("[")])
-        index = name[name.index("[") :]
-        return letter, subscript + index
+    """Split a name into letter and subscript: x_A, y1, theta_0, rod_1, x[3], r.x, r[3].x."""
+    if member := _MEMBER.fullmatch(name):
+        letter, subscript = split(member[1] + member[3])
+        return letter, subscript + member[2]
+    if "." in name:
+        base, _, part = name.rpartition(".")
+        letter, subscript = split(base)
+        return letter, f"{subscript}_{part}" if subscript else part
     base, _, subscript = name.partition("_")
     letters = base.rstrip("0123456789")
     if letters and letters != base and (len(letters) == 1 or letters in GREEK):
@@ -202,7 +206,7 @@ def _mathml(name: str) -> tuple[str, str]:
 
 def _mathml_row(subscript: str) -> str:
     """Return a subscript with its parts separated by commas."""
-    parts = [p for p in subscript.replace("[", "_").removesuffix("]").split("_") if p]
+    parts = [p for p in re.split(r"[_.,\[\]]", subscript) if p]
     shown = [
         f"<mn>{p}</mn>" if p.isdigit() else f"<mi>{escape(GREEK.get(p, p))}</mi>" for p in parts
     ]
@@ -219,9 +223,11 @@ def _latex_letter(text: str, font: str = r"\mathit") -> str:
 
 
 def latex_word(name: str) -> str:
-    """Return a constraint's name as an upright subscript: p4,x; rod,1; rod,i."""
-    name, _, index = name.removesuffix("]").partition("[")
-    words = ",".join(latex_ascii(p) for p in name.split("_") if p)
+    """Return a constraint's name as an upright subscript: p4,x; rod,1; pin,x,i."""
+    member = _MEMBER.fullmatch(name)
+    index = member[2][1:-1] if member else ""
+    name = member[1] + member[3] if member else name
+    words = ",".join(latex_ascii(p) for p in re.split("[_.]", name) if p)
     return rf"\mathrm{{{words}}}" + (f",{_latex_index(index)}" if index else "")
 
 

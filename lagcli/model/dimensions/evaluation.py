@@ -328,6 +328,8 @@ class DimensionEvaluator:
         if not all(isinstance(v, TensorDimension) for v in values):
             return TensorDimension(((UNKNOWN,),) * 3) if name == "cross" else UNKNOWN
         assert isinstance(first, TensorDimension)
+        if name == "axial":
+            return TensorDimension(tuple((product(x, ANGLE),) for x in first.rows[0]))
         if name == "transpose":
             return TensorDimension(tuple(zip(*first.rows, strict=False)))
         if name == "norm":

@@ -7,7 +7,7 @@ from fractions import Fraction
 import symengine as se
 from symengine import Basic
 
-from lagcli.columns import read_dotted_name
+from lagcli.columns import read_column_name, read_dotted_name
 from lagcli.model.dimensions.dimension import (
     ANGLE,
     NUMBER,
@@ -80,6 +80,8 @@ def _evaluated(model: Model, expression: Basic, seen: dict[Basic, Scalar]) -> Sc
 
 def _symbol(model: Model, name: str) -> Scalar:
     units, column = model.units, read_dotted_name(name)
+    if column is not None and column.coordinate:
+        column = read_column_name(name, model.coordinate_names, model.constraint_names)
     if name == TIME.name:
         return SECOND
     if column is None:

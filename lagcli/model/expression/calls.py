@@ -21,6 +21,7 @@ TENSOR_FUNCTIONS: dict[str, tuple[str, ...]] = {
     "norm": ("tensor",),
     "transpose": ("tensor",),
     "omega": ("tensor",),
+    "axial": ("tensor",),
     "rot_x": ("scalar",),
     "rot_y": ("scalar",),
     "rot_z": ("scalar",),
@@ -134,6 +135,8 @@ def tensor_call(name: str, arguments: list[Basic | Tensor], scope: CallScope) ->
             return tensors.cross(a, *rest)
         case "norm":
             return tensors.norm(a)
+        case "axial":
+            return tensors.axial(a)
         case "transpose":
             return tensors.transpose(a)
         case "quat":

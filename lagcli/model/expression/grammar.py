@@ -49,6 +49,8 @@ from lagcli.model.expression.trees import (
 
 MAX_NESTING = 50  # readable expressions have 10 at most; each level takes eleven Python frames
 
+#: Of a declaration: the name of the index, and its values.
+Span = tuple[str | None, Range | Tree]
 COMPARISONS = ("<=", ">=", "==", "!=", "<", ">")
 _SIGNS, _FACTORS, _POWERS = ("+", "-"), ("*", "/"), ("^", "**")
 #: Components of vectors, and of the quaternion of a rotation.
@@ -70,29 +72,28 @@ def parse(text: str) -> Tree:
     return tree
 
 
-def parse_range(text: str, start: int, end: int) -> tuple[str | None, Range | Tree]:
-    """Parse the index or range between the brackets of a declaration, ``text[start:end]``.
+def parse_spans(text: str, start: int, end: int) -> list[Span]:
+    """Parse the indices or ranges between the brackets of a declaration, ``text[start:end]``.
 
     Returns
     -------
-    index : str or None
-        The name of the index, if it has one.
-    range : Range, or Tree
-        Range of the members, or index of a single member.
+    list of (index, range)
+        Of one or two: the name of the index, if it has one, and the Range of the members, or the
+        Tree of the index of a single member.
 
     Raises
     ------
     ExpressionError
     """
     parser = _Parser(text[:end], start)
-    index = parser.index_name()
-    found = parser.sum()
-    if index is not None or parser.at(".."):
-        found = parser.range_from(found)
+    found = [parser.span()]
     if parser.at(","):
-        raise parser.fail("a family has one index", parser.current)
+        parser.advance()
+        found.append(parser.span())
+    if parser.at(","):
+        raise parser.fail("a family has at most two indices", parser.current)
     parser.expect_end()
-    return index, found
+    return found
 
 
 def parse_equation(text: str) -> tuple[Tree, Tree | None]:
@@ -246,7 +247,7 @@ class _Parser:
         tree = self._whole()
         while self.at(".", "[") and self.current.start == tree.end:
             if isinstance(tree, NumberExpr) or (self.at("[") and isinstance(tree, Name)):
-                break  # `2[`, and `x'[1]`, which the caller reports
+                break  # `2[` and `x'[1]`: the caller reports them
             tree = self._component(tree)
         return tree
 
@@ -258,11 +259,8 @@ class _Parser:
             return ComponentExpr(tree.start, self.end, tree, "", indices)
         key = self.advance()
         if key.text not in COMPONENTS:
-            raise self.fail(
-                f"`.{key.text}` is not a component",
-                key,
-                "the components of a vector are `.x`, `.y` and `.z`, or `[1]`, `[2]`, …",
-            )
+            help_ = "the components of a vector are `.x`, `.y` and `.z`, or `[1]`, `[2]`, …"
+            raise self.fail(f"`.{key.text}` is not a component", key, help_)
         return ComponentExpr(tree.start, key.end, tree, key.text)
 
     def _indices(self, opening: Token) -> tuple[Tree, ...]:
@@ -277,8 +275,8 @@ class _Parser:
         if self.at(","):
             self.advance()
             indices.append(self.sum())
-        if self.at(","):
-            raise self.fail("there are at most two indices", self.current)
+            if self.at(","):
+                raise self.fail("there are at most two indices", self.current)
         self._close("]", opening)
         return tuple(indices)
 
@@ -369,6 +367,14 @@ class _Parser:
         return text, tuple(indices), end, primes
 
     # indexed sums
+
+    def span(self) -> Span:
+        """Parse an index or a range, with the name of its index."""
+        index = self.index_name()
+        found = self.sum()
+        if index is not None or self.at(".."):
+            found = self.range_from(found)
+        return index, found
 
     def index_name(self) -> str | None:
         """Parse ``i =``, if present."""

@@ -143,12 +143,16 @@ def _is_unit(text: str) -> bool:
 
 
 def formula_of(
-    draft: Draft, quantity: Quantity, context: Context, names: Symbols, index: str | None = None
+    draft: Draft,
+    quantity: Quantity,
+    context: Context,
+    names: Symbols,
+    indices: tuple[str, ...] = (),
 ) -> Formula | None:
     """Return the formula of a quantity; None for a plain number."""
     if quantity.number is not None:
         return None
-    return Formula(draft, quantity.parsed, context, names, index)
+    return Formula(draft, quantity.parsed, context, names, indices)
 
 
 def evaluate(

@@ -47,6 +47,13 @@ class Tensor:
         return self.shape[1] == 1
 
     @property
+    def is_rotation(self) -> bool:
+        """Whether the matrix is a rotation; see `RotationFactor.is_rotation`."""
+        if self.shape != (3, 3):
+            return False
+        return all(turn.is_rotation for turn in self.factors or (RotationFactor(self.rows),))
+
+    @property
     def entries(self) -> tuple[Basic, ...]:
         """All entries, row by row."""
         return tuple(x for row in self.rows for x in row)
@@ -262,6 +269,22 @@ def cross(a: Tensor, b: Tensor) -> Tensor:
     return vector(a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1)
 
 
+def axial(a: Tensor) -> Tensor:
+    """Return the axial vector of the antisymmetric part of a 3×3 matrix: sin α n of a rotation."""
+    if a.shape != (3, 3):
+        raise ShapeError(f"axial needs a 3×3 matrix, not {a.kind}")
+    return vector(*_axial(a.rows))
+
+
+def _axial(rows: Rows) -> tuple[Basic, ...]:
+    half = se.Rational(1, 2)
+    return (
+        half * (rows[2][1] - rows[1][2]),
+        half * (rows[0][2] - rows[2][0]),
+        half * (rows[1][0] - rows[0][1]),
+    )
+
+
 def norm(a: Tensor) -> Basic:
     """Return the Euclidean norm of a vector."""
     return se.sqrt(dot(a, a))
@@ -303,7 +326,7 @@ def angular_velocity(r: Tensor, derivative: Derivative) -> Tensor:
     """
     if r.shape != (3, 3):
         raise ShapeError(f"omega needs a rotation (a 3×3 matrix), not {r.kind}")
-    if len(r.factors) < 2 or not all(turn.is_rotation for turn in r.factors):
+    if len(r.factors) < 2 or not r.is_rotation:
         single = r.factors[0] if len(r.factors) == 1 else RotationFactor(r.rows)
         return vector(*single.rate(derivative))
     first, *others = r.factors
@@ -317,10 +340,4 @@ def angular_velocity(r: Tensor, derivative: Derivative) -> Tensor:
 def _from_matrix(rows: Rows, derivative: Derivative) -> tuple[Basic, ...]:
     """Return ω of a rotation given by its matrix."""
     r = Tensor(rows)
-    spin = multiply(transpose(r), r.map(derivative)).rows
-    half = se.Rational(1, 2)
-    return (
-        half * (spin[2][1] - spin[1][2]),
-        half * (spin[0][2] - spin[2][0]),
-        half * (spin[1][0] - spin[0][1]),
-    )
+    return _axial(multiply(transpose(r), r.map(derivative)).rows)

@@ -162,7 +162,7 @@ class _Expansion:
         arguments = [self.tree(argument, calls) for argument in given]
         own = self.tree(macro.tree, (*calls, name))
         place = tree.start, tree.end
-        made = _substituted(own, dict(zip(macro.arguments, arguments, strict=True)), place)
+        made = substituted(own, dict(zip(macro.arguments, arguments, strict=True)), place)
         if sum(1 for _ in islice(walk(made), MAX_NODES)) == MAX_NODES:
             raise error_at(
                 "too-large",
@@ -173,7 +173,7 @@ class _Expansion:
         return made
 
 
-def _substituted(tree: Tree, arguments: Mapping[str, Tree], place: tuple[int, int]) -> Tree:
+def substituted(tree: Tree, arguments: Mapping[str, Tree], place: tuple[int, int]) -> Tree:
     """Return the expression of a function with its arguments, all at the place of the call."""
 
     def at(part: Tree) -> Tree:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from lagcli.model.diagnostics import Broken
 from lagcli.model.draft import NO_INDICES, Draft, Entry, Indices
-from lagcli.model.expression.grammar import KEYWORDS, parse_range
+from lagcli.model.expression.grammar import KEYWORDS, Span, parse_spans
 from lagcli.model.expression.tokens import ExpressionError, error_at, is_name, words
-from lagcli.model.expression.trees import Range, Tree
+from lagcli.model.expression.trees import BRACKETS, Range, Tree
 from lagcli.model.names.indices import names_in
 from lagcli.model.names.members import descending
 from lagcli.model.names.scope import ModelScope
@@ -18,6 +19,8 @@ from lagcli.model.spelling import shorten
 from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Scalar, YamlNode
 
+#: Component and derivative of a member: ``r[1].x'``.
+_AFTER = re.compile(r"(\.\w+?)?('|_dot)?")
 MAX_ALL = 100_000  # members of all families of a model
 
 
@@ -28,44 +31,51 @@ class Declaration:
     Parameters
     ----------
     name : str
-        The name without index and primes.
+        The name without indices and primes.
     key : Scalar
     node : Node
         The value of the entry; the key itself if it has none.
-    index : str or None
-        The name of the index.
-    span : Range, Tree or None
-        Index range of the members, index of one member, or None for a name without an index.
+    spans : tuple of (str or None, Range or Tree)
+        For each index its name and the range of the members, or the index of one member.
     primes : int
+    part : str
+        What follows the indices: ``.x`` of a component.
+    kind : str
+        The kind of a coordinate that is a vector or a rotation, if the entry follows from one.
     """
 
     name: str
     key: Scalar
     node: YamlNode
-    index: str | None = None
-    span: Range | Tree | None = None
+    spans: tuple[Span, ...] = ()
     primes: int = 0
+    part: str = ""
+    kind: str = ""
 
     @property
     def family(self) -> str:
-        """The name used for lookups: ``x``, or ``x[]`` for members."""
-        return self.name if self.span is None else f"{self.name}[]"
+        """The name used for lookups: ``x``, ``x[]`` or ``x[,]`` for members, ``r[].x``."""
+        return self.name + BRACKETS.get(len(self.spans), "") + self.part
 
     @property
     def several(self) -> bool:
         """Whether it declares a range of members."""
-        return isinstance(self.span, Range)
+        return any(isinstance(span, Range) for _, span in self.spans)
+
+    @property
+    def indices(self) -> tuple[str, ...]:
+        """The names of the indices."""
+        return tuple(index for index, _ in self.spans if index is not None)
 
     @property
     def title(self) -> str:
         """The name for messages: x, x[0], x[i], x[1..N]; primes included."""
         primes = "'" * self.primes
-        if self.span is None:
-            return self.name + primes
-        inside = self.index
-        if inside is None:
-            inside = self.key.value[self.span.start : self.span.end]
-        return f"{self.name}[{shorten(inside)}]{primes}"
+        if not self.spans:
+            return self.name + self.part + primes
+        text = self.key.value
+        inside = [text[s.start : s.end] if i is None else i for i, s in self.spans]
+        return f"{self.name}[{', '.join(map(shorten, inside))}]{self.part}{primes}"
 
 
 class Member(NamedTuple):
@@ -106,8 +116,8 @@ def read_key(
         return None
     closing = text.rfind("]")
     ending = text[closing + 1 :] if closing > 0 else ""
-    primes = {"": 0, "'": 1, "_dot": 1}.get(ending) if primed else {"": 0}.get(ending)
-    if closing < 0 or primes is None:
+    after = _AFTER.fullmatch(ending) if primed or not ending else None
+    if closing < 0 or after is None:
         draft.report.add(
             "bad-name",
             f"`{shorten(text)}` cannot be the name of {a(what)}",
@@ -117,8 +127,8 @@ def read_key(
         draft.names.suspects.add(name)
         return None
     with draft.report.expression(key):
-        index, span = parse_range(text, len(name) + 1, closing)
-        return Declaration(name, key, node, index, span, primes)
+        spans = parse_spans(text, len(name) + 1, closing)
+        return Declaration(name, key, node, tuple(spans), int(bool(after[2])), after[1] or "")
     draft.names.suspects.add(name)
     return None
 
@@ -171,38 +181,67 @@ def members_of(draft: Draft, declaration: Declaration, names: Symbols) -> list[M
         A parameter in the range has no value yet.
     """
     d = declaration
-    if d.span is None:
-        return [Member(d.name, d)]
+    if not d.spans:
+        return [Member(d.name + d.part, d)]
     scope = ModelScope(names, Context(f"the index of `{d.name}`", False, definitions=False))
     with draft.report.expression(d.key):
         try:
             if d.family in draft.names.broken:
                 raise Broken
-            scope.check_index(d.span)
-            if not isinstance(d.span, Range):
-                return [Member(f"{d.name}[{scope.indices.at(d.span)}]", d)]
-            if d.index is not None:
-                scope.check_index_name(d.index, d.span)
-            span = scope.indices.range(d.span)
+            found: list[tuple[int, ...]] = [()]
+            for place, (index, span) in enumerate(d.spans):
+                before = [name for name, _ in d.spans[:place] if name is not None]
+                scope.bound = frozenset(before)
+                scope.check_index(span)
+                if index is not None and isinstance(span, Range):
+                    scope.check_index_name(index, span)
+                found = [
+                    (*values, k)
+                    for values in found
+                    for k in _values(draft, d, scope, span, values, len(found))
+                ]
         except (Broken, ExpressionError):
             draft.names.broken.add(d.family)
             raise
-        draft.members += len(span)
-        if draft.members > MAX_ALL:
-            draft.names.broken.add(d.family)
-            raise error_at(
-                "too-large",
-                f"the families of this model have more than {MAX_ALL:,} members",
-                d.span,
-                "choose smaller ranges",
-                "members",
+        names_of = [index for index, _ in d.spans]
+        return [
+            Member(
+                f"{d.name}[{','.join(map(str, values))}]{d.part}",
+                d,
+                {i: k for i, k in zip(names_of, values, strict=True) if i} or NO_INDICES,
             )
-        if span.stop < span.start:
-            draft.names.broken.add(d.family)
-            raise descending(d.span, span)
-        index = d.index
-        return [Member(f"{d.name}[{k}]", d, {index: k} if index else NO_INDICES) for k in span]
+            for values in found
+        ]
     return []
+
+
+def _values(
+    draft: Draft,
+    d: Declaration,
+    scope: ModelScope,
+    span: Range | Tree,
+    before: tuple[int, ...],
+    count: int,
+) -> Sequence[int]:
+    """Return the values of an index, given those of the index before it."""
+    scope.values.clear()
+    named = zip((index for index, _ in d.spans), before, strict=False)
+    scope.values.update({index: k for index, k in named if index})
+    if not isinstance(span, Range):
+        return [scope.indices.at(span)]
+    found = scope.indices.range(span)
+    draft.members += len(found)
+    if draft.members > MAX_ALL or count * len(found) > MAX_ALL:
+        raise error_at(
+            "too-large",
+            f"the families of this model have more than {MAX_ALL:,} members",
+            span,
+            "choose smaller ranges",
+            "members",
+        )
+    if found.stop < found.start:
+        raise descending(span, found)
+    return found
 
 
 def by_name(draft: Draft, found: Iterable[Member], singles_win: bool = False) -> dict[str, Member]:
@@ -242,4 +281,4 @@ def by_name(draft: Draft, found: Iterable[Member], singles_win: bool = False) ->
 
 def bounds(declaration: Declaration) -> list[str]:
     """Return the names in the range of an entry."""
-    return [] if declaration.span is None else [name.text for name in names_in(declaration.span)]
+    return [name.text for _, span in declaration.spans for name in names_in(span)]

@@ -2,33 +2,48 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 
 from lagcli.model.expression.tokens import ExpressionError, error_at
 from lagcli.model.expression.trees import Range
 
+_INDEX = re.compile(r"\[(-?\d+)(?:,(-?\d+))?\]")
+_OPEN = re.compile(r"\[,?\]")
+
 
 def with_indices(family: str, indices: Iterable[int]) -> str:
-    """Return the name of a member: ``Qc.rod[].x[]`` with 2 and 3 is ``Qc.rod[2].x[3]``."""
-    first, *others = family.split("[]")
-    return first + "".join(f"[{k}]{rest}" for k, rest in zip(indices, others, strict=True))
+    """Return the name of a member: ``Qc.rod[].x[,]`` with 2, 3, 4 is ``Qc.rod[2].x[3,4]``."""
+    values = iter(indices)
+
+    def closed(match: re.Match[str]) -> str:
+        return f"[{','.join(str(next(values)) for _ in range(len(match[0]) - 1))}]"
+
+    return _OPEN.sub(closed, family)
 
 
-def index_of(member: str) -> int | None:
-    """Return the index in a member's name; None for other names."""
-    return int(member[member.index("[") + 1 : -1]) if member.endswith("]") else None
+def indices_of(member: str) -> tuple[int, ...]:
+    """Return the indices in a member's name, empty for other names: 3 of ``r[3].x``."""
+    match = _INDEX.search(member)
+    return tuple(int(k) for k in match.groups() if k is not None) if match else ()
 
 
 def family_of(member: str) -> str:
-    """Return the name of a member's family, ``x[]``; other names unchanged."""
-    return f"{member[: member.index('[')]}[]" if member.endswith("]") else member
+    """Return the name of a member's family: ``x[]``, ``r[].x``, ``u[,]``; other names unchanged."""
+    if "[" not in member:
+        return member
+    return _INDEX.sub(lambda match: "[]" if match[2] is None else "[,]", member)
 
 
 def format_members(base: str, members: Sequence[str]) -> str:
-    """Return the members of a family as ranges: x[0], x[1..20]."""
-    found = sorted({k for k in map(index_of, members) if k is not None})
+    """Return the members of a family as ranges: x[0], x[1..20]; u[1..3, 1..5]."""
+    found = sorted({indices_of(member) for member in members} - {()})
+    if found and len(found[0]) > 1:
+        spans = [sorted(set(column)) for column in zip(*found, strict=False)]
+        inside = ", ".join(f"{s[0]}..{s[-1]}" if len(s) > 1 else f"{s[0]}" for s in spans)
+        return f"`{base}[{inside}]`"
     runs: list[list[int]] = []
-    for k in found:
+    for (k,) in found:
         if runs and k == runs[-1][1] + 1:
             runs[-1][1] = k
         else:

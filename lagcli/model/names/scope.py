@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterator
 import symengine as se
 from symengine import Basic
 
-from lagcli.columns import SLIP
 from lagcli.model import model as symbols
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken
 from lagcli.model.expression.tensors import Tensor
@@ -287,7 +286,7 @@ class ModelScope:
 
     def _member(self, name: Name, text: str, primes: int) -> Sized:
         names = self.names
-        if "." in text:
+        if text.startswith(("lambda.", "Qc.")):
             return Sized(self._dotted(name, text))
         if text in names.coordinates:
             return Sized(motion(text, primes), order=primes)
@@ -353,11 +352,7 @@ class ModelScope:
     def _check_order(self, name: Name, order: int) -> None:
         """Raise for derivatives of a coordinate that are too high, here or anywhere."""
         if order > 2:
-            raise self._error(
-                "too-many-primes",
-                name,
-                _HIGHEST,
-            )
+            raise self._error("too-many-primes", name, _HIGHEST)
         if order == 2 and not self.context.accelerations:
             raise self._not_here(name, "accelerations", _ACCELERATIONS)
 
@@ -380,8 +375,6 @@ class ModelScope:
         index values are known.
         """
         head, *rest = text.split(".")
-        if f".{''.join(rest[1:2])}" == SLIP and (head == "lambda" or self._has_friction(rest[0])):
-            rest[:2] = [rest[0] + SLIP]
         if head in ("lambda", "Qc") and not self.context.multipliers:
             raise self._error(
                 "not-allowed-here",
@@ -389,15 +382,16 @@ class ModelScope:
                 f"{self.context.where} cannot depend on multipliers, but uses `{as_written(name)}`",
                 "multipliers may be used in `outputs` and in the vectors of a `view`",
             )
-        if head == "lambda" and len(rest) == 1 and not name.primes:
-            self._known_part(name, text, rest[0], "constraint")
-            return symbols.multiplier(rest[0])
-        if head == "Qc" and len(rest) in (1, 2) and not name.primes:
-            self._known_part(name, text, rest[-1], "coordinate")
-            if len(rest) == 1:
-                return symbols.constraint_force(rest[0])
-            self._known_part(name, text, rest[0], "constraint")
-            return symbols.constraint_force(rest[1], rest[0])
+        if head == "lambda" and rest and not name.primes:
+            constraint = ".".join(rest)
+            self._known_part(name, text, constraint, "constraint")
+            return symbols.multiplier(constraint)
+        if head == "Qc" and rest and not name.primes:
+            of_one, coordinate = self._force_of(rest)
+            self._known_part(name, text, coordinate, "coordinate")
+            if of_one:
+                self._known_part(name, text, of_one, "constraint")
+            return symbols.constraint_force(coordinate, of_one)
         raise self._error(
             "unknown-name",
             name,
@@ -406,18 +400,27 @@ class ModelScope:
             " `Qc.CONSTRAINT.COORDINATE`;\na decimal number needs no letters around its point",
         )
 
-    def _has_friction(self, constraint: str) -> bool:
-        """Whether a constraint or a family of constraints has friction."""
-        name = constraint + SLIP
-        return name in self.names.constraints or name in self.names.constraint_families
+    def _force_of(self, parts: list[str]) -> tuple[str | None, str]:
+        """Return the constraint and the coordinate of a force, either of which may have dots."""
+        whole = ".".join(parts)
+        if len(parts) == 1 or self._knows("coordinate", whole):
+            return None, whole
+        splits = [(".".join(parts[:i]), ".".join(parts[i:])) for i in range(1, len(parts))]
+        for constraint, coordinate in splits:
+            if self._knows("constraint", constraint) and self._knows("coordinate", coordinate):
+                return constraint, coordinate
+        return splits[0]
+
+    def _knows(self, what: str, part: str) -> bool:
+        names = self.names
+        if what == "constraint":
+            return part in names.constraints or part in names.constraint_families
+        return part in names.coordinates or "coordinate" in names.families.get(part, ())
 
     def _known_part(self, name: Name, text: str, part: str, what: str) -> None:
         names = self.names
-        if what == "constraint":
-            known, family = names.constraints, part in names.constraint_families
-        else:
-            known, family = names.coordinates, "coordinate" in names.families.get(part, ())
-        if not family and part not in known:
+        if not self._knows(what, part):
+            known = names.constraints if what == "constraint" else names.coordinates
             raise unknown_part(
                 names, self.context, name, (text, part, self.at()), list(known), what
             )

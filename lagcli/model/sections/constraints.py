@@ -18,17 +18,22 @@ from lagcli.model.expression.linearity import (
     kinked_in,
     nonlinear_in,
 )
+from lagcli.model.expression.tensors import ShapeError, Tensor
 from lagcli.model.expression.tokens import ExpressionError
-from lagcli.model.expression.trees import Comparison, Tree
+from lagcli.model.expression.trees import Comparison, Range, Tree
 from lagcli.model.keys import CONSTRAINT, keys_of
 from lagcli.model.model import Constraint, Relation
 from lagcli.model.names.expansion import expand
 from lagcli.model.names.families import Declaration, Member, by_name
+from lagcli.model.names.members import family_of
 from lagcli.model.names.scope import uses
+from lagcli.model.names.scoping import Value
 from lagcli.model.sections.coordinates import expanded
 from lagcli.model.sections.switching.contacts import ContactFields, has_friction, slip_equation
 from lagcli.model.symbols import Context, Symbols
-from lagcli.model.yaml.source import Scalar, YamlNode
+from lagcli.model.vectors.equations import component_equations
+from lagcli.model.vectors.kinds import unit_length
+from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
 _EXPANDED = 1000  # terms of a constraint that is written out to see what cancels
 _EXAMPLE = "x^2 + y^2 = l^2"
@@ -39,7 +44,7 @@ def declare_constraints(
 ) -> dict[str, Member]:
     """Return what the entries declare, by name, and enter the names into the draft's."""
     names = draft.names
-    families = [d for d in declared if d.span is not None]
+    families = [d for d in declared if d.spans]
     names.constraint_families = {d.family for d in families}
     names.constraint_families |= {d.family + SLIP for d in families if has_friction(d)}
     members = by_name(draft, expanded(draft, declared, constants))
@@ -55,11 +60,15 @@ def read_constraints(
 ) -> tuple[Constraint, ...]:
     """Return the constraints that can be built, each followed by its friction."""
     readers = {id(d): _ConstraintReader(draft, d, constants) for d in declared}
-    return tuple(
-        constraint
-        for name, member in members.items()
-        for constraint in readers[id(member.declaration)].constraints(name, member.indices)
-    )
+    found: list[Constraint] = []
+    for name, member in members.items():
+        for c in readers[id(member.declaration)].constraints(name, member.indices):
+            found.append(c)
+            if c.name not in draft.names.constraints:  # a component
+                draft.names.constraints.pop(name, None)
+                draft.names.constraint_families.add(family_of(c.name))
+            draft.names.constraints[c.name] = None
+    return tuple(found)
 
 
 class _ConstraintReader:
@@ -67,15 +76,22 @@ class _ConstraintReader:
 
     def __init__(self, draft: Draft, d: Declaration, constants: Symbols):
         what = f"constraint `{d.title}`"
+        self.draft, self.what, self.declaration = draft, what, d
+        self.builder: _ConstraintBuilder | None = None
+        self.slip: _ConstraintBuilder | None = None
+        if d.kind:
+            self.fields = ContactFields(draft, d, {}, "=", constants)
+            equation = _Equation(d.key, *unit_length(d))
+            self.builder = _ConstraintBuilder(draft, d, what, equation, None)
+            return
         node, fields = draft.expression_node(
             d.key, d.node, what, keys_of(CONSTRAINT), example=_EXAMPLE
         )
         description = draft.text(fields.get("description"), f"`description` of {what}")
-        equation = None if node is None else _equation(draft, node, what)
-        self.builder: _ConstraintBuilder | None = None
-        self.slip: _ConstraintBuilder | None = None
-        if equation is None:
+        read = None if node is None else _equation(draft, node, what)
+        if read is None:
             return
+        equation = read
         self.builder = _ConstraintBuilder(draft, d, what, equation, description)
         self.fields = ContactFields(draft, d, fields, equation.relation, constants)
         if parsed := slip_equation(draft, fields, what):
@@ -83,16 +99,25 @@ class _ConstraintReader:
             self.slip = _ConstraintBuilder(draft, d, f"`slip` of {what}", slipping, None)
 
     def constraints(self, name: str, indices: Indices) -> Iterator[Constraint]:
-        """Yield the constraint of a member, and its friction; nothing if there is an error."""
-        plain = self.builder.constraint(name, indices) if self.builder else None
-        constraint = self.fields.complete(plain, indices) if plain else None
-        if constraint is None:
+        """Yield the constraints of a member: one, with its friction, or one for each component."""
+        found = self.builder.constraints(name, indices) if self.builder else []
+        if self.slip and len(found) > 1:
+            self.draft.report.add(
+                "shape",
+                f"{self.what} is an equation of vectors, and has friction",
+                self.declaration.key.location,
+                "give the component along the normal a name of its own, with its friction",
+            )
             return
-        yield constraint
-        slipping = self.slip.constraint(name, indices) if self.slip else None
-        friction = self.fields.slip(constraint, slipping) if slipping else None
-        if friction is not None:
-            yield friction
+        for plain in found:
+            constraint = self.fields.complete(plain, indices)
+            if constraint is None:
+                return
+            yield constraint
+            slipping = self.slip.constraints(name, indices) if self.slip else []
+            friction = self.fields.slip(constraint, slipping[0]) if slipping else None
+            if friction is not None:
+                yield friction
 
 
 class _Equation(NamedTuple):
@@ -105,6 +130,8 @@ class _Equation(NamedTuple):
 
 
 def _equation(draft: Draft, node: YamlNode, what: str) -> _Equation | None:
+    if isinstance(node, Sequence):
+        node = draft.vector_text(node)
     if not isinstance(node, Scalar) or node.missing:
         draft.report.add(
             "wrong-type",
@@ -172,17 +199,19 @@ class _ConstraintBuilder:
         self.what = what
         self.node, self.left, self.right, self.relation = equation
         trees = [self.left] if self.right is None else [self.left, self.right]
-        context, index = Context(self.what), declaration.index
+        context = Context(self.what)
         self.sides = [
-            Formula(draft, Parsed(self.node, tree), context, index=index) for tree in trees
+            Formula(draft, Parsed(self.node, tree), context, indices=declaration.indices)
+            for tree in trees
         ]
         self.good = True
-        if declaration.several and not self.uses(index):
+        repeated = [index for index, span in declaration.spans if isinstance(span, Range)]
+        if not all(map(self.uses, repeated)):
             self.fault(
                 "unused-index",
                 f"{self.what} is the same for every index",
                 "use the index, or give the constraint once"
-                if index
+                if all(repeated)
                 else f"name the index and use it, as in `{declaration.name}[i = 1..N]: x[i] = 0`",
             )
 
@@ -197,13 +226,50 @@ class _ConstraintBuilder:
         at = f", for {at}" if at else ""
         self.draft.report.add(kind, message + at, self.node.location, help_)
 
-    def constraint(self, name: str, indices: Indices) -> Constraint | None:
-        """Return one constraint; None if there is something wrong with it."""
-        built = [side.scalar(indices) for side in self.sides]
-        sides = [side for side in built if side is not None]
-        if not self.good or len(sides) < len(built):
-            return None
-        expression = sides[0] if self.right is None else sides[0] - sides[1]
+    def constraints(self, name: str, indices: Indices) -> list[Constraint]:
+        """Return one constraint, or those of the components of a vector; without those in error."""
+        built = [side.value(indices) for side in self.sides]
+        values = [side.value for side in built if side is not None]
+        if not self.good or len(values) < len(built):
+            return []
+        if any(isinstance(value, Tensor) for value in values):
+            return list(self.components(name, values, indices))
+        found = self.constraint(name, self.left, self.right, values, indices)
+        return [] if found is None else [found]
+
+    def components(self, name: str, values: list[Value], indices: Indices) -> Iterator[Constraint]:
+        """Yield the constraints of the components, without those that always hold."""
+
+        def build(tree: Tree) -> Value | None:
+            formula = Formula(
+                self.draft,
+                Parsed(self.node, tree),
+                self.sides[0].context,
+                indices=tuple(indices),
+            )
+            sized = formula.value(indices)
+            return None if sized is None else sized.value
+
+        try:
+            rows = component_equations(self.left, self.right, values, build)
+        except ShapeError as error:
+            help_ = "both sides are scalars, vectors of one length, or rotations; 0 fits any vector"
+            self.fault("shape", f"{self.what}: {error}", help_, indices)
+            return
+        always = [row for row in rows if is_zero(row.sides[0] - row.sides[1])]
+        if len(always) < len(rows):
+            rows = [row for row in rows if row not in always]
+            self.draft.left_out += [name + row.part for row in always]
+        for row in rows:
+            found = self.constraint(name + row.part, row.left, row.right, [*row.sides], indices)
+            if found is not None:
+                yield found
+
+    def constraint(
+        self, name: str, left: Tree, right: Tree | None, sides: list[Basic], indices: Indices
+    ) -> Constraint | None:
+        """Return a constraint; None if there is something wrong with it."""
+        expression = sides[0] if right is None else sides[0] - sides[1]
         small = count_terms(expression) <= _EXPANDED
         shown = expand_terms(expression) if small else expression  # x = x + 1 leaves no x
         rates, positions = self.motion_in(shown)
@@ -234,8 +300,8 @@ class _ConstraintBuilder:
             name,
             kind,
             expression,
-            self.left,
-            self.right,
+            left,
+            right,
             self.description,
             self.key.location,
             indices,

@@ -13,9 +13,10 @@ from lagcli.model.expression.units import UNIT_HELP, UnknownUnit, to_si
 from lagcli.model.keys import COORDINATE, keys_of
 from lagcli.model.model import Coordinate
 from lagcli.model.names.families import Declaration, Member, by_name, members_of, read_key
-from lagcli.model.names.members import family_of, index_of
+from lagcli.model.names.members import family_of, indices_of
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.symbols import DOTS, Symbols
+from lagcli.model.vectors.kinds import KINDS, components
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, YamlNode
 
 _OTHER_KEYS = {
@@ -81,7 +82,7 @@ def read_coordinates(draft: Draft) -> list[CoordinateEntry]:
         for _, key, value in node:
             declaration = read_key(draft, key, value, "coordinate")
             if declaration is not None:
-                found.append(CoordinateEntry(declaration, _coordinate(draft, declaration)))
+                found += _entries(draft, declaration)
     elif isinstance(node, Scalar):
         names = [n for n in re.split(r"[\s,;]+", node.value.strip(" []()")) if n]
         good = all(map(is_name, names)) and len(set(names)) == len(names)
@@ -135,6 +136,36 @@ def _listed(draft: Draft, node: Sequence) -> list[CoordinateEntry]:
             coordinate = Coordinate(declaration.name, location=item.location)
             found[item.value] = CoordinateEntry(declaration, coordinate)
     return list(found.values())
+
+
+def _entries(draft: Draft, declaration: Declaration) -> list[CoordinateEntry]:
+    """Return the coordinates of an entry: the components of a vector or rotation, or one."""
+    value = declaration.node
+    kind: YamlNode | None = value
+    if isinstance(value, Mapping):
+        kind = value.entries["kind"][1] if "kind" in value.entries else None
+    name = kind.value.strip() if isinstance(kind, Scalar) else ""
+    if name not in KINDS:
+        if kind is not None and kind is not value:
+            draft.report.add(
+                "unknown-kind",
+                f"the coordinate `{declaration.title}` has the kind {kind.what}",
+                kind.location,
+                "the kinds are " + " and ".join(f"`{known}`" for known in KINDS),
+            )
+        return [CoordinateEntry(declaration, _coordinate(draft, declaration))]
+    if declaration.name in ("lambda", "Qc"):
+        draft.report.add(
+            "reserved-name",
+            f"`{declaration.name}` cannot be the name of a {name}: names such as"
+            f" `{declaration.name}.x` are those of multipliers and forces",
+            declaration.key.location,
+            "choose another name",
+        )
+    own = Coordinate(declaration.title, location=declaration.key.location)
+    if isinstance(value, Mapping):
+        own = _coordinate(draft, declaration)
+    return [CoordinateEntry(d, own) for d in components(declaration, name)]
 
 
 def _coordinate(draft: Draft, declaration: Declaration) -> Coordinate:
@@ -191,9 +222,9 @@ def declare(
 
     def enter(name: str, what: str, location: SourceLocation) -> None:
         other, place = places.setdefault(name, (what, location))
-        if place is location or (name.endswith("[]") and " " not in what + other):
+        if place is location or ("[" in name and " " not in what + other):
             return  # members may be declared in several places
-        shown = name.removesuffix("[]")
+        shown = name.partition("[")[0]
         report.add(
             "duplicate-name",
             f"`{shorten(shown)}` is declared twice: as {other} and as {what}",
@@ -204,10 +235,23 @@ def declare(
         names.broken.add(name)
 
     located = [(entry.declaration, "coordinate") for entry in coordinates]
-    for d, _ in located:
+    plain = {d.family for d, _ in located if not d.kind}
+    for d, _ in sorted(located, key=lambda item: bool(item[0].kind)):
         enter(d.family, "coordinate", d.key.location)
+        whole = d.family.removesuffix(d.part)
+        if d.kind and whole not in places:
+            enter(whole, "coordinate", d.key.location)
+        elif d.kind and whole in plain:
+            report.add(
+                "duplicate-name",
+                f"`{d.name}` is declared twice: as a {d.kind} and as a coordinate",
+                d.key.location,
+                "rename one of the two",
+                (("the coordinate is declared here", places[whole][1]),),
+                subject=whole,
+            )
     for family in dict.fromkeys(d.family for d, _ in located):
-        stem = family.removesuffix("[]")
+        stem = family.partition("[")[0]
         for suffix, order in DOTS:
             primed = stem + "'" * order
             what = f"coordinate (`{stem}{suffix}` is `{primed}`)"
@@ -215,15 +259,16 @@ def declare(
     located += [(d, "parameter") for d in parameters] + [(d, "definition") for d in definitions]
     located += [(d, "function") for d in functions]
     for d, what in located:
-        if what != "coordinate":
+        if what != "coordinate" and not d.kind:
             enter(d.family, what, d.key.location)
-        if d.span is not None:
+        if d.spans:
             names.families.setdefault(d.family, set()).add(what)
     for family in names.families:
-        if family.removesuffix("[]") in places:
-            enter(family.removesuffix("[]"), "family", places[family][1])
+        base = family.partition("[")[0]
+        if base in places:
+            enter(base, "family", places[family][1])
             names.broken.add(family)
-    single = [d.name for d, what in located if what == "coordinate" and d.span is None]
+    single = [d.family for d, what in located if what == "coordinate" and not d.spans]
     names.coordinates = dict.fromkeys(single)
     names.lines = {
         name: (what, place.line) for name, (what, place) in places.items() if " " not in what
@@ -232,21 +277,45 @@ def declare(
 
 
 def expand_coordinates(
-    draft: Draft, entries: list[CoordinateEntry], constants: Symbols
+    draft: Draft, entries: list[CoordinateEntry], constants: Symbols, with_units: bool
 ) -> tuple[Coordinate, ...]:
-    """Return the coordinates, and enter them into the draft's names."""
+    """Return the coordinates, and enter them into the draft's names.
+
+    Parameters
+    ----------
+    draft, entries, constants : Draft, list of CoordinateEntry, Symbols
+    with_units : bool
+        Whether the model states units; points are in m then.
+    """
     given = {id(entry.declaration): entry.coordinate for entry in entries}
-    found = by_name(draft, expanded(draft, (entry.declaration for entry in entries), constants))
+    members = expanded(draft, (entry.declaration for entry in entries), constants)
+    found = by_name(draft, _together(members))
     draft.names.coordinates = dict.fromkeys(found)
-    return tuple(_named(given[id(member.declaration)], name) for name, member in found.items())
+    with_units = with_units or any(entry.coordinate.unit for entry in entries)
+    return tuple(
+        _named(given[id(member.declaration)], member, with_units) for member in found.values()
+    )
 
 
-def _named(coordinate: Coordinate, name: str) -> Coordinate:
-    """Return a coordinate as the member of its family."""
-    index, latex = index_of(name), coordinate.latex
-    if index is not None and latex:
-        latex = f"{{{latex}}}_{{{index}}}" if set("_^") & set(latex) else f"{latex}_{{{index}}}"
-    return coordinate._replace(name=name, latex=latex)
+def _together(members: list[Member]) -> list[Member]:
+    """Return members with the components of each vector one after the other."""
+    vectors: dict[tuple[int, str], list[Member]] = {}
+    for member in members:
+        whole = member.name.removesuffix(member.declaration.part)
+        vectors.setdefault((id(member.declaration.key), whole), []).append(member)
+    return [member for vector in vectors.values() for member in vector]
+
+
+def _named(coordinate: Coordinate, member: Member, with_units: bool) -> Coordinate:
+    """Return a coordinate as the member of its family, or the component of a vector."""
+    latex, kind, unit = coordinate.latex, member.declaration.kind, coordinate.unit
+    below = [*map(str, indices_of(member.name)), *([member.declaration.part[1:]] if kind else [])]
+    if below and latex:
+        base = f"{{{latex}}}" if set("_^") & set(latex) else latex
+        latex = f"{base}_{{{','.join(below)}}}"
+    if kind and unit is None and with_units:
+        unit = KINDS[kind].unit
+    return coordinate._replace(name=member.name, latex=latex, unit=unit)
 
 
 def expanded(draft: Draft, found: Iterable[Declaration], constants: Symbols) -> list[Member]:

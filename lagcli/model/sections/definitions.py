@@ -17,6 +17,7 @@ from lagcli.model.names.members import family_of
 from lagcli.model.names.scoping import Sized
 from lagcli.model.sections.coordinates import expanded
 from lagcli.model.symbols import Context, Symbols
+from lagcli.model.vectors.kinds import value_of
 from lagcli.model.yaml.source import YamlNode
 
 
@@ -59,7 +60,7 @@ def read_definitions(draft: Draft, members: Mapping[str, Member]) -> dict[str, D
         formula = formulas.get(id(declaration))
         if formula is None:
             context = Context(f"the definition `{declaration.title}`")
-            formula = Formula(draft, entry.parsed, context, index=declaration.index)
+            formula = Formula(draft, entry.parsed, context, indices=declaration.indices)
             formulas[id(declaration)] = formula
         sized = formula.value(members[name].indices)
         if sized is None:
@@ -91,6 +92,9 @@ def _parsed(draft: Draft, members: Mapping[str, Member]) -> dict[int, _Definitio
         if id(d) in seen:
             continue
         seen.add(id(d))
+        if d.kind:
+            found[id(d)] = _DefinitionEntry(Parsed(d.key, value_of(d)), None)
+            continue
         what = f"the definition `{d.title}`"
         node, fields = draft.expression_node(d.key, d.node, what, keys_of(DEFINITION))
         description = draft.text(fields.get("description"), f"`description` of {what}")

@@ -126,7 +126,7 @@ def _read_force(
     if parsed is None:
         return
     draft.trees[f"{block}.{d.title}"] = parsed.tree
-    formula = Formula(draft, parsed, Context(what, multipliers=True), index=d.index)
+    formula = Formula(draft, parsed, Context(what, multipliers=True), indices=d.indices)
     for member in members:
         name = member.name
         if name in names.coordinates:
@@ -134,7 +134,7 @@ def _read_force(
             if force is not None:
                 terms.setdefault(name, []).append(force)
             continue
-        if d.span is not None and name not in names.definitions:
+        if d.spans and name not in names.definitions:
             if d.family in names.families and d.family not in names.broken:
                 message = f"`Q` names `{name}`, but {members_clause(d.name, names.members(d.name))}"
                 help_ = "let the ranges be the same" if d.several else "name another member"

@@ -2,44 +2,44 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
+from fractions import Fraction
 
 from lagcli.errors import SourceLocation
-from lagcli.model.draft import Draft, Indices
-from lagcli.model.expression.quantities import Quantity, evaluate, formula_of, read_quantity
+from lagcli.model.draft import Draft
+from lagcli.model.expression.grammar import Span
 from lagcli.model.expression.tokens import without_dots
-from lagcli.model.keys import INITIAL, keys_of
-from lagcli.model.model import Constraint, InitialValue, Written
+from lagcli.model.expression.trees import NumberExpr
+from lagcli.model.initial_values import InitialReader, guess_or, guessed
+from lagcli.model.model import Constraint, InitialValue
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
-from lagcli.model.names.members import family_of, members_clause
-from lagcli.model.names.scope import uses
+from lagcli.model.names.members import family_of, indices_of, members_clause
 from lagcli.model.names.unknown import meant_derivative
 from lagcli.model.sections.parameters import override_node
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-from lagcli.model.symbols import Context, Symbols
+from lagcli.model.symbols import Symbols
+from lagcli.model.vectors.initial import VectorReader, is_vector
+from lagcli.model.vectors.kinds import KINDS, components
 from lagcli.model.yaml.source import Mapping as MappingNode
-from lagcli.model.yaml.source import Scalar, YamlNode
+from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
 _SHOWN = 12  # missing entries written out
-#: A guess on the command line: as the file has it.
-GUESS = re.compile(r"\s*+\{\s*+(guess)\s*+:\s++([^{}]*+)\}\s*+")
-
 Values = dict[str, InitialValue]
+Reader = InitialReader | VectorReader
 
 
-def read_closed(draft: Draft, constraints: Sequence[Constraint]) -> frozenset[str]:
+def read_closed(draft: Draft, constraints: Iterable[Constraint]) -> frozenset[str]:
     """Return the contacts that `initial` states to be closed: ``floor: closed``."""
-    unilateral = {c.name for c in constraints if c.sign}
+    signs = {c.name: c.sign for c in constraints}
     node = draft.get("initial")
     found = set()
     for name, key, value in node if isinstance(node, MappingNode) else ():
         if not _is_closed(draft, name, value):
             continue
-        if name in unilateral:
+        if signs.get(name):
             found.add(name)
-        elif any(c.name == name for c in constraints):
+        elif name in signs:
             draft.report.add(
                 "not-unilateral",
                 f"`{name}` cannot be closed: it is not a contact",
@@ -62,51 +62,119 @@ def read_initial(
     names = draft.names
     entries = draft.entries("initial")
     given = _overriding(draft, overrides)
-    values: Values = {}
     attempted: dict[str, Member] = {}
-    readers: dict[int, _InitialReader] = {}
+    readers: dict[int, Reader] = {}
     for name, key, node in entries or []:
         if _is_closed(draft, name, node):
             continue
         declaration = _declaration(draft, name, key, node)
-        if declaration is None:
-            continue
-        readers[id(declaration)] = _InitialReader(draft, declaration, constants)
-        for member in members_of(draft, declaration, constants):
+        for member, reader in _values(draft, declaration, constants) if declaration else ():
+            readers[id(member.declaration)] = reader
             if not _enter(draft, attempted, member):
                 break
-    for canonical, member in attempted.items():
-        if canonical not in given:
-            readers[id(member.declaration)].read(canonical, member.indices, values)
+    jobs = {
+        canonical: (readers[id(member.declaration)], member.indices)
+        for canonical, member in attempted.items()
+    }
     for canonical, option in given.items():
         node = override_node("--set-initial", option, overrides[option])
-        declaration = Declaration(canonical, node, _guess_or(node))
-        _InitialReader(draft, declaration, constants).read(canonical, {}, values)
+        declaration = _named(draft, canonical, node, guess_or(node))
+        for member, reader in _values(draft, declaration, constants):
+            name = member.name + "'" * member.declaration.primes
+            if not member.declaration.part or name not in given:
+                jobs[name] = (reader, member.indices)
+    values: Values = {}
+    for canonical in sorted(jobs, key=lambda name: name.endswith("'")):
+        reader, indices = jobs[canonical]
+        reader.read(canonical, indices, values)
     if entries is not None and not names.incomplete and "initial" not in draft.misspelled_keys:
-        _report_missing(draft, {*attempted, *given})
+        _report_missing(draft, jobs.keys())
     positions = {q: values[q] for q in names.coordinates if q in values}
     velocities = {q: values[f"{q}'"] for q in names.coordinates if f"{q}'" in values}
     return positions, velocities
 
 
+def _values(
+    draft: Draft, declaration: Declaration, constants: Symbols
+) -> Iterator[tuple[Member, Reader]]:
+    """Yield what an entry gives values to, and what reads these."""
+    members = members_of(draft, declaration, constants)
+    kind = draft.names.kinds.get(declaration.family)
+    value, fixed = declaration.node, True
+    if isinstance(value, MappingNode) and "guess" in value.entries:
+        value, fixed = value.entries["guess"][1], False
+    rotation = kind == "quaternion" and not declaration.primes
+    split = isinstance(value, Sequence) and (kind is None or rotation or not is_vector(value))
+    if not (split and declaration.several):
+        yield from _readers(draft, declaration, members, kind, constants)
+        return
+    assert isinstance(value, Sequence)
+    if len(value.items) != len(members):
+        draft.report.add(
+            "wrong-length",
+            f"`{declaration.title}` has {len(members)} members, but its list has"
+            f" {len(value.items)} values",
+            value.location,
+            "give one value for each member, or one for all of them",
+        )
+        members = members[: len(value.items)]
+    for member, item in zip(members, value.items, strict=False):
+        own = replace(declaration, node=item if fixed else guessed(declaration.node, item))
+        yield from _readers(draft, own, [member._replace(declaration=own)], kind, constants)
+
+
+def _readers(
+    draft: Draft,
+    declaration: Declaration,
+    members: Iterable[Member],
+    kind: str | None,
+    constants: Symbols,
+) -> Iterator[tuple[Member, Reader]]:
+    """Yield members, each component of a vector as one, with the reader of their value."""
+    if kind is None:
+        reader: Reader = InitialReader(draft, declaration, constants)
+        yield from ((member, reader) for member in members)
+        return
+    reader = VectorReader(draft, declaration, kind, constants)
+    parts = [replace(part, kind=kind) for part in components(declaration, kind)]
+    for member in members:
+        for d in parts:
+            yield Member(member.name + d.part, d, member.indices), reader
+
+
 def _declaration(draft: Draft, name: str, key: Scalar, node: YamlNode) -> Declaration | None:
     """Return what an entry gives a value to; an unknown name is reported."""
     if "[" not in name:
-        canonical = canonical_name(draft, name)
+        canonical = canonical_name(draft, name, vectors=True)
         if canonical is None:
             _report_unknown(draft, name, key)
             return None
-        base = canonical.removesuffix("'")
-        return Declaration(base, key, node, primes=len(canonical) - len(base))
+        return _named(draft, canonical, key, node)
     declaration = read_key(draft, key, node, "initial value", primed=True)
-    if declaration is None or "coordinate" in draft.names.families.get(declaration.family, ()):
+    if declaration is None or _is_coordinate(draft, declaration):
         return declaration
     if not declaration.primes:  # x_dot[1]
         base = declaration.name.removesuffix("_dot")
-        if base != declaration.name and f"{base}[]" in draft.names.families:
-            return replace(declaration, name=base, primes=1)
+        own = replace(declaration, name=base, primes=1)
+        if base != declaration.name and _is_coordinate(draft, own):
+            return own
     _report_unknown(draft, declaration.title, key)
     return None
+
+
+def _named(draft: Draft, canonical: str, key: Scalar, node: YamlNode) -> Declaration:
+    """Return the declaration of a single name, such as ``r``, ``r.x'`` or ``x[1]``."""
+    base = canonical.removesuffix("'")
+    spans: tuple[Span, ...] = ()
+    if "[" in base and family_of(base) in draft.names.kinds:
+        spans = tuple((None, NumberExpr(0, 0, Fraction(k))) for k in indices_of(base))
+        base = base.partition("[")[0]
+    return Declaration(base, key, node, spans, primes=len(canonical.rstrip("'")) < len(canonical))
+
+
+def _is_coordinate(draft: Draft, d: Declaration) -> bool:
+    names = draft.names
+    return d.family in names.kinds or "coordinate" in names.families.get(d.family, ())
 
 
 def _enter(draft: Draft, attempted: dict[str, Member], member: Member) -> bool:
@@ -127,20 +195,25 @@ def _enter(draft: Draft, attempted: dict[str, Member], member: Member) -> bool:
             )
         return False
     first = attempted.get(canonical)
-    if first is None or (first.declaration.several and not d.several):
+    if first is None or _width(d) < _width(first.declaration):
         attempted[canonical] = member
-    elif first.declaration.several == d.several:
+    elif _width(d) == _width(first.declaration):
         draft.report.add(
             "duplicate-key",
             f"`{canonical}` has two initial values",
             d.key.location,
             "a value for a single member takes precedence over a range; ranges must not overlap"
-            if d.span is not None
+            if d.spans or d.part
             else "`x_dot` and `x'` are the same thing; keep one of them",
             (("the first one is here", first.declaration.key.location),),
         )
         return False
     return True
+
+
+def _width(d: Declaration) -> int:
+    """Return how many values an entry gives: a component, a vector, those of a range."""
+    return int(d.several) + 2 * bool(d.kind)
 
 
 def _members(draft: Draft, base: str) -> list[str]:
@@ -151,7 +224,7 @@ def _overriding(draft: Draft, overrides: Mapping[str, object]) -> dict[str, str]
     """Return the options by what they give a value to."""
     given: dict[str, str] = {}
     for name, value in overrides.items():
-        canonical = canonical_name(draft, "".join(name.split()))
+        canonical = canonical_name(draft, "".join(name.split()), vectors=True)
         if canonical is None:
             _report_unknown_override(draft, name, value)
         elif canonical in given:
@@ -163,30 +236,26 @@ def _overriding(draft: Draft, overrides: Mapping[str, object]) -> dict[str, str]
     return given
 
 
-def _guess_or(node: Scalar) -> YamlNode:
-    """Return a value from the command line; a guess as the mapping that it is in a file."""
-    match = GUESS.fullmatch(node.value)
-    if match is None:
-        return node
-    key, guess = (
-        Scalar(node.source, (0, match.start(i)), (0, match.end(i)), match[i]) for i in (1, 2)
-    )
-    return MappingNode(node.source, node.start, node.end, {"guess": (key, guess)})
+def canonical_name(draft: Draft, name: str, vectors: bool = False) -> str | None:
+    """Return the coordinate or velocity (x') that an entry names, or the vector of these."""
+    names = draft.names
 
+    def known(text: str) -> bool:
+        return text in names.coordinates or (
+            vectors and family_of(text) in names.kinds and text in names.definitions
+        )
 
-def canonical_name(draft: Draft, name: str) -> str | None:
-    """Return the coordinate or velocity (x') that an entry names."""
-    if name in draft.names.coordinates:
+    if known(name):
         return name
     if not name.isascii():  # φ̇ and φ′ are φ'
         plain, primes = without_dots(name.replace("′", "'"))
         name = plain + "'" * primes
     for ending in ("'", "_dot"):
         base = name.removesuffix(ending)
-        if base != name and base in draft.names.coordinates:
+        if base != name and known(base):
             return f"{base}'"
     base, bracket, index = name.partition("_dot[")
-    return f"{base}[{index}'" if bracket and f"{base}[{index}" in draft.names.coordinates else None
+    return f"{base}[{index}'" if bracket and known(f"{base}[{index}") else None
 
 
 def _every(draft: Draft) -> list[str]:
@@ -237,58 +306,13 @@ def _report_unknown_override(draft: Draft, name: str, value: object) -> None:
     )
 
 
-class _InitialReader:
-    """Reads the value of an entry, for each member that it is given for."""
-
-    def __init__(self, draft: Draft, declaration: Declaration, constants: Symbols):
-        self.draft, self.location, self.fixed = draft, declaration.node.location, True
-        self.quantity: Quantity | None = None
-        node: YamlNode | None = declaration.node
-        self.what = what = f"the initial value of `{declaration.title}`"
-        if isinstance(node, MappingNode):
-            node = self.guess(node, what)
-        names = replace(
-            constants, coordinates=draft.names.coordinates, definitions=draft.names.definitions
-        )
-        if node is not None:
-            self.quantity = read_quantity(draft, node, what, names)
-        if self.quantity is not None:
-            context = Context(what, coordinates=False, definitions=False, time=False)
-            index, tree = declaration.index, self.quantity.parsed.tree
-            self.formula = formula_of(draft, self.quantity, context, names, index)
-            self.varies = index is not None and uses(tree, index)
-        self.same: float | None = None
-
-    def guess(self, node: MappingNode, what: str) -> YamlNode | None:
-        """Return the field ``guess``."""
-        fields = self.draft.fields(node, what, keys_of(INITIAL))
-        self.fixed = False
-        if "guess" not in fields and not node.entries:
-            self.draft.report.add(
-                "missing-value", f"{what} is empty", node.location, "write a number, or {guess: 0}"
-            )
-        return fields.get("guess")
-
-    def read(self, name: str, indices: Indices, values: Values) -> None:
-        """Evaluate the entry for a coordinate or velocity."""
-        if self.quantity is None:
-            return
-        value = self.same
-        if value is None:
-            value = evaluate(self.draft, self.quantity, self.formula, self.what, indices)
-            self.same = None if self.varies else value
-        if value is not None:
-            quantity = self.quantity
-            written = Written(quantity.parsed.tree, quantity.factor, indices)
-            values[name] = InitialValue(value, self.fixed, self.location, written, quantity.unit)
-
-
-def _report_missing(draft: Draft, attempted: set[str]) -> None:
+def _report_missing(draft: Draft, attempted: Collection[str]) -> None:
     missing = [n for n in _every(draft) if n not in attempted]
     missing = [n for n in missing if family_of(n.rstrip("'")) not in draft.names.broken]
     if not missing:
         return
     entry = draft.root.entries.get("initial")
+    missing = list(dict.fromkeys(_whole(draft, n, missing) for n in missing))
     shown = missing[:_SHOWN]
     rest = f" and {len(missing) - _SHOWN} more" if len(missing) > _SHOWN else ""
     draft.report.add(
@@ -296,5 +320,23 @@ def _report_missing(draft: Draft, attempted: set[str]) -> None:
         "no initial value for " + ", ".join(f"`{n}`" for n in shown) + rest,
         entry[0].location if entry else draft.source.location(0, 0),
         "every coordinate and velocity needs a number, or {guess: …} where the constraints"
-        " decide:\ninitial:\n" + "\n".join(f"  {n}: 0" for n in shown),
+        " decide:\ninitial:\n" + "\n".join(f"  {n}: {_example(draft, n)}" for n in shown),
     )
+
+
+def _whole(draft: Draft, name: str, missing: Collection[str]) -> str:
+    """Return the vector of a component if all of its components are missing."""
+    base, dot, part = name.rstrip("'").rpartition(".")
+    kind = draft.names.kinds.get(family_of(base)) if dot else None
+    primes = name[len(name.rstrip("'")) :]
+    parts = KINDS[kind].parts if kind else ()
+    every = [f"{base}.{p}{primes}" for p in parts]
+    return base + primes if part in parts and set(every) <= set(missing) else name
+
+
+def _example(draft: Draft, name: str) -> str:
+    """Return a value that a coordinate or a vector may have."""
+    kind = draft.names.kinds.get(family_of(name.rstrip("'")))
+    if kind is None:
+        return "0"
+    return "1" if kind == "quaternion" and not name.endswith("'") else "[0, 0, 0]"

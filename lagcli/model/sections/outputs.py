@@ -44,7 +44,7 @@ def read_outputs(draft: Draft, constants: Symbols) -> tuple[dict[str, Basic], di
         if parsed is None:
             continue
         context = Context(what, accelerations=True, multipliers=True)
-        formula = Formula(draft, parsed, context, index=d.index)
+        formula = Formula(draft, parsed, context, indices=d.indices)
         draft.trees[f"outputs.{d.title}"] = parsed.tree
         for name in own:
             value = formula.scalar(members[name].indices)

@@ -105,11 +105,11 @@ class _ParameterReader:
     def read(self, declared: list[Declaration]) -> dict[str, Member]:
         """Read the entries, and find out which members they declare."""
         for d in declared:
-            if d.span is None:
+            if not d.spans:
                 self.known[d.name] = partial(self.value, d.name)
         entries = {id(d): self.entry(d) for d in declared}
         for d in declared:
-            if d.span is None:
+            if not d.spans:
                 self.enter(Member(d.name, d), entries[id(d)], 0)
         members: list[Member] = []
         for d in declared:
@@ -121,7 +121,7 @@ class _ParameterReader:
         for member in members:
             d = member.declaration
             place = places[id(d)] = places.get(id(d), -1) + 1
-            if d.span is not None and found.get(member.name) is member:
+            if d.spans and found.get(member.name) is member:
                 self.enter(member, entries[id(d)], place)
         for d in declared:
             count = places.get(id(d), -1) + 1
@@ -181,7 +181,7 @@ class _ParameterReader:
                     f"write `{d.title}: {{value: 1}}`, or just `{d.title}: 1`",
                 )
         entry = _ParameterEntry(d, unit, description, value)
-        if value is None or not good or (d.span is None and d.name in self.overrides):
+        if value is None or not good or (not d.spans and d.name in self.overrides):
             return entry
         nodes = value.items if isinstance(value, Sequence) and d.several else [value]
         read = [read_quantity(draft, node, what, self.constants, unit) for node in nodes]
@@ -278,7 +278,7 @@ class _ParameterReader:
         where = f"the parameter `{d.title}`"
         if id(quantity) not in self.formulas:
             context = Context(where, coordinates=False, definitions=False, time=False)
-            formula = formula_of(self.draft, quantity, context, self.constants, d.index)
+            formula = formula_of(self.draft, quantity, context, self.constants, d.indices)
             self.formulas[id(quantity)] = formula
         formula = self.formulas[id(quantity)]
         value = evaluate(self.draft, quantity, formula, where, job.member.indices)

@@ -10,7 +10,7 @@ from symengine import Basic
 
 from lagcli.model.diagnostics import Broken
 from lagcli.model.draft import Draft, Indices
-from lagcli.model.expression.grammar import parse, parse_range
+from lagcli.model.expression.grammar import Span, parse, parse_spans
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import Name, SumExpr, Tree, VectorExpr
@@ -144,10 +144,10 @@ def read_path(
         clause = _FOR.search(text)
         tree = parse(text[: clause.start()] if clause else text)
         names = tuple(_names(tree, what, count, example))
-        index, span = None, None
+        spans: list[Span] = []
         if clause:
-            index, span = parse_range(text, clause.end(), len(text))
-            if index is None:
+            spans = parse_spans(text, clause.end(), len(text))
+            if spans[0][0] is None:
                 raise ExpressionError(
                     "syntax",
                     "the index has no name",
@@ -155,7 +155,7 @@ def read_path(
                     len(text),
                     "write `for i = 1..N`",
                 )
-        return Path(what, node, names, Declaration(what, node, node, index, span))
+        return Path(what, node, names, Declaration(what, node, node, tuple(spans)))
     return None
 
 
@@ -213,8 +213,8 @@ def each(
     indices : mapping of str to int
     """
     over = path.declaration if declaration is None else declaration
-    scope = ModelScope(draft.names, Context(path.what), (over.index,) if over.index else ())
-    if declaration is not None and path.declaration.span is not None:
+    scope = ModelScope(draft.names, Context(path.what), over.indices)
+    if declaration is not None and path.declaration.spans:
         draft.report.add(
             "bad-range",
             f"{path.what} has a name, to which the index belongs",
@@ -222,7 +222,7 @@ def each(
             f"write `{declaration.name}[i = 1..N]: P[i-1]-P[i]`",
         )
         return
-    if over.several and not (over.index and any(uses(name, over.index) for name in path.names)):
+    if over.several and not any(uses(name, i) for i in over.indices for name in path.names):
         draft.report.add(
             "unused-index",
             f"{path.what} is the same for every index",

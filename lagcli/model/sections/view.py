@@ -135,14 +135,14 @@ class _ViewReader:
         members = [m for d in declared for m in members_of(self.draft, d, self.constants)]
         unique = by_name(self.draft, members)
         self.points.declared = dict.fromkeys(unique)
-        self.plain = [d.name for d in declared if d.span is None]
+        self.plain = [d.name for d in declared if not d.spans]
         for d in declared:
             what = f"the point `{d.title}`"
             parsed = self.draft.parse(d.node, what, "expression such as `[x, y]`")
             if parsed is None:
                 continue
             self.draft.trees[f"view.points.{d.title}"] = parsed.tree
-            formula = Formula(self.draft, parsed, Context(what), index=d.index)
+            formula = Formula(self.draft, parsed, Context(what), indices=d.indices)
             for member in (m for m in unique.values() if m.declaration is d):
                 place = self.tuple_of(formula, member.indices, (2, 3))
                 if place is None:
@@ -226,11 +226,11 @@ class _ViewReader:
         found: dict[str, str | None] = {}
         for d in self.entries("labels", "label"):
             text = self.draft.text(d.node, f"the label of `{d.title}`")
-            path = read_path(self.draft, d.key, "a label", 1, "A") if d.span is None else None
+            path = read_path(self.draft, d.key, "a label", 1, "A") if not d.spans else None
             if path is not None:
                 for points, _, _ in each(self.draft, path, self.constants, None, self.points.at):
                     found[points[0]] = text
-            elif d.span is not None:
+            elif d.spans:
                 members = [m.name for m in members_of(self.draft, d, self.constants)]
                 missing = [name for name in members if name not in self.points.declared]
                 if missing:
@@ -415,4 +415,4 @@ class _ViewReader:
             return None
         self.draft.trees[f"view.{d.title}.{key}"] = parsed.tree
         context = Context(where, accelerations=multipliers, multipliers=multipliers)
-        return Formula(self.draft, parsed, context, index=d.index)
+        return Formula(self.draft, parsed, context, indices=d.indices)

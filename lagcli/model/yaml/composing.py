@@ -22,7 +22,7 @@ MAX_NODES = 300_000  # each use of an alias counts; 5000 bodies need 100 000
 # Inside [ ] and { }, YAML ends a name at a bracket; in a model file, x[1] is one name everywhere.
 # While YAML parses the text, placeholders replace the brackets after a name. An index holds no
 # quotes, and a prime only after a name, so that brackets in two quoted texts are not paired.
-_INDEX = re.compile(r"""(?<=[\w)\]])\[(?:[^\[\]{}"':#\n]|(?<=\w)')*\]""")
+_INDEX = re.compile(r"""(?<=[\w)\]*/+=(-])\[(?:[^\[\]{}"':#\n]|(?<=\w)')*\]""")
 _BEFORE_VALUE = re.compile(r"(?:\s|&\S*)*")
 _COLON = re.compile(r"\s*:")
 _HIDE = str.maketrans("[],", "\ufdd0\ufdd1\ufdd2")

@@ -109,7 +109,7 @@ class Catalogue:
             pattern = name.replace("[", "[[]")
             names = [n for n in self.names() if fnmatchcase(n, pattern)]
             found = [c for c in map(self.named, names) if c is not None]
-        elif name and not name.endswith("]"):
+        elif name and "[" not in name:
             found = list(self._family(name))
         if not found:
             raise self._unknown(text, name)
@@ -349,7 +349,7 @@ def _listed(names: Sequence[str]) -> str:
     for name in names:
         families.setdefault(name.partition("[")[0], []).append(name)
     shown = [
-        format_members(base, members).replace("`", "") if members[0].endswith("]") else base
+        format_members(base, members).replace("`", "") if "[" in members[0] else base
         for base, members in families.items()
     ]
     more = f", … ({len(names)})" if len(shown) > _SHOWN else ""

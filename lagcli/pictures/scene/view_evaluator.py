@@ -10,7 +10,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.arrays import Indices
-from lagcli.columns import read_dotted_name
+from lagcli.columns import read_column_name, read_dotted_name
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.render.names import Notation
@@ -217,9 +217,10 @@ class ViewEvaluator:
         coordinates = self._model.coordinate_names
         if name == TIME.name:
             return columns["time"]
-        named = read_dotted_name(name)
-        if named is not None:
+        if read_dotted_name(name) is not None:
             constraints = self._model.constraint_names
+            named = read_column_name(name, coordinates, constraints)
+            assert named is not None
             if named.quantity == "multipliers":
                 return columns["multipliers"][:, constraints.index(named.constraint)]
             by, place = columns["constraint_force_by"], coordinates.index(named.coordinate)

@@ -13,7 +13,14 @@ from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
-from lagcli.columns import ARRAYS, REQUIRED, SCALARS, ColumnName, read_dotted_name
+from lagcli.columns import (
+    ARRAYS,
+    REQUIRED,
+    SCALARS,
+    ColumnName,
+    read_column_name,
+    read_dotted_name,
+)
 from lagcli.errors import FileError
 from lagcli.results.csv.sidecar import read_sidecar
 from lagcli.results.csv.writer import titles
@@ -160,6 +167,11 @@ def _names(path: str, header: list[str]) -> HeaderNames:
     ends += [i for i, text in enumerate(header) if text == SCALARS[0].name]
     coordinates = tuple(header[1 : 1 + (ends[0] - 1) // 3]) if ends else ()
     constraints = tuple(n.constraint for n in named if n.quantity == "multipliers")
+    known = set(coordinates), set(constraints)
+    named = [
+        (read_column_name(text, *known) or name) if name.coordinate else name
+        for text, name in zip(header, named, strict=True)
+    ]
     pairs = [(n.constraint, n.coordinate) for n in named if n.quantity == "constraint_force_by"]
     terms = _terms(pairs, coordinates, constraints)
     conserved = tuple(n.conserved for n in named if n.conserved)

@@ -22,7 +22,7 @@ from lagcli.model.symbols import Context
 from lagcli.model.yaml.source import Scalar, YamlNode
 
 _CHANGES: tuple[ContactChange, ...] = get_args(ContactChange)
-_WORDS = re.compile(r"\s*(?P<row>[^\W\d]\w*(?:\[[^\]]*\])?)\s+(?P<change>[^\W\d]\w*)\s*")
+_WORDS = re.compile(r"\s*(?P<row>[^\W\d]\w*(?:\[[^\]]*\])?(?:\.\w+)?)\s+(?P<change>[^\W\d]\w*)\s*")
 _EXAMPLE = "theta <= 0"
 _HELP = "write a condition, as in `t >= 2` or `floor closes`"
 
@@ -44,12 +44,12 @@ class ConditionReader:
     node : Node
     what : str
         The event, for messages.
-    index : str or None
-        Name of the event's index.
+    indices : tuple of str
+        Names of the event's indices.
     """
 
-    def __init__(self, draft: Draft, node: YamlNode, what: str, index: str | None):
-        self.draft, self.what, self.index = draft, what, index
+    def __init__(self, draft: Draft, node: YamlNode, what: str, indices: tuple[str, ...]):
+        self.draft, self.what, self.indices = draft, what, indices
         self.good = False
         self.change: tuple[str, ContactChange] | None = None
         self.tree: Tree | None = None
@@ -103,7 +103,7 @@ class ConditionReader:
         constraints = self.draft.names.constraints
         family = re.sub(r"\[.*\]", "[]", row)
         if row not in constraints and not (
-            self.index and family in self.draft.names.constraint_families
+            self.indices and family in self.draft.names.constraint_families
         ):
             raise ExpressionError(
                 "unknown-name",
@@ -143,7 +143,7 @@ class ConditionReader:
     def _operand(self, tree: Tree) -> None:
         context = Context(f"`when` of {self.what}", accelerations=True, multipliers=True)
         parsed = Parsed(self.node, tree)
-        self.formulas[id(tree)] = Formula(self.draft, parsed, context, index=self.index)
+        self.formulas[id(tree)] = Formula(self.draft, parsed, context, indices=self.indices)
 
     # of one member
 

@@ -132,7 +132,7 @@ class ContactFields:
             return None
         self.draft.trees[f"constraints.{self.declaration.title}.{key}"] = parsed.tree
         context = Context(what, multipliers=multipliers)
-        return Formula(self.draft, parsed, context, index=self.declaration.index)
+        return Formula(self.draft, parsed, context, indices=self.declaration.indices)
 
     def _pair(self, field: str, multipliers: bool = False) -> _Pair | None:
         """Return the formulas of a value, or of {static, kinetic}."""

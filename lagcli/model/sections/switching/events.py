@@ -107,7 +107,7 @@ class _EventReader:
             )
             return
         self.good = True
-        self.condition = ConditionReader(draft, self.fields["when"], self.what, d.index)
+        self.condition = ConditionReader(draft, self.fields["when"], self.what, d.indices)
         self.description = self._text("description")
         self.stop = self._flag("stop")
         self.times = self._times()
@@ -216,7 +216,7 @@ class _EventReader:
                 continue
             context = Context(f"`set` of {self.what}", accelerations=True, multipliers=True)
             self.draft.trees[f"events.{self.declaration.title}.set.{target}"] = parsed.tree
-            yield target, Formula(self.draft, parsed, context, index=self.declaration.index)
+            yield target, Formula(self.draft, parsed, context, indices=self.declaration.indices)
 
     def _target(self, text: str, key: Scalar) -> str | None:
         names = self.draft.names

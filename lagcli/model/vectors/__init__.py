@@ -1,0 +1,1 @@
+"""Vectors and rotations as coordinates, in constraints and in initial values."""
