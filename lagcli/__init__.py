@@ -15,6 +15,8 @@ from lagcli.version import __version__
 
 if TYPE_CHECKING:
     from lagcli.analysis.check.check import check
+    from lagcli.analysis.compare.comparison import compare
+    from lagcli.analysis.compare.two_models import compare_models
     from lagcli.analysis.equilibria.diagram import follow_equilibria
     from lagcli.analysis.equilibria.equilibrium import equilibrium
     from lagcli.analysis.fit.fit import fit
@@ -36,6 +38,8 @@ __all__ = [
     "__version__",
     "animate",
     "check",
+    "compare",
+    "compare_models",
     "degrees_of_freedom",
     "derive",
     "equilibrium",
@@ -59,6 +63,8 @@ __all__ = [
 _PLACES = {
     "animate": "lagcli.pictures.animation.animate",
     "check": "lagcli.analysis.check.check",
+    "compare": "lagcli.analysis.compare.comparison",
+    "compare_models": "lagcli.analysis.compare.two_models",
     "degrees_of_freedom": "lagcli.simulations.start",
     "derive": "lagcli.equations.derivation.lagrange",
     "equilibrium": "lagcli.analysis.equilibria.equilibrium",

@@ -17,6 +17,10 @@ def format_content(content: Mapping[str, Any]) -> str:
         It is of a command that this version does not know.
     """
     match content["command"]:
+        case "compare":
+            from lagcli.analysis.compare.description import format_comparison
+
+            return format_comparison(content)
         case "linearize":
             from lagcli.analysis.linear.description import format_linear
 

@@ -15,6 +15,12 @@ from lagcli.pictures.plots.figure_file import FigureFile
 _WIDTH, _PANEL, _SPECTRUM = 6.0, 2.4, 4.2  # inches
 _USUAL = 4  # panels that are drawn where none is named
 _MARKERS = {"fold": "s", "branch point": "D", "Hopf point": "^", "flutter": "v"}
+#: Curves of a comparison, and the labels of their axes; SI.
+_COMPARED = {
+    "residual": "largest residual [SI]",
+    "energy": "energy imbalance [J]",
+    "q": "largest |Δq| [SI]",
+}
 _KINDS = {
     "neutral": ("o", "neutral"),
     "oscillation": ("o", "oscillation"),
@@ -30,7 +36,7 @@ def plot_analysis(content: Mapping[str, Any], names: Sequence[str], target: Figu
     Parameters
     ----------
     content : mapping
-        Of ``lagcli equilibrium --along`` or of ``lagcli modes``.
+        Of ``lagcli equilibrium --along``, ``lagcli modes`` or ``lagcli compare``.
     names : sequence of str
         Coordinates, velocities and multipliers of branches; by default those that change.
     target : FigureFile
@@ -47,6 +53,11 @@ def plot_analysis(content: Mapping[str, Any], names: Sequence[str], target: Figu
         panels = _panels(content, names)
         with target.figure((_WIDTH, _PANEL * len(panels) + 0.4), title) as figure:
             _draw_branches(figure, content, panels)
+    elif content["command"] == "compare" and "runs" in content:
+        if names:
+            raise UsageError("a comparison is plotted whole; give no names")
+        with target.figure((_WIDTH, _PANEL * len(_COMPARED) + 1.2), title) as figure:
+            _draw_comparison(figure, content)
     elif content["command"] == "modes":
         if names:
             raise UsageError("a spectrum is plotted whole; give no names")
@@ -57,6 +68,29 @@ def plot_analysis(content: Mapping[str, Any], names: Sequence[str], target: Figu
             f"a file of lagcli {content['command']} has no plot; lagcli info describes it, and"
             " lagcli equilibrium --along makes branches to plot"
         )
+
+
+def _draw_comparison(figure: Any, content: Mapping[str, Any]) -> None:
+    axes = np.atleast_1d(figure.subplots(len(_COMPARED), 1, sharex=True))
+    runs = [run for run in content["runs"] if run["curves"]["time"]]
+    handles = []
+    for number, run in enumerate(runs):
+        look = {
+            "color": style.PALETTE[number % len(style.PALETTE)],
+            "ls": ("-", (0, (4, 2)))[number // len(style.PALETTE) % 2],
+        }
+        label = f"{run['formulation']}, {run['method']}, {run['engine']}, {run['rtol']:.0e}"
+        for ax, name in zip(axes, _COMPARED, strict=True):
+            values = np.asarray(run["curves"][name], float)
+            drawn = np.where(values > 0, values, np.nan)  # a logarithmic axis has no zero
+            (line,) = ax.plot(run["curves"]["time"], drawn, lw=1.0, label=label, **look)
+        handles.append(line)
+    for ax, label in zip(axes, _COMPARED.values(), strict=True):
+        ax.set_yscale("log")
+        ax.set_ylabel(label)
+        ax.margins(x=0)
+    axes[-1].set_xlabel("t [s]")
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize="small")
 
 
 def _series(branch: Mapping[str, Any]) -> dict[str, Sequence[float]]:

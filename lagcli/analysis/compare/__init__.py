@@ -1,0 +1,1 @@
+"""Comparisons of formulations, methods, tolerances and models."""

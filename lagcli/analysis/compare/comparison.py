@@ -1,0 +1,231 @@
+"""Comparison: one motion by several formulations, methods and tolerances."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from lagcli.analysis.compare.integration import integrate
+from lagcli.analysis.compare.reduced import (
+    Formulation,
+    MaggiForm,
+    SecondKindForm,
+    StabilizedIndexTwo,
+)
+from lagcli.analysis.compare.rows import REDUCED, ComparedRow, reference_row, rows_of
+from lagcli.arrays import Array
+from lagcli.engine.evaluator import Evaluator
+from lagcli.errors import NumericalError
+from lagcli.model.model import Model
+from lagcli.settings.resolve import resolve
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.simulations.derived import DerivedColumns
+from lagcli.simulations.simulation import Simulation, prepare
+from lagcli.trajectory.samples import Record, Samples
+from lagcli.trajectory.trajectory import joined
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedRun:
+    """One run of a comparison, beside the reference.
+
+    Parameters
+    ----------
+    row : ComparedRow
+    status, message : str
+        As in `Record`; "not available" where the model has no such formulation.
+    samples : Samples or None
+        Those reached.
+    drift_position, drift_velocity : float
+        Largest residual of a constraint, relative to its terms.
+    energy : float
+        Largest imbalance of the energy, relative to the largest energy of the reference.
+    difference_q, difference_lambda : float
+        Largest difference to the reference at a sample, relative to the largest value among
+        coordinates, or multipliers, of one unit. NaN for λ that the equations do not determine.
+    steps, evaluations : int
+    seconds : float
+        CPU time of the integration.
+    """
+
+    row: ComparedRow
+    status: str
+    message: str = ""
+    samples: Samples | None = None
+    drift_position: float = float("nan")
+    drift_velocity: float = float("nan")
+    energy: float = float("nan")
+    difference_q: float = float("nan")
+    difference_lambda: float = float("nan")
+    steps: int = 0
+    evaluations: int = 0
+    seconds: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class FormulationComparison:
+    """Runs of one model, and the one with which they are compared.
+
+    Parameters
+    ----------
+    model : Model
+    reference : ComparedRun
+    runs : tuple of ComparedRun
+    unique : bool
+        Whether the equations determine λ.
+    """
+
+    model: Model
+    reference: ComparedRun
+    runs: tuple[ComparedRun, ...]
+    unique: bool
+
+
+def compare(
+    model: Model,
+    settings: SettingsOverrides | None = None,
+    formulations: Sequence[str] = (),
+    methods: Sequence[str] = (),
+    rtols: Sequence[float] = (),
+) -> FormulationComparison:
+    """Simulate a model by several formulations, methods and tolerances.
+
+    Parameters
+    ----------
+    model : Model
+    settings : SettingsOverrides, optional
+        As for `lagcli.simulate`.
+    formulations, methods : sequences of str, optional
+        See `rows_of` for what is compared without them. Beside the formulations of `simulate`
+        there are "ggl" (Gear, Gupta & Leimkuhler), "maggi" and "second" (Lagrange's equations of
+        the second kind).
+    rtols : sequence of float, optional
+
+    Returns
+    -------
+    FormulationComparison
+
+    Raises
+    ------
+    ModelError, UsageError, NumericalError
+        As `lagcli.simulate`; or the reference run fails.
+    """
+    simulation = prepare(model, settings)
+    rows = rows_of(simulation.settings, formulations, methods, rtols)
+    tightest = reference_row(simulation.settings, [row.rtol for row in rows])
+    reference = _run(simulation, tightest)
+    if reference.status not in ("completed", "stopped-by-event") or reference.samples is None:
+        raise NumericalError(f"the run to compare with failed: {reference.message}")
+    unique = simulation.start.rank == len(simulation.system.constraints)
+    runs = tuple(_beside(reference, _run(simulation, row), simulation, unique) for row in rows)
+    return FormulationComparison(
+        model, _beside(reference, reference, simulation, unique), runs, unique
+    )
+
+
+def _run(simulation: Simulation, row: ComparedRow) -> ComparedRun:
+    if row.formulation in REDUCED:
+        return _run_reduced(simulation, row)
+    blocks: list[Samples] = []
+    record, seconds = _timed(lambda: _with(simulation, row).run(blocks.append))
+    return _measured(row, joined(blocks), record, seconds)
+
+
+def _with(simulation: Simulation, row: ComparedRow) -> Simulation:
+    given = SettingsOverrides(**row._asdict())
+    in_force = SettingsOverrides(**simulation.settings.as_dict())
+    return replace(simulation, settings=resolve(given, in_force))
+
+
+def _measured(row: ComparedRow, samples: Samples, record: Record, seconds: float) -> ComparedRun:
+    return ComparedRun(
+        row,
+        record.status,
+        record.message,
+        samples,
+        _relative(samples.residual_position, record.scale_position),
+        _relative(samples.residual_velocity, record.scale_velocity),
+        steps=record.counts["steps"],
+        evaluations=record.counts["evaluations"],
+        seconds=seconds,
+    )
+
+
+def _run_reduced(simulation: Simulation, row: ComparedRow) -> ComparedRun:
+    system, start = simulation.system, simulation.start
+    evaluator = Evaluator(system, start.state.p)
+    if system.switching is not None:
+        return ComparedRun(row, "not available", "contacts and events need the engines")
+    if row.formulation == "second" and len(system.holonomic) < len(system.constraints):
+        return ComparedRun(row, "not available", "a constraint is nonholonomic")
+    forms: dict[str, Callable[[], Formulation]] = {
+        "ggl": lambda: StabilizedIndexTwo(evaluator, start.rank),
+        "maggi": lambda: MaggiForm(evaluator, start.rank),
+        "second": lambda: SecondKindForm(evaluator, start.rank),
+    }
+    request = _with(simulation, row._replace(formulation="projection")).request
+    (block, outcome), seconds = _timed(
+        lambda: integrate(forms[row.formulation](), request, system.sample_layout)
+    )
+    columns = DerivedColumns(system, start.state.p)
+    samples = columns(block)
+    return ComparedRun(
+        row,
+        outcome.status,
+        outcome.message,
+        samples,
+        _relative(samples.residual_position, columns.scale_position),
+        _relative(samples.residual_velocity, columns.scale_velocity),
+        steps=outcome.steps,
+        evaluations=outcome.evaluations,
+        seconds=seconds,
+    )
+
+
+def _timed(run: Callable[[], T]) -> tuple[T, float]:
+    began = time.process_time()
+    return run(), time.process_time() - began
+
+
+def _relative(residuals: Array, scales: Array) -> float:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return float(np.nanmax(np.abs(residuals) / scales, initial=0.0))
+
+
+def _beside(
+    reference: ComparedRun, run: ComparedRun, simulation: Simulation, unique: bool
+) -> ComparedRun:
+    """Return a run with its differences to the reference, over the samples that both have."""
+    if run.samples is None or reference.samples is None or not len(run.samples.time):
+        return run
+    count = min(len(run.samples.time), len(reference.samples.time))
+    exact, found = reference.samples, run.samples
+    energy = max(np.abs(exact.energy_kinetic).max(), np.abs(exact.energy_total).max())
+    units = simulation.model.units
+    kinds = [units.of(name) for name in simulation.system.coordinates]
+    rows = [units.of_multiplier(name) for name in simulation.system.constraints]
+    return replace(
+        run,
+        energy=float(np.abs(found.energy_balance).max() / (energy or 1.0)),
+        difference_q=_difference(found.q[:count], exact.q[:count], kinds),
+        difference_lambda=_difference(found.multipliers[:count], exact.multipliers[:count], rows)
+        if unique
+        else float("nan"),
+    )
+
+
+def _difference(found: Array, exact: Array, kinds: Sequence[object]) -> float:
+    worst = 0.0
+    for kind in dict.fromkeys(kinds):
+        same = [i for i, x in enumerate(kinds) if x == kind]
+        size = np.abs(exact[:, same]).max(initial=0.0)
+        off = np.abs(found[:, same] - exact[:, same]).max(initial=0.0)
+        if off:
+            worst = max(worst, float(off / size) if size else float("inf"))
+    return worst

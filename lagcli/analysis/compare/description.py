@@ -1,0 +1,183 @@
+"""What `lagcli compare` prints: content for JSON, and text."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lagcli.analysis.compare.comparison import ComparedRun, FormulationComparison
+from lagcli.analysis.compare.two_models import ModelComparison, QuantityDifference
+from lagcli.analysis.text import WIDTH
+from lagcli.arrays import Array
+from lagcli.model.model import Model
+from lagcli.trajectory.samples import Samples
+
+_FORMULATIONS = {"ggl": "GGL", "maggi": "Maggi", "second": "second kind"}
+#: Points of a curve in a file.
+_POINTS = 400
+_SHOWN = 12  # names in a line
+#: Of the size: a difference below it is a rounding error.
+_ROUNDING = 1e-13
+
+
+def describe_comparison(comparison: FormulationComparison) -> dict[str, Any]:
+    """Return the content of a comparison of formulations and methods."""
+    exact = comparison.reference.samples
+    assert exact is not None
+    return {
+        "command": "compare",
+        "model": comparison.model.name,
+        "unique_multipliers": comparison.unique,
+        "reference": _run(comparison.reference),
+        "runs": [{**_run(run), "curves": _curves(run, exact)} for run in comparison.runs],
+    }
+
+
+def _run(run: ComparedRun) -> dict[str, Any]:
+    return {
+        "formulation": run.row.formulation,
+        "method": run.row.method,
+        "engine": run.row.engine,
+        "rtol": run.row.rtol,
+        "status": run.status,
+        "message": run.message,
+        "drift_position": _number(run.drift_position),
+        "drift_velocity": _number(run.drift_velocity),
+        "energy": _number(run.energy),
+        "difference_q": _number(run.difference_q),
+        "difference_lambda": _number(run.difference_lambda),
+        "steps": run.steps,
+        "evaluations": run.evaluations,
+        "seconds": _number(run.seconds),
+    }
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _curves(run: ComparedRun, exact: Samples) -> dict[str, list[float]]:
+    """Return the residual, the energy balance and the difference of q over the time."""
+    samples = run.samples
+    if samples is None or not len(samples.time):
+        return {"time": [], "residual": [], "energy": [], "q": []}
+    count = min(len(samples.time), len(exact.time))
+    chosen = np.unique(np.linspace(0, count - 1, min(count, _POINTS)).astype(int))
+    levels = [samples.residual_position, samples.residual_velocity]
+    residual = np.nan_to_num(np.abs(np.hstack(levels))).max(axis=1, initial=0.0)
+    off = np.abs(samples.q[:count] - exact.q[:count]).max(axis=1, initial=0.0)
+    values: dict[str, Array] = {
+        "time": samples.time,
+        "residual": residual,
+        "energy": np.abs(samples.energy_balance),
+        "q": off,
+    }
+    return {name: x[chosen].tolist() for name, x in values.items()}
+
+
+def describe_models(comparison: ModelComparison, first: Model, second: Model) -> dict[str, Any]:
+    """Return the content of a comparison of two models."""
+    return {
+        "command": "compare",
+        "model": first.name,
+        "other": second.name,
+        "status": [comparison.first.status, comparison.second.status],
+        "coordinates": [_difference(x) for x in comparison.coordinates],
+        "multipliers": [
+            {**_difference(x), "explained": x.name in comparison.explained}
+            for x in comparison.multipliers
+        ],
+        "outputs": [_difference(x) for x in comparison.outputs],
+        "only_first": list(comparison.only_first),
+        "only_second": list(comparison.only_second),
+    }
+
+
+def _difference(x: QuantityDifference) -> dict[str, Any]:
+    return {"name": x.name, "difference": x.difference, "time": x.time, "size": x.size}
+
+
+def format_comparison(content: Mapping[str, Any]) -> str:
+    """Return the text that ``lagcli compare`` prints."""
+    if "other" in content:
+        return "\n".join(_two_models(content))
+    return "\n".join(_formulations(content))
+
+
+def _formulations(content: Mapping[str, Any]) -> list[str]:
+    reference = content["reference"]
+    lines = [
+        f"{content['model']}: compared with {reference['formulation']}, {reference['method']},"
+        f" rtol {reference['rtol']:.0e}",
+        "",
+        f"  {'formulation':<11} {'method':<7} {'engine':<8} {'rtol':>5}"
+        f" {'φ':>5} {'ψ':>5} {'E':>5} {'Δq':>5} {'Δλ':>5} {'steps':>6} {'CPU s':>6}",
+    ]
+    notes = []
+    for run in content["runs"]:
+        name = _FORMULATIONS.get(run["formulation"], run["formulation"])
+        head = f"  {name:<11} {run['method']:<7} {run['engine']:<8} {run['rtol']:>5.0e}"
+        if run["status"] == "not available":
+            lines.append(f"{head}  {run['message']}")
+            continue
+        figures = [
+            run[x]
+            for x in (
+                "drift_position",
+                "drift_velocity",
+                "energy",
+                "difference_q",
+                "difference_lambda",
+            )
+        ]
+        cells = "".join(f" {'–' if x is None else f'{x:.0e}':>5}" for x in figures)
+        lines.append(f"{head}{cells} {run['steps']:>6} {run['seconds']:>6.2f}")
+        if run["status"] != "completed":
+            notes.append(f"{name}, {run['method']}: {run['status']}: {run['message']}")
+    if not content["unique_multipliers"]:
+        notes.append("the constraints are redundant: λ is not unique, and is not compared")
+    notes.append(
+        "largest values of: φ and ψ, residuals relative to the terms of the constraints; E, the"
+        " imbalance of the energy relative to it; Δq and Δλ, differences relative to the largest"
+        " value of the same unit"
+    )
+    for note in notes:
+        lines += textwrap.wrap(
+            f"note: {note}", WIDTH, initial_indent="  ", subsequent_indent=" " * 8
+        )
+    return lines
+
+
+def _two_models(content: Mapping[str, Any]) -> list[str]:
+    lines = [f"{content['model']} and {content['other']}, the same quantities:"]
+    for kind in ("coordinates", "multipliers", "outputs"):
+        for x in content[kind]:
+            name = f"lambda.{x['name']}" if kind == "multipliers" else x["name"]
+            small = x["difference"] <= _ROUNDING * x["size"]
+            text = f"  {name:<24}"
+            if small:
+                text += "equal"
+            else:
+                share = f", {x['difference'] / x['size']:.1e} of its size" if x["size"] else ""
+                text += f"{x['difference']:.3e} at t = {x['time']:.6g} s{share}"
+            if x.get("explained"):
+                text += "; explained"
+            lines.append(text)
+    if any(x.get("explained") for x in content["multipliers"]):
+        lines += textwrap.wrap(
+            "explained: the Lagrangians differ by a multiple of the constraint, φ F. That changes"
+            " no motion, and takes F from λ",
+            WIDTH,
+            initial_indent="  ",
+            subsequent_indent="  ",
+        )
+    for number, names in enumerate((content["only_first"], content["only_second"])):
+        if names:
+            more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+            where = content["model"] if number == 0 else content["other"]
+            lines.append(f"  only in {where}: {', '.join(names[:_SHOWN])}{more}")
+    return lines

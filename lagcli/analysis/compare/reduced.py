@@ -1,0 +1,309 @@
+"""Formulations that only comparisons use: GGL, Maggi's equations, the second kind.
+
+Each is a system of ordinary differential equations for y, of which the last entry is the work. They
+are evaluated by dense linear algebra, from the matrices of the first kind.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from lagcli.arrays import Array, Indices
+from lagcli.engine.constraints.index1 import Index1
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.state import State
+
+#: Newton's changes of the dependent coordinates: the last one, the square of which is the error,
+#: and the largest that each may be of the one before.
+_SOLVED, _CONTRACTION = 1e-10, 0.5
+#: Of the least singular value of B's dependent columns: below it others are chosen.
+_LEAST_PART = 0.2
+
+
+class Formulation(Protocol):
+    """A system of ordinary differential equations that is equivalent to a model's equations."""
+
+    def start(self, state: State) -> Array:
+        """Return y at a consistent state."""
+
+    def rate(self, t: float, y: Array) -> Array:
+        """Return y'."""
+
+    def state(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return q and v."""
+
+    def accelerations(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return a and λ."""
+
+    def restarted(self, t: float, y: Array) -> Array | None:
+        """Return y in other unknowns if evaluations since the last call found these unsuitable.
+
+        t and y are from before those evaluations.
+        """
+
+
+class StabilizedIndexTwo:
+    """The formulation of Gear, Gupta and Leimkuhler: q' = v + M⁻¹Bᵀμ, with μ so that φ' = 0.
+
+    The velocities and λ are those of the index-1 form. See Gear, Leimkuhler & Gupta (1985),
+    doi:10.1016/0377-0427(85)90008-1.
+
+    Parameters
+    ----------
+    evaluator : Evaluator
+    rank : int
+        Of B at the start.
+    """
+
+    def __init__(self, evaluator: Evaluator, rank: int):
+        self._evaluator, self._motion = evaluator, Index1(evaluator, rank)
+
+    def start(self, state: State) -> Array:
+        """Return (q, v, 0)."""
+        self._motion.measure(state.t, state.q, state.v)
+        return state.y
+
+    def rate(self, t: float, y: Array) -> Array:
+        """Return (v + M⁻¹Bᵀμ, a, power)."""
+        q, v = self._motion.split(y)
+        rate = self._motion.rate(t, y)
+        held = list(self._evaluator.system.holonomic)
+        if held:
+            d, c = self._evaluator.dynamics(t, q, v), self._evaluator.constraints(t, q, v)
+            rows = c.jacobian[held]
+            slip = c.velocity(v)[held]
+            moved = np.linalg.lstsq(d.mass_matrix, rows.T, rcond=None)[0]
+            rate[: len(q)] -= moved @ np.linalg.lstsq(rows @ moved, slip, rcond=None)[0]
+        return rate
+
+    def state(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return q and v."""
+        return self._motion.split(y)
+
+    def accelerations(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return a and λ."""
+        a, multipliers, _ = self._motion.accelerations(t, *self.state(t, y))
+        return a, multipliers
+
+    def restarted(self, t: float, y: Array) -> Array | None:
+        """Return None: the unknowns are q and v all the way."""
+        return None
+
+
+class _Split(NamedTuple):
+    """Independent and dependent coordinates, and the rows of B that determine the latter."""
+
+    independent: Indices
+    dependent: Indices
+    rows: Indices
+    pivot: float  # `_signed_pivot` where they were chosen
+
+
+class _Reduced:
+    """What Maggi's equations and the second kind share: the independent velocities u.
+
+    v = R u + d, and (RᵀMR) u' = Rᵀ(f − M a₀), where a₀ obeys the constraints with u' = 0; λ then
+    follows from the equations of the dependent coordinates.
+    """
+
+    def __init__(self, evaluator: Evaluator, rank: int):
+        self.evaluator, self.rank = evaluator, rank
+        self.nq = len(evaluator.system.coordinates)
+        self.split = _Split(np.arange(self.nq), np.arange(0), np.arange(0), 1.0)
+        self._sizes = np.ones(self.nq)
+        self._least = np.inf
+
+    def choose(self, t: float, q: Array, v: Array) -> None:
+        """Choose the coordinates that B determines best at a state as the dependent ones."""
+        self._sizes = self.evaluator.sizes(t, q, v)
+        if not self.rank:
+            return
+        jacobian = self.evaluator.constraints(t, q, v).jacobian * self._sizes
+        from scipy.linalg import qr
+
+        _, _, columns = qr(jacobian, pivoting=True)
+        dependent = np.sort(columns[: self.rank])
+        _, _, rows = qr(jacobian[:, dependent].T, pivoting=True)
+        rows = np.sort(rows[: self.rank])
+        independent = np.setdiff1d(np.arange(self.nq), dependent)
+        signed = _signed_pivot(jacobian[rows], dependent)
+        self.split = _Split(independent, dependent, rows, signed)
+
+    def _block(self, jacobian: Array) -> Array:
+        """Return B's dependent columns, and keep how well they determine the velocities."""
+        s = self.split
+        rows = jacobian[s.rows]
+        # where the sign of the determinant has changed, it has passed zero
+        signed = _signed_pivot(rows * self._sizes, s.dependent)
+        self._least = min(self._least, signed / s.pivot)
+        return rows[:, s.dependent]
+
+    def _unsuitable(self) -> bool:
+        """Return whether the dependent velocities were nearly undetermined since the last call."""
+        least, self._least = self._least, np.inf
+        return least < _LEAST_PART
+
+    def velocity(self, t: float, q: Array, u: Array) -> Array:
+        """Return v with independent velocities u, on the constraints."""
+        s, v = self.split, np.zeros(self.nq)
+        v[s.independent] = u
+        if self.rank:
+            c = self.evaluator.constraints(t, q, v)
+            v[s.dependent] = _solve(c.jacobian[np.ix_(s.rows, s.dependent)], -c.velocity(v)[s.rows])
+        return v
+
+    def motion(self, t: float, q: Array, v: Array) -> tuple[Array, Array, float]:
+        """Return a, λ and the power at a consistent state."""
+        s, d = self.split, self.evaluator.dynamics(t, q, v)
+        if not self.rank:
+            a = _solve(d.mass_matrix, d.forcing)
+            return a, np.zeros(0), float(d.power)
+        block = self._block(d.jacobian)
+        null = np.zeros((self.nq, len(s.independent)))
+        null[s.independent, np.arange(len(s.independent))] = 1.0
+        null[s.dependent] = -_solve(block, d.jacobian[np.ix_(s.rows, s.independent)])
+        particular = np.zeros(self.nq)
+        particular[s.dependent] = _solve(block, d.rhs[s.rows])
+        a = particular
+        if len(s.independent):
+            reduced = null.T @ d.mass_matrix @ null
+            a = a + null @ _solve(reduced, null.T @ (d.forcing - d.mass_matrix @ particular))
+        force = d.mass_matrix @ a - d.forcing
+        multipliers = np.zeros(len(d.rhs))
+        multipliers[s.rows] = _solve(block.T, force[s.dependent])
+        return a, multipliers, float(d.power + multipliers @ (d.jacobian @ v))
+
+
+class MaggiForm(_Reduced):
+    """Maggi's equations for the independent velocities; all coordinates follow by q' = v.
+
+    Parameters
+    ----------
+    evaluator : Evaluator
+    rank : int
+        Of B at the start.
+    """
+
+    def start(self, state: State) -> Array:
+        """Return (q, u, 0)."""
+        self.choose(state.t, state.q, state.v)
+        return np.concatenate([state.q, state.v[self.split.independent], [0.0]])
+
+    def state(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return q and v."""
+        q = y[: self.nq]
+        return q, self.velocity(t, q, y[self.nq : -1])
+
+    def rate(self, t: float, y: Array) -> Array:
+        """Return (v, u', power)."""
+        q, v = self.state(t, y)
+        a, _, power = self.motion(t, q, v)
+        return np.concatenate([v, a[self.split.independent], [power]])
+
+    def accelerations(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return a and λ."""
+        return self.motion(t, *self.state(t, y))[:2]
+
+    def restarted(self, t: float, y: Array) -> Array | None:
+        """Return y with other independent velocities."""
+        if not self._unsuitable():
+            return None
+        q, v = self.state(t, y)
+        self.choose(t, q, v)
+        return np.concatenate([q, v[self.split.independent], y[-1:]])
+
+
+class SecondKindForm(_Reduced):
+    """Lagrange's equations of the second kind in independent coordinates.
+
+    The dependent coordinates solve the constraints at every evaluation, by Newton's method from
+    where they were last (Wehage & Haug 1982, doi:10.1115/1.3256318).
+
+    Parameters
+    ----------
+    evaluator : Evaluator
+        All of its constraints are holonomic.
+    rank : int
+        Of B at the start.
+    """
+
+    def start(self, state: State) -> Array:
+        """Return (independent q, u, 0)."""
+        self.choose(state.t, state.q, state.v)
+        self._held = list(self.evaluator.system.holonomic)
+        self._last = self._anchor = state.q.copy()
+        return self._unknowns(state.q, state.v, 0.0)
+
+    def _unknowns(self, q: Array, v: Array, work: float) -> Array:
+        s = self.split
+        return np.concatenate([q[s.independent], v[s.independent], [work]])
+
+    def state(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return q and v; NaN where no solution is found next to the last ones."""
+        n = len(self.split.independent)
+        # after a sample early in a step, the state before the step may be nearer
+        for guess in (self._last, self._anchor):
+            q = self._solved(t, y[:n], guess)
+            if q is not None:
+                self._last = q
+                return q, self.velocity(t, q, y[n:-1])
+        self._least = 0.0  # a step that comes here is taken in other coordinates
+        return np.full(self.nq, np.nan), np.full(self.nq, np.nan)
+
+    def _solved(self, t: float, independent: Array, guess: Array) -> Array | None:
+        """Return the coordinates next to a guess; None where Newton's method does not find any."""
+        q, v, s = guess.copy(), np.zeros(self.nq), self.split
+        settled = _SOLVED * np.abs(q).max()
+        q[s.independent] = independent
+        before, moved = np.inf, np.inf if self.rank else 0.0
+        # a change that is not much smaller than the last one may lead to another assembly
+        while settled < moved <= _CONTRACTION * before:
+            c, before = self.evaluator.constraints(t, q, v), moved
+            jacobian = c.jacobian[self._held][:, s.dependent]
+            change = np.linalg.lstsq(jacobian, c.position, rcond=None)[0]
+            q[s.dependent] -= change
+            moved = float(np.abs(change).max())
+        return q if moved <= settled else None
+
+    def rate(self, t: float, y: Array) -> Array:
+        """Return (u, u', power)."""
+        q, v = self.state(t, y)
+        a, _, power = self.motion(t, q, v)
+        free = self.split.independent
+        return np.concatenate([v[free], a[free], [power]])
+
+    def accelerations(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Return a and λ."""
+        return self.motion(t, *self.state(t, y))[:2]
+
+    def restarted(self, t: float, y: Array) -> Array | None:
+        """Return y in other independent coordinates."""
+        if not self._unsuitable():
+            self._anchor = self._last
+            return None
+        self._last = self._anchor
+        q, v = self.state(t, y)
+        self.choose(t, q, v)
+        return self._unknowns(q, v, float(y[-1]))
+
+
+def _signed_pivot(rows: Array, dependent: Indices) -> float:
+    """Return the least singular value of the dependent columns with the sign of the determinant.
+
+    The rows are scaled to length one before.
+    """
+    if not np.isfinite(rows).all():
+        return 0.0
+    block = rows[:, dependent] / np.linalg.norm(rows, axis=1)[:, None]
+    sign, _ = np.linalg.slogdet(block)
+    return float(sign * np.linalg.svd(block, compute_uv=False)[-1])
+
+
+def _solve(matrix: Array, right: Array) -> Array:
+    """Return the solution; NaN where there is none."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right), dtype=float)
+    except np.linalg.LinAlgError:
+        return np.full_like(right, np.nan)

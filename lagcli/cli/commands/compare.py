@@ -1,0 +1,116 @@
+"""`lagcli compare`: one motion by several formulations, methods and tolerances, or two models."""
+
+from typing import Annotated
+
+import typer
+
+from lagcli.cli.options import (
+    Force,
+    Json,
+    ModelPath,
+    Quiet,
+    SetInitial,
+    SetParameter,
+    assignments,
+    refuse_same_file,
+)
+from lagcli.cli.streams import tell
+from lagcli.errors import UsageError
+
+
+def compare(
+    model: ModelPath,
+    other: Annotated[
+        str | None, typer.Argument(help="Another model of the same system.", metavar="[OTHER]")
+    ] = None,
+    formulation: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--formulation",
+            metavar="NAME,…",
+            help="projection, baumgarte, index1, ggl, maggi, second. Repeatable.",
+        ),
+    ] = None,
+    method: Annotated[
+        list[str] | None,
+        typer.Option("--method", metavar="NAME,…", help="Integration methods. Repeatable."),
+    ] = None,
+    rtol: Annotated[
+        list[str] | None,
+        typer.Option("--rtol", metavar="R,…", help="Relative tolerances. Repeatable."),
+    ] = None,
+    t_end: Annotated[
+        float | None, typer.Option("--t-end", metavar="T", help="End time, s.")
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option("--samples", metavar="N", help="Number of samples.")
+    ] = None,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Write the comparison: .json or .h5; lagcli plot draws the curves of a .h5.",
+        ),
+    ] = None,
+    set: SetParameter = None,
+    set_initial: SetInitial = None,
+    json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compare formulations, methods and tolerances: drift, energy, differences of q and λ, time.
+
+    With a second model: the differences of what both have, and why their multipliers differ.
+    """
+    from lagcli.analysis.compare.comparison import compare as find
+    from lagcli.analysis.compare.description import (
+        describe_comparison,
+        describe_models,
+        format_comparison,
+    )
+    from lagcli.analysis.compare.two_models import compare_models
+    from lagcli.analysis.files import check_analysis_target, write_content
+    from lagcli.cli.summary import to_json
+    from lagcli.model.loader import load
+    from lagcli.settings.settings import SettingsOverrides
+
+    refuse_same_file(model, output)
+    chosen = [_names(x) for x in (formulation, method, rtol)]
+    if other is not None:
+        refuse_same_file(other, output)
+        if any(chosen):
+            raise UsageError("two models are compared by one method: give no rows to compare")
+    if output is not None:
+        check_analysis_target(output, (".json", ".h5"), force)
+    settings = SettingsOverrides(t_end=t_end, samples=samples)
+    parameters, initial = assignments("--set", set), assignments("--set-initial", set_initial)
+    loaded = load(model, parameters, initial)
+    if other is None:
+        content = describe_comparison(
+            find(loaded, settings, chosen[0], chosen[1], [_number(x) for x in chosen[2]])
+        )
+    else:
+        second = load(other, parameters, initial)
+        content = describe_models(compare_models(loaded, second, settings), loaded, second)
+    text = format_comparison(content)
+    if output is not None:
+        write_content(content, {}, loaded, output, force)
+    if json:
+        print(to_json(content))
+    elif output is None:
+        print(text)
+    elif not quiet:
+        tell(f"{text}\n  written  {output}")
+
+
+def _names(given: list[str] | None) -> list[str]:
+    return [name for text in given or () for name in text.split(",") if name]
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"--rtol {text!r} is not a number; give --rtol 1e-6,1e-9") from None

@@ -1,0 +1,100 @@
+"""Comparison of formulations: against closed forms, and against each other."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.special import ellipj, ellipk
+
+import lagcli
+from lagcli.errors import UsageError
+from lagcli.model.model import Model
+from lagcli.settings.settings import SettingsOverrides
+
+MODELS = Path(__file__).parents[4] / "models"
+PENDULUM = """
+coordinates: [x, y]
+parameters: {g: 9.81, l: 0.7, m: 1.3}
+T: m/2*(x'^2 + y'^2)
+V: m*g*y
+constraints: {rod: x^2 + y^2 = l^2}
+initial: {x: l*sin(2), y: -l*cos(2), x': 0, y': 0}
+simulation: {t_end: 2, samples: 21}
+"""
+
+
+def load(name: str) -> Model:
+    return lagcli.load(str(MODELS / f"{name}.yaml"))
+
+
+@pytest.mark.parametrize("formulation", ["index1", "baumgarte", "ggl", "maggi", "second"])
+def test_a_pendulum_agrees_with_elliptic_functions(formulation: str) -> None:
+    model = lagcli.load_text(PENDULUM)
+    (run,) = lagcli.compare(model, formulations=[formulation]).runs
+    assert run.status == "completed"
+    samples = run.samples
+    assert samples is not None
+    # sin(theta/2) = k sn(K - w t): it starts at rest, at 2 rad from below
+    k, w = math.sin(1.0), math.sqrt(9.81 / 0.7)
+    sn, _, _, _ = ellipj(ellipk(k * k) - w * samples.time, k * k)
+    theta = 2 * np.arcsin(k * sn)
+    np.testing.assert_allclose(samples.q[:, 0], 0.7 * np.sin(theta), atol=2e-6)
+    # lambda (2x, 2y) is the rod's force, m (g cos theta + l theta'^2) towards the pivot
+    square = 2 * w * w * (np.cos(theta) - math.cos(2.0))
+    force = 1.3 * (9.81 * np.cos(theta) + 0.7 * square)
+    np.testing.assert_allclose(-2 * 0.7 * samples.multipliers[:, 0], force, atol=2e-5)
+
+
+def test_what_each_formulation_holds() -> None:
+    names = ["projection", "index1", "ggl", "maggi", "second"]
+    runs = dict(
+        zip(
+            names, lagcli.compare(load("pendulum_cartesian"), formulations=names).runs, strict=False
+        )
+    )
+    assert runs["projection"].drift_position < 1e-13 > runs["projection"].drift_velocity
+    assert runs["second"].drift_position < 1e-13 > runs["second"].drift_velocity
+    assert runs["maggi"].drift_velocity < 1e-13
+    # without anything, the positions drift most
+    assert runs["index1"].drift_position > 10 * runs["ggl"].drift_position > 0
+
+
+@pytest.mark.parametrize(
+    "name", ["slider_crank", "heavy_top", "andrews_squeezer", "rolling_disk", "parallelogram"]
+)
+def test_all_formulations_have_one_motion(name: str) -> None:
+    model = load(name)
+    end = {"andrews_squeezer": 0.02, "heavy_top": 0.1}.get(name, 0.5)
+    settings = SettingsOverrides(t_end=end, samples=11)
+    found = lagcli.compare(model, settings, ["index1", "ggl", "maggi", "second"])
+    nonholonomic = name == "rolling_disk"
+    for run in found.runs:
+        if nonholonomic and run.row.formulation == "second":
+            assert run.status == "not available"
+            assert "nonholonomic" in run.message
+            continue
+        assert run.status == "completed", run.message
+        assert run.difference_q < 1e-6
+        if found.unique:
+            assert run.difference_lambda < 1e-6
+    assert found.unique == (name != "parallelogram")
+
+
+def test_default_rows_have_every_formulation_and_method_once() -> None:
+    settings = SettingsOverrides(t_end=0.1, samples=3)
+    rows = [run.row for run in lagcli.compare(load("atwood"), settings).runs]
+    assert len(rows) == len(set(rows))
+    formulations = {"projection", "baumgarte", "index1", "ggl", "maggi", "second"}
+    assert {row.formulation for row in rows} == formulations
+    assert {"DOP853", "Taylor", "Rodas5P", "Radau"} <= {row.method for row in rows}
+
+
+def test_wrong_names_are_refused_with_the_nearest() -> None:
+    model = load("atwood")
+    with pytest.raises(UsageError, match="did you mean `maggi`"):
+        lagcli.compare(model, formulations=["magi"])
+    with pytest.raises(UsageError, match="did you mean `Radau`"):
+        lagcli.compare(model, methods=["Radauu"])
+    with pytest.raises(UsageError, match="DOP853 has all"):
+        lagcli.compare(model, formulations=["second"], methods=["Taylor"])
