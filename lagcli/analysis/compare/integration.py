@@ -41,14 +41,14 @@ def integrate(
         Those that were reached.
     outcome : Outcome
     """
-    run = _Run(formulation, request)
+    run = _SampledRun(formulation, request)
     with np.errstate(all="ignore"):
         found = outcome(run.integrate)
     found.steps, found.evaluations = run.steps, run.evaluations
     return Block.of_rows(np.array(run.rows).reshape(-1, layout.size), layout), found
 
 
-class _Run:
+class _SampledRun:
     def __init__(self, formulation: Formulation, request: IntegrationRequest):
         self.formulation, self.request = formulation, request
         self.rows: list[Array] = []

@@ -16,6 +16,8 @@ from lagcli.engine.state import State
 
 #: Relative defect of B a = γ beyond which redundant constraints contradict each other.
 _CONTRADICTION = 1e-6
+#: Of a constraint's terms: residuals up to this are rounding errors.
+_ROUNDING = 1e-15
 
 
 class Index1:
@@ -112,9 +114,10 @@ class Index1:
         assert self.damping is not None
         alpha, beta = self.damping
         c = self.evaluator.constraints(t, q, v)
-        velocity = c.velocity(v)
+        velocity = _beyond_rounding(c.velocity(v), c.velocity_scale)
+        position = _beyond_rounding(c.position, c.position_scale)
         term = alpha * velocity
-        term[self.holonomic] += alpha * velocity[self.holonomic] + beta**2 * c.position
+        term[self.holonomic] += alpha * velocity[self.holonomic] + beta**2 * position
         return term
 
     def contradicting(self, t: float, q: Array, v: Array) -> int | None:
@@ -132,3 +135,11 @@ class Index1:
         allowed = _CONTRADICTION * max(np.abs(scaled).max(), np.abs(a / self.sizes).max())
         worst = int(np.argmax(np.abs(defect)))
         return worst if abs(defect[worst]) > allowed else None
+
+
+def _beyond_rounding(residual: Array, scale: Array) -> Array:
+    """Return what of residuals exceeds their rounding errors.
+
+    Damping would turn these into noise: with the short steps of a start from rest, β is large.
+    """
+    return np.asarray(residual - np.clip(residual, -_ROUNDING * scale, _ROUNDING * scale))

@@ -23,7 +23,7 @@ _RESIDUAL = 2e-15
 _NOT_REACHED = 1e-10
 #: Of a step's tolerances, and of the largest size of its kind: what no step's error moves a
 #: coordinate by.
-_FAR, _FAR_PART = 100.0, 1e-3
+_FAR, _FAR_PART, _FAR_ROUNDING = 100.0, 1e-3, 1e-12
 
 
 class Projection:
@@ -137,7 +137,7 @@ class Projection:
         )
 
 
-def is_far(before: Array, after: Array, allowed: Array, largest: Array) -> bool:
+def is_far(before: Array, after: Array, allowed: Array, largest: Array, sizes: Array) -> bool:
     """Return whether a projection moved a coordinate far further than a step's error does.
 
     Parameters
@@ -148,9 +148,14 @@ def is_far(before: Array, after: Array, allowed: Array, largest: Array) -> bool:
         The step's tolerances.
     largest : (nq,) array
         The largest size of each coordinate's kind so far.
+    sizes : (nq,) array
+        Changes of the coordinates that count as equal: what is beyond rounding errors is judged by
+        the largest coordinate, since another kind may have been at rest so far.
     """
     moved = np.abs(after - before)
-    return bool(((moved > _FAR * allowed) & (moved > _FAR_PART * largest)).any())
+    rounding = _FAR_ROUNDING * (np.abs(after) / sizes).max() * sizes
+    far = (moved > _FAR * allowed) & (moved > _FAR_PART * largest) & (moved > rounding)
+    return bool(far.any())
 
 
 def jumped(system: System, t: float, before: Array, after: Array) -> Stop:

@@ -308,6 +308,14 @@ void lag_oppose(lag_run *run, double *x)
         x[i] = -all[nq + i];
 }
 
+/* What of a residual exceeds its rounding errors, which damping would otherwise turn into noise: with the
+ * short steps of a start from rest, beta is large. */
+static double beyond_rounding(double residual, double scale)
+{
+    const double floor = DAMPED * scale;
+    return residual > floor ? residual - floor : residual < -floor ? residual + floor : 0.0 * residual;
+}
+
 /* The right side (f, gamma) at the state that the tapes hold, to run->solver.right. */
 static void right_side(lag_run *run)
 {
@@ -320,12 +328,14 @@ static void right_side(lag_run *run)
     if (!run->baumgarte.active)
         return;
     const double alpha = run->baumgarte.alpha, beta = run->baumgarte.beta;
-    const int psi = lag_constraint_velocity(s);
+    const int psi = lag_constraint_velocity(s), psi_scale = lag_constraint_velocity_scale(s);
+    const int scale = lag_constraint_position_scale(s);
     for (int i = 0; i < nc; ++i)
-        right[nq + i] -= alpha * OUT(c, psi + i);
+        right[nq + i] -= alpha * beyond_rounding(OUT(c, psi + i), OUT(c, psi_scale + i));
     for (int i = 0; i < s->nh; ++i) {
         const int k = s->holonomic[i];
-        right[nq + k] -= alpha * OUT(c, psi + k) + beta * beta * OUT(c, i);
+        right[nq + k] -= alpha * beyond_rounding(OUT(c, psi + k), OUT(c, psi_scale + k))
+                         + beta * beta * beyond_rounding(OUT(c, i), OUT(c, scale + i));
     }
 }
 

@@ -114,9 +114,14 @@ int lag_return(lag_run *run, double t, double *y)
     const int nq = run->system.nq, status = lag_project(run, t, y);
     if (status != LAG_RUNNING || run->system.nh == 0)
         return status;
+    const double *sizes = run->rows.sizes;
+    double most = 0.0;
+    for (int i = 0; i < nq; ++i)
+        most = fmax(most, fabs(y[i]) / sizes[i]);
     for (int i = 0; i < nq; ++i) {
         const double moved = fabs(y[i] - run->failure.y[i]);
-        if (moved > FAR * (run->tolerances.atol[i] + run->tolerances.rtol * fabs(y[i]))
+        if (moved > FAR_ROUNDING * most * sizes[i]
+            && moved > FAR * (run->tolerances.atol[i] + run->tolerances.rtol * fabs(y[i]))
             && moved > FAR_PART * run->tolerances.largest[run->tolerances.kind[i]])
             return LAG_JUMPED;
     }

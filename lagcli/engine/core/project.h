@@ -9,7 +9,8 @@
 #define NOT_REACHED 1e-10   /* of the scale: beyond it there is no consistent state nearby */
 #define LEAST_PART 1e-3     /* of the system's size that a coordinate has at least, by its inertia */
 #define FAR 100.0           /* of a step's tolerances: no error of a step moves a coordinate further, ... */
-#define FAR_PART 1e-3       /* ... if this is also such a part of the largest size of its kind */
+#define FAR_PART 1e-3       /* ... if this is also such a part of the largest size of its kind, ... */
+#define FAR_ROUNDING 1e-12  /* ... and of the largest coordinate, in the metric of their inertia */
 #define RAISE 2             /* Newton steps after which the least scales are looked at */
 #define NEGLIGIBLE 0.01     /* of the tolerance: a projection that moves less leaves f as it is */
 

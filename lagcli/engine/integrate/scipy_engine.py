@@ -300,7 +300,7 @@ class _Integration:
         q, v = self.projection(t, before, v)
         if self.sizes is not None and self.system.holonomic:
             allowed = self.sizes.tolerances[: len(q)] + self.settings.rtol * np.abs(q)
-            if is_far(before, q, allowed, self.sizes.largest()):
+            if is_far(before, q, allowed, self.sizes.largest(), self.motion.sizes):
                 raise jumped(self.system, t, before, q)
         return np.concatenate([q, v, y[-1:]])
 
