@@ -187,6 +187,8 @@ class ModelEvent(NamedTuple):
     action : EventAction
     times : int or None
         How often it happens at most.
+    sides : tuple of Tree
+        The condition, or the two sides of an equation; none of a change.
     """
 
     name: str
@@ -196,6 +198,8 @@ class ModelEvent(NamedTuple):
     change: tuple[str, ContactChange] | None
     action: EventAction
     times: int | None = None
+    sides: tuple[Tree, ...] = ()
+    indices: Mapping[str, int] = NO_INDICES
     description: str | None = None
     location: SourceLocation | None = None
 

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.linear import dense
 from lagcli.engine.state import State
 from lagcli.engine.switching.switching import Switching
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape
-from lagcli.errors import Diagnostic, ModelError
+from lagcli.equations.derivation.lagrange import Equations
+from lagcli.errors import Diagnostic, ModelError, UsageError
 from lagcli.model.locations import ExpressionLocations
-from lagcli.model.model import Constraint, Model
+from lagcli.model.model import Constraint, Model, multiplier
 from lagcli.model.yaml.source import Scalar
+from lagcli.settings.settings import DEFAULTS
 
 
 def check_contacts(model: Model, system: System, state: State, closed: float) -> None:
@@ -47,6 +52,96 @@ def check_contacts(model: Model, system: System, state: State, closed: float) ->
     found += _bad_coefficients(model, system.switching, state)
     if found:
         raise ModelError(found)
+
+
+def refuse_switching(equations: Equations, what: str, nonlinear: bool = False) -> None:
+    """Refuse what is defined for a model alone whose constraints hold at all times.
+
+    Parameters
+    ----------
+    equations : Equations
+    what : str
+        What is asked for, in the plural.
+    nonlinear : bool
+        Whether constraints that are nonlinear in the velocities are refused too.
+
+    Raises
+    ------
+    UsageError
+        The model has contacts, limits or events, or forces that depend on multipliers.
+    """
+    model = equations.model
+    why = ""
+    if model.switches:
+        names = [c.name for c in model.constraints if c.sign or c.limit or not c.active]
+        names = names or [event.name for event in model.events]
+        why = f"that hold at all times, and of `{names[0]}` that is not so"
+        help_ = "write contacts that stay closed with `=`, and leave out friction and events"
+    elif any(x != 0 for x in equations.reactive_forces):
+        why = "whose forces do not depend on multipliers, as those under `Q` do"
+        help_ = "leave out the forces with `lambda`"
+    elif nonlinear and any(c.kind == "nonlinear" for c in model.constraints):
+        name = next(c.name for c in model.constraints if c.kind == "nonlinear")
+        why = f"that are linear in the velocities, and `{name}` is not"
+        help_ = "the first kind has no such bound"
+    if why:
+        raise UsageError(f"{what} are of models with constraints {why}; {help_}")
+
+
+def model_at_start(model: Model, held: tuple[str, ...]) -> Model:
+    """Return a model of which the constraints that hold at the start are all there are."""
+    multipliers = {multiplier(name) for name in model.constraint_names}
+    forces = {
+        name: force
+        for name, force in model.applied_forces.items()
+        if multipliers.isdisjoint(force.free_symbols)
+    }
+    kept = (c for c in model.constraints if c.name in held)
+    constraints = tuple(c._replace(relation="=", limit=None, active=True) for c in kept)
+    return replace(
+        model,
+        constraints=constraints,
+        applied_forces=forces,
+        events=(),
+        outputs={},
+        closed=frozenset(),
+    )
+
+
+def held_at(
+    system: System, state: State, closed: float = DEFAULTS.closed or 0.0
+) -> tuple[list[int], int]:
+    """Return the constraints that hold at a state, and the rank of their rows of B.
+
+    Those are the permanent ones, and contacts that are closed and neither approach nor open.
+    Whether friction sticks is not looked at.
+
+    Parameters
+    ----------
+    system : System
+        With ``switching``.
+    state : State
+    closed : float
+        As for `check_contacts`.
+    """
+    assert system.switching is not None
+    evaluator, q, v = Evaluator(system, state.p), state.q, state.v
+    constraints = evaluator.constraints(state.t, q, v)
+    rates, scales = constraints.velocity(v), constraints.velocity_scale
+    rows = set(system.held_at_start)
+    for row in system.switching.rows:
+        if row.sign and row.active:
+            place = system.holonomic.index(row.row)
+            gap = abs(constraints.position[place])
+            touches = gap <= closed * constraints.position_scale[place]
+            if touches and abs(rates[row.row]) <= closed * scales[row.row]:
+                rows.add(row.row)
+    held = sorted(rows)
+    if not held:
+        return held, 0
+    sizes = evaluator.sizes(state.t, q, v)
+    lengths = evaluator.row_lengths(constraints, q, v, sizes)[held]
+    return held, dense.count_rank(constraints.jacobian[held], scale=lengths, sizes=sizes)
 
 
 def _violated(model: Model, constraint: Constraint, gap: float, slopes: Array) -> Diagnostic:

@@ -8,6 +8,7 @@ from lagcli.engine.lowering import lower
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.reduction.partition import CoordinatePartition, values_at
 from lagcli.equations.reduction.partition import partition as partition_at
+from lagcli.simulations.contacts import refuse_switching
 from lagcli.simulations.start import find_start
 
 
@@ -35,6 +36,7 @@ def partition(
     ModelError, NumericalError
         There is no consistent initial state.
     """
+    refuse_switching(equations, "independent coordinates", nonlinear=True)
     model = equations.model
     start = find_start(equations, lower(equations), model.settings.t_start or 0.0).state
     values = values_at(model, start.t, start.q.tolist(), start.v.tolist(), start.p)

@@ -27,6 +27,7 @@ from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
 from lagcli.settings.methods import METHODS
 from lagcli.settings.settings import Settings
+from lagcli.simulations.contacts import refuse_switching
 from lagcli.simulations.directions import Directions
 
 if TYPE_CHECKING:
@@ -127,6 +128,7 @@ class Sensitivity:
                 f"{settings.method} needs second derivatives for sensitivities, which are not"
                 " formed; give --method Radau for stiff motion, or auto"
             )
+        refuse_switching(equations, "sensitivities and fits")
         self.equations, self.system = equations, system
         self.directions = Directions(equations.model, tuple(names))
         self._evaluator = Evaluator(system, tuple(equations.model.parameter_values.values()))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -74,10 +75,17 @@ def find_start(
 
 def freedom_at(equations: Equations, system: System, start: ConsistentState) -> DegreesOfFreedom:
     """Return the degrees of freedom at a consistent state."""
-    sets = dependent_sets(system, start.state, start.rank)
-    names = system.constraints
+    names, rank = system.constraints, start.rank
+    rows: Sequence[int] = range(len(names))
+    held: tuple[str, ...] | None = None
+    if system.switching is not None and system.switching.rows:
+        from lagcli.simulations.contacts import held_at
+
+        rows, rank = held_at(system, start.state)
+        held = tuple(names[i] for i in rows)
+    sets = dependent_sets(system, start.state, rank, rows)
     redundant = (RedundantSet(tuple(names[i] for i in found), surplus) for found, surplus in sets)
-    return DegreesOfFreedom(len(equations.q), len(names), start.rank, tuple(redundant))
+    return DegreesOfFreedom(len(equations.q), len(rows), rank, tuple(redundant), held)
 
 
 def degrees_of_freedom(equations: Equations) -> DegreesOfFreedom:

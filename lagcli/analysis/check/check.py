@@ -19,6 +19,7 @@ from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.equations.symmetry.conserved import Conserved, conserved_quantities
 from lagcli.equations.symmetry.generality import generalized
 from lagcli.model.model import TIME, Model
+from lagcli.simulations.contacts import model_at_start
 from lagcli.simulations.start import find_start, freedom_at
 from lagcli.simulations.threads import one_thread
 
@@ -90,9 +91,14 @@ def check(model: Model) -> Check:
     with one_thread():
         start = find_start(equations, system, model.settings.t_start or 0.0)
         freedom = freedom_at(equations, system, start)
-        states = random_states(system, start)
-        rank = check_rank(system, start, freedom, states)
-        scales = time_scales(system, start)
+        held, there = equations, start
+        if freedom.held is not None:  # what holds at the start, for all that is local to it
+            held = derive(model_at_start(model, freedom.held))
+            system = lower(held)
+            there = start._replace(rank=freedom.rank or 0, elimination=None)
+        states = random_states(system, there)
+        rank = check_rank(system, there, freedom, states)
+        scales = time_scales(system, there)
     found = conserved_quantities(equations)
     conserved = replace(
         found, quantities=tuple(generalized(equations, q) for q in found.quantities)
@@ -102,7 +108,7 @@ def check(model: Model) -> Check:
         start=start,
         index=_index(equations),
         rank=rank,
-        velocity_constraints=check_integrability(equations, start, states),
+        velocity_constraints=check_integrability(held, there, states),
         conserved=conserved,
         conserved_values=_values(equations, conserved, start),
         time_scales=scales,

@@ -95,7 +95,7 @@ def _integrability(f: Formulas, found: Check) -> list[Step]:
 def _freedom(f: Formulas, found: Check) -> Step:
     step, rank = freedom_step(f), found.rank
     said = [f"Index {found.index}: {_INDEX[found.index]}"]
-    if f.equations.constraints:
+    if rank.freedom.constraints:
         counts = sorted(Counter(rank.random_ranks).items())
         shown = ", ".join(f"{n} at {count}" for n, count in counts)
         said.append(
@@ -120,11 +120,13 @@ def _freedom(f: Formulas, found: Check) -> Step:
 
 def _multipliers(found: Check) -> Step | None:
     rank = found.rank
-    if not found.equations.constraints:
+    if not rank.freedom.constraints:
         return None
     title = "Multipliers"
     if not rank.not_unique:
-        return Step(title, (), "All are unique.")
+        held = rank.freedom.held
+        said = "All are unique." if held is None else f"Unique: {_names(rank.unique)}."
+        return Step(title, (), said)
     said = f"Not unique: {_names(rank.not_unique)}."
     said += f" Unique: {_names(rank.unique)}." if rank.unique else " None is unique."
     if rank.combinations:

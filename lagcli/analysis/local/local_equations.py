@@ -21,6 +21,7 @@ from lagcli.engine.state import State
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.errors import NumericalError
 from lagcli.model.model import Model
+from lagcli.simulations.contacts import refuse_switching
 from lagcli.simulations.start import find_start
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ class LocalEquations:
     def __init__(self, model: Model):
         self.model = model
         self.equations: Equations = derive(model)
+        refuse_switching(self.equations, "equilibria and linear models")
         self.system: System = lower(self.equations)
         self.jacobian_tape = MotionJacobianTape(self.system)
         self.p = tuple(model.parameter_values.values())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from lagcli.engine.evaluator import Evaluator
@@ -14,7 +16,9 @@ from lagcli.engine.system import System
 _TAKES_PART = 1e-6
 
 
-def dependent_sets(system: System, state: State, rank: int) -> list[tuple[list[int], int]]:
+def dependent_sets(
+    system: System, state: State, rank: int, held: Sequence[int]
+) -> list[tuple[list[int], int]]:
     """Return the sets of constraints whose rows of B depend on each other at a state.
 
     The projection P onto the combinations of rows that vanish does not depend on how they are
@@ -27,14 +31,16 @@ def dependent_sets(system: System, state: State, rank: int) -> list[tuple[list[i
     state : State
         On the constraints.
     rank : int
-        Of the rows of B that hold at the start.
+        Of the rows of B that hold.
+    held : sequence of int
+        The constraints that hold.
 
     Returns
     -------
     list of (list of int, int)
         The constraints of each set, and how many of them follow from the others.
     """
-    held = list(system.held_at_start)
+    held = list(held)
     if rank == len(held):
         return []
     evaluator, t, q, v = Evaluator(system, state.p), state.t, state.q, state.v

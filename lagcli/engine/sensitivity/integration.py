@@ -273,7 +273,8 @@ class TangentProblem:
             return found
         from lagcli.engine.constraints.redundancy import dependent_sets
 
-        for rows, _ in dependent_sets(self.system, request.state, request.rank):
+        every = range(self.blocks.counts.nc)
+        for rows, _ in dependent_sets(self.system, request.state, request.rank, every):
             found[:, rows] = np.nan
         return found
 

@@ -29,17 +29,20 @@ class DegreesOfFreedom:
     Parameters
     ----------
     coordinates, constraints : int
-        k and r.
+        k and r; of a model whose constraints come and go, those that hold at the start.
     rank : int or None
         Rank of B at the consistent initial state; None if there is no such state.
     redundant : tuple of RedundantSet
         Sets of dependent constraints at that state.
+    held : tuple of str or None
+        The constraints that hold at the start; None where all hold always.
     """
 
     coordinates: int
     constraints: int
     rank: int | None = None
     redundant: tuple[RedundantSet, ...] = ()
+    held: tuple[str, ...] | None = None
 
     @property
     def degrees(self) -> int:

@@ -95,7 +95,8 @@ def coefficients(equations: Equations) -> list[tuple[Node, ...]]:
     for kind, residual, by in (
         ("holonomic", signs.holonomic, Sign("qᵢ", "q_i")),
         ("nonholonomic", signs.nonholonomic, Sign("q̇ᵢ", r"\dot{q}_i")),
+        ("nonlinear", signs.nonholonomic, Sign("q̇ᵢ", r"\dot{q}_i")),
     ):
-        if kind in kinds:
+        if kind in kinds and (residual, sides) not in found:
             found += [(signs.coefficient, Partial(residual, by)), (residual, sides)]
     return found

@@ -12,6 +12,12 @@ from lagcli.equations.presentation.extent import ROOM, Extent, abridged, is_larg
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
 from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.matrices import Matrices
+from lagcli.equations.presentation.switching.contacts import (
+    as_inequality,
+    contacts_step,
+    is_friction,
+)
+from lagcli.equations.presentation.switching.events import events_step
 from lagcli.equations.presentation.typeset import Sign, sum_of, whole
 
 
@@ -77,6 +83,8 @@ def _before(f: Formulas) -> list[Step]:
         _all_definitions(f),
         _energies(f),
         constraints_step(f, False),
+        contacts_step(f),
+        events_step(f),
         freedom_step(f),
     ]
     return IndexForm(f.model).steps([step for step in found if step is not None])
@@ -87,6 +95,11 @@ def before_equations(f: Formulas) -> list[Step]:
     return [step for step in _before(f) if step.title != _FREEDOM]
 
 
+#: What is assumed of constraints that are nonlinear in the velocities.
+CHETAEV = (
+    "That the force of a constraint which is nonlinear in the velocities is along b = ∂ψ/∂q̇ is"
+    " Chetaev's rule, a postulate; such a force may do work."
+)
 _FREEDOM = "Degrees of freedom"
 _SHOWN = 12  # components that are left out
 
@@ -94,8 +107,10 @@ _SHOWN = 12  # components that are left out
 @lru_cache(maxsize=1)  # measured first, then printed
 def _written_out(f: Formulas) -> list[Step]:
     constraints, equations = constraints_step(f), _equations(f)
-    shown = [equations, *([constraints] if constraints else [])]
-    found = [_coordinates(f), _definitions(f, shown), constraints, freedom_step(f), equations]
+    contacts, events = contacts_step(f), events_step(f)
+    shown = [step for step in (equations, constraints, contacts, events) if step is not None]
+    found = [_coordinates(f), _definitions(f, shown), constraints, contacts, events]
+    found += [freedom_step(f), equations]
     return [*(step for step in found if step is not None), convention(f)]
 
 
@@ -119,8 +134,12 @@ def _energies(f: Formulas) -> Step:
 def kind_of(c: ConstraintEquation, equations: Equations) -> str:
     """Return the kind of a constraint: holonomic or nonholonomic, scleronomic or rheonomic."""
     time = "rheonomic" if c.rheonomic else "scleronomic"
+    if c.constraint.sign:
+        return f"unilateral, {time}"
     if c.position is not None:
         return f"holonomic, {time}"
+    if c.constraint.kind == "nonlinear":
+        return f"nonlinear in the velocities, {time}"
     found = integrable(c, equations)
     if found:
         return f"nonholonomic in form, but integrable by itself; {time}"
@@ -137,6 +156,8 @@ def convention(f: Formulas) -> Step:
             "λ has the sign of the general equations (8.85); lhs and rhs are the sides of"
             f" constraint {row} as written."
         )
+        if any(c.constraint.kind == "nonlinear" for c in f.equations.constraints):
+            remark += f" {CHETAEV}"
     return Step("Sign convention", tuple(Line(sides) for sides in lines), remark)
 
 
@@ -165,29 +186,36 @@ def constraints_step(f: Formulas, variations: bool = True) -> Step | None:
         return None
     lines = []
     for c in constraints:
+        if is_friction(c):
+            continue
         note = kind_of(c, f.equations)
-        lines.append(Line(f.constraint_line(c).sides, c.constraint.name, note))
-        if variations:
-            lines.append(f.variation_line(c))
+        line = Line(f.constraint_line(c).sides, c.constraint.name, note)
+        lines.append(as_inequality(line, c))
+        if variations and c.constraint.limit is None:
+            lines.append(as_inequality(f.variation_line(c), c))
     count = general.Signs(f.model).constraint_count
     left_out = f.model.left_out
     remark = None
     if left_out:
         those = ", ".join(left_out[:_SHOWN]) + (", …" if len(left_out) > _SHOWN else "")
         remark = f"Left out, as they hold for all values of the coordinates: {those}."
-    return Step(f"Constraints: {count} = {len(constraints)}", tuple(lines), remark)
+    number = sum(not is_friction(c) for c in constraints)
+    return Step(f"Constraints: {count} = {number}", tuple(lines), remark)
 
 
 def freedom_step(f: Formulas) -> Step:
     """Return the degrees of freedom with the redundant constraints."""
-    k, r = len(f.coordinates), len(f.equations.constraints)
+    freedom = f.freedom
+    k, r = len(f.coordinates), freedom.constraints
     signs = general.Signs(f.model)
     all_of, held = (Sign(x, x) for x in (signs.coordinate_count, signs.constraint_count))
     if not r:
-        return Step(_FREEDOM, (Line((all_of, whole(k))),))
-    freedom = f.freedom
+        alone = None if freedom.held is None else "no constraint holds at the start"
+        return Step(_FREEDOM, (Line((all_of, whole(k)), note=alone),))
     less, subtracted = held, r
     note = "the constraints are independent at the start"
+    if freedom.held is not None:
+        note = f"with what holds at the start: {', '.join(freedom.held)}"
     if freedom.rank is None:
         note = "for independent constraints"
     elif freedom.rank < r:

@@ -8,6 +8,12 @@ from lagcli.equations.presentation import general
 from lagcli.equations.presentation.extent import accelerations_are_large
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
 from lagcli.equations.presentation.substitution import substituted
+from lagcli.equations.presentation.switching.contacts import (
+    as_inequality,
+    contacts_step,
+    is_friction,
+)
+from lagcli.equations.presentation.switching.events import events_step
 from lagcli.equations.presentation.typeset import Node, Partial, Rate, Symbol, sum_of, weight
 from lagcli.equations.presentation.written import differentiated_in
 
@@ -31,7 +37,8 @@ def steps(f: Formulas, coordinates: Sequence[Step] = (), full: bool = False) -> 
     signs = general.Signs(f.model)
     found = [_definitions(f), _energies(f, signs)]
     found += _derivatives(f, signs)
-    found += [_forces(f), _constraints(f), _accelerations(f, full), _variations(f), *coordinates]
+    found += [_forces(f), _constraints(f), contacts_step(f), events_step(f)]
+    found += [_accelerations(f, full), _variations(f), *coordinates]
     found += [_unassembled(f, signs), _assembled(f), _closing(f)]
     return tuple(step for step in found if step is not None)
 
@@ -39,6 +46,7 @@ def steps(f: Formulas, coordinates: Sequence[Step] = (), full: bool = False) -> 
 def before_equations(f: Formulas, full: bool = False) -> list[Step]:
     """Return definitions, energies, forces, constraints and virtual displacements."""
     found = [_definitions(f), _energies(f, general.Signs(f.model)), _forces(f), _constraints(f)]
+    found += [contacts_step(f), events_step(f)]
     found += [_accelerations(f, full), _variations(f)]
     return [step for step in found if step is not None]
 
@@ -165,7 +173,10 @@ def _constraints(f: Formulas) -> Step | None:
     lines: list[Line] = []
     for c in f.equations.constraints:
         name = c.constraint.name
-        lines.append(Line(f.constraint_line(c).sides, name, c.constraint.kind))
+        if is_friction(c):
+            continue
+        line = Line(f.constraint_line(c).sides, name, c.constraint.kind)
+        lines.append(as_inequality(line, c))
         if c.position is not None:
             lines.append(f.rate_line(c))
     if not lines:

@@ -12,7 +12,7 @@ from lagcli.equations.render.formula import PREFIX, DisplayWriter, cases_of, fac
 from lagcli.equations.render.names import latex_ascii, latex_word, letter
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
 
-_RELATIONS = {"<=": r"\le", ">=": r"\ge", "!=": r"\ne", "==": "="}
+_RELATIONS = {"<=": r"\le", ">=": r"\ge", "!=": r"\ne", "==": "=", "⊥": r"\perp"}
 _FUNCTIONS = {
     **{f: rf"\{f}" for f in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log", "min", "max")},
     **{"asin": r"\arcsin", "acos": r"\arccos", "atan": r"\arctan"},

@@ -150,7 +150,8 @@ class _Labels:
         if not isinstance(label, str):
             return ""
         words = [step.title.split(":")[0].rpartition(" of the ")[0] or step.title.split(":")[0]]
-        name = "-".join(re.findall(r"[A-Za-z0-9]+", f"{words[0].lower()} {latex_ascii(label)}"))
+        label = latex_ascii(label.replace(".", "_"))
+        name = "-".join(re.findall(r"[A-Za-z0-9]+", f"{words[0].lower()} {label}"))
         found, number = name, 1
         while found in self._used:
             number += 1
@@ -197,7 +198,8 @@ def _numbered(rows: Sequence[Row], step: Step, labels: _Labels) -> str:
 
 def _item(line: Line, formula: LatexFormula) -> str:
     note = f" --- {escape(line.remark)}" if line.remark else ""
-    return rf"\item ${formula.latex(line.sides[0])}${note}"
+    label = rf"\textit{{{escape(line.label)}}}: " if isinstance(line.label, str) else ""
+    return rf"\item {label}${formula.latex(line.sides[0])}${note}"
 
 
 class Row(NamedTuple):

@@ -71,4 +71,5 @@ def _rows(rows: Sequence[Row]) -> str:
 
 def _item(line: Line, formula: LatexFormula) -> str:
     note = f": {escape(line.remark)}" if line.remark else ""
-    return f"- ${formula.latex(line.sides[0])}${note}"
+    label = f"*{escape(line.label)}*: " if isinstance(line.label, str) else ""
+    return f"- {label}${formula.latex(line.sides[0])}${note}"

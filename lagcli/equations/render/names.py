@@ -7,6 +7,7 @@ import unicodedata
 from contextlib import suppress
 from html import escape
 
+from lagcli.columns import SLIP
 from lagcli.equations.render.letters import GREEK, LATEX_GREEK, dotted
 from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.errors import Diagnostic
@@ -82,8 +83,9 @@ class Notation:
         """Return λ, with the constraint's name if there are several."""
         if self._single:
             return "λ"
-        family, bracket, index = constraint.removesuffix("]").partition("[")
-        return f"λ_{family}{_text_index(index) if bracket else ''}"
+        name, dot, friction = constraint.partition(SLIP)
+        family, bracket, index = name.removesuffix("]").partition("[")
+        return f"λ_{family}{_text_index(index) if bracket else ''}{dot}{friction}"
 
     def latex_multiplier(self, constraint: str) -> str:
         """Return λ in LaTeX."""

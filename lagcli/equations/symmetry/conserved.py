@@ -104,7 +104,7 @@ def conserved_quantities(equations: Equations, effort: float = THOROUGH) -> Cons
         whether they matter.
     """
     symmetries, extent = linear_symmetries(equations, equations.model.parameter_values, effort)
-    return Conserved(_named(equations, symmetries), extent)
+    return Conserved(_named(equations, _lasting(equations, symmetries)), extent)
 
 
 def monitored_quantities(equations: Equations) -> tuple[ConservedQuantity, ...]:
@@ -115,7 +115,22 @@ def monitored_quantities(equations: Equations) -> tuple[ConservedQuantity, ...]:
     equations : Equations
     """
     symmetries, _ = linear_symmetries(equations, equations.model.parameter_values, QUICK)
-    return _named(equations, [s for s in symmetries if not s.is_energy])
+    found = _lasting(equations, [s for s in symmetries if not s.is_energy])
+    return _named(equations, found)
+
+
+def _lasting(equations: Equations, symmetries: list[Symmetry]) -> list[Symmetry]:
+    """Return the symmetries whose quantities stay constant while constraints come and go.
+
+    Momenta are conserved by impacts and friction as they are by constraints, since B ξ = 0 of all
+    rows. Energy is lost by them, and what events set follows no law.
+    """
+    model = equations.model
+    if any(e.action.set or e.action.impulse for e in model.events):
+        return []
+    if model.switches or any(x != ZERO for x in equations.reactive_forces):
+        return [s for s in symmetries if not s.time]
+    return symmetries
 
 
 def _named(equations: Equations, symmetries: list[Symmetry]) -> tuple[ConservedQuantity, ...]:

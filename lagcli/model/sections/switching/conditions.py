@@ -72,6 +72,13 @@ class ConditionReader:
         """The condition as written, on one line."""
         return " ".join(self.node.value.split())
 
+    @property
+    def written(self) -> tuple[Tree, ...]:
+        """The condition, or the two sides of an equation."""
+        if self.sides is not None:
+            return self.sides
+        return () if self.tree is None else (self.tree,)
+
     def _read(self, node: Scalar) -> None:
         words = _WORDS.fullmatch(node.value)
         if words and words["row"] not in ("not",) and words["change"] not in ("and", "or"):

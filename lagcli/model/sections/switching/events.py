@@ -304,6 +304,8 @@ class _EventReader:
                 record=self.record,
             ),
             times=self.times,
+            sides=self.condition.written,
+            indices=indices,
             description=self.description,
             location=self.declaration.key.location,
         )

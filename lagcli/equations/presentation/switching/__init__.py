@@ -1,0 +1,1 @@
+"""What switches, as formulas: contacts, friction, impacts, events."""

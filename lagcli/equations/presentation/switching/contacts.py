@@ -1,0 +1,103 @@
+"""Unilateral constraints, friction and limits as a textbook writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import symengine as se
+from symengine import Basic
+
+from lagcli.columns import SLIP
+from lagcli.equations.derivation.lagrange import ConstraintEquation
+from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.typeset import (
+    ZERO,
+    Call,
+    Logical,
+    Node,
+    Relation,
+    Sign,
+    Symbol,
+    product_of,
+    sum_of,
+)
+from lagcli.model.model import MultiplierLimit
+from lagcli.model.sections.switching.contacts import abs_multiplier
+from lagcli.settings.settings import DEFAULTS
+
+_LAWS = {
+    "poisson": "Impacts follow Poisson's law: an expansion returns ε of the impulse of the"
+    " compression.",
+    "newton": "Impacts follow Newton's law: a contact returns ε of its approach velocity.",
+    "sequential": "Impacts follow Newton's law, one contact after the other.",
+}
+_MEANING = "The force of a closed contact presses; an open contact has none."
+
+
+def is_friction(c: ConstraintEquation) -> bool:
+    """Whether a constraint is the friction of another."""
+    return c.constraint.name.endswith(SLIP)
+
+
+def as_inequality(line: Line, c: ConstraintEquation) -> Line:
+    """Return the line of a constraint with its sign between the sides."""
+    if not c.constraint.sign:
+        return line
+    left, right = line.sides
+    return Line((Relation(left, c.constraint.relation, right),), line.label, line.note)
+
+
+def contacts_step(f: Formulas) -> Step | None:
+    """Return the conditions of unilateral constraints, limits and friction; None without any."""
+    lines = [line for c in f.equations.constraints for line in _laws(f, c)]
+    if not lines:
+        return None
+    unilateral = any(c.constraint.sign for c in f.equations.constraints)
+    law = _LAWS[f.model.settings.impacts or DEFAULTS.impacts or "poisson"]
+    if not unilateral:
+        return Step("Friction", tuple(lines))
+    return Step("Contact and friction", tuple(lines), f"{_MEANING} {law}")
+
+
+def _laws(f: Formulas, c: ConstraintEquation) -> Iterator[Line]:
+    constraint, multiplier = c.constraint, Symbol(c.constraint.name, kind="multiplier")
+    if constraint.sign:
+        force: Node = multiplier
+        if constraint.sign < 0:
+            force = sum_of([(-1, multiplier)])
+        gap = f.arrange(constraint.sign * constraint.expression)
+        presses = Relation(ZERO, "<=", force)
+        yield Line((Relation(presses, "⊥", Relation(gap, ">=", ZERO)),), constraint.name)
+        if constraint.restitution is not None and constraint.restitution != 0:
+            note = "coefficient of restitution"
+            yield Line((Sign("ε", r"\varepsilon"), f.arrange(constraint.restitution)), note=note)
+    if constraint.limit is not None:
+        yield from _limit(f, c, constraint.limit, multiplier)
+
+
+def _size(f: Formulas, limit: MultiplierLimit, value: Basic) -> Node:
+    """Return a limit; friction as its coefficient times |λ|, without the bars where λ ≥ 0."""
+    if limit.normal is None:
+        return f.arrange(value)
+    size = se.Symbol("|lambda|")
+    coefficient = value.xreplace({abs_multiplier(limit.normal): size}).diff(size)
+    pressing: Node = Symbol(limit.normal, kind="multiplier")
+    sign = next(c.sign for c in f.model.constraints if c.name == limit.normal)
+    if sign <= 0:
+        pressing = Call("abs", (pressing,))
+    return product_of([f.arrange(coefficient), pressing])
+
+
+def _limit(
+    f: Formulas, c: ConstraintEquation, limit: MultiplierLimit, multiplier: Symbol
+) -> Iterator[Line]:
+    """Yield the law of a row that sticks up to a limit, and slips beyond it."""
+    slip = f.arrange(c.velocity)
+    static, kinetic = (_size(f, limit, x) for x in (limit.static, limit.kinetic))
+    borne = Relation(Call("abs", (multiplier,)), "<=", static)
+    label = c.constraint.name
+    yield Line((Logical("and", (Relation(slip, "==", ZERO), borne)),), label, "sticks")
+    law = sum_of([(-1, product_of([kinetic, Call("sign", (slip,))]))])
+    yield Line((multiplier, law), note="slips")
+    if not c.constraint.active:
+        yield Line((multiplier, ZERO), note="until an event engages it")

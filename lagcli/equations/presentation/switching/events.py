@@ -1,0 +1,51 @@
+"""The table of events."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.typeset import Node, Sign, Symbol
+from lagcli.model.model import ModelEvent
+
+
+def events_step(f: Formulas) -> Step | None:
+    """Return the conditions and actions of the events; None without any."""
+    lines = [line for event in f.model.events for line in _lines(f, event)]
+    if not lines:
+        return None
+    sets = any(e.action.set for e in f.model.events)
+    remark = "Right sides of what is set have the values of before." if sets else None
+    return Step("Events", tuple(lines), remark)
+
+
+def _lines(f: Formulas, event: ModelEvent) -> Iterator[Line]:
+    """Yield the condition of an event with what it does, then what it sets."""
+    sides = tuple(f.written(tree, event.indices) for tree in event.sides)
+    if not sides:
+        sides = (Sign(event.when, rf"\text{{{event.when}}}"),)
+    yield Line(sides, event.name, said_actions(event) or None)
+    names = f.model.coordinate_names
+    for target, value in event.action.set.items():
+        base = target.removesuffix("'")
+        symbol = Symbol(base, 1) if base != target and base in names else Symbol(target)
+        yield Line((symbol, f.arrange(value)), note="set")
+    for coordinate, value in event.action.impulse.items():
+        yield Line((_impulse(coordinate), f.arrange(value)), note=f"impulse on {coordinate}")
+
+
+def _impulse(coordinate: str) -> Node:
+    plain = coordinate.replace("_", r"\_")
+    return Sign(f"Λ_{coordinate}", rf"\Lambda_{{\mathrm{{{plain}}}}}")
+
+
+def said_actions(event: ModelEvent) -> str:
+    """Return what an event does besides setting values, in words."""
+    action = event.action
+    said = [f"releases {x}" for x in action.release if not x.endswith(".slip")]
+    said += [f"engages {x}" for x in action.engage if not x.endswith(".slip")]
+    if action.stop:
+        said.append("stops the run")
+    if event.times is not None:
+        said.append(f"at most {event.times} time{'s' * (event.times > 1)}")
+    return ", ".join(said)
