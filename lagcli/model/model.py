@@ -145,6 +145,11 @@ class Constraint(NamedTuple):
         """Of φ and λ of a unilateral constraint, 1 or −1; 0 of any other."""
         return {">=": 1, "<=": -1, "=": 0}[self.relation]
 
+    @property
+    def lasting(self) -> bool:
+        """Whether it holds at all times, unless an event releases it."""
+        return self.active and not self.sign and self.limit is None
+
 
 class EventAction(NamedTuple):
     """What an event does, in the order of the file.
@@ -392,9 +397,7 @@ class Model:
     @property
     def switches(self) -> bool:
         """Whether constraints come and go, or events happen."""
-        return bool(self.events) or any(
-            c.sign or c.limit is not None or not c.active for c in self.constraints
-        )
+        return bool(self.events) or not all(c.lasting for c in self.constraints)
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

@@ -73,19 +73,19 @@ def refuse_switching(equations: Equations, what: str, nonlinear: bool = False) -
     model = equations.model
     why = ""
     if model.switches:
-        names = [c.name for c in model.constraints if c.sign or c.limit or not c.active]
-        names = names or [event.name for event in model.events]
-        why = f"that hold at all times, and of `{names[0]}` that is not so"
+        names = [c.name for c in model.constraints if not c.lasting]
+        names = names or [name for e in model.events for name in e.action.release] or ["events"]
+        why = f"need constraints that hold at all times, as `{names[0]}` does not"
         help_ = "write contacts that stay closed with `=`, and leave out friction and events"
     elif any(x != 0 for x in equations.reactive_forces):
-        why = "whose forces do not depend on multipliers, as those under `Q` do"
+        why = "need forces that do not depend on multipliers, as those under `Q` do"
         help_ = "leave out the forces with `lambda`"
     elif nonlinear and any(c.kind == "nonlinear" for c in model.constraints):
         name = next(c.name for c in model.constraints if c.kind == "nonlinear")
-        why = f"that are linear in the velocities, and `{name}` is not"
+        why = f"need constraints that are linear in the velocities, as `{name}` is not"
         help_ = "the first kind has no such bound"
     if why:
-        raise UsageError(f"{what} are of models with constraints {why}; {help_}")
+        raise UsageError(f"{what} {why}; {help_}")
 
 
 def model_at_start(model: Model, held: tuple[str, ...]) -> Model:

@@ -79,6 +79,13 @@ class Step:
     lead: str | None = None
 
 
+def _counted(equations: Equations) -> DegreesOfFreedom:
+    """Return the degrees of freedom by the number of constraints that hold at all times."""
+    lasting = [c.constraint for c in equations.constraints if c.constraint.lasting]
+    held = tuple(c.name for c in lasting) if len(lasting) < len(equations.constraints) else None
+    return DegreesOfFreedom(len(equations.q), len(lasting), held=held)
+
+
 class Formulas:
     """Formulas of a system for display.
 
@@ -102,7 +109,7 @@ class Formulas:
     ):
         self.equations = equations
         self.model = equations.model
-        self.freedom = freedom or DegreesOfFreedom(len(equations.q), len(equations.constraints))
+        self.freedom = freedom or _counted(equations)
         self.values: Mapping[str, Fraction] = {}
         if numeric:
             values = self.model.parameter_values

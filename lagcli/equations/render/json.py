@@ -17,7 +17,13 @@ grammar, which `lagcli.model.expression.grammar` reads back, and LaTeX.
                     ``expression`` φ or ψ; ``written`` as an equation in LaTeX;
                     ``variation``: coordinate → b_i (8.79); ``row``: the b_i by index, and
                     ``drift`` b_0 of the velocity form Σ b_i v_i + b_0 = 0; ``gamma``: the right
-                    side of Σ b_i a_i = γ
+                    side of Σ b_i a_i = γ; ``relation`` (``=``, ``>=``, ``<=``), ``active``, and
+                    null or formulas: ``restitution``; ``limit``: ``static, kinetic`` and
+                    ``normal``, the constraint whose |λ| they are proportional to
+``events``          objects ``name, when``, ``condition``: a formula that rises through zero as it
+                    becomes true, or null; ``either``: whether falling counts too; ``change``: null
+                    or constraint and change; ``set``, ``impulse``: name → formula; ``release``,
+                    ``engage``: constraints; ``stop``, ``times``, ``record`` (null for all)
 ``rank``            rank of B at the consistent initial state; null if unknown
 ``degrees_of_freedom``  k − rank; k − r if the rank is unknown
 ``redundant``       sets of dependent ``constraints`` at that state, and their ``surplus``: the
@@ -63,6 +69,7 @@ from lagcli.equations.presentation.formulas import Formulas, Line
 from lagcli.equations.presentation.kinds import LONGEST
 from lagcli.equations.presentation.matrices import PARTS, Matrices
 from lagcli.equations.presentation.overview import in_matrices
+from lagcli.equations.presentation.switching.contacts import as_inequality
 from lagcli.equations.presentation.typeset import ZERO, Node, Symbol
 from lagcli.equations.reduction.elimination import (
     SolvedUnknown,
@@ -77,6 +84,7 @@ from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.grammar import grammar_text
 from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
+from lagcli.model.model import ModelEvent, MultiplierLimit
 
 SCHEMA = "lagcli-derivation-2"
 SIGN_CONVENTION = (
@@ -162,6 +170,7 @@ class _JsonWriter:
             "form": "written-out" if self.matrices is None else "matrices",
             "abbreviations": self.abbreviations(),
             "constraints": [self.constraint(i, c) for i, c in enumerate(e.constraints)],
+            "events": [self.event(event) for event in model.events],
             **{
                 key: value
                 for key, value in self.f.freedom.to_mapping().items()
@@ -301,9 +310,41 @@ class _JsonWriter:
             "rheonomic": c.rheonomic,
             "integrable": None if c.position is not None else integrable(c, self.f.equations),
             "expression": self.formula(c.constraint.expression, "expression", i),
-            "written": " = ".join(map(self.latex, self.f.constraint_line(c).sides)),
+            "written": " = ".join(
+                map(self.latex, as_inequality(self.f.constraint_line(c), c).sides)
+            ),
             "variation": {names[j]: b for j, b in row.items()},
             "row": [[j, b] for j, b in row.items()],
             "drift": self.formula(c.drift, "drift", i),
             "gamma": self.formula(c.rhs, "gamma", i),
+            "relation": c.constraint.relation,
+            "active": c.constraint.active,
+            "restitution": self.optional(c.constraint.restitution),
+            "limit": self.limit(c.constraint.limit),
+        }
+
+    def optional(self, expression: Basic | None) -> dict[str, str] | None:
+        return None if expression is None else self.arranged(expression)
+
+    def limit(self, limit: MultiplierLimit | None) -> dict[str, Any] | None:
+        if limit is None:
+            return None
+        both = {"static": limit.static, "kinetic": limit.kinetic}
+        return {**{k: self.arranged(x) for k, x in both.items()}, "normal": limit.normal}
+
+    def event(self, event: ModelEvent) -> dict[str, Any]:
+        action = event.action
+        return {
+            "name": event.name,
+            "when": event.when,
+            "condition": self.optional(event.condition),
+            "either": event.either,
+            "change": event.change and list(event.change),
+            "set": {name: self.arranged(x) for name, x in action.set.items()},
+            "impulse": {name: self.arranged(x) for name, x in action.impulse.items()},
+            "release": list(action.release),
+            "engage": list(action.engage),
+            "stop": action.stop,
+            "times": event.times,
+            "record": None if action.record is None else list(action.record),
         }

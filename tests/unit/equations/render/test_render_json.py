@@ -98,7 +98,7 @@ def test_schema():
     assert content["schema"] == "lagcli-derivation-2"
     assert list(content) == [
         *("schema", "name", "title", "description", "numeric", "coordinates", "parameters"),
-        *("form", "abbreviations", "constraints"),
+        *("form", "abbreviations", "constraints", "events"),
         *(
             "rank",
             "degrees_of_freedom",
