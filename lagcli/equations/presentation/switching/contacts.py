@@ -23,7 +23,6 @@ from lagcli.equations.presentation.typeset import (
 )
 from lagcli.model.model import MultiplierLimit
 from lagcli.model.sections.switching.contacts import abs_multiplier
-from lagcli.settings.settings import DEFAULTS
 
 _LAWS = {
     "poisson": "Impacts follow Poisson's law: an expansion returns ε of the impulse of the"
@@ -53,7 +52,7 @@ def contacts_step(f: Formulas) -> Step | None:
     if not lines:
         return None
     unilateral = any(c.constraint.sign for c in f.equations.constraints)
-    law = _LAWS[f.model.settings.impacts or DEFAULTS.impacts or "poisson"]
+    law = _LAWS[f.model.settings.impacts or "poisson"]
     if not unilateral:
         return Step("Friction", tuple(lines))
     return Step("Contact and friction", tuple(lines), f"{_MEANING} {law}")
