@@ -102,16 +102,13 @@ def main() -> None:
 
     if os.name == "posix":
         atexit.register(die_of_interrupt)  # the first is the last to be called
-    # What is imported lives to the end, and a run leaves little in cycles: to look through it all
-    # time and again while modules are imported would cost a tenth of a short run.
-    gc.set_threshold(200_000)
     limit_process()
     # a reader that closes the pipe (`lagcli derive … | head`) ends us as it ends any other filter
     if hasattr(signal, "SIGPIPE"):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     streams.set_up()
     status = run(sys.argv[1:])
-    # and so would a last look at exit, when the memory is handed back as a whole
+    # no last look for cycles at exit, when the memory is handed back as a whole
     gc.freeze()
     sys.exit(status)
 

@@ -28,7 +28,6 @@ from lagcli.model.sections.coordinates import (
 )
 from lagcli.model.sections.definitions import expand_definitions, read_definitions
 from lagcli.model.sections.energies import read_energies, read_forces, read_scalar
-from lagcli.model.sections.fit import read_fit
 from lagcli.model.sections.initial import read_closed, read_initial
 from lagcli.model.sections.outputs import read_outputs
 from lagcli.model.sections.parameters import read_parameters, structural
@@ -139,7 +138,11 @@ def _model(
     events = read_events(draft, known)
     settings, settings_need = read_settings(draft, constants)
     view = read_view(draft, constants, definitions, constraints)
-    fit = read_fit(draft, constants, parameters, outputs)
+    fit = None
+    if draft.get("fit") is not None:
+        from lagcli.model.sections.fit import read_fit
+
+        fit = read_fit(draft, constants, parameters, outputs)
     name = draft.text(draft.get("name"), "`name`") or Path(draft.source.path).stem
     title = draft.text(draft.get("title"), "`title`")
     description = draft.text(draft.get("description"), "`description`")

@@ -84,6 +84,9 @@ class Dask:
 def dask(folder: Path, *workers: tuple[str, ...], **options: int) -> Iterator[Dask]:
     running = Dask(folder, *workers, **options)
     try:
+        if workers:  # without one that starts, a sweep would wait for ever
+            with Cluster(running.address) as there:
+                there._client.wait_for_workers(len(workers), timeout=60)
         yield running
     finally:
         running.close()
@@ -93,8 +96,6 @@ def dask(folder: Path, *workers: tuple[str, ...], **options: int) -> Iterator[Da
 def two_workers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
     """One worker with one thread, one with two."""
     with dask(tmp_path_factory.mktemp("dask"), ("--nthreads", "1"), ("--nthreads", "2")) as running:
-        with Cluster(running.address) as there:
-            there._client.wait_for_workers(2, timeout=60)
         yield running
 
 
@@ -284,7 +285,7 @@ import os, signal
 from lagcli.sweeps.rows import dask_dispatch
 
 # a preload may be run twice
-runner = flight._real = getattr(flight, "_real", flight._runner)
+runner = dask_dispatch._real = getattr(dask_dispatch, "_real", dask_dispatch._runner)
 
 class Deadly:
     def __init__(self, spec):
@@ -295,7 +296,7 @@ class Deadly:
             os.kill(os.getpid(), signal.SIGKILL)
         return runner(self.spec).run(numbers, check_cancelled)
 
-flight._runner = Deadly
+dask_dispatch._runner = Deadly
 """
 
 

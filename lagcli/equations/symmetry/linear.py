@@ -21,7 +21,7 @@ References
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -32,7 +32,7 @@ from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ZERO
-from lagcli.equations.symmetry.monomials import ONE, Monomials, term_count
+from lagcli.equations.symmetry.monomials import ONE, Monomials, Term, term_count
 from lagcli.equations.symmetry.nullspace import (
     SparseVector,
     echelon,
@@ -149,15 +149,18 @@ class _Conditions:
         known = self.unknowns(with_rotations)
         places = {unknown: place for place, unknown in enumerate(known)}
         rows: dict[tuple[int, Basic, int], SparseVector] = defaultdict(dict)
-        for condition, expression, uses in self._entries(with_rotations):
-            for monomial, *parts in self.monomials.terms(expression):
+        for condition, terms, uses in self._entries(with_rotations):
+            for monomial, *parts in terms:
                 for unknown, factor in uses:
-                    key, place = monomial * factor, places[unknown]
+                    key, place = monomial if factor is ONE else monomial * factor, places[unknown]
                     for part, x in enumerate(parts):
                         if x:
                             row = rows[condition, key, part]
                             row[place] = row[place] + x if place in row else x
-        equations = ({c: x for c, x in row.items() if x} for row in rows.values())
+        equations = (
+            row if all(row.values()) else {c: x for c, x in row.items() if x}
+            for row in rows.values()
+        )
         return null_space([row for row in equations if row], len(known))
 
     def on_constraints(self, vector: SparseVector, known: list[Unknown]) -> SparseVector:
@@ -203,34 +206,34 @@ class _Conditions:
             found += [("A", i, j) for i, j in both]
         return [*found, ("tau", 0, 0)]
 
-    def _entries(self, with_rotations: bool) -> Iterator[tuple[int, Basic, list[_Use]]]:
-        """Yield the number of a condition, an expression, and the unknowns it is a factor of.
+    def _entries(self, with_rotations: bool) -> Iterator[tuple[int, Iterable[Term], list[_Use]]]:
+        """Yield the number of a condition, the terms of a sum, and the unknowns it is a factor of.
 
         Condition −1 is that of L, condition β that of constraint β.
         """
-        eq = self.equations
+        eq, terms = self.equations, self.monomials.terms
         q = list(enumerate(eq.q)) if with_rotations else []
         for i, (force, p) in enumerate(zip(self.forces, self.momenta, strict=True)):
-            yield -1, force, [(("b", i, 0), ONE), *((("A", i, j), x) for j, x in q)]
-            yield -1, p, [(("A", i, j), eq.v[j]) for j, _ in q]
-            yield -1, -eq.v[i], [(("c", i, 0), ONE)]
+            yield -1, terms(force), [(("b", i, 0), ONE), *((("A", i, j), x) for j, x in q)]
+            yield -1, terms(p), [(("A", i, j), eq.v[j]) for j, _ in q]
+            yield -1, [(eq.v[i], -1, 0)], [(("c", i, 0), ONE)]
             for j, x in q[i:]:
-                rate = eq.v[i] * x if i == j else eq.v[i] * x + eq.q[i] * eq.v[j]
-                yield -1, -rate, [(("C", i, j), ONE)]
-        yield -1, self.time, [(("tau", 0, 0), ONE)]
+                rate = {eq.v[i] * x, eq.q[i] * eq.v[j]}
+                yield -1, [(monomial, -1, 0) for monomial in rate], [(("C", i, j), ONE)]
+        yield -1, terms(self.time), [(("tau", 0, 0), ONE)]
         for beta, (row, drift) in enumerate(zip(self.rows, self.drifts, strict=True)):
             for i, b in row.items():
-                yield beta, b, [(("b", i, 0), ONE), *((("A", i, j), x) for j, x in q)]
-            yield beta, drift, [(("tau", 0, 0), ONE)]
+                yield beta, terms(b), [(("b", i, 0), ONE), *((("A", i, j), x) for j, x in q)]
+            yield beta, terms(drift), [(("tau", 0, 0), ONE)]
             for gamma, position in enumerate(self.positions):
-                yield beta, -position, [(("mu", beta, gamma), ONE)]
+                yield beta, terms(-position), [(("mu", beta, gamma), ONE)]
 
 
 def _symmetry(vector: SparseVector, unknowns: list[Unknown]) -> Symmetry:
     parts: dict[str, dict[tuple[int, int], Fraction]] = defaultdict(dict)
     for place, x in sorted(vector.items()):
         letter, i, j = unknowns[place]
-        parts[letter][i, j] = x
+        parts[letter][i, j] = Fraction(x)
     return Symmetry(
         linear=parts["A"],
         shift={i: x for (i, _), x in parts["b"].items()},

@@ -6,7 +6,9 @@ from collections.abc import Iterable
 from fractions import Fraction
 from math import gcd, lcm
 
-SparseVector = dict[int, Fraction]
+from lagcli.equations.symmetry.monomials import Exact
+
+SparseVector = dict[int, Exact]
 _Integers = dict[int, int]
 
 
@@ -41,7 +43,10 @@ def _without_single_entries(rows: Iterable[SparseVector]) -> tuple[list[SparseVe
     left, vanishing = [row for row in rows if row], set[int]()
     while found := {column for row in left if len(row) == 1 for column in row}:
         vanishing |= found
-        left = [{c: x for c, x in row.items() if c not in found} for row in left]
+        left = [
+            row if found.isdisjoint(row) else {c: x for c, x in row.items() if c not in found}
+            for row in left
+        ]
         left = [row for row in left if row]
     return left, vanishing
 
@@ -67,7 +72,7 @@ def remainder(vector: SparseVector, basis: Iterable[SparseVector]) -> SparseVect
         factor = found.get(min(row))
         if factor:
             for c, x in row.items():
-                found[c] = found.get(c, Fraction(0)) - factor * x
+                found[c] = found.get(c, 0) - factor * x
     return {c: x for c, x in found.items() if x}
 
 
@@ -107,12 +112,12 @@ def _without(row: _Integers, lead: int, pivot: _Integers) -> _Integers:
 
 def _solution(free: int, pivots: dict[int, _Integers], solved: list[int]) -> SparseVector:
     """Return the solution with one free unknown 1 and the others 0, by back substitution."""
-    found = {free: Fraction(1)}
+    found: SparseVector = {free: 1}
     for lead in solved:
         row = pivots[lead]
         if lead > free or found.keys().isdisjoint(row):
             continue
-        value = sum((x * found[c] for c, x in row.items() if c in found), start=Fraction(0))
+        value = sum(x * found[c] for c, x in row.items() if c in found)
         if value:
-            found[lead] = -value / row[lead]
+            found[lead] = Fraction(-value) / row[lead]
     return found

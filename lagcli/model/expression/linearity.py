@@ -53,19 +53,22 @@ def kinked_in(expression: Basic, symbols: Sequence[Basic]) -> Basic | None:
 def expand_terms(expression: Basic) -> Basic:
     """Expand products and powers of sums, also inside piecewise expressions."""
     # SymEngine expands only some denominators, which then differ from equal ones
-    powers = (x.args for x in expression.atoms(se.Pow))
-    below = {base for base, exponent in powers if _is_negative(exponent)}
-    held = {
-        part: se.Symbol(f"\ufdd0{i}")
-        for i, part in enumerate(expression.atoms(se.Piecewise) | below)
-    }
+    atoms = expression.atoms(se.Pow, se.Piecewise)
+    apart = {x if isinstance(x, se.Piecewise) else x.args[0] for x in atoms if _is_apart(x)}
+    if not apart:
+        return se.expand(expression)
+    held = {part: se.Symbol(f"\ufdd0{i}") for i, part in enumerate(apart)}
     rest = se.expand(expression.xreplace(held))
     inside = rest.free_symbols
     shown = {name: _cases_expanded(part) for part, name in held.items() if name in inside}
     return rest.xreplace(shown) if shown else rest
 
 
-def _is_negative(exponent: Basic) -> bool:
+def _is_apart(part: Basic) -> bool:
+    """Whether a part is piecewise or a denominator."""
+    if isinstance(part, se.Piecewise):
+        return True
+    exponent = part.args[1]
     return isinstance(exponent, se.Number) and bool(exponent.is_negative)
 
 

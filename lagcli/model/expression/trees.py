@@ -191,3 +191,13 @@ def walk(tree: Tree) -> Iterator[Tree]:
         top = stack.pop()
         yield top
         stack.extend(reversed(top.parts))
+
+
+def as_written(name: Name) -> str:
+    """Return a name as written in the text, with long indices shortened."""
+    text = name.text
+    for index in name.indices:
+        short = str(index.value) if isinstance(index, NumberExpr) else "…"
+        short = index.text if isinstance(index, Name) else short
+        text = text.replace("[]", f"[{short}]", 1)
+    return text

@@ -11,11 +11,18 @@ from lagcli.model import model as symbols
 from lagcli.model.diagnostics import MAX_DIAGNOSTICS, Broken
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError, error_at
-from lagcli.model.expression.trees import ComponentExpr, IndexedSumExpr, Name, Tree, walk
+from lagcli.model.expression.trees import (
+    ComponentExpr,
+    IndexedSumExpr,
+    Name,
+    Tree,
+    as_written,
+    walk,
+)
 from lagcli.model.names.indices import Indices, form_errors, names_in
 from lagcli.model.names.members import descending, family_of, members_clause, with_indices
 from lagcli.model.names.scoping import Sized
-from lagcli.model.names.unknown import as_written, unknown, unknown_index, unknown_part
+from lagcli.model.names.unknown import unknown, unknown_index, unknown_part
 from lagcli.model.symbols import Context, Symbols, motion
 
 
@@ -376,12 +383,8 @@ class ModelScope:
         """
         head, *rest = text.split(".")
         if head in ("lambda", "Qc") and not self.context.multipliers:
-            raise self._error(
-                "not-allowed-here",
-                name,
-                f"{self.context.where} cannot depend on multipliers, but uses `{as_written(name)}`",
-                "multipliers may be used in `outputs` and in the vectors of a `view`",
-            )
+            used = "multipliers may be used in `outputs` and in the vectors of a `view`"
+            raise self._not_here(name, "multipliers", used)
         if head == "lambda" and rest and not name.primes:
             constraint = ".".join(rest)
             self._known_part(name, text, constraint, "constraint")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from lagcli.model.diagnostics import Broken
 from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.tokens import ExpressionError, error_at, is_name
-from lagcli.model.expression.trees import Name, NumberExpr
+from lagcli.model.expression.trees import Name, as_written
 from lagcli.model.names.members import format_members, members_clause
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.symbols import Context, Symbols
@@ -80,16 +80,6 @@ def unknown_index(names: Symbols, context: Context, name: Name) -> ExpressionErr
         f" in a sum, `sum(…, {index} = 1..N)`",
         f"index {name.text}",
     )
-
-
-def as_written(name: Name) -> str:
-    """Return a name as written in the text, with long indices shortened."""
-    text = name.text
-    for index in name.indices:
-        short = str(index.value) if isinstance(index, NumberExpr) else "…"
-        short = index.text if isinstance(index, Name) else short
-        text = text.replace("[]", f"[{short}]", 1)
-    return text
 
 
 def _help(names: Symbols, context: Context, name: Name, base: str) -> str | None:

@@ -13,12 +13,11 @@ from lagcli.model.draft import Draft, Indices
 from lagcli.model.expression.grammar import Span, parse, parse_spans
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.expression.tokens import ExpressionError
-from lagcli.model.expression.trees import Name, SumExpr, Tree, VectorExpr
+from lagcli.model.expression.trees import Name, SumExpr, Tree, VectorExpr, as_written
 from lagcli.model.model import Definition
 from lagcli.model.names.families import Declaration, members_of
 from lagcli.model.names.members import members_clause, with_indices
 from lagcli.model.names.scope import ModelScope, uses
-from lagcli.model.names.unknown import as_written
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode

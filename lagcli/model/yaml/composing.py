@@ -13,7 +13,6 @@ import yaml
 
 from lagcli.errors import Diagnostic, ModelError
 from lagcli.model.spelling import shorten
-from lagcli.model.yaml.error_texts import explain
 from lagcli.model.yaml.source import Mapping, Position, Scalar, Sequence, Source, YamlNode
 
 MAX_DEPTH = 64  # the format needs 4
@@ -87,6 +86,8 @@ def compose(source: Source) -> tuple[Mapping, list[Diagnostic]]:
     try:
         return _Composer(source).document()
     except yaml.YAMLError as error:
+        from lagcli.model.yaml.error_texts import explain
+
         raise ModelError([explain(source, error)]) from None
 
 

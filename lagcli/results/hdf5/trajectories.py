@@ -26,7 +26,6 @@ from lagcli.results.hdf5.container import (
     new_file,
     set_text,
 )
-from lagcli.results.hdf5.opening import Opened, not_of_lagcli, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, OutputFamily, output_families
 from lagcli.results.hdf5.structure import numbers, read_quantity, read_texts, text_attribute
 from lagcli.results.layout import NOT_STATED, shared_unit, term_names, unit
@@ -43,6 +42,7 @@ from lagcli.results.metadata import (
 from lagcli.trajectory.samples import SCHEMA_VERSION, Array, Record, Samples, Terms
 
 if TYPE_CHECKING:
+    from lagcli.results.hdf5.opening import Opened
     from lagcli.trajectory.trajectory import Trajectory
 
 #: Bytes of samples that wait to be written together. A run of fewer is written in one piece, which
@@ -229,6 +229,8 @@ def _say(dataset: Any, long_name: str, units: str) -> None:
 @contextmanager
 def open_hdf5(path: str) -> Iterator[Hdf5Reader]:
     """Open an HDF5 file; raises, then and later, as `lagcli.results.formats.read`."""
+    from lagcli.results.hdf5.opening import not_of_lagcli, open_verified
+
     with open_verified(path, SCHEMA_VERSION) as opened:
         if opened.kind != KIND:
             if not opened.kind:
