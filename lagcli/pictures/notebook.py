@@ -54,9 +54,9 @@ def equations_markdown(equations: Equations) -> str:
 
 def trajectory_html(trajectory: Trajectory) -> str:
     """Return a run in HTML: its status, animation and plot."""
-    from lagcli.results.metadata import model_name
+    from lagcli.results.metadata import model_title
 
-    name = model_name(trajectory.model) or "run"
+    name = model_title(trajectory.model) or "run"
     times = trajectory.time
     span = f", t = {times[0]:g} to {times[-1]:g} s, {len(times)} samples" if len(times) else ""
     message = f": {trajectory.message}" if trajectory.message else ""

@@ -13,7 +13,7 @@ from typing import Any
 from lagcli.json_values import json_values
 
 #: What draws scenes and plays them, in the order in which the scripts need each other.
-PLAYER_SCRIPTS = ("camera.js", "motion.js", "shapes.js", "scene.js", "player.js")
+PLAYER_SCRIPTS = ("camera.js", "motion.js", "labels.js", "shapes.js", "scene.js", "player.js")
 PLAYER_STYLES = ("player.css",)
 
 

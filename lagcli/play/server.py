@@ -70,6 +70,7 @@ class Server:
         self._play, self._socket = play, listening
         self._title = {
             "name": model.title,
+            "slug": model.name,
             "description": model.description or "",
             "palette": list(PALETTE),
         }

@@ -219,7 +219,16 @@ def from_number(value: float | str | None) -> float:
 
 def model_name(text: str) -> str | None:
     """Return the model's ``name:`` if it stands on a line of its own, without reading YAML."""
-    found = re.search(r"^name:[ \t]+(\S.*?)[ \t]*(?:[ \t]#.*)?\r?$", text, re.MULTILINE)
+    return _stated(text, "name")
+
+
+def model_title(text: str) -> str | None:
+    """Return the model's ``title:``, or else its name, without reading YAML."""
+    return _stated(text, "title") or _stated(text, "name")
+
+
+def _stated(text: str, key: str) -> str | None:
+    found = re.search(rf"^{key}:[ \t]+(\S.*?)[ \t]*(?:[ \t]#.*)?\r?$", text, re.MULTILINE)
     if found is None:
         return None
     name = found[1]

@@ -304,7 +304,7 @@ def test_other_curves_can_be_chosen(crank):
 def test_dependent_values_follow_and_members_come_and_go(opened):
     server = serving(MODELS / "chain.yaml", "--set", "N=4", "--t-end", "0.2")
     p = opened(next(server))
-    p.page.get_by_text("m[1 … 4]").click()
+    p.page.get_by_text("m 1 … 4").click()
     p.enter("m[4]", "0.5")
     p.slider("N").focus()
     p.slider("N").press("ArrowLeft")

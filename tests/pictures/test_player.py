@@ -7,7 +7,7 @@ import pytest
 
 from lagcli.pictures.animation.animate import animate
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data
-from lagcli.pictures.plots.style import ROLES
+from lagcli.pictures.plots.style import DARK_ROLES, ROLES
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.drawing import SceneDrawing
 from lagcli.pictures.scene.view_evaluator import scene_of
@@ -172,8 +172,8 @@ def test_speed(slider_crank):
 
 
 def test_words_for_those_who_cannot_see_it(slider_crank):
-    assert slider_crank.get_by_role("group", name="Player: slider_crank").count() == 1
-    canvas = slider_crank.get_by_role("img", name="Animation of slider_crank")
+    assert slider_crank.get_by_role("group", name="Player: Slider-crank").count() == 1
+    canvas = slider_crank.get_by_role("img", name="Animation of Slider-crank")
     assert "O, A, B" in canvas.get_attribute("aria-label")
     line = slider_crank.get_by_role("slider", name="Time")
     line.focus()
@@ -280,7 +280,7 @@ def test_dark_pages_have_light_lines(pages, visit, until):
 
 
 def test_colours_are_those_of_all_pictures(slider_crank):
-    assert slider_crank.evaluate("Scene.COLORS") == ROLES
+    assert slider_crank.evaluate("Scene.COLORS") == {"light": ROLES, "dark": DARK_ROLES}
 
 
 @pytest.mark.parametrize("name", ["slider_crank", "heavy_top"])

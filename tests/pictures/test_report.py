@@ -147,7 +147,7 @@ def test_applied_forces_are_there_where_there_are_some(crank, result, tmp_path):
 def test_conserved_quantities_are_there_with_their_proofs(result, tmp_path):
     report(result("bead_on_rotating_hoop"), tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    system, plots = text.split('id="plots"')
+    plots, system = text.split('id="system"')
     assert "<h3>Conserved quantities</h3>" in system
     assert 'aria-label="h − Ω ∂L/∂φ̇ = ½ m (ṙ² + r² θ̇² + r² φ̇² sin² θ)' in system
     assert 'aria-label="Ω − Ω = 0"' in system

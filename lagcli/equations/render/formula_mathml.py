@@ -110,7 +110,11 @@ class MathmlFormula(DisplayWriter):
         if raised:
             tag = "msubsup" if below else "msup"
             return f"<{tag}>{base}{below}{raised}</{tag}>"
-        return f"<msub>{base}{below}</msub>" if below else base
+        found = f"<msub>{base}{below}</msub>" if below else base
+        if node.kind == "multiplier":
+            name = escape(node.name)
+            return f'<mrow class="multiplier" data-constraint="{name}">{found}</mrow>'
+        return found
 
     def _name(self, node: t.Symbol) -> tuple[str, str]:
         match node.kind:

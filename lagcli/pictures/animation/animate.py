@@ -20,7 +20,7 @@ from lagcli.pictures.scene.drawing import SceneDrawing
 from lagcli.pictures.scene.timing import Timing, timing
 from lagcli.pictures.scene.view_evaluator import scene_of
 from lagcli.results.atomic import check_writable, whole_file
-from lagcli.results.metadata import model_name
+from lagcli.results.metadata import model_title
 from lagcli.trajectory.samples import Array
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -147,7 +147,7 @@ def animate(
     known = bool(model or run.record.model)
     view = known and run.model.view is not None
     notes = _notes(run, times[-1], known, view)
-    title = model_name(run.record.model) or os.path.basename(run.name)
+    title = model_title(run.record.model) or os.path.basename(run.name)
     if suffix == ".html":
         inside = _within(times, when, len(times))
         text, samples = animation_page(

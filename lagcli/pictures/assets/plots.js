@@ -175,7 +175,8 @@ class TimePlot {
   #build() {
     const { data } = this;
     const caption = document.createElement("figcaption");
-    caption.textContent = [data.title, data.unit && `[${data.unit}]`].filter(Boolean).join(" ");
+    caption.textContent = data.title ?? "";
+    caption.hidden = !data.title;
     const drawing = document.createElement("div");
     drawing.className = "plot-drawing";
     const legend = this.#legend();
@@ -204,6 +205,9 @@ class TimePlot {
           ...axis,
           space: 34,
           size: (chart, labels) => TimePlot.#room(labels),
+          label: this.#quantity(),
+          labelSize: 18,
+          labelFont: axis.font,
           ...(data.log
             ? {
                 splits: (chart, i, low, high) => PlotNumbers.powers(low, high),
@@ -226,6 +230,17 @@ class TimePlot {
     this.#listen();
     this.#showRange(this.link.range);
     this.showTime(this.link.time);
+  }
+
+  /** What the vertical axis shows: φ, ψ [rad]. */
+  #quantity() {
+    if (this.data.log) return "magnitude" + (this.data.unit ? ` [${this.data.unit}]` : "");
+    const names = this.data.series.map((s) => s.label ?? s.name);
+    const some = names.length > 4 ? [names[0], "…", names[names.length - 1]] : names;
+    const text = some.join(", ");
+    const unit = this.data.unit ? `[${this.data.unit}]` : "";
+    const shown = text.length <= 26 ? text : this.data.title || "";
+    return [shown, unit].filter(Boolean).join(" ");
   }
 
   /** A label with its subscript: of letters, not of words. */

@@ -25,7 +25,7 @@
   const plots = data.plots.map((plot, i) => {
     const series = plot.series.map((s) => ({ ...s, values: arrays[s.values] }));
     const whole = { ...plot, time: arrays[plot.time], series };
-    return new TimePlot(places[i], whole, { link, palette: data.palette, height: 220 });
+    return new TimePlot(places[i], whole, { link, palette: data.palette, height: plot.height });
   });
 
   let player = null;
@@ -42,6 +42,13 @@
     });
   }
   if (plots.length) link.setTime(plots[0].data.time[0]);
+
+  // λ of a constraint and the arrow of its force
+  for (const sign of document.querySelectorAll("[data-constraint]")) {
+    const show = (name) => player?.stage.highlight(name);
+    sign.addEventListener("pointerenter", () => show(sign.dataset.constraint));
+    sign.addEventListener("pointerleave", () => show(null));
+  }
 
   // a motion that plays is not carried off by a mouse that passes over a plot
   if (player) Object.defineProperty(link, "free", { get: () => !player.playing });
@@ -111,17 +118,18 @@
   let before = null;
   addEventListener("beforeprint", () => {
     if (before) return;
-    before = { theme: root.dataset.theme, open: find("#model details").open };
+    const folded = [...document.querySelectorAll("details:not([open])")];
+    before = { theme: root.dataset.theme, folded };
     root.classList.add("printing");
-    find("#model details").open = true;
+    for (const part of folded) part.open = true;
     paint("light");
-    for (const plot of plots) plot.resize(335, 165);
+    for (const plot of plots) plot.resize(335, plot.data.log ? 110 : 165);
     drawStrip();
   });
   addEventListener("afterprint", () => {
     if (!before) return;
     root.classList.remove("printing");
-    find("#model details").open = before.open;
+    for (const part of before.folded) part.open = false;
     paint(before.theme);
     for (const plot of plots) plot.resize();
     before = null;

@@ -10,26 +10,41 @@
  *   scene.show("force", false);           // without the arrows of forces
  *   scene.setScene(other);                // another run, seen from where this one is
  *
- * The canvas is as large as its style says. Colours are CSS custom properties of the canvas
- * (--scene-rod, …; see COLORS), read again when the colour scheme of the page changes.
+ * The canvas is as large as its style says. Colours follow the colour scheme of the page (see
+ * COLORS); custom properties of the canvas (--scene-rod, …) replace single ones.
  */
 
 class Scene {
-  /** Custom properties, without --scene-, and what stands for those that the page does not set:
-   * the ROLES of lagcli/pictures/style.py. */
+  /** Colours by scheme: the ROLES and DARK_ROLES of lagcli/pictures/plots/style.py. */
   static COLORS = {
-    rod: "#404040",
-    spring: "#009E73",
-    guide: "#8C8C8C",
-    ground: "#8C8C8C",
-    disc: "#404040",
-    point: "#202020",
-    trail: "#56B4E9",
-    label: "#202020",
-    velocity: "#0072B2",
-    force: "#D55E00",
-    vector: "#CC79A7",
-    paper: "#FFFFFF",
+    light: {
+      rod: "#404040",
+      spring: "#009E73",
+      guide: "#8C8C8C",
+      ground: "#767676",
+      disc: "#404040",
+      point: "#202020",
+      trail: "#56B4E9",
+      label: "#202020",
+      velocity: "#0072B2",
+      force: "#D55E00",
+      vector: "#CC79A7",
+      paper: "#FFFFFF",
+    },
+    dark: {
+      rod: "#B4BCC4",
+      spring: "#2FC49A",
+      guide: "#8C939B",
+      ground: "#8C939B",
+      disc: "#B4BCC4",
+      point: "#ECECEC",
+      trail: "#3F8FBF",
+      label: "#ECECEC",
+      velocity: "#58B7F5",
+      force: "#FF8340",
+      vector: "#E39CC5",
+      paper: "#16191D",
+    },
   };
 
   /**
@@ -73,6 +88,12 @@ class Scene {
   show(quantity, shown) {
     if (shown) this.hidden.delete(quantity);
     else this.hidden.add(quantity);
+    this.#paint();
+  }
+
+  /** Set off the arrows of a constraint's force from the others; null for none. */
+  highlight(constraint) {
+    this.highlighted = constraint;
     this.#paint();
   }
 
@@ -120,8 +141,11 @@ class Scene {
 
   #readColors() {
     const style = getComputedStyle(this.canvas);
+    const schemes = style.colorScheme.split(" ");
+    const system = matchMedia("(prefers-color-scheme: dark)").matches;
+    const dark = schemes.includes("dark") && (system || !schemes.includes("light"));
     this.colors = Object.fromEntries(
-      Object.entries(Scene.COLORS).map(([name, usual]) => [
+      Object.entries(Scene.COLORS[dark ? "dark" : "light"]).map(([name, usual]) => [
         name,
         style.getPropertyValue(`--scene-${name}`).trim() || usual,
       ]),
@@ -166,10 +190,15 @@ class Scene {
     this.context.clearRect(0, 0, this.width, this.height);
     const pen = this.#pen();
     if (this.dimension === 3) this.#paintFloor(pen);
+    const shapes = this.data.shapes.filter(
+      (shape) => shape.kind !== "vector" || !this.hidden.has(shape.quantity),
+    );
+    pen.lines = labelObstacles(shapes, pen);
+    pen.highlighted = shapes.some(({ constraint }) => constraint && constraint === this.highlighted)
+      ? this.highlighted
+      : null;
     const strokes = [
-      ...this.data.shapes
-        .filter((shape) => shape.kind !== "vector" || !this.hidden.has(shape.quantity))
-        .flatMap((shape) => SHAPES[shape.kind](shape, pen)),
+      ...shapes.flatMap((shape) => SHAPES[shape.kind](shape, pen)),
       ...[...this.joints].flatMap(([name, [bodies, others]]) =>
         joint(name, bodies > 1, others, pen),
       ),

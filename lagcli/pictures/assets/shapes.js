@@ -200,15 +200,26 @@ const SHAPES = {
     const tip = from.map((c, axis) => c + shape.scale * components[axis]);
     const [a, b] = [pen.place(from), pen.place(tip)];
     if (!a || !b) return [];
-    const paint = () => arrow(pen, a, b, pen.colors[shape.quantity] ?? pen.colors.vector);
+    const { highlighted } = pen;
+    const chosen = highlighted && shape.constraint === highlighted;
+    const paint = () => {
+      pen.context.save();
+      if (highlighted && !chosen) pen.context.filter = "opacity(25%)";
+      arrow(pen, a, b, pen.colors[shape.quantity] ?? pen.colors.vector, chosen ? 1.8 : 1);
+      pen.context.restore();
+    };
     return [{ layer: "vector", depth: middle(a, b), paint }];
   },
 
   label(shape, pen) {
     const at = pen.at(shape.at);
     if (!at) return [];
-    const shift = 11 * pen.unit;
-    const paint = () => pen.text(shape.text, [at[0] + shift, at[1] - shift], pen.colors.label);
+    const size = LABEL_SIZE * Math.max(1, pen.unit);
+    const [width, height] = [0.62 * size * [...shape.text].length, size];
+    const middle = labelPlace(at, width, height, pen.lines, pen.unit);
+    const [left, right] = [middle[0] - width / 2, middle[0] + width / 2];
+    pen.lines.push([left, middle[1], right, middle[1]]); // the next labels keep off this one
+    const paint = () => pen.text(shape.text, middle, pen.colors.label, "center", LABEL_SIZE);
     return [{ layer: "label", depth: at[2], paint }];
   },
 };
@@ -264,15 +275,15 @@ function diameters(shape, motion, dimension) {
   return [first, second];
 }
 
-function arrow(pen, a, b, color) {
+function arrow(pen, a, b, color, width = 1) {
   const [x, y] = [b[0] - a[0], b[1] - a[1]];
   const length = Math.hypot(x, y);
   if (length < 1.5) return;
   const head = Math.min(11 * pen.unit, 0.6 * length);
   const [dx, dy] = [x / length, y / length];
   const neck = [b[0] - head * dx, b[1] - head * dy];
-  const half = 0.42 * head;
-  pen.line([a, neck], color, 2.6, { cap: "butt" });
+  const half = 0.42 * head * width;
+  pen.line([a, neck], color, 2.6 * width, { cap: "butt" });
   pen.area(
     [b, [neck[0] - half * dy, neck[1] + half * dx], [neck[0] + half * dy, neck[1] - half * dx]],
     color,

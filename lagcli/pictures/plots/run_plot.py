@@ -102,9 +102,9 @@ def _shape(panel: Panel) -> tuple[list[str], list[str]]:
 
 def _title(runs: Sequence[RunFile]) -> str:
     """Return the model's name, and what went wrong."""
-    from lagcli.results.metadata import model_name
+    from lagcli.results.metadata import model_title
 
-    name = model_name(runs[0].record.model) or ""
+    name = model_title(runs[0].record.model) or ""
     bad = [run.record.status for run in runs if run.record.status not in (*ENDED, "")]
     if not bad:
         return name

@@ -19,7 +19,7 @@ ROLES = {
     "rod": "#404040",
     "spring": "#009E73",
     "guide": "#8C8C8C",
-    "ground": "#8C8C8C",
+    "ground": "#767676",
     "disc": "#404040",
     "point": "#202020",
     "trail": "#56B4E9",
@@ -28,6 +28,22 @@ ROLES = {
     "force": "#D55E00",
     "vector": "#CC79A7",
     "paper": "#FFFFFF",
+}
+
+#: The same on dark pages.
+DARK_ROLES = {
+    "rod": "#B4BCC4",
+    "spring": "#2FC49A",
+    "guide": "#8C939B",
+    "ground": "#8C939B",
+    "disc": "#B4BCC4",
+    "point": "#ECECEC",
+    "trail": "#3F8FBF",
+    "label": "#ECECEC",
+    "velocity": "#58B7F5",
+    "force": "#FF8340",
+    "vector": "#E39CC5",
+    "paper": "#16191D",
 }
 
 #: Of values over two parameters; uniform in lightness, so that it survives print in grey.

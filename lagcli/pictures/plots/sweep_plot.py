@@ -57,14 +57,14 @@ class PlottedTable:
     """
 
     def __init__(self, path: str):
-        from lagcli.results.metadata import model_name
+        from lagcli.results.metadata import model_title
         from lagcli.sweeps.file.store import open_sweep
 
         self.path = path
         with open_sweep(path) as file:
             good = file.read("status") == COMPLETED
             self.kept = file.kept
-            self.title = model_name(str(file.facts["model"])) or ""
+            self.title = model_title(str(file.facts["model"])) or ""
             self.varied = [_quantity(c, file.read(c.dataset), False) for c in file.columns]
             self.measures = [
                 _quantity(c, np.where(good, file.read(c.dataset), np.nan), True)

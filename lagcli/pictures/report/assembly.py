@@ -19,10 +19,12 @@ from lagcli.pictures.plots.thinning import evenly
 from lagcli.pictures.report import tables
 from lagcli.pictures.report.curves import (
     POWERS,
+    RESIDUALS_TITLE,
     Packed,
     Plot,
     ReportCurve,
     Section,
+    by_scale,
     curve_of,
     gather,
     scalar_curves,
@@ -104,9 +106,11 @@ def assembled(run: RunFile, title: str | None = None) -> str:
         constraints=system.constraints(),
         conserved=system.conserved(),
         equations=system.motion(),
+        steps=system.steps(),
         convention=system.convention(),
-        plots=_plots(found, run.count),
-        contents=_contents(found),
+        plots=_plots([x for x in found if x.title != RESIDUALS_TITLE], run.count),
+        residuals=_residual_plots(found),
+        contents=_contents([x for x in found if x.title != RESIDUALS_TITLE]),
         extremes=tables.extremes_table(extremes, system),
         moved=tables.moved(run, system),
         solver=tables.solver(run, _residuals(run)),
@@ -171,7 +175,7 @@ def _notable(found: list[Section], extremes: Mapping[ReportCurve, Extreme]) -> l
             if plot.title == POWERS and len(plot.time):
                 duration = float(plot.time[-1] - plot.time[0])
                 plot.least = _ROUNDING * scale / duration if duration else 0.0
-        plots = [plot for plot in section.plots if plot.notable()]
+        plots = [part for plot in section.plots if plot.notable() for part in by_scale(plot)]
         if plots:
             kept.append(section._replace(plots=plots))
     return kept
@@ -189,13 +193,21 @@ def _plots(found: list[Section], count: int) -> str:
             " interval of time the least and the largest value of each curve, as they are in the"
             " file. Zooming in shows no others.</p>"
         )
-    for section in found:
-        about = f"<p>{escape(section.about)}</p>" if section.about else ""
-        narrow = ' class="narrow"' if len(section.plots) == 1 else ""
-        parts.append(f'<section id="{_anchor(section.title)}"{narrow}>')
-        parts.append(f"<h3>{section.title}</h3>{about}")
-        parts.append(f'<div class="plots">{"".join(map(_place, section.plots))}</div></section>')
-    return "".join(parts)
+    return "".join([*parts, *map(_section, found)])
+
+
+def _residual_plots(found: list[Section]) -> str:
+    """Return the places of the residuals, which come last."""
+    return "".join(_section(x) for x in found if x.title == RESIDUALS_TITLE)
+
+
+def _section(section: Section) -> str:
+    about = f"<p>{escape(section.about)}</p>" if section.about else ""
+    narrow = ' class="narrow"' if len(section.plots) == 1 else ""
+    return (
+        f'<section id="{_anchor(section.title)}"{narrow}><h3>{section.title}</h3>{about}'
+        f'<div class="plots">{"".join(map(_place, section.plots))}</div></section>'
+    )
 
 
 def _place(plot: Plot) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +25,8 @@ _FORCES = 4096
 _NUMBERS = 380_000
 #: The plot whose curves are noise where they should be 0.
 POWERS = "Powers"
+#: The section of the residuals.
+RESIDUALS_TITLE = "Residuals"
 
 #: Numbers of one plot.
 _OF_PLOT = 40_000
@@ -116,28 +118,28 @@ def sections(run: RunFile, names: Notation) -> list[Section]:
         Without those that have nothing to show.
     """
     found = [
-        Section("Coordinates", "", _by_coordinate(run, names, "q")),
-        Section("Velocities", "", _by_coordinate(run, names, "v")),
         Section(
             "Multipliers",
             "λ of each constraint: an energy (or a power) by what the constraint is in.",
             _multipliers(run, names),
         ),
         _forces(run, names),
-        Section("Outputs", "", _outputs(run, names)),
+        Section("Coordinates", "", _by_coordinate(run, names, "q")),
+        Section("Velocities", "", _by_coordinate(run, names, "v")),
         Section(
             "Energy",
             "The energies as the model states T and V, and the powers that change their sum; a"
             " power that is rounding alone is left out.",
             _scalars(names),
         ),
+        Section("Outputs", "", _outputs(run, names)),
         Section(
             "Conserved quantities",
             "Quantities that the motion leaves constant; their formulas stand with the system.",
             _conserved(run, names),
         ),
         Section(
-            "Residuals",
+            RESIDUALS_TITLE,
             "How well the written numbers satisfy constraints, equations and energy balance:"
             " magnitudes, on a logarithmic scale.",
             _residuals(run, names),
@@ -175,12 +177,35 @@ def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[ReportCurve, E
         plot.time, plot.values = _thinned(time, values, of_plot)
 
 
+#: Curves whose largest magnitudes differ by more than this factor get plots of their own, unless
+#: there are more of them.
+_RATIO, _FAMILY = 20.0, 10
+
+
+def by_scale(plot: Plot) -> list[Plot]:
+    """Return plots in which no curve is too small to be seen beside another."""
+    if plot.log or len(plot.curves) > _FAMILY or not len(plot.time):
+        return [plot]
+    largest = np.fmax.reduce(np.abs(plot.values), axis=0, initial=0.0)
+    groups: list[list[int]] = []
+    for i in np.argsort(-largest, kind="stable"):
+        if not groups or 0 < largest[i] * _RATIO < largest[groups[-1][0]]:
+            groups.append([])
+        groups[-1 if largest[i] else 0].append(int(i))
+    ordered = sorted(map(sorted, groups))
+    return [
+        replace(plot, curves=[plot.curves[i] for i in group], values=plot.values[:, group])
+        for group in ordered
+    ]
+
+
 def to_json(plot: Plot, packed: Packed) -> dict[str, Any]:
     """Return a plot for plots.js, its numbers packed."""
     return {
         "title": plot.title,
         "unit": plot.unit,
         "log": plot.log,
+        "height": 130 if plot.log else 220,
         "time": packed.add(plot.time),
         "series": [
             {"name": c.name, "label": c.label, "values": packed.add(plot.values[:, i])}

@@ -13,6 +13,7 @@ from lagcli.equations.presentation.formulas import Formulas, Line, Step
 from lagcli.equations.presentation.general import Signs, force
 from lagcli.equations.presentation.matrices import Matrices
 from lagcli.equations.presentation.overview import convention, in_matrices, kind_of
+from lagcli.equations.presentation.steps import steps as derivation
 from lagcli.equations.presentation.typeset import Symbol
 from lagcli.equations.render.formula_mathml import MathmlFormula
 from lagcli.equations.render.formula_text import TextFormula
@@ -245,6 +246,30 @@ class EquationSystem:
         rest = _elision(len(items), len(self.equations.q), "equations")
         listed = "".join(elided(list(self._motion), items, _DOTS))
         return f'<dl class="equations">{listed}</dl>{rest}'
+
+    def steps(self) -> str:
+        """Return the derivation, folded; nothing for a system that is not written out."""
+        if self._matrices or len(self.equations.q) > _LISTED:
+            return ""
+        parts = []
+        for place, step in enumerate(derivation(self.formulas), 1):
+            lead = f"<p>{escape(step.lead)}</p>" if step.lead else ""
+            lines = "".join(self._labelled(line) for line in step.lines)
+            remark = f"<p class='note'>{escape(step.remark)}</p>" if step.remark else ""
+            parts.append(f"<h4>{place}. {escape(step.title)}</h4>{lead}{lines}{remark}")
+        return (
+            '<details class="steps"><summary>Derivation, step by step</summary>'
+            f"{''.join(parts)}</details>"
+        )
+
+    def _labelled(self, line: Line) -> str:
+        label = line.label
+        if label is None:
+            return self._limited(line)
+        shown = escape(label) if isinstance(label, str) else inline(label, self.mathml)
+        return (
+            f'<div class="labelled"><span class="kind">{shown}:</span>{self._limited(line)}</div>'
+        )
 
     def convention(self) -> str:
         """Return the general equations, which fix the sign of λ."""

@@ -51,7 +51,10 @@ class DrawnDisc(NamedTuple):
 
 
 class DrawnVector(NamedTuple):
-    """A vector at a point; ``scale`` times its components is what is drawn."""
+    """A vector at a point; ``scale`` times its components is what is drawn.
+
+    The force of a constraint has its name.
+    """
 
     name: str
     quantity: str
@@ -59,6 +62,7 @@ class DrawnVector(NamedTuple):
     components: tuple[Array, ...]
     unit: str
     scale: float = 1.0
+    constraint: str | None = None
 
     def drawn(self) -> tuple[Array, ...]:
         """Return the components in the units of the points."""

@@ -12,6 +12,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.pictures.plots.style import ROLES
 from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
+from lagcli.pictures.scene.label_places import LABEL_SIZE, label_place, label_size
 from lagcli.pictures.scene.raster import Raster
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, frames
 
@@ -147,11 +148,31 @@ def commands(
         if np.isfinite(ends).all():
             paint = partial(arrow, raster, ends[0, :2], ends[1, :2], ROLES[vector.quantity])
             yield DrawCommand("vector", float(ends[:, 2].mean()), paint)
+    lines = _obstacles(moment, vectors)
     for name, text in (scene.labels or {}).items():
         if there(name):
-            at = places[name][:2] + 11 * raster.unit
-            write = partial(raster.text, text, at, ROLES["label"], 13, halo=True)
+            width, height = label_size(text, raster.unit)
+            middle = label_place(places[name][:2], (width, height), np.array(lines), raster.unit)
+            side = np.array([width / 2, 0.0])
+            lines.append((middle - side, middle + side))  # the next labels keep off this one
+            write = partial(
+                raster.text, text, middle, ROLES["label"], LABEL_SIZE, "center", halo=True
+            )
             yield DrawCommand("label", places[name][2], write)
+
+
+def _obstacles(moment: Moment, vectors: Sequence[DrawnVector]) -> list[tuple[Array, Array]]:
+    """Return the ends of the lines that labels keep off."""
+    scene, places = moment.scene, moment.places
+    found = [(places[s.start], places[s.end]) for s in scene.segments]
+    foot = np.array([0.0, -20 * moment.raster.unit, 0.0])
+    found += [(places[name], places[name] + foot) for name in scene.grounds]
+    for vector in vectors:
+        at = moment.points[vector.at]
+        ends = moment.camera.project(np.array([at, at + moment.vector(vector.drawn())]))
+        found.append((ends[0], ends[1]))
+    flat = [(a[:2], b[:2]) for a, b in found]
+    return [(a, b) for a, b in flat if np.isfinite(a).all() and np.isfinite(b).all()]
 
 
 def arrow(raster: Raster, start: Array, end: Array, color: str) -> None:

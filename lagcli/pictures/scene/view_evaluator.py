@@ -170,7 +170,9 @@ class ViewEvaluator:
             place = model.constraint_names.index(str(arrow.constraint))
             work = terms.dense(columns["constraint_force_by"], place)
             vectors += [
-                DrawnVector(arrow.name, arrow.quantity, at, components, unit)
+                DrawnVector(
+                    arrow.name, arrow.quantity, at, components, unit, constraint=arrow.constraint
+                )
                 for at, components in drawn.at(work, [values[i] for i in slots])
             ]
         names = Notation(model)

@@ -109,7 +109,7 @@ class Controls {
   /** Members are many: their rows are made when they are looked at. */
   #family(kind, family, members) {
     const [first, last] = [members[0], members.at(-1)].map(({ name }) => /\[(.*)\]/.exec(name)[1]);
-    const label = members[0].label.replace(/\[.*\]/, `[${first} … ${last}]`);
+    const label = members[0].label.replace(/(\[.*\]|[₀-₉]+|_\w+)$/, "") + ` ${first} … ${last}`;
     const details = this.#details(label, `${kind} ${family}`);
     details.className = "family";
     const fill = () => {

@@ -55,6 +55,7 @@ class Page {
     const { elements } = this;
     document.title = `${hello.name} – lagcli play`;
     elements.name.textContent = hello.name;
+    this.slug = hello.slug;
     elements.description.textContent = hello.description;
     this.#build(hello);
     const [player, plots] = ["player", "plots"].map((id) => document.getElementById(id));
@@ -117,7 +118,7 @@ class Page {
 
   #download(text) {
     const address = URL.createObjectURL(new Blob([text], { type: "application/yaml" }));
-    const name = this.elements.name.textContent.replace(/[^\p{L}\p{N}._-]+/gu, "_");
+    const name = this.slug.replace(/[^\p{L}\p{N}._-]+/gu, "_");
     Object.assign(document.createElement("a"), {
       href: address,
       download: `${name}_changed.yaml`,

@@ -1,0 +1,61 @@
+"use strict";
+
+/*
+ * Labels: where the text of a point stands, so that it hides no line. The same as
+ * lagcli/pictures/scene/label_places.py.
+ */
+
+const LABEL_SIZE = 13;
+
+/** Return the lines on the canvas that labels keep off. */
+function labelObstacles(shapes, pen) {
+  const found = [];
+  const add = (a, b) => a && b && found.push([a[0], a[1], b[0], b[1]]);
+  for (const shape of shapes) {
+    if (["rod", "spring", "guide"].includes(shape.kind)) add(pen.at(shape.from), pen.at(shape.to));
+    else if (shape.kind === "ground") {
+      const at = pen.at(shape.at);
+      if (at) add(at, [at[0], at[1] + 20 * pen.unit]);
+    } else if (shape.kind === "vector") {
+      const from = pen.motion.point(shape.at);
+      const components = pen.motion.vector(shape.components);
+      add(pen.place(from), pen.place(from.map((c, axis) => c + shape.scale * components[axis])));
+    }
+  }
+  return found;
+}
+
+/** Return the middle of a text of a size beside a point, where it is farthest from the lines. */
+function labelPlace([x, y], width, height, lines, unit) {
+  let best = null;
+  for (let k = 0; k < 16; k++) {
+    const angle = (k * Math.PI) / 8;
+    const [right, down] = [Math.cos(angle), -Math.sin(angle)];
+    const middle = [
+      x + right * (9 * unit + width / 2),
+      y + down * (9 * unit + height / 2),
+    ];
+    let clear = 10;
+    for (const line of lines) {
+      for (let i = 0; i < 9; i++) {
+        const place = [
+          middle[0] + (((i % 3) - 1) * width) / 2,
+          middle[1] + ((Math.floor(i / 3) - 1) * height) / 2,
+        ];
+        clear = Math.min(clear, fromLine(place, line));
+      }
+    }
+    // above and to the right, where it is as good
+    const score = clear + 1.5 * Math.cos(angle - Math.PI / 4);
+    if (!best || score > best.score + 1e-9) best = { score, middle };
+  }
+  return best.middle;
+}
+
+/** Return the distance of a point from a line between two ends. */
+function fromLine([x, y], [ax, ay, bx, by]) {
+  const [dx, dy] = [bx - ax, by - ay];
+  const length = dx * dx + dy * dy;
+  const part = length ? Math.max(0, Math.min(1, ((x - ax) * dx + (y - ay) * dy) / length)) : 0;
+  return Math.hypot(x - ax - part * dx, y - ay - part * dy);
+}
