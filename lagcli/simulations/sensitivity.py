@@ -263,7 +263,8 @@ class Sensitivity:
             if any(s.name.rstrip("'") == q for s in symbols) and model.initial[f"{q}{prime}"].fixed
         ]
         other = next((x for x in stuck if x not in names), None)
-        level = ", differentiated in time," if velocity else ""
+        differentiated = velocity and constraint.kind == "holonomic"
+        level = ", differentiated in time," if differentiated else ""
         help_ = f"name other quantities than `{name}`"
         if other is not None:
             entry = model.initial[other]

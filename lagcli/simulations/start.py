@@ -159,7 +159,12 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
                     f"the fixed initial values violate the constraint{plural} {names}{level}\n"
                     + residuals,
                     entry.location,
-                    f"free one of {', '.join(error.stuck)}, for instance"
+                    (
+                        f"free {freed},"
+                        if len(error.stuck) == 1
+                        else f"free one of {', '.join(error.stuck)},"
+                    )
+                    + " for instance"
                     f" `{freed}: {{guess: {entry.value:.6g}}}`",
                 )
             ]
@@ -182,7 +187,8 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
             "no consistent initial state was found near the guesses: the"
             f" constraint{plural} {names}{level} do{'' if plural else 'es'} not hold\n{residuals}",
             first.location,
-            "guess values nearer to a solution",
+            "guess values nearer to a solution"
+            + ("; check that the constraints do not contradict each other" if plural else ""),
         )
     )
 
@@ -230,12 +236,10 @@ def _no_inertia(model: Model, coordinates: list[str]) -> NumericalError:
     from lagcli.model.locations import ExpressionLocations
 
     names = [f"`{name}`" for name in coordinates]
-    what = f"coordinate {names[0]} has" if len(names) == 1 else f"motion of {', '.join(names)} has"
+    what = names[0] if len(names) == 1 else f"a motion of {', '.join(names)}"
     key = "L" if model.kinetic is None else "T"
     massless = _vanishing_in(model, coordinates)
-    reason = f"`{key}` does not resist it"
-    if massless:
-        reason += f" ({' and '.join(f'`{p}` is 0' for p in massless)})"
+    reason = f" ({' and '.join(f'`{p}` is 0' for p in massless)})" if massless else ""
     declared = {c.name: c.location for c in model.coordinates}
     notes = [(f"`{coordinates[0]}` is declared here", declared[coordinates[0]])]
     notes += [(f"`{p}` is given here", model.parameters[p].location) for p in massless[:1]]
@@ -243,7 +247,7 @@ def _no_inertia(model: Model, coordinates: list[str]) -> NumericalError:
     return NumericalError(
         Diagnostic(
             "no-inertia",
-            f"the {what} no inertia: {reason} and no constraint determines it, so that its"
+            f"`{key}` gives {what} no inertia{reason} and no constraint determines it: the"
             " acceleration is undetermined",
             places.location(places.entry(key)),
             "give it a mass, or a constraint"

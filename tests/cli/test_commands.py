@@ -232,7 +232,7 @@ def test_set_initial_velocity(here: Here, tmp_path: Path, form: str) -> None:
 def test_start_that_contradicts_is_a_model_error(here: Here) -> None:
     assert here("simulate", CRANK, "--set-initial", "psi=1") == 2
     assert "error[inconsistent-start]" in here.err
-    assert "free one of" in here.err
+    assert "for instance `" in here.err
 
 
 # files that cannot be written

@@ -11,6 +11,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from dataclasses import fields
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +80,8 @@ def plot(tmp_path: Path, *arguments: str, suffix: str = "svg") -> str:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_shipped_model_is_plotted(name: str, tmp_path: Path) -> None:
     text = plot(tmp_path, f"{name}.h5")
-    for word in (name, "[J]", "[s]"):
+    title = escape(lagcli.load(MODELS / f"{name}.yaml").title, quote=False)
+    for word in (title, "[J]", "[s]"):
         assert word in text
     assert "residuals" not in text
 
@@ -236,7 +238,7 @@ def test_titles(tmp_path: Path) -> None:
 def test_a_run_that_failed_says_so(tmp_path: Path) -> None:
     model = lagcli.load(MODELS / "slider_crank.yaml")
     lagcli.write(lagcli.simulate(model, max_steps=20), tmp_path / "part.h5")
-    assert "slider_crank (failed)" in plot(tmp_path, str(tmp_path / "part.h5"))
+    assert "Slider-crank (failed)" in plot(tmp_path, str(tmp_path / "part.h5"))
 
 
 def test_a_single_sample(tmp_path: Path) -> None:

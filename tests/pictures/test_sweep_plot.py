@@ -25,6 +25,8 @@ SWEEPS = {
     "grid": ("--vary", "l=0.2:0.4:0.05", "--vary", "m=logspace(0.1, 10, 4)", *PEAK),
     "drawn": ("--vary", "l=0.2..0.4", "--vary", "m=1..2", "--sample", "sobol:16", *PEAK),
     "three": ("--vary", "l=0.2,0.3", "--vary", "m=1,2", "--vary", "r=0.1,0.12", *PEAK),
+    "both": ("--vary", "l=0.2:0.4:0.05", "--vary", "m=1,2", *PEAK, "--keep", "trajectories"),
+    "holes": ("--vary", "l=0.01,0.2,0.3", "--vary", "m=1,2", *PEAK),
     "start": ("--vary", "phi=linspace(0, 3, 8)", *PEAK, "--keep", "trajectories"),
     "bad": ("--vary", "l=0.01,0.02", *PEAK, "--keep", "trajectories"),
 }
@@ -36,7 +38,7 @@ def sweeps(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, options in SWEEPS.items():
         output = ["-o", str(folder / f"{name}.h5"), "--quiet", "--jobs", "1"]
         status = run(["sweep", MODEL, *options, "--t-end", "0.3", "--samples", "31", *output])
-        assert status == (3 if name == "bad" else 0)
+        assert status == (3 if name in ("bad", "holes") else 0)
     return folder
 
 
@@ -85,10 +87,23 @@ def test_measures_are_what_a_sweep_shows(tmp_path: Path) -> None:
 def test_maps(tmp_path: Path) -> None:
     for name in ("grid.h5", "drawn.h5"):
         text = plot(tmp_path, name)
-        for word in ("peak", "l [m]", "m [kg]", "slider_crank"):
+        for word in ("peak", "l [m]", "m [kg]", "Slider-crank"):
             assert word in text
     assert "<image" in plot(tmp_path, "grid.h5", "l:m:peak")
     assert "<image" in plot(tmp_path, "three.h5", "peak:m:l")
+
+
+def test_cells_without_a_value_are_hatched_and_explained(tmp_path: Path) -> None:
+    text = plot(tmp_path, "holes.h5", "l:m:peak")
+    assert "no value: the row failed" in text
+    assert "<pattern" in text  # of hatches
+    assert "no value" not in plot(tmp_path, "grid.h5", "l:m:peak")
+
+
+def test_a_family_over_two_quantities_is_coloured_by_one_of_them(tmp_path: Path) -> None:
+    text = plot(tmp_path, "both.h5", "psi")
+    assert "l [m] (m varies too)" in text
+    assert ">run<" not in text
 
 
 def test_curves_over_one_of_two(tmp_path: Path) -> None:

@@ -25,9 +25,9 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
     labels : list of str
         By parameters that differ; else by initial values, by options, by file names.
     values : list of float or None
-        Of the only parameter that differs.
+        Of the parameter that differs, or of several that with the most values.
     name : str
-        That parameter with its unit.
+        That parameter with its unit, and the others that differ.
     """
     if len(runs) < 2:
         return [""] * len(runs), None, ""
@@ -43,12 +43,16 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
             )
             for table in tables
         ]
-        if len(differing) == 1 and all(differing[0] in table for table in tables):
-            name = differing[0]
-            unit = pretty_unit(units.get(name, ""))
-            titled = f"{name} [{unit}]" if unit else name
-            return _unique(labels, runs), [table[name] for table in tables], titled
-        return _unique(labels, runs), None, ""
+        complete = [name for name in differing if all(name in table for table in tables)]
+        if not complete:
+            return _unique(labels, runs), None, ""
+        name = max(complete, key=lambda name: len({table[name] for table in tables}))
+        unit = pretty_unit(units.get(name, ""))
+        titled = f"{name} [{unit}]" if unit else name
+        others = [x for x in differing if x != name]
+        if others:
+            titled += f" ({', '.join(others[:_MOST])} var{'ies' if len(others) == 1 else 'y'} too)"
+        return _unique(labels, runs), [table[name] for table in tables], titled
     starts = [_start(run) for run in runs]
     chosen = _differing(starts)
     if chosen and len(chosen) <= _MOST:

@@ -261,11 +261,31 @@ def _draw_map(figure: Any, ax: Any, panel: _Panel) -> None:
         )
         ax.margins(0.03)
     ax.grid(False)
+    if np.isnan(value.values).any():
+        _mark_empty(ax, panel, grid)
     figure.colorbar(shown, ax=ax, label=value.label, pad=0.02)
     _scale(ax, "x", first)
     _scale(ax, "y", second)
     ax.set_xlabel(first.label)
     ax.set_ylabel(second.label)
+
+
+def _mark_empty(ax: Any, panel: _Panel, grid: bool) -> None:
+    """Hatch the cells of rows without a value, or cross their points, and say what they are."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    (first, second), value = panel.over, panel.value
+    told = "no value: the row failed, or the measure has none"
+    if grid:
+        ax.patch.set(hatch="////", edgecolor=_GREY, facecolor="white")
+        handle: Any = Patch(hatch="////", edgecolor=_GREY, facecolor="white", label=told)
+    else:
+        look = {"linestyle": "none", "marker": "x", "markersize": 3, "color": _GREY}
+        empty = np.isnan(value.values)
+        ax.plot(first.values[empty], second.values[empty], **look)
+        handle = Line2D([], [], **look, label=told)
+    ax.legend(handles=[handle], loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
 
 
 def _spaced_by_ratio(values: Array) -> bool:

@@ -102,7 +102,7 @@ def test_a_run_that_reaches_an_undefined_value_names_the_line() -> None:
 
 def test_zero_mass_names_energy_parameter_and_place() -> None:
     found = problem("T: m/2*x'^2 + z/2*y'^2\nV: x\n")
-    assert "the coordinate `y` has no inertia: `T` does not resist it (`z` is 0)" in found.message
+    assert "`T` gives `y` no inertia (`z` is 0)" in found.message
     assert (found.location.path, found.location.line, found.location.column) == ("m.yaml", 3, 4)
     assert "--set z=1" in found.help
     assert [note.split()[0] for note, _ in found.notes] == ["`y`", "`z`"]

@@ -150,7 +150,7 @@ def test_fixed_values_that_violate_name_what_to_free() -> None:
 def test_fixed_value_out_of_reach_of_the_free_ones() -> None:
     # no y reaches the rod from x = 2; the search ends at its nearest point
     text = refused(ModelError, ROD, "x: 2, y: {guess: 0.5}, x': 0, y': {guess: 0}")
-    assert "free one of x, for instance `x: {guess: 2}`" in text
+    assert "free x, for instance `x: {guess: 2}`" in text
 
 
 def test_fixed_velocities_that_violate_name_what_to_free() -> None:
@@ -184,9 +184,9 @@ def test_no_finite_value_at_the_start_names_the_expression() -> None:
 @pytest.mark.parametrize(
     ("T", "constraint", "names"),
     [
-        ("x'^2/2", "", "the coordinate `y` has no inertia"),
-        ("x'^2/2", "c: x = 1", "the coordinate `y` has no inertia"),
-        ("(x' + y')^2/2", "", "the motion of `x`, `y` has no inertia"),
+        ("x'^2/2", "", "`T` gives `y` no inertia"),
+        ("x'^2/2", "c: x = 1", "`T` gives `y` no inertia"),
+        ("(x' + y')^2/2", "", "`T` gives a motion of `x`, `y` no inertia"),
     ],
 )
 def test_coordinate_without_inertia_is_named(T: str, constraint: str, names: str) -> None:
