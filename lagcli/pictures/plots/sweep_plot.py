@@ -281,7 +281,7 @@ def _mark_empty(ax: Any, panel: _Panel, grid: bool) -> None:
         ax.patch.set(hatch="////", edgecolor=_GREY, facecolor="white")
         handle: Any = Patch(hatch="////", edgecolor=_GREY, facecolor="white", label=told)
     else:
-        look = {"linestyle": "none", "marker": "x", "markersize": 3, "color": _GREY}
+        look: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 3, "color": _GREY}
         empty = np.isnan(value.values)
         ax.plot(first.values[empty], second.values[empty], **look)
         handle = Line2D([], [], **look, label=told)
