@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from lagcli.analysis.fit.fit import fit
     from lagcli.analysis.linear.linear_model import linearize
     from lagcli.analysis.linear.modes import modes
+    from lagcli.analysis.opening import open
     from lagcli.equations.derivation.lagrange import derive
     from lagcli.equations.render import render
     from lagcli.model.loader import load, load_text
@@ -49,6 +50,7 @@ __all__ = [
     "load",
     "load_text",
     "modes",
+    "open",
     "partition",
     "plot",
     "read",
@@ -74,6 +76,7 @@ _PLACES = {
     "load": "lagcli.model.loader",
     "load_text": "lagcli.model.loader",
     "modes": "lagcli.analysis.linear.modes",
+    "open": "lagcli.analysis.opening",
     "partition": "lagcli.simulations.partition",
     "plot": "lagcli.pictures.plots.plot",
     "read": "lagcli.results",

@@ -1,0 +1,74 @@
+"""Opening of any file of lagcli: a model, a result, a sweep or an analysis."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from lagcli.errors import FileError
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
+    from lagcli.trajectory.trajectory import Trajectory
+
+#: Suffixes of results, sweeps and analyses; other files are models.
+_RESULTS = (".h5", ".hdf5", ".csv")
+
+
+def open(path: str | os.PathLike[str]) -> Model | Trajectory | Any:
+    """Open a file of lagcli.
+
+    Parameters
+    ----------
+    path : path
+        A model file, the name of a shipped model, or a file that lagcli wrote.
+
+    Returns
+    -------
+    Model
+        Of a model file or a shipped model, as `load`.
+    Trajectory
+        Of a result file, as `read`.
+    xarray.Dataset
+        Of a sweep: a variable for each measure.
+    dict
+        Of a file of an analysis (check, equilibrium, modes, fit): its content.
+
+    Raises
+    ------
+    ModelError
+        The model is not valid.
+    FileError
+        The file is missing, damaged, or a sweep while xarray is not installed.
+    """
+    name = os.fspath(path)
+    if not name.lower().endswith(_RESULTS):
+        from lagcli.model.loader import load
+
+        return load(name)
+    if name.lower().endswith(".csv"):
+        from lagcli.results import read
+
+        return read(name)
+    return _open_hdf5(name)
+
+
+def _open_hdf5(name: str) -> Any:
+    from lagcli.results import read
+    from lagcli.results.hdf5.analysis_file import read_analysis
+    from lagcli.results.hdf5.opening import open_verified
+    from lagcli.trajectory.samples import SCHEMA_VERSION
+
+    with open_verified(name, SCHEMA_VERSION) as opened:
+        kind, analysed = opened.kind, "content" in opened.root.attrs
+    if analysed:
+        return read_analysis(name)
+    if kind == "sweep":
+        try:
+            import xarray
+        except ImportError as error:
+            raise FileError(
+                f"{name} is a sweep, which opens in xarray: pip install xarray h5netcdf"
+            ) from error
+        return xarray.load_dataset(name, engine="h5netcdf")
+    return read(name)
