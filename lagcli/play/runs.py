@@ -20,6 +20,7 @@ from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
 from lagcli.play.controls import Control, controls, family_label
 from lagcli.play.curves import Curves
+from lagcli.play.equations import equations_html
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
@@ -165,6 +166,7 @@ class Played:
             "members": self.members,
             "controls": [c.to_json() for c in self.controls.values()],
             "groups": self.curves.groups(),
+            "equations": equations_html(self._variants.equations),
         }
 
     def _adapt(self, given: Mapping[str, str]) -> None:

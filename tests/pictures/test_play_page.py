@@ -246,6 +246,40 @@ def test_guesses_are_freed_and_fixed(crank):
     assert np.array_equal(p.curve(0, 0), t.q[:, 0])
 
 
+def test_a_run_is_kept_for_comparison(crank):
+    before = crank.curve(1, 0)
+    crank.page.locator("#keep").click()
+    crank.enter("m", "2")
+    # the multiplier is proportional to the mass, without friction and torque
+    assert np.allclose(crank.curve(1, 0), 2 * before, rtol=1e-6)
+    assert np.allclose(crank.curve(1, 1), before)
+    assert crank.page.evaluate("page.pictures.player.stage.ghost !== null")
+    crank.page.locator("#keep").click()
+    assert crank.page.evaluate("page.pictures.slots[1].plot.data.series.length") == 1
+    assert crank.page.evaluate("page.pictures.player.stage.ghost === null")
+
+
+def test_phase_plane_and_equations(crank):
+    crank.page.locator(".phase summary").click()
+    crank.settled()
+    canvas = crank.page.locator(".phase canvas")
+    assert canvas.get_attribute("aria-label") == "Phase plane: φ̇ [rad/s] over φ [rad]"
+    first = canvas.evaluate("c => c.toDataURL()")
+    crank.page.get_by_label("Coordinate of the phase plane").select_option("1")
+    assert canvas.get_attribute("aria-label") == "Phase plane: ψ̇ [rad/s] over ψ [rad]"
+    assert canvas.evaluate("c => c.toDataURL()") != first
+    crank.page.locator(".phase summary").click()
+    crank.page.locator("#equations summary").click()
+    assert crank.page.locator("#equations .equation").count() == 3
+    assert crank.page.locator("#equations math").first.is_visible()
+    crank.page.locator("#equations summary").click()
+
+
+def test_every_axis_has_a_symbol_and_a_unit(crank):
+    labels = crank.page.evaluate("page.pictures.slots.map((s) => s.plot.chart.axes[1].label)")
+    assert labels == ["φ, ψ [rad]", "λ [N]", "T, V, E [J]"]
+
+
 def test_the_command_line_reproduces_the_run(crank, tmp_path, monkeypatch):
     p = crank
     p.enter("m", "2.25")

@@ -235,7 +235,8 @@ class TimePlot {
   /** What the vertical axis shows: φ, ψ [rad]. */
   #quantity() {
     if (this.data.log) return "magnitude" + (this.data.unit ? ` [${this.data.unit}]` : "");
-    const names = this.data.series.map((s) => s.label ?? s.name);
+    const own = this.data.series.filter((s) => !("ghostOf" in s));
+    const names = own.map((s) => s.label ?? s.name);
     const some = names.length > 4 ? [names[0], "…", names[names.length - 1]] : names;
     const text = some.join(", ");
     const unit = this.data.unit ? `[${this.data.unit}]` : "";
@@ -267,7 +268,8 @@ class TimePlot {
   }
 
   #colour(i) {
-    const colour = this.palette[i % this.palette.length];
+    const { ghostOf = i } = this.data.series[i] ?? {};
+    const colour = this.palette[ghostOf % this.palette.length];
     return /^#0{3,6}$/.test(colour) ? this.#style("--plot-text", colour) : colour;
   }
 
@@ -276,8 +278,8 @@ class TimePlot {
     return {
       label: series.label ?? series.name,
       stroke: () => this.#colour(i),
-      width: TimePlot.STROKE,
-      dash: dashes[Math.floor(i / this.palette.length) % dashes.length],
+      width: "ghostOf" in series ? TimePlot.STROKE / 2 : TimePlot.STROKE,
+      dash: "ghostOf" in series ? [2, 3] : dashes[Math.floor(i / this.palette.length) % dashes.length],
       show: !this.hidden.has(series.name),
       pxAlign: 0,
       points: { show: this.data.time.length === 1 },
@@ -331,7 +333,7 @@ class TimePlot {
       button.style.setProperty("--series", this.#colour(i));
       const swatch = document.createElement("span");
       const round = Math.floor(i / this.palette.length) % TimePlot.DASHES.length;
-      swatch.className = `plot-swatch plot-dash-${round}`;
+      swatch.className = `plot-swatch plot-dash-${"ghostOf" in series ? 2 : round}`;
       const label = document.createElement("span");
       label.className = "plot-label";
       label.append(TimePlot.#named(series.label ?? series.name));

@@ -91,6 +91,12 @@ class Scene {
     this.#paint();
   }
 
+  /** Draw another run, in grey behind this one; null for none. */
+  setGhost(data) {
+    this.ghost = data && { shapes: data.shapes, motion: new Motion(data) };
+    this.#paint();
+  }
+
   /** Set off the arrows of a constraint's force from the others; null for none. */
   highlight(constraint) {
     this.highlighted = constraint;
@@ -206,9 +212,20 @@ class Scene {
     const solid = this.dimension === 3;
     const level = ({ layer }) => LAYERS.indexOf(solid && BODIES.has(layer) ? "rod" : layer);
     strokes.sort((a, b) => level(a) - level(b) || (solid ? b.depth - a.depth : 0));
+    if (this.ghost) this.#paintGhost(pen);
     for (const { paint } of strokes) paint();
     if (this.dimension === 3) this.#paintTriad(pen);
     else this.#paintRule(pen);
+  }
+
+  #paintGhost({ unit, slim }) {
+    const { shapes, motion } = this.ghost;
+    motion.seek(Math.min(this.motion.now, motion.end));
+    const grey = Object.fromEntries(Object.keys(this.colors).map((x) => [x, this.colors.ground]));
+    const pen = new Pen(this.context, motion, this.camera, grey, unit);
+    Object.assign(pen, { slim, fade: 0.45 });
+    for (const shape of shapes.filter(({ kind }) => ["rod", "spring", "disc"].includes(kind)))
+      for (const { paint } of SHAPES[shape.kind](shape, pen)) paint();
   }
 
   /** A grid at the foot of the scene, without which depth is hard to see. */

@@ -38,7 +38,7 @@ class Pen {
   line(places, color, width, { dash = [], alpha = 1, cap = "round" } = {}) {
     const { context } = this;
     context.save();
-    context.globalAlpha = alpha;
+    context.globalAlpha = alpha * (this.fade ?? 1);
     context.strokeStyle = color;
     context.lineWidth = width * this.unit;
     context.lineCap = cap;
@@ -52,7 +52,7 @@ class Pen {
   area(places, color, alpha) {
     const { context } = this;
     context.save();
-    context.globalAlpha = alpha;
+    context.globalAlpha = alpha * (this.fade ?? 1);
     context.fillStyle = color;
     this.path(places, true);
     context.fill();
@@ -202,12 +202,9 @@ const SHAPES = {
     if (!a || !b) return [];
     const { highlighted } = pen;
     const chosen = highlighted && shape.constraint === highlighted;
-    const paint = () => {
-      pen.context.save();
-      if (highlighted && !chosen) pen.context.filter = "opacity(25%)";
-      arrow(pen, a, b, pen.colors[shape.quantity] ?? pen.colors.vector, chosen ? 1.8 : 1);
-      pen.context.restore();
-    };
+    const faint = Object.assign(Object.create(pen), { fade: highlighted && !chosen ? 0.25 : 1 });
+    const color = pen.colors[shape.quantity] ?? pen.colors.vector;
+    const paint = () => arrow(faint, a, b, color, chosen ? 1.8 : 1);
     return [{ layer: "vector", depth: middle(a, b), paint }];
   },
 

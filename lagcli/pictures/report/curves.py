@@ -12,7 +12,7 @@ from lagcli.arrays import Indices
 from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName, unit_of_column
 from lagcli.equations.render.names import Notation
 from lagcli.pictures.plots.thinning import thin
-from lagcli.pictures.report.writing import chosen, unit
+from lagcli.pictures.report.writing import axis_unit, chosen
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.extremes import Extreme, widen
 from lagcli.trajectory.samples import Array
@@ -269,7 +269,7 @@ def _by_coordinate(run: RunFile, names: Notation, field: str) -> list[Plot]:
         groups.setdefault(stated, []).append(curve)
     # beside other units it must be said that there is none
     none = "1" if len(groups) > 1 else ""
-    return [_abridged(Plot("", unit(symbol) or none, c)) for symbol, c in groups.items()]
+    return [_abridged(Plot("", axis_unit(symbol) or none, c)) for symbol, c in groups.items()]
 
 
 def _multipliers(run: RunFile, names: Notation) -> list[Plot]:
@@ -277,7 +277,7 @@ def _multipliers(run: RunFile, names: Notation) -> list[Plot]:
     groups: dict[str, list[ReportCurve]] = {}
     for i, c in enumerate(run.constraints):
         column = ColumnName("multipliers", c)
-        stated = unit(unit_of_column(column, run.record.units))
+        stated = axis_unit(unit_of_column(column, run.record.units))
         groups.setdefault(stated, []).append(curve_of(column, names, (i,)))
     return [_abridged(Plot("", symbol, curves)) for symbol, curves in groups.items()]
 
@@ -314,7 +314,7 @@ def _grouped(
     for j, place in places.items():
         q = run.coordinates[j]
         curve = curve_of(ColumnName(quantity.name, constraint, q), names, (place,))
-        groups.setdefault(unit(quantity.unit_at(run.record.units.get(q))), []).append(curve)
+        groups.setdefault(axis_unit(quantity.unit_at(run.record.units.get(q))), []).append(curve)
     return groups
 
 
@@ -330,7 +330,7 @@ def _outputs(run: RunFile, names: Notation) -> list[Plot]:
     if None in groups and len(groups[None]) <= 6 and not run.record.units:
         # without units, one may be a length and another a force
         return [Plot(curve.name, "", [curve]) for curve in groups[None]]
-    return [_abridged(Plot("", unit(symbol), curves)) for symbol, curves in groups.items()]
+    return [_abridged(Plot("", axis_unit(symbol), curves)) for symbol, curves in groups.items()]
 
 
 def scalar_curves(panel: str, names: Notation) -> list[ReportCurve]:
@@ -348,11 +348,12 @@ def _scalars(names: Notation) -> list[Plot]:
 
 
 def _conserved(run: RunFile, names: Notation) -> list[Plot]:
-    curves = [
-        curve_of(ColumnName("conserved", conserved=name), names, (i,))
-        for i, name in enumerate(run.conserved_names)
-    ]
-    return [_abridged(Plot("", "", curves))] if curves else []
+    groups: dict[str, list[ReportCurve]] = {}
+    for i, name in enumerate(run.conserved_names):
+        column = ColumnName("conserved", conserved=name)
+        stated = axis_unit(unit_of_column(column, run.record.units))
+        groups.setdefault(stated, []).append(curve_of(column, names, (i,)))
+    return [_abridged(Plot("", symbol, curves)) for symbol, curves in groups.items()]
 
 
 def _residuals(run: RunFile, names: Notation) -> list[Plot]:

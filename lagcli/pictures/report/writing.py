@@ -33,6 +33,11 @@ def unit(text: str | None) -> str:
     return shown.replace("*", " ")
 
 
+def axis_unit(text: str | None) -> str:
+    """Return a unit as an axis has it: 1 for a number; empty where it is not known."""
+    return "1" if text == "1" else unit(text)
+
+
 def table(
     caption: str,
     head: Sequence[str],

@@ -24,6 +24,7 @@ class Pictures {
     this.player = null;
     const usual = Pictures.USUAL.map((group) => (group in groups ? group : Pictures.INSTEAD));
     this.slots = usual.map((group) => this.#slot(plots, group, groups, wanted));
+    this.phase = new PhasePlane(plots, this.link, palette, wanted);
     // passing over a plot moves the time, unless it runs
     Object.defineProperty(this.link, "free", { get: () => !this.player?.playing });
     this.link.onTime((time, source) => {
@@ -37,11 +38,46 @@ class Pictures {
   }
 
   groups() {
-    return [...new Set(this.slots.map(({ select }) => select.value))];
+    return [...new Set([...this.slots.map(({ select }) => select.value), ...this.phase.groups()])];
+  }
+
+  /** Keep the run that is shown, behind the next ones; or take a kept one away. */
+  keep(kept) {
+    this.kept = kept ? this.shown : null;
+    this.player?.stage.setGhost(this.kept?.scene ?? null);
+    this.draw(this.shown);
+  }
+
+  /** Return a plot with the curves of the run that was kept. */
+  #compared(group, data) {
+    const before = this.kept?.plots[group];
+    if (!before || this.kept === this.shown) return data;
+    const ghosts = data.series.flatMap((series, i) => {
+      const same = before.series.find(({ name }) => name === series.name);
+      if (!same) return [];
+      const values = Pictures.#resampled(before.time, same.values, data.time);
+      const [name, label] = [`${series.name} (kept)`, `${series.label} (kept)`];
+      return [{ ...series, name, label, values, ghostOf: i }];
+    });
+    return { ...data, series: [...data.series, ...ghosts] };
+  }
+
+  /** Return values at other times, interpolated; NaN beyond their end. */
+  static #resampled(times, values, wanted) {
+    let i = 0;
+    return Float64Array.from(wanted, (t) => {
+      while (i + 2 < times.length && times[i + 1] < t) i++;
+      if (t < times[0] || t > times[times.length - 1]) return NaN;
+      if (times.length < 2) return values[0];
+      const part = (t - times[i]) / (times[i + 1] - times[i]);
+      return values[i] + part * (values[i + 1] - values[i]);
+    });
   }
 
   /** Draw a run. */
-  draw({ scene, plots, speed }) {
+  draw(answer) {
+    const { scene, plots, speed } = answer;
+    this.shown = answer;
     this.stage.hidden = scene === null;
     if (scene && this.player) this.player.setScene(scene);
     else if (scene) {
@@ -50,14 +86,16 @@ class Pictures {
       this.player = new Player(this.stage, scene, options);
     }
     for (const slot of this.slots) {
-      const data = plots[slot.select.value];
-      if (!data) continue; // chosen a moment ago: another answer has it
+      const group = slot.select.value;
+      if (!plots[group]) continue; // chosen a moment ago: another answer has it
+      const data = this.#compared(group, plots[group]);
       const { link, palette } = this;
       if (slot.plot) slot.plot.setData(data);
       else slot.plot = new TimePlot(slot.figure, data, { link, palette, height: 190 });
-      const some = data.of > data.series.length ? `${data.series.length} of ${data.of} curves` : "";
+      const some = data.of > plots[group].series.length ? `${plots[group].series.length} of ${data.of} curves` : "";
       slot.more.textContent = [data.unit && `[${data.unit}]`, some].filter(Boolean).join(" ");
     }
+    this.phase.draw(plots, this.kept === answer ? null : this.kept?.plots);
   }
 
   /** A plot and the choice of what it shows. */

@@ -24,6 +24,13 @@ class Page {
     found("reset").addEventListener("click", (event) => this.controls.reset(event));
     found("save").addEventListener("click", () => this.#send({ save: true }));
     found("copy").addEventListener("click", () => this.#copy());
+    const keep = found("keep");
+    keep.addEventListener("click", () => {
+      const kept = keep.getAttribute("aria-pressed") !== "true";
+      keep.setAttribute("aria-pressed", String(kept));
+      keep.textContent = kept ? "Forget the run that was kept" : "Keep this run for comparison";
+      this.pictures.keep(kept);
+    });
     this.socket = new WebSocket(new URL("socket", location.href.replace(/^http/, "ws")));
     this.socket.binaryType = "arraybuffer";
     this.socket.addEventListener("message", ({ data }) => this.#take(decodeFrame(data)));
@@ -64,7 +71,11 @@ class Page {
   }
 
   /** Show the controls of a model with these numbers of members. */
-  #build({ members, controls }) {
+  #build({ members, controls, equations }) {
+    const element = document.getElementById("equations");
+    element.hidden = !equations;
+    element.querySelector("div")?.remove();
+    element.insertAdjacentHTML("beforeend", `<div>${equations}</div>`);
     this.members = members;
     this.controls.build(controls);
   }

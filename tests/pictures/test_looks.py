@@ -1,0 +1,110 @@
+"""What a machine can see of pictures and pages: labels, contrast, colours, units."""
+
+from __future__ import annotations
+
+import json
+import re
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.pictures.plots.style import DARK_ROLES, PALETTE, ROLES
+from lagcli.pictures.report import report
+from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.drawing import SceneDrawing
+from lagcli.pictures.scene.label_places import distances, label_place, label_size
+from lagcli.pictures.scene.shapes import Moment
+from lagcli.pictures.scene.view_evaluator import scene_of
+
+ASSETS = [files("lagcli.pictures") / "assets", files("lagcli.play") / "assets"]
+
+
+def luminance(color: str) -> float:
+    """Return the relative luminance of WCAG 2."""
+    parts = [int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in parts]
+    return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+
+def contrast(one: str, other: str) -> float:
+    dark, light = sorted((luminance(one), luminance(other)))
+    return (light + 0.05) / (dark + 0.05)
+
+
+@pytest.mark.parametrize("roles", [ROLES, DARK_ROLES], ids=["light", "dark"])
+def test_scenes_have_contrast(roles: dict[str, str]) -> None:
+    """Text has 4.5, what must be seen 3 (WCAG 2.1, 1.4.3, 1.4.11); trails and guides are faint."""
+    for role, color in roles.items():
+        if role in ("label", "point", "ground"):
+            assert contrast(color, roles["paper"]) >= 4.5, role
+        elif role not in ("paper", "trail", "guide"):
+            assert contrast(color, roles["paper"]) >= 2.9, role
+
+
+def test_pages_have_one_palette(result, tmp_path: Path) -> None:
+    for folder in ASSETS:
+        for file in folder.iterdir():
+            if file.name.endswith((".css", ".js")):
+                assert not re.search(r"--scene-[a-z]+:", file.read_text()), file.name
+    report(result("slider_crank"), tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert json.dumps(list(PALETTE), separators=(",", ":")) in text
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "double_pendulum_cartesian", "four_bar"])
+def test_labels_keep_off_rods_and_arrows(name: str, result) -> None:
+    scene = scene_of(RunFile(result(name)))
+    drawing = SceneDrawing(scene, 640, 480)
+    unit = drawing.raster.unit
+    for time in np.linspace(scene.time[0], scene.time[-1], 25):
+        moment = Moment(scene, drawing.camera, drawing.raster, time, 0.1)
+        lines = np.array(
+            [(moment.places[s.start][:2], moment.places[s.end][:2]) for s in scene.segments]
+        )
+        for point, text in (scene.labels or {}).items():
+            size = label_size(text, unit)
+            middle = label_place(moment.places[point][:2], size, lines, unit)
+            corners = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]) * size / 2
+            assert distances(middle + corners, lines).min() > 1, (time, point)
+
+
+def test_labels_keep_off_each_other() -> None:
+    at, size = np.array([100.0, 100.0]), label_size("P1", 1.0)
+    first = label_place(at, size, np.empty((0, 2, 2)), 1.0)
+    assert first[0] > at[0]
+    assert first[1] > at[1]
+    side = np.array([size[0] / 2, 0])
+    second = label_place(at, size, np.array([(first - side, first + side)]), 1.0)
+    assert abs(second - first)[0] > size[0] or abs(second - first)[1] > size[1]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["slider_crank", "andrews_squeezer", "heavy_top", "car_axis", "rolling_disk", "chain"],
+)
+def test_every_plot_of_a_report_has_a_unit(name: str, result, tmp_path: Path) -> None:
+    report(result(name), tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    data = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)
+    assert data is not None
+    units = lagcli.load(name).units
+    assert units.stated
+    for plot in json.loads(data[1])["plots"]:
+        assert plot["unit"] or plot["log"] or not units.throughout, [
+            s["name"] for s in plot["series"]
+        ]
+
+
+def test_play_draws_labels_in_the_same_places(result, visit, tmp_path: Path) -> None:
+    from lagcli.pictures.animation.animate import animate
+
+    animate(result("slider_crank"), tmp_path / "page.html")
+    opened = visit(tmp_path / "page.html")
+    lines = [[10, 20, 110, 80], [60, 50, 60, 120]]
+    found = opened.evaluate("(lines) => labelPlace([60, 50], 16, 13, lines, 1)", lines)
+    flipped = np.array([[(a, -b), (c, -d)] for a, b, c, d in lines], dtype=float)
+    expected = label_place(np.array([60.0, -50.0]), (16, 13), flipped, 1.0)
+    assert [found[0], -found[1]] == pytest.approx(expected.tolist())
