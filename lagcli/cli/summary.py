@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.cli.streams import visible_json
 from lagcli.columns import RESIDUALS, ColumnName, unit_of_column
 from lagcli.errors import LagcliError
 from lagcli.json_values import json_values
 from lagcli.trajectory.extremes import Extremes, known
-from lagcli.trajectory.samples import ENDED, Array, Record
+from lagcli.trajectory.samples import ENDED, Record
 
 _LISTED = 20  # multipliers that a person reads
 

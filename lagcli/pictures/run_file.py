@@ -9,13 +9,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from lagcli.arrays import Indices
+from lagcli.arrays import Array, Indices
 from lagcli.errors import ModelError, UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.results.formats import open_reader
-from lagcli.trajectory.samples import Array, Record
+from lagcli.trajectory.samples import Record
 from lagcli.trajectory.trajectory import Trajectory
 
 _NONE = np.empty(0)

@@ -6,13 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.columns import PANELS, ColumnName, ResultQuantity, column_names, unit_of_column
 from lagcli.equations.render.names import Notation
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
 from lagcli.pictures.report.curves import label
 from lagcli.pictures.report.writing import chosen, unit
-from lagcli.trajectory.samples import Array, Samples
+from lagcli.trajectory.samples import Samples
 
 #: Curves that a plot can show and a reader distinguish.
 MOST = 12

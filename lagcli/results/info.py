@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.columns import RESIDUALS, ColumnName
 from lagcli.results.formats import FORMATS, format_of, open_reader
 from lagcli.results.listing import WIDTH, entry, number, pairs
 from lagcli.results.metadata import KIND, model_name, to_metadata
 from lagcli.trajectory.extremes import Extremes, known
-from lagcli.trajectory.samples import Array
 
 _entry = partial(entry, width=20)
 

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION, STATUSES, Array, Record
+from lagcli.arrays import Array
+from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION, STATUSES, Record
 
 #: What kind of file it is, so that a reader can tell it from other files of lagcli.
 KIND = "trajectory"

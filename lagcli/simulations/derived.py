@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.engine.contract import Block
 from lagcli.engine.evaluator import Batch
 from lagcli.engine.scales import least_scales_of_entries, usable
 from lagcli.engine.system import System
 from lagcli.equations.derivation.column_expressions import REPORTED
 from lagcli.simulations.monitor import NO_MONITOR, Monitor
-from lagcli.trajectory.samples import Array, Samples, Terms
+from lagcli.trajectory.samples import Samples, Terms
 
 
 class DerivedColumns:

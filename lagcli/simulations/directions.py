@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 import symengine as se
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Flags
 from lagcli.engine.sensitivity.start import StartDerivatives
 from lagcli.engine.state import State
 from lagcli.engine.tape.compiler import compile_tape
@@ -20,9 +20,6 @@ from lagcli.model.expression.functions import derivative
 from lagcli.model.model import Model
 from lagcli.model.names.propagation import dependent_values
 from lagcli.model.spelling import did_you_mean, nearest, shorten
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 _SHOWN = 12
 

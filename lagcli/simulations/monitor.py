@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import symengine as se
 
+from lagcli.arrays import Array
 from lagcli.columns import ColumnName
 from lagcli.engine.contract import Block
 from lagcli.engine.tape.compiler import compile_tape
@@ -17,7 +18,6 @@ from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.symmetry.conserved import monitored_quantities
 from lagcli.model.dimensions.symbolic import symbolic_unit
 from lagcli.model.model import TIME
-from lagcli.trajectory.samples import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lagcli.engine.lowering import lower
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.reduction.partition import CoordinatePartition, values_at
 from lagcli.equations.reduction.partition import partition as partition_at
 from lagcli.simulations.contacts import refuse_switching
-from lagcli.simulations.start import find_start
+from lagcli.simulations.start import ModelStart
 
 
 def partition(
@@ -36,8 +35,15 @@ def partition(
     ModelError, NumericalError
         There is no consistent initial state.
     """
+    return partition_of(ModelStart(equations), independent)
+
+
+def partition_of(
+    start: ModelStart, independent: Sequence[str] | None = None
+) -> CoordinatePartition:
+    """Divide the coordinates of a model at its start; see `partition`."""
+    equations = start.equations
     refuse_switching(equations, "independent coordinates", nonlinear=True)
-    model = equations.model
-    start = find_start(equations, lower(equations), model.settings.t_start or 0.0).state
-    values = values_at(model, start.t, start.q.tolist(), start.v.tolist(), start.p)
+    state = start.consistent.state
+    values = values_at(equations.model, state.t, state.q.tolist(), state.v.tolist(), state.p)
     return partition_at(equations, values, independent)

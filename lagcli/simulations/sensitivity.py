@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.engine.constraints.initial import ConsistentState, consistent_state
 from lagcli.engine.contract import IntegrationRequest, Outcome
@@ -33,7 +32,6 @@ from lagcli.simulations.directions import Directions
 if TYPE_CHECKING:
     from lagcli.simulations.simulation import Simulation
 
-Array = NDArray[np.float64]
 
 #: Weights of the central differences of sixth order, at 1, 2 and 3 steps, and the step relative to
 #: θ's scale: the error of a smooth start is of the order of 1e-18, that of rounding 1e-13.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -88,6 +89,40 @@ def freedom_at(equations: Equations, system: System, start: ConsistentState) -> 
     return DegreesOfFreedom(len(equations.q), len(rows), rank, tuple(redundant), held)
 
 
+class ModelStart:
+    """The System of equations and its consistent state at the model's start, each found once.
+
+    Parameters
+    ----------
+    equations : Equations
+    """
+
+    def __init__(self, equations: Equations):
+        self.equations = equations
+
+    @cached_property
+    def system(self) -> System:
+        """The equations as tapes."""
+        return lower(self.equations)
+
+    @cached_property
+    def consistent(self) -> ConsistentState:
+        """The consistent state; raises as `find_start`."""
+        t = self.equations.model.settings.t_start or 0.0
+        return find_start(self.equations, self.system, t)
+
+    @cached_property
+    def freedom(self) -> DegreesOfFreedom:
+        """The degrees of freedom; their rank is None where there is no consistent state."""
+        k, r = len(self.equations.q), len(self.equations.constraints)
+        if not r:
+            return DegreesOfFreedom(k, 0, 0)
+        try:
+            return freedom_at(self.equations, self.system, self.consistent)
+        except LagcliError:
+            return DegreesOfFreedom(k, r)
+
+
 def degrees_of_freedom(equations: Equations) -> DegreesOfFreedom:
     """Count the degrees of freedom of a model by the rank of B at its consistent start.
 
@@ -100,16 +135,7 @@ def degrees_of_freedom(equations: Equations) -> DegreesOfFreedom:
     DegreesOfFreedom
         Its rank is None where there is no consistent start.
     """
-    k, r = len(equations.q), len(equations.constraints)
-    if not r:
-        return DegreesOfFreedom(k, 0, 0)
-    t = equations.model.settings.t_start or 0.0
-    system = lower(equations)
-    try:
-        start = find_start(equations, system, t)
-    except LagcliError:
-        return DegreesOfFreedom(k, r)
-    return freedom_at(equations, system, start)
+    return ModelStart(equations).freedom
 
 
 def _initial(model: Model, table: Any) -> tuple[Array, Flags]:

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.engine.evaluator import Batch
 from lagcli.engine.system import System
-from lagcli.trajectory.samples import Array, Samples
+from lagcli.trajectory.samples import Samples
 
 #: Relative error of the energy per step, in relative tolerances: coordinates and velocities are
 #: held to rtol (|y| + 0.1 S) together, and an energy quadratic in them changes by twice that.

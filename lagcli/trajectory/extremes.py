@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.columns import ERRORS, PANELS
-from lagcli.trajectory.samples import Array
 
 
 @dataclass(eq=False)

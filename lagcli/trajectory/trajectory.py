@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.columns import DERIVATIVES, Columns
-from lagcli.trajectory.samples import Array, Record, Samples
+from lagcli.trajectory.samples import Record, Samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

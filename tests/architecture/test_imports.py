@@ -303,6 +303,15 @@ def test_modules_are_of_a_size_to_be_read(module: str) -> None:
     assert lines <= 450, f"{module} has {lines} lines; split it by concept"
 
 
+def test_types_of_arrays_are_named_once() -> None:
+    defined = [
+        module
+        for module, path in MODULES.items()
+        if re.search(r"^(Array|Flags|Indices|Numbers)\b.*= NDArray", path.read_text("utf-8"), re.M)
+    ]
+    assert defined == ["lagcli.arrays"]
+
+
 # the package
 
 

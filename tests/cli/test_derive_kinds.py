@@ -9,6 +9,7 @@ import pytest
 
 from lagcli.cli.app import run
 from lagcli.model.expression.grammar import parse
+from lagcli.simulations.start import find_start
 
 MODELS = Path(__file__).parents[2] / "models"
 CRANK = str(MODELS / "slider_crank_textbook.yaml")
@@ -102,12 +103,30 @@ def test_wrong_arguments(capsys, arguments, said: str) -> None:
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("options", [("--steps",), ("--kind", "first,second,maggi")])
+def test_the_start_is_found_once(capsys, monkeypatch, options) -> None:
+    found = []
+
+    def find(*arguments):
+        found.append(arguments)
+        return find_start(*arguments)
+
+    monkeypatch.setattr("lagcli.simulations.start.find_start", find)
+    printed(capsys, CRANK, *options)
+    assert len(found) == 1
+
+
 def test_without_a_consistent_start_there_is_the_first_kind_only(capsys, tmp_path) -> None:
     model = tmp_path / "apart.yaml"
     model.write_text(
         "coordinates: [x]\nT: x'^2/2\nconstraints: {a: x^2 + 1}\n"
         "initial: {x: {guess: 1}, x': {guess: 0}}\n"
     )
-    assert "x² + 1" in printed(capsys, str(model), "--steps")
+    assert run(["derive", str(model), "--steps"]) == 0
+    shown = capsys.readouterr()
+    assert "x² + 1" in shown.out
+    assert shown.err.startswith("note: without independent coordinates and the second kind: ")
+    assert run(["derive", str(model), "--steps", "--quiet"]) == 0
+    assert not capsys.readouterr().err
     assert run(["derive", str(model), "--kind", "second"]) in (2, 3)
     assert "error" in capsys.readouterr().err

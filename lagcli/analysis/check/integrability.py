@@ -8,7 +8,6 @@ from typing import Literal
 
 import numpy as np
 import symengine as se
-from numpy.typing import NDArray
 from symengine import Basic
 
 from lagcli.engine.constraints.initial import ConsistentState
@@ -20,8 +19,6 @@ from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.derivation.motion import ZERO
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import TIME
-
-Array = NDArray[np.float64]
 
 #: ``alone``: integrable by itself; ``together``: by the help of the other constraints; ``no``: not
 #: integrable; ``not tested``: the form has too many variables.

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import (
     ConsistentState,
     NoConsistentState,
@@ -20,8 +20,6 @@ from lagcli.engine.linear.dense import decompose
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
-
-Array = NDArray[np.float64]
 
 #: Consistent states that are looked for, and the most coordinates with which they are: with more,
 #: each takes seconds.

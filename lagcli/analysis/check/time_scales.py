@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear.dense import SingularSystem, decompose, solve_redundant
 from lagcli.engine.state import State
 from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.interpreter import ScalarTape
-
-Array = NDArray[np.float64]
 
 #: Coordinates, and entries of M, above which no eigenvalues are computed: the derivatives take
 #: seconds.

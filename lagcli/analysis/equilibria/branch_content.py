@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.equilibria.diagram import BifurcationDiagram, Branch, SpecialPoint
 from lagcli.analysis.text import entry, listed, without_rounding
-
-Array = NDArray[np.float64]
+from lagcli.arrays import Array
 
 
 def describe_diagram(diagram: BifurcationDiagram) -> dict[str, Any]:

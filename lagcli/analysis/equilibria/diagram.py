@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.equilibria.extended import (
     ExtendedProblem,
@@ -22,11 +21,9 @@ from lagcli.analysis.local.steady_states import (
     none_found,
     velocity_coordinate,
 )
+from lagcli.arrays import Array, Flags
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 _MOST_BRANCHES = 32
 #: Of scaled unknowns: the step with which another branch is entered, and what counts as the same.

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.equilibria.search import search_steady_states
 from lagcli.analysis.equilibria.stability import Stability, stability_of
@@ -18,10 +17,9 @@ from lagcli.analysis.local.steady_states import (
     held_velocities,
     nearest_steady_state,
 )
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
-
-Array = NDArray[np.float64]
 
 _TAKES_PART = 1e-6
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.local.gradients import Gradients
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.parameter_path import ParameterPath
 from lagcli.analysis.local.steady import ACCEPTED, Residual, SteadyProblem
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
-
-Array = NDArray[np.float64]
 
 _ITERATIONS = 12
 _REACHED = 1e-13  # of the terms' magnitudes

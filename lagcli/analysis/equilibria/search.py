@@ -6,16 +6,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.local.steady import Residual, SteadyProblem
 from lagcli.analysis.local.steady_states import SteadyState, completed, none_found
+from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart, consistent_state
 from lagcli.errors import LagcliError, UsageError
 from lagcli.sweeps.plan.sampling import unit_points
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 #: Of the coordinates' lengths, and of the largest multiplier: roots nearer than this are one.
 _SAME = 1e-6

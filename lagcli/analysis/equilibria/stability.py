@@ -11,8 +11,8 @@ from lagcli.analysis.linear.linear_model import linear_model
 from lagcli.analysis.linear.modes import ReducedMatrices, eigenpairs, reduced_matrices
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
+from lagcli.arrays import Array
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Verdict = Literal["asymptotically stable", "stable", "unstable", "undecided"]
 

@@ -6,14 +6,13 @@ from collections.abc import Callable, Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.equilibria.extended import ExtendedProblem, Place
 from lagcli.analysis.equilibria.stability import Stability, stability_of
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.steady import RANK
+from lagcli.arrays import Array
 
-Array = NDArray[np.float64]
 SpecialKind = Literal["fold", "branch point", "Hopf point", "flutter"]
 
 #: Lengths of steps in scaled unknowns: the first, the longest and the shortest.

@@ -11,15 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.errors import Diagnostic, FileError, SourceLocation
 from lagcli.model.expression.units import UnknownUnit, to_si
 from lagcli.model.model import DataFile, ObservedQuantity
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.results.reasons import check_readable, read_failure
-
-Array = NDArray[np.float64]
 
 _DELIMITERS = ",;\t"
 #: A title with its unit: ``enc [deg]``.

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 import symengine as se
-from numpy.typing import NDArray
 
 from lagcli.analysis.fit.data import Measured
+from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import (
     ConsistentState,
     NoConsistentState,
@@ -29,8 +29,6 @@ from lagcli.model.model import Model, ObservedQuantity
 from lagcli.settings.settings import Settings
 from lagcli.simulations.sampling import absolute_tolerances
 from lagcli.simulations.sensitivity import Sensitivity
-
-Array = NDArray[np.float64]
 
 
 class Evaluation(NamedTuple):

@@ -9,13 +9,13 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.fit.data import read_measured
 from lagcli.analysis.fit.experiment import Experiment, FailedRun, experiments_of, sigma_estimated
 from lagcli.analysis.fit.result import FitResult, FittedData
 from lagcli.analysis.fit.search import Found, Problem
 from lagcli.analysis.fit.uncertainty import profile_interval, quantile, uncertainty
+from lagcli.arrays import Array
 from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
 from lagcli.model.expression.units import si_notation
 from lagcli.model.loader import load_text
@@ -24,8 +24,6 @@ from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.directions import direction_names
 from lagcli.simulations.threads import one_thread
-
-Array = NDArray[np.float64]
 
 #: A run may take this many steps for each one at the model's values, and this many more: values far
 #: away may be those of a motion that never ends.

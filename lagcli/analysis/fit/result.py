@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.fit.uncertainty import ParameterCombination
-
-Array = NDArray[np.float64]
+from lagcli.arrays import Array
 
 
 class FittedData(NamedTuple):

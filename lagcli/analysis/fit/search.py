@@ -17,12 +17,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.fit.experiment import Evaluation, Experiment, FailedRun
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from lagcli.arrays import Array, Flags
 
 #: Relative changes of the cost, of the quantities and of the gradient at which a search ends: of
 #: 10⁴ values, a change of chi-square by 1e-4, a hundredth of a standard error.

@@ -18,12 +18,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.fit.search import Problem
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from lagcli.arrays import Array, Flags
 
 #: Singular values below this part of the largest vanish: the Jacobian's error is smaller.
 _VANISHING = 1e-6

@@ -7,17 +7,16 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.linear.operating_points import find_operating_point
 from lagcli.analysis.linear.signals import Inputs, Outputs
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.tangent import multipliers_of
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
 
-Array = NDArray[np.float64]
 Form = Literal["reduced", "descriptor"]
 FORMS: tuple[Form, ...] = ("reduced", "descriptor")
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from lagcli.analysis.linear.modes import ModalAnalysis, Mode, modes_about
 from lagcli.analysis.linear.operating_points import find_operating_point
 from lagcli.analysis.local.local_equations import LocalEquations
+from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart, consistent_state
 from lagcli.engine.contract import Block
 from lagcli.errors import UsageError
@@ -17,7 +18,6 @@ from lagcli.trajectory.samples import Record
 from lagcli.trajectory.trajectory import Trajectory, complete
 from lagcli.version import __version__
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _PERIODS, _CONSTANTS = 3, 3  # that are shown of oscillations, and time constants of others

@@ -14,9 +14,9 @@ from lagcli.analysis.linear.operating_points import find_operating_point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.tangent import least
+from lagcli.arrays import Array
 from lagcli.model.model import Model
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Kind = Literal["neutral", "oscillation", "growing oscillation", "decay", "divergence"]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
@@ -14,8 +13,6 @@ from lagcli.analysis.local.steady_states import nearest_steady_state
 from lagcli.engine.state import State
 from lagcli.errors import NumericalError, UsageError
 from lagcli.settings.settings import SettingsOverrides
-
-Array = NDArray[np.float64]
 
 #: Of the largest acceleration, compared by coordinate: those that are rounding errors.
 _CONSTANT = 1e-9

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.local.gradients import Gradients, Point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.parameter_path import ParameterPath
+from lagcli.arrays import Array
 from lagcli.columns import SCALARS, read_column_name
 from lagcli.equations.derivation.column_expressions import REPORTED, column_expression
 from lagcli.equations.derivation.lagrange import Equations, with_forces
@@ -20,7 +20,6 @@ from lagcli.model.spelling import did_you_mean, nearest
 if TYPE_CHECKING:
     from symengine import Basic
 
-Array = NDArray[np.float64]
 
 _FORCE = "Q."
 _LISTED = 20

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Flags
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
 from lagcli.equations.derivation.lagrange import Equations
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 _TURN = 2 * np.pi
 #: Of the largest number that a tape returns: differences that are rounding errors.

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from lagcli.arrays import Array
 
 if TYPE_CHECKING:
     from symengine import Basic
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
     from lagcli.engine.system import Pattern, System
     from lagcli.engine.tape.tape import Tape
     from lagcli.equations.derivation.lagrange import Equations
-
-Array = NDArray[np.float64]
 
 
 class Point(NamedTuple):

@@ -6,11 +6,11 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.local.coordinate_ranges import angles, enters, lengths
 from lagcli.analysis.local.gradients import Gradients, MotionJacobians, MotionJacobianTape, Point
 from lagcli.analysis.local.tangent import Indices, Response, Tangent, tangent_of
+from lagcli.arrays import Array, Flags
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.evaluator import Constraints, Evaluator
@@ -27,8 +27,6 @@ from lagcli.simulations.start import find_start
 if TYPE_CHECKING:
     from lagcli.engine.system import System
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 #: Unbalanced forces that are rounding errors, beside the sum of the magnitudes of all forces.
 _BALANCED = 1e-8

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
 from lagcli.model.spelling import did_you_mean, nearest
-
-Array = NDArray[np.float64]
 
 
 class ParameterPath:

@@ -6,17 +6,15 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations, shared_scale
 from lagcli.analysis.local.tangent import Indices, independent, least, multipliers_of
+from lagcli.arrays import Array
 from lagcli.engine.evaluator import Dynamics
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import LEAST_PART
 from lagcli.errors import UsageError
-
-Array = NDArray[np.float64]
 
 #: Singular values of the scaled Jacobian below this part of the largest are taken for zero.
 RANK = 1e-9

@@ -6,15 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.local.steady import Residual, SteadyProblem
+from lagcli.arrays import Array
 from lagcli.errors import NumericalError, UsageError
 from lagcli.model.spelling import did_you_mean, nearest
-
-Array = NDArray[np.float64]
 
 
 class SteadyState(NamedTuple):

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.linear import dense
 
-Array = NDArray[np.float64]
 Indices = tuple[int, ...]
 
 

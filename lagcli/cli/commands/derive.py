@@ -2,7 +2,6 @@
 
 import shutil
 import sys
-from contextlib import suppress
 from enum import StrEnum
 from typing import Annotated
 
@@ -97,8 +96,8 @@ def derive(
     from lagcli.equations.render.names import invalid_latex_warnings
     from lagcli.model.loader import load
     from lagcli.results.atomic import check_writable, whole_file
-    from lagcli.simulations.partition import partition
-    from lagcli.simulations.start import degrees_of_freedom
+    from lagcli.simulations.partition import partition_of
+    from lagcli.simulations.start import ModelStart
 
     refuse_same_file(model, output)
     target = None if output in (None, "-") else output
@@ -109,16 +108,20 @@ def derive(
         for warning in invalid_latex_warnings(loaded):
             print(warning.render(), file=sys.stderr)
     equations = derive_equations(loaded)
+    start = ModelStart(equations)
     kinds = _kinds(kind or "first")
     names = _names(independent)
     divided = None
     if solve or names is not None or kinds != ["first"]:
-        divided = partition(equations, names)
+        divided = partition_of(start, names)
     elif steps:
-        with suppress(LagcliError):  # without a consistent start, the first kind is printed anyway
-            divided = partition(equations)
+        try:
+            divided = partition_of(start)
             if kind is None and second_kind_is_short(divided):
                 kinds.append("second")
+        except LagcliError as error:  # the first kind needs no independent coordinates
+            if not quiet:
+                print(_without_partition(error), file=sys.stderr)
     text = render(
         equations,
         format="json" if json else format.value,
@@ -126,7 +129,7 @@ def derive(
         numeric=numeric,
         width=width or _terminal_width(),
         fragment=fragment,
-        freedom=degrees_of_freedom(equations),
+        freedom=start.freedom,
         full=full,
         kinds=kinds,
         partition=divided,
@@ -141,6 +144,12 @@ def derive(
         file.write(text.encode())
     if not quiet:
         print(f"written: {target}", file=sys.stderr)
+
+
+def _without_partition(error: LagcliError) -> str:
+    """Say why a derivation has no independent coordinates."""
+    found = error.diagnostics[0].message if error.diagnostics else str(error)
+    return f"note: without independent coordinates and the second kind: {found}"
 
 
 def _kinds(text: str) -> list[str]:

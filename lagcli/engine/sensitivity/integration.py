@@ -8,8 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.engine.contract import Block, IntegrationRequest, Outcome
 from lagcli.engine.evaluator import Batch, Evaluator
 from lagcli.engine.integrate.engines import engine_named
@@ -31,7 +31,6 @@ from lagcli.settings.resolve import compiled_available
 if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
 
-Array = NDArray[np.float64]
 
 #: Samples of a block at which the reference engine's solution is checked, and the part of its terms
 #: by which the equations of the derivatives may be missed there.

@@ -12,15 +12,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array, Flags
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.sensitivity.tangent import TangentTapes
 from lagcli.engine.state import State
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 #: A residual of the linearized constraints beyond this part of their scale contradicts.
 _REACHED = 1e-7

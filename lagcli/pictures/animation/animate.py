@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.pictures.animation.film import Image, check_film, write_gif, write_mp4
 from lagcli.pictures.animation.histories import Histories, HistoriesDrawing
@@ -21,7 +22,6 @@ from lagcli.pictures.scene.timing import Timing, timing
 from lagcli.pictures.scene.view_evaluator import scene_of
 from lagcli.results.atomic import check_writable, whole_file
 from lagcli.results.metadata import model_title
-from lagcli.trajectory.samples import Array
 from lagcli.trajectory.trajectory import Trajectory
 
 SUFFIXES = (".html", ".gif", ".mp4")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.arrays import Image, Indices
+from lagcli.arrays import Array, Image, Indices
 from lagcli.pictures.plots.curves import Catalogue, pretty_unit, read_curves
 from lagcli.pictures.plots.figure_file import new_figure
 from lagcli.pictures.plots.panels import Panel, asked
@@ -14,7 +14,6 @@ from lagcli.pictures.plots.run_plot import PanelDrawing
 from lagcli.pictures.plots.style import PALETTE, ROLES
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.raster import Raster
-from lagcli.trajectory.samples import Array
 
 _DPI = 100
 _MARKED = 10  # curves on which a dot moves: on more, dots would be a cloud

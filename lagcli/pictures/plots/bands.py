@@ -9,11 +9,11 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.columns import DERIVATIVES
 from lagcli.errors import UsageError
 from lagcli.pictures.plots.curves import Curve
 from lagcli.pictures.run_file import RunFile
-from lagcli.trajectory.samples import Array
 
 #: The fields that have derivatives, and the fields of these.
 _DERIVED = dict(zip(("q", "v", "multipliers"), (x.name for x in DERIVATIVES), strict=True))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.columns import (
     BY_NAME,
     DERIVATIVES,
@@ -28,7 +29,6 @@ from lagcli.model.names.members import format_members
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.pictures.plots.ticks import drawable
 from lagcli.pictures.run_file import RunFile
-from lagcli.trajectory.samples import Array
 
 #: Forces that are listed one by one, constraints times coordinates.
 _LISTED = 10_000

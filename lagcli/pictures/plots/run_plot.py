@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.pictures.plots import style
 from lagcli.pictures.plots.bands import half_widths, read_bands
@@ -17,7 +18,7 @@ from lagcli.pictures.plots.panels import Panel, asked, split_by_scale, usual
 from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.plots.ticks import decades, drawable, plain_ticks
 from lagcli.pictures.run_file import RunFile
-from lagcli.trajectory.samples import ENDED, Array
+from lagcli.trajectory.samples import ENDED
 
 WIDTH = 7.0  # inches
 _TIME, _PHASE = 1.7, 4.2  # inches, of panels

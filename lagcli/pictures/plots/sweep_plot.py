@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures.plots import style
@@ -17,7 +18,6 @@ from lagcli.pictures.plots.ticks import drawable, plain_ticks
 from lagcli.pictures.plots.tornado import draw_tornado, effects
 from lagcli.results.layout import NOT_STATED
 from lagcli.sweeps.row_results import COMPLETED
-from lagcli.trajectory.samples import Array
 
 _WIDTH, _CURVE, _MAP = 6.0, 2.4, 4.0  # inches
 _FAMILIES = 6  # values of a second quantity that a legend distinguishes

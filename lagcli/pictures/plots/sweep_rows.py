@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
@@ -15,7 +16,7 @@ from lagcli.pictures.plots.thinning import evenly
 from lagcli.pictures.run_file import RunFile
 from lagcli.results.layout import NOT_STATED
 from lagcli.sweeps.row_results import COMPLETED
-from lagcli.trajectory.samples import Array, Record
+from lagcli.trajectory.samples import Record
 
 #: Rows that are drawn: more curves would only cover each other.
 MOST = 200

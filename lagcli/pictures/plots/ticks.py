@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.trajectory.samples import Array
+from lagcli.arrays import Array
 
 _RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.pictures.plots import style
 from lagcli.pictures.plots.ticks import plain_ticks
-from lagcli.trajectory.samples import Array
 
 #: Values of a quantity up to which a mean is taken for each.
 _LEVELS = 50

@@ -8,14 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lagcli.arrays import Indices
+from lagcli.arrays import Array, Indices
 from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName, unit_of_column
 from lagcli.equations.render.names import Notation
 from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.report.writing import axis_unit, chosen
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.extremes import Extreme, widen
-from lagcli.trajectory.samples import Array
 
 #: Curves in one plot, and constraints whose forces are drawn: a reader cannot distinguish more.
 _CURVES, _CONSTRAINTS = 24, 12

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from html import escape
 
+from lagcli.arrays import Array
 from lagcli.equations.derivation.lagrange import ConstraintEquation
 from lagcli.equations.presentation.conserved import conserved_step
 from lagcli.equations.presentation.extent import abridged, is_large
@@ -24,7 +25,6 @@ from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities
 from lagcli.equations.symmetry.generality import generalized
 from lagcli.pictures.report.writing import chosen, elided, number, table, unit
 from lagcli.pictures.run_file import RunFile
-from lagcli.trajectory.samples import Array
 
 #: Coordinates, parameters, constraints and equations that are listed one by one; of more than
 #: these, about so many constraints and equations.

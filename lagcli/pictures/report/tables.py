@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
+from lagcli.arrays import Array
 from lagcli.columns import BY_NAME, ColumnName, unit_of_column
 from lagcli.pictures.report.curves import ReportCurve
 from lagcli.pictures.report.equations import EquationSystem
 from lagcli.pictures.report.writing import number, table, unit
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.extremes import Extreme, Extremes
-from lagcli.trajectory.samples import Array
 from lagcli.version import __version__
 
 _ENDINGS = {

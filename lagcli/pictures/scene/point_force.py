@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from symengine import Basic
 
+from lagcli.arrays import Array
 from lagcli.errors import UsageError
 from lagcli.model.expression.functions import derivative
 from lagcli.model.model import Arrow, Model, coordinate
-from lagcli.trajectory.samples import Array
 
 #: Relative to the largest λ b along the run: what may be left of Jᵀ F − λ b.
 _LEFT = 1e-6

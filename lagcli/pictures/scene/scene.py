@@ -31,8 +31,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.model.model import Segment
-from lagcli.trajectory.samples import Array
 
 #: Of the picture's size: how much is left free around it, and the length of a long vector.
 MARGIN, LONG = 0.08, 0.3

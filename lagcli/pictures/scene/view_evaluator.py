@@ -9,7 +9,7 @@ import numpy as np
 import symengine as se
 from symengine import Basic
 
-from lagcli.arrays import Indices
+from lagcli.arrays import Array, Indices
 from lagcli.columns import read_column_name, read_dotted_name
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
@@ -27,7 +27,7 @@ from lagcli.model.model import (
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.point_force import PointForce, point_force
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, extent_of, scaled
-from lagcli.trajectory.samples import Array, Terms
+from lagcli.trajectory.samples import Terms
 
 #: Numbers that a tape holds at once: 32 MB.
 _HELD = 1 << 22

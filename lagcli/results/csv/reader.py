@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.columns import (
     ARRAYS,
     REQUIRED,
@@ -27,7 +28,7 @@ from lagcli.results.csv.writer import titles
 from lagcli.results.layout import term_names
 from lagcli.results.metadata import check_times
 from lagcli.results.reasons import check_readable, read_failure
-from lagcli.trajectory.samples import SCHEMA_VERSION, Array, Terms
+from lagcli.trajectory.samples import SCHEMA_VERSION, Terms
 from lagcli.trajectory.trajectory import Trajectory
 
 #: Numbers read in one go, where a file is read piece by piece.

@@ -8,16 +8,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lagcli.arrays import Array
 from lagcli.errors import FileError
 from lagcli.results.hdf5.container import add_array, new_file, set_text
 from lagcli.results.hdf5.opening import open_verified
 from lagcli.results.hdf5.structure import text_attribute
 from lagcli.results.metadata import to_json
 from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION
-
-Array = NDArray[np.float64]
 
 
 def write_analysis(

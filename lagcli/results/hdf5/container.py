@@ -14,10 +14,9 @@ import h5py
 import numpy as np
 from h5py import h5a, h5d, h5ds, h5p, h5s, h5t
 
-from lagcli.arrays import Indices
+from lagcli.arrays import Array, Indices
 from lagcli.results.atomic import whole_file
 from lagcli.results.hdf5.seal import seal
-from lagcli.trajectory.samples import Array
 
 _SCALAR = h5s.create(h5s.SCALAR)
 _NAMES = h5p.create(h5p.LINK_CREATE)

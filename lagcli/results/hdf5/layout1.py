@@ -18,13 +18,14 @@ from typing import Any
 import h5py
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.columns import BY_NAME, SAMPLED, ResultQuantity
 from lagcli.errors import FileError
 from lagcli.results.hdf5.container import add_array, add_texts, new_file, set_text
 from lagcli.results.hdf5.opening import damage, not_of_lagcli
 from lagcli.results.hdf5.structure import group, numbers, read_quantity, stored_within
 from lagcli.results.metadata import KIND, TEXTS, from_metadata
-from lagcli.trajectory.samples import Array, Record, Samples, Terms
+from lagcli.trajectory.samples import Record, Samples, Terms
 
 _VERSION = "1"
 #: The mappings that layout 1 has; those that came later are empty in the copy.

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import h5py
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.results.hdf5.structure import group, is_texts, numbers, read_texts
-from lagcli.trajectory.samples import Array
 
 
 class OutputFamily(NamedTuple):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
+from lagcli.arrays import Array
 from lagcli.column_units import UNIT_DATASETS, units_along
 from lagcli.columns import ARRAYS, BY_NAME, DERIVATIVES, QUANTITIES, SAMPLED
 from lagcli.errors import FileError
@@ -39,7 +40,7 @@ from lagcli.results.metadata import (
     to_json,
     to_metadata,
 )
-from lagcli.trajectory.samples import SCHEMA_VERSION, Array, Record, Samples, Terms
+from lagcli.trajectory.samples import SCHEMA_VERSION, Record, Samples, Terms
 
 if TYPE_CHECKING:
     from lagcli.results.hdf5.opening import Opened
