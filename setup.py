@@ -56,7 +56,8 @@ class BuildWithModels(build_py):
         if not self.editable_mode:
             folder = Path(self.build_lib) / "lagcli" / "models"
             self.mkpath(str(folder))
-            for path in sorted(Path("models").glob("*.yaml")):
+            files = (path for kind in ("yaml", "csv") for path in Path("models").glob(f"*.{kind}"))
+            for path in sorted(files):
                 self.copy_file(str(path), str(folder / path.name))
 
 

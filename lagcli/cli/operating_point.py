@@ -56,7 +56,7 @@ def load_steady(
     # as guesses: constraints that determine them are for the analysis to report
     velocities = {f"{names[text]}'": f"{{guess: {value}}}" for text, value in held.items()}
     given = {name: value for name, value in initial.items() if f"{name}'" not in velocities}
-    again = load_text(loaded.text, loaded.path, parameters, {**given, **velocities})
+    again = load_text(loaded.text, loaded.path, parameters, {**given, **velocities}, loaded.data)
     return again, {f"{name}'": again.initial_velocities[name].value for name in names.values()}
 
 
@@ -88,7 +88,9 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
         raise UsageError(f"--along {along!r} is not of the form NAME=START:END, as in P=0:3")
     if name in model.parameters or not name.endswith(("'", "_dot")):
         models = [
-            load_text(model.text, model.path, {**model.set, name: end}, model.set_initial)
+            load_text(
+                model.text, model.path, {**model.set, name: end}, model.set_initial, model.data
+            )
             for end in ends
         ]
         start, end = (m.parameters[name].value for m in models)
@@ -97,7 +99,11 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
     given = {k: x for k, x in model.set_initial.items() if k not in (name, f"{coordinate}'")}
     models = [
         load_text(
-            model.text, model.path, model.set, {**given, f"{coordinate}'": f"{{guess: {end}}}"}
+            model.text,
+            model.path,
+            model.set,
+            {**given, f"{coordinate}'": f"{{guess: {end}}}"},
+            model.data,
         )
         for end in ends
     ]

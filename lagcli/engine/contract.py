@@ -123,7 +123,8 @@ class IntegrationRequest:
         Event → Reaction; without it, events are not looked for.
     breaks : (nb,) array
         Times at which the right side is not smooth, increasing, s: steps end there, the integration
-        begins anew, and a sample at such a time is that of what follows.
+        begins anew, and a sample at such a time is that of what follows. The knots of the System's
+        functions of time are added by the engine: see `breaks_of`.
     """
 
     state: State
@@ -147,6 +148,12 @@ class IntegrationRequest:
     def kind_of(self) -> tuple[int, ...]:
         """The kind of each coordinate."""
         return self.kinds or (0,) * len(self.state.q)
+
+
+def breaks_of(system: System, request: IntegrationRequest) -> Array:
+    """Return the times of a run at which the right side is not smooth, increasing, s."""
+    settings, given = request.settings, request.breaks
+    return system.functions.breaks(request.state.t, settings.t_end, given)
 
 
 class Block(NamedTuple):

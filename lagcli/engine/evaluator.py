@@ -119,6 +119,12 @@ class Evaluator:
         other.p = p
         return other
 
+    def hold(self, t: float) -> None:
+        """Take the pieces that known functions of time have from a time on, from now on."""
+        pieces = self.system.functions.pieces_at(t)
+        self._dynamics.hold(pieces)
+        self._constraint.hold(pieces)
+
     def state(self, t: float, q: Array, v: Array) -> State:
         """Return a state with these values of the parameters; it keeps copies of q and v."""
         return State(t, q.copy(), v.copy(), self.p)

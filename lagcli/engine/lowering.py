@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import symengine as se
 
+from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
+from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.system import JacobianTapes, ParameterTapes, Pattern, System
 from lagcli.engine.tape.compiler import compile_tape
 
@@ -33,6 +35,7 @@ def lower(equations: Equations) -> System:
     eq, model = equations, equations.model
     parameters = [se.Symbol(name) for name in model.parameters]
     state = [TIME, *eq.q, *eq.v]
+    functions = input_functions(model)
     rows = [c.row for c in eq.constraints]
     holonomic = tuple(i for i, c in enumerate(eq.constraints) if c.position is not None)
     mass_pattern = tuple((i, j) for i, row in enumerate(eq.mass_matrix) for j in sorted(row))
@@ -59,6 +62,7 @@ def lower(equations: Equations) -> System:
             ],
             state,
             parameters,
+            functions,
         ),
         constraint=compile_tape(
             [
@@ -70,11 +74,13 @@ def lower(equations: Equations) -> System:
             ],
             state,
             parameters,
+            functions,
         ),
         report=compile_tape(
             [*reported(eq), *eq.outputs.values()],
             [*state, *eq.a, *eq.multipliers],
             parameters,
+            functions,
         ),
         outputs=tuple(eq.outputs),
         events=conditions,
@@ -82,18 +88,23 @@ def lower(equations: Equations) -> System:
         nonlinear=tuple(
             i for i, c in enumerate(eq.constraints) if c.constraint.kind == "nonlinear"
         ),
-        variation=partial(lower_jacobians, eq),
-        parameter_variation=partial(lower_parameter_jacobians, eq),
+        variation=partial(lower_jacobians, eq, functions),
+        parameter_variation=partial(lower_parameter_jacobians, eq, functions),
         same_unit=_same_unit([x for x in positions if x is not None], eq.q),
+        functions=functions,
     )
 
 
-def lower_jacobians(equations: Equations) -> JacobianTapes:
+def lower_jacobians(
+    equations: Equations, functions: InputFunctions = NO_FUNCTIONS
+) -> JacobianTapes:
     """Turn the derivatives of the equations into a tape.
 
     Parameters
     ----------
     equations : Equations
+    functions : InputFunctions, optional
+        The model's inputs.
 
     Returns
     -------
@@ -115,7 +126,10 @@ def lower_jacobians(equations: Equations) -> JacobianTapes:
     entries = [x for rows in blocks for row in rows for x in row.values()]
     times = [g.time for g in (*found.force, *found.rhs, found.power)]
     tape = compile_tape(
-        [*entries, *times], [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers], parameters
+        [*entries, *times],
+        [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
+        parameters,
+        functions,
     )
     force_position, force_velocity, rhs_position, rhs_velocity = map(_pattern, blocks[:4])
     return JacobianTapes(
@@ -129,12 +143,16 @@ def lower_jacobians(equations: Equations) -> JacobianTapes:
     )
 
 
-def lower_parameter_jacobians(equations: Equations, names: Sequence[str]) -> ParameterTapes:
+def lower_parameter_jacobians(
+    equations: Equations, functions: InputFunctions, names: Sequence[str]
+) -> ParameterTapes:
     """Turn the derivatives of the equations with respect to parameters into a tape.
 
     Parameters
     ----------
     equations : Equations
+    functions : InputFunctions
+        The model's inputs.
     names : sequence of str
         Names of the model's parameters.
 
@@ -157,6 +175,7 @@ def lower_parameter_jacobians(equations: Equations, names: Sequence[str]) -> Par
         [x for rows in blocks for row in rows for x in row.values()],
         [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
         [se.Symbol(name) for name in eq.model.parameters],
+        functions,
     )
     return ParameterTapes(found.parameters, force, rhs, position, velocity, outputs, tape)
 

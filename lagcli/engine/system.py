@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from lagcli.arrays import Array
+from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.engine.switching.switching import Switching
 from lagcli.engine.tape.tape import Tape
@@ -107,6 +108,8 @@ class System:
     parameter_variation : callable, optional
         Names of parameters → derivatives with respect to them (`ParameterTapes`); called when an
         analysis needs them.
+    functions : InputFunctions
+        Known functions of time, which all its tapes have.
     same_unit : tuple of tuples of int
         Coordinates that certainly have the same unit, such as those of a quaternion.
     switching : Switching, optional
@@ -129,6 +132,17 @@ class System:
     variation: Callable[[], JacobianTapes] | None = None
     parameter_variation: Callable[[Sequence[str]], ParameterTapes] | None = None
     same_unit: tuple[tuple[int, ...], ...] = ()
+    functions: InputFunctions = NO_FUNCTIONS
+
+    @property
+    def held(self) -> int:
+        """How many inputs of the tapes stay the same along a step: parameters, and pieces."""
+        return len(self.parameters) + self.functions.size
+
+    def held_at(self, t: float, p: Sequence[float]) -> list[float]:
+        """Return the values of those inputs from a time on."""
+        return [*p, *self.functions.pieces_at(t)]
+
     switching: Switching | None = None
     nonlinear: tuple[int, ...] = ()
 
@@ -175,7 +189,7 @@ class System:
         Coordinates with the same label are likely to be treated alike.
         """
         kinds = [without_numbers(name) for name in self.coordinates]
-        return [None, *kinds, *(kind + "'" for kind in kinds), *[None for _ in self.parameters]]
+        return [None, *kinds, *(kind + "'" for kind in kinds), *[None for _ in range(self.held)]]
 
 
 def without_numbers(name: str) -> str:

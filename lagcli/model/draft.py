@@ -294,6 +294,7 @@ _EXAMPLES = {
     "parameters": "m: 1 kg",
     "functions": "spring(u): k/2*u^2",
     "definitions": "x_A: r*cos(phi)",
+    "inputs": "u: {file: road.csv, column: height}",
     "Q": "phi: tau",
     "constraints": "rod: x^2 + y^2 = l^2",
     "initial": "phi: 0.5",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from lagcli.model.inputs import EXTENSIONS, INTERPOLATIONS
 from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, Tolerances, WholeNumber
 from lagcli.settings.settings import Settings
 
@@ -78,6 +79,22 @@ PARAMETER = _mapping(
         "description": _DESCRIPTION,
     },
     "value",
+)
+_ROWS = {"type": "array", "items": _SCALAR, "minItems": 1}
+INPUT = _mapping(
+    {
+        "file": _described("CSV file, from the folder of the model", _TEXT),
+        "time": _described("column of the times; by default `t`", _TEXT),
+        "column": _described("column of the values; by default the name of the input", _TEXT),
+        "times": _described("times, in place of a file", _ROWS),
+        "values": _described("values at these times", _ROWS),
+        "unit": _described("unit of the values; by default that in the column's title", _TEXT),
+        "interpolation": _described(
+            "between the rows; by default `linear`", {"enum": list(INTERPOLATIONS)}
+        ),
+        "extend": _described("outside the table; an error by default", {"enum": list(EXTENSIONS)}),
+        "description": _DESCRIPTION,
+    }
 )
 DEFINITION = _mapping(
     {"expr": _described("expression", _EXPRESSION), "description": _DESCRIPTION}, "expr"
@@ -260,6 +277,11 @@ MODEL = _mapping(
                 },
                 _EMPTY,
             ),
+        ),
+        "inputs": _described(
+            "name → {`file`, `time`, `column`} or {`times`, `values`}, with `unit`,"
+            " `interpolation` and `extend`: known functions of time (see [Inputs](#inputs))",
+            _one_of(_named(INPUT), _EMPTY),
         ),
         "definitions": _described(
             "name → expression, vector, matrix or rotation, or {`expr`, `description`}",

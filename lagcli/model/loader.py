@@ -14,6 +14,7 @@ from lagcli.errors import ModelError
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
 from lagcli.model.draft import Draft
+from lagcli.model.inputs import InputData
 from lagcli.model.keys import MODEL, keys_of
 from lagcli.model.model import Model
 from lagcli.model.names.families import Declaration, declarations
@@ -29,6 +30,8 @@ from lagcli.model.sections.coordinates import (
 from lagcli.model.sections.definitions import expand_definitions, read_definitions
 from lagcli.model.sections.energies import read_energies, read_forces, read_scalar
 from lagcli.model.sections.initial import read_closed, read_initial
+from lagcli.model.sections.input_uses import InputUses
+from lagcli.model.sections.inputs import read_inputs
 from lagcli.model.sections.outputs import read_outputs
 from lagcli.model.sections.parameters import read_parameters, structural
 from lagcli.model.sections.simulation import read_settings
@@ -38,8 +41,6 @@ from lagcli.model.vectors.kinds import constraints_of, definitions_of
 from lagcli.model.yaml.composing import compose
 from lagcli.model.yaml.reading import check_text, read_text
 from lagcli.model.yaml.source import Source
-
-LATER_KEYS = ("inputs",)
 
 
 def load(
@@ -79,13 +80,18 @@ def load_text(
     path: str = "<text>",
     set: Mapping[str, object] | None = None,
     set_initial: Mapping[str, object] | None = None,
+    data: Mapping[str, InputData] | None = None,
 ) -> Model:
-    """Load and check the text of a model file; see `load`."""
+    """Load and check the text of a model file; see `load`.
+
+    ``data`` are tables of inputs that are there already: their files are not read.
+    """
     source = Source(text.removeprefix("\ufeff"), path)
     check_text(source)
     with _without_gc():
         root, diagnostics = compose(source)
-        return _model(Draft(source, root, Diagnostics(diagnostics)), set or {}, set_initial or {})
+        draft = Draft(source, root, Diagnostics(diagnostics))
+        return _model(draft, set or {}, set_initial or {}, data or {})
 
 
 @contextmanager
@@ -105,20 +111,32 @@ def _without_gc() -> Iterator[None]:
 
 
 def _model(
-    draft: Draft, overrides: Mapping[str, object], initial_overrides: Mapping[str, object]
+    draft: Draft,
+    overrides: Mapping[str, object],
+    initial_overrides: Mapping[str, object],
+    data: Mapping[str, InputData],
 ) -> Model:
-    check_keys(draft, keys_of(MODEL), LATER_KEYS)
+    check_keys(draft, keys_of(MODEL))
     functions = read_functions(draft)
     coordinate_entries = read_coordinates(draft)
     parameter_entries = _declarations(draft, "parameters", "parameter")
     definition_entries = _declarations(draft, "definitions", "definition")
+    input_entries = _declarations(draft, "inputs", "input")
     constraint_entries = declarations(draft, draft.entries("constraints") or [], "constraint")
     vectors = definitions_of(entry.declaration for entry in coordinate_entries)
     draft.names.kinds = {d.family: d.kind for d in vectors}
     definition_entries = [*vectors, *definition_entries]
     constraint_entries += constraints_of(vectors)
-    declare(draft, coordinate_entries, parameter_entries, definition_entries, functions)
+    declare(
+        draft,
+        coordinate_entries,
+        parameter_entries,
+        definition_entries,
+        functions,
+        input_entries,
+    )
     parameters, constants = read_parameters(draft, parameter_entries, overrides)
+    inputs = read_inputs(draft, input_entries, data)
     coordinates = expand_coordinates(
         draft, coordinate_entries, constants, any(p.unit for p in parameters.values())
     )
@@ -132,6 +150,10 @@ def _model(
     constraints = read_constraints(draft, constraint_entries, constrained, constants)
     forces = read_forces(draft, definitions, constants, draft.entries("Q") or [])
     closed = read_closed(draft, constraints)
+    energies = [("L", [potential], 1)] if kinetic is None else []
+    energies = energies or [("T", [kinetic], 1), ("V", [potential], 1)]
+    used = [*energies, ("D", [dissipation], 0), ("Q", forces.values(), 0)]
+    InputUses(draft, inputs).check(constraints, used)
     positions, velocities = read_initial(draft, constants, initial_overrides)
     outputs, output_units = read_outputs(draft, constants)
     known = EventNames(constants, parameters, definitions, constraints, outputs)
@@ -178,6 +200,7 @@ def _model(
         events=events,
         closed=closed,
         left_out=tuple(draft.left_out),
+        inputs=inputs,
     )
     units = derive_units(model)
     if units.throughout and units.findings:

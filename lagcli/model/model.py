@@ -19,6 +19,7 @@ from lagcli.model.names.scoping import Value
 from lagcli.settings.settings import SettingsOverrides
 
 if TYPE_CHECKING:
+    from lagcli.model.inputs import Input, InputData
     from lagcli.model.symbols import Symbols
 
 Kind = Literal["holonomic", "nonholonomic", "nonlinear"]
@@ -393,11 +394,17 @@ class Model:
     events: tuple[ModelEvent, ...] = ()
     closed: frozenset[str] = frozenset()
     left_out: tuple[str, ...] = ()
+    inputs: Mapping[str, Input] = field(default_factory=dict)
 
     @property
     def switches(self) -> bool:
         """Whether constraints come and go, or events happen."""
         return bool(self.events) or not all(c.lasting for c in self.constraints)
+
+    @property
+    def data(self) -> dict[str, InputData]:
+        """The tables of the inputs, by name: what `load_text` needs beside the text."""
+        return {name: x.data for name, x in self.inputs.items()}
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

@@ -59,6 +59,8 @@ class Symbols:
         Names whose declaration is in error; their uses are not reported.
     suspects : set of str
         Words in malformed declarations that may have been meant as names; likewise not reported.
+    inputs : mapping of str to int
+        Known functions of time, and how often each may be differentiated.
     structural : set of str
         Parameters used in an index or a range.
     functions : mapping of str to Macro
@@ -76,6 +78,7 @@ class Symbols:
     parameters: Mapping[str, Callable[[], Basic]] = field(default_factory=dict)
     definitions: Mapping[str, Callable[[], Sized]] = field(default_factory=dict)
     constants: Mapping[str, Callable[[], Basic]] = field(default_factory=dict)
+    inputs: Mapping[str, int] = field(default_factory=dict)
     families: dict[str, set[str]] = field(default_factory=dict)
     constraint_families: set[str] = field(default_factory=set)
     lines: dict[str, tuple[str, int]] = field(default_factory=dict)
@@ -95,6 +98,7 @@ class Symbols:
             text in self.coordinates
             or text in self.parameters
             or text in self.definitions
+            or text in self.inputs
             or text in self.families
         )
 

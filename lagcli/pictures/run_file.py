@@ -15,6 +15,7 @@ from lagcli.model.loader import load, load_text
 from lagcli.model.model import Model
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.results.formats import open_reader
+from lagcli.simulations.inputs.input_tables import input_data
 from lagcli.trajectory.samples import Record
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -148,7 +149,13 @@ class RunFile:
                 " a sidecar beside the CSV file (--meta), or name the model file with --model"
             )
         else:
-            model = load_text(record.model, f"{self.name}:model", parameters, initial)
+            model = load_text(
+                record.model,
+                f"{self.name}:model",
+                parameters,
+                initial,
+                input_data(record.inputs),
+            )
         if (model.coordinate_names, model.constraint_names) != (self.coordinates, self.constraints):
             raise UsageError(
                 f"{model.path} is not the model of {self.name}: its coordinates or constraints"

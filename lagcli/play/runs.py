@@ -178,7 +178,13 @@ class Played:
         for name, text in wanted.items():
             self._check_members(name, _number(text, name))
         self._take(
-            load_text(started.text, started.path, {**started.set, **wanted}, started.set_initial)
+            load_text(
+                started.text,
+                started.path,
+                {**started.set, **wanted},
+                started.set_initial,
+                started.data,
+            )
         )
 
     def _check_members(self, name: str, value: float) -> None:

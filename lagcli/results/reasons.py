@@ -5,9 +5,9 @@ from __future__ import annotations
 import errno
 import os
 import shlex
-import stat
 
 from lagcli.errors import FileError
+from lagcli.files import check_regular
 
 
 def exists(path: str) -> FileError:
@@ -44,20 +44,6 @@ def write_failure(path: str, error: OSError) -> FileError:
     return FileError(f"cannot write {path}: {reason}")
 
 
-def read_failure(path: str, error: OSError) -> FileError:
-    """Return the error for a file that the system does not let us read."""
-    match error.errno:
-        case errno.ENOENT:
-            reason = "there is no such file; check the name and the folder"
-        case errno.EACCES | errno.EPERM:
-            reason = f"no permission to read it; ask its owner, or chmod u+r {shlex.quote(path)}"
-        case errno.EISDIR:
-            reason = "it is a folder; give the name of a file in it"
-        case _:
-            reason = error.strerror or str(error)
-    return FileError(f"cannot read {path}: {reason}")
-
-
 def check_readable(path: str) -> None:
     """Raise unless the path is a regular file that can be opened and is not empty.
 
@@ -71,20 +57,5 @@ def check_readable(path: str) -> None:
     FileError
         It is missing, a folder, a pipe or device, empty, or not ours to read.
     """
-    try:
-        # O_NONBLOCK: a pipe that nobody writes to must not hang us
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-    except OSError as error:
-        raise read_failure(path, error) from error
-    except ValueError as error:  # no name that a file can have
-        raise FileError(f"cannot read {path!r}: {error}") from None
-    try:
-        found = os.fstat(descriptor)
-    finally:
-        os.close(descriptor)
-    if stat.S_ISDIR(found.st_mode):
-        raise read_failure(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
-    if not stat.S_ISREG(found.st_mode):
-        raise FileError(f"cannot read {path}: it is not a regular file; save it to one first")
-    if found.st_size == 0:
+    if check_regular(path) == 0:
         raise FileError(f"cannot read {path}: it is empty; run the simulation again")

@@ -11,6 +11,7 @@ import symengine as se
 from lagcli.arrays import Array
 from lagcli.columns import ColumnName
 from lagcli.engine.contract import Block
+from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.tape import Tape
@@ -68,7 +69,12 @@ def monitor_of(equations: Equations) -> Monitor:
     if not quantities:
         return NO_MONITOR
     parameters = [se.Symbol(name) for name in eq.model.parameters]
-    tape = compile_tape([q.expression for q in quantities], [TIME, *eq.q, *eq.v], parameters)
+    tape = compile_tape(
+        [q.expression for q in quantities],
+        [TIME, *eq.q, *eq.v],
+        parameters,
+        input_functions(eq.model),
+    )
     units = {
         str(ColumnName("conserved", conserved=q.name)): unit
         for q in quantities

@@ -26,6 +26,8 @@ from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
 from lagcli.simulations.derived import DerivedColumns
+from lagcli.simulations.inputs.input_range import check_input_range
+from lagcli.simulations.inputs.input_tables import input_tables
 from lagcli.simulations.memory import check_fits
 from lagcli.simulations.monitor import NO_MONITOR, Monitor, monitor_of
 from lagcli.simulations.sampling import absolute_tolerances, sample_times
@@ -148,6 +150,7 @@ def ready(
         Of the conserved quantities.
     """
     began = time.perf_counter()
+    check_input_range(equations.model, settings.t_start, settings.t_end)
     with one_thread():
         start = find_start(equations, system, settings.t_start, settings.closed)
     seconds = {**seconds, "integrate": time.perf_counter() - began}
@@ -361,6 +364,7 @@ class Simulation:
             freedom=self.freedom.to_mapping(),
             conserved_formulas=dict(self.monitor.formulas),
             lagcli_version=__version__,
+            inputs=input_tables(self.model),
         )
 
     def _with(self, samples: Samples, found: Derivatives) -> Samples:

@@ -126,6 +126,7 @@ class Variants:
             self.model.path,
             {**self.model.set, **(set or {})},
             {**self.model.set_initial, **(set_initial or {})},
+            self.model.data,
         )
         settings = resolve(self._given, model.settings)
         prepared = None

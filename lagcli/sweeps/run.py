@@ -152,12 +152,15 @@ def sweep(
     if options:
         settings = SettingsOverrides(**options).over(settings or SettingsOverrides())
     text, name = (model.text, model.path) if isinstance(model, Model) else read_text(model)
+    data = model.data if isinstance(model, Model) else None
     if isinstance(model, Model):
         set = {**model.set, **(set or {})}
         set_initial = {**model.set_initial, **(set_initial or {})}
     given = measures.items() if isinstance(measures, Mapping) else map(named_measure, measures)
     request = SweepRequest(vary, sample, seed, zipped, tuple(given), keep, strict)
-    prepared = prepare_sweep(text, name, set or {}, set_initial or {}, settings, request, path)
+    prepared = prepare_sweep(
+        text, name, set or {}, set_initial or {}, settings, request, path, data
+    )
     with opened(prepared, path, resume, retry_failed, force) as state:
         found = _Sweep(prepared, state, path, began)
         if state.journal is None:

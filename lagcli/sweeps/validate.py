@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
+from lagcli.model.inputs import InputData
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.sections.measures import read_measures
@@ -76,9 +77,10 @@ def prepare_sweep(
     settings: SettingsOverrides | None,
     request: SweepRequest,
     path: str,
+    data: Mapping[str, InputData] | None = None,
 ) -> PreparedSweep:
     """Check everything that can be wrong before the first row."""
-    model = load_text(text, name, set, set_initial)
+    model = load_text(text, name, set, set_initial, data)
     taken = {**set, **_dotted(set_initial)}
     plan = make_plan(model, request.vary, request.sample, request.seed, request.zipped, taken)
     written = format_of(path)
@@ -92,7 +94,9 @@ def prepare_sweep(
     read_measures(model, request.measures)
     given = settings or SettingsOverrides()
     spec = Spec(
-        text, name, set, set_initial, given, plan, request.measures, "measures", request.strict
+        *(text, name, set, set_initial, given, plan, request.measures, "measures"),
+        strict=request.strict,
+        data=model.data,
     )
     trial = Runner(spec)
     base = trial.base()

@@ -178,6 +178,35 @@ class Samples(Columns):
         return self.terms.dense(self.constraint_force_by, self.constraints.index(constraint))
 
 
+class InputTable(NamedTuple):
+    """The table of an input, a known function of time, as a record keeps it.
+
+    Parameters
+    ----------
+    times, values : (n,) arrays
+        SI; the times increase.
+    unit : str
+        The unit in which the values are written; empty where none is stated.
+    file, sha256 : str
+        The CSV file and its digest; empty where the table stands in the model.
+    """
+
+    times: Array
+    values: Array
+    unit: str = ""
+    file: str = ""
+    sha256: str = ""
+
+    def check(self, name: str) -> None:
+        """Raise ValueError unless there are as many values as increasing times, all finite."""
+        times, values = self.times, self.values
+        if times.ndim != 1 or times.shape != values.shape or len(times) < 2:
+            raise ValueError(f"the table of {name} has shapes {times.shape} and {values.shape}")
+        finite = np.isfinite(times).all() and np.isfinite(values).all()
+        if not finite or not (np.diff(times) > 0).all():
+            raise ValueError(f"the table of {name} has no increasing times and finite values")
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Record:
     """What is known of a run besides its samples; some of it only at its end.
@@ -215,6 +244,8 @@ class Record:
     conserved_formulas : mapping of str to str
         The conserved quantities by the momenta ``p_q`` of the coordinates and Jacobi's integral
         ``h``, such as ``x*p_y - y*p_x``.
+    inputs : mapping of str to InputTable
+        The tables of the model's inputs, by name.
     """
 
     scale_position: Array
@@ -234,3 +265,4 @@ class Record:
     freedom: Mapping[str, Any] = field(default_factory=dict)
     conserved_formulas: Mapping[str, str] = field(default_factory=dict)
     lagcli_version: str = ""
+    inputs: Mapping[str, InputTable] = field(default_factory=dict)

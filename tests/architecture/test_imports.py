@@ -34,6 +34,7 @@ ROOMS = {
 FOREIGN = {
     "version": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "errors": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
+    "files": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "settings": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich", "pint"},
     "arrays": {"scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},
     "json_values": {"numpy", "scipy", "symengine", "sympy", "yaml", "h5py", "typer", "rich"},

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import symengine as se
+from scipy.interpolate import CubicSpline
 
 from lagcli.engine.constraints.initial import NoConsistentState, consistent_state
 from lagcli.engine.evaluator import Evaluator
@@ -21,6 +22,7 @@ from lagcli.equations.reduction.elimination import (
 )
 from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.second_kind import second_kind
+from lagcli.model.inputs import as_symbols
 from lagcli.model.loader import load
 from lagcli.simulations.partition import partition
 from lagcli.simulations.start import find_start
@@ -75,9 +77,17 @@ class Case:
             self.solutions.append(np.linalg.lstsq(matrix, right, rcond=rcond)[0])
 
     def values(self, expressions):
-        function = se.Lambdify(self.symbols, list(expressions), cse=True)
+        inputs = self.equations.model.inputs.values()
+        names = [se.Symbol(x.name + "'" * order) for x in inputs for order in range(3)]
+        splines = [
+            CubicSpline(x.data.times, x.data.values, bc_type="clamped")
+            for x in inputs  # all of them splines that are held outside their tables
+        ]
+        known = [as_symbols(x) for x in expressions]
+        function = se.Lambdify([*self.symbols, *names], known, cse=True)
         for s in self.states:
-            yield np.asarray(function([s.t, *s.q, *s.v, *s.p]), float).reshape(-1)
+            given = [spline(s.t, order) for spline in splines for order in range(3)]
+            yield np.asarray(function([s.t, *s.q, *s.v, *s.p, *given]), float).reshape(-1)
 
     def check_accelerations(self, mass_matrix, forcing):
         n = len(forcing)

@@ -12,6 +12,7 @@ import symengine as se
 
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.equations.presentation import typeset as t
+from lagcli.model.inputs import as_symbols
 from lagcli.model.loader import load, load_text
 
 MODELS = sorted((Path(__file__).parents[2] / "models").glob("*.yaml"))
@@ -95,6 +96,7 @@ def size(e: se.Basic, at: Mapping[str, float]) -> float:
 
 def number(e: se.Basic, at: Mapping[str, float]) -> float:
     """Evaluate a SymEngine expression, cases included, which SymEngine leaves alone."""
+    e = as_symbols(e) if e.atoms(se.FunctionSymbol) else e
     if isinstance(e, se.Piecewise):
         for branch, condition in zip(e.args[::2], e.args[1::2], strict=True):
             if condition == se.true or holds(condition, at):
@@ -128,6 +130,8 @@ def point(equations: Equations, source) -> dict[str, float]:
     # values of parameters near the model's own, so that roots stay real
     for name, x in equations.model.parameter_values.items():
         at[name] = (x or 1.0) * source.uniform(0.9, 1.1)
+    for name in equations.model.inputs:
+        at |= {name + "'" * order: source.uniform(-2, 2) for order in range(4)}
     for name, definition in equations.model.definitions.items():
         if isinstance(definition.value, se.Basic):
             try:

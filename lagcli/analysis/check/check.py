@@ -12,6 +12,7 @@ from lagcli.analysis.check.rank import RankCheck, check_rank, random_states
 from lagcli.analysis.check.time_scales import TimeScales, time_scales
 from lagcli.analysis.unit_report import UnitReport, report_units
 from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.lowering import lower
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
@@ -126,6 +127,8 @@ def _values(equations: Equations, found: Conserved, start: ConsistentState) -> d
     eq, s = equations, start.state
     parameters = [se.Symbol(name) for name in eq.model.parameters]
     expressions = [q.expression for q in found.quantities]
-    tape = ScalarTape(compile_tape(expressions, [TIME, *eq.q, *eq.v], parameters))
+    tape = ScalarTape(
+        compile_tape(expressions, [TIME, *eq.q, *eq.v], parameters, input_functions(eq.model))
+    )
     values = tape((s.t, *s.q.tolist(), *s.v.tolist(), *s.p))
     return {q.name: float(x) for q, x in zip(found.quantities, values, strict=True)}

@@ -11,6 +11,7 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.engine.constraints.initial import ConsistentState
+from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.first_integral import FirstIntegral, first_integral
@@ -86,7 +87,9 @@ def check_integrability(
 
 def _value(expression: Basic, equations: Equations, start: ConsistentState) -> float:
     parameters = [se.Symbol(n) for n in equations.model.parameters]
-    tape = compile_tape([expression], [TIME, *equations.q], parameters)
+    tape = compile_tape(
+        [expression], [TIME, *equations.q], parameters, input_functions(equations.model)
+    )
     s = start.state
     return float(ScalarTape(tape)((s.t, *s.q.tolist(), *s.p))[0])
 
@@ -107,7 +110,9 @@ def _together(equations: Equations, states: Sequence[ConsistentState]) -> bool:
     if len(entries) > _LARGEST:
         return False
     parameters = [se.Symbol(n) for n in equations.model.parameters]
-    tape = ScalarTape(compile_tape(entries, [TIME, *equations.q], parameters))
+    tape = ScalarTape(
+        compile_tape(entries, [TIME, *equations.q], parameters, input_functions(equations.model))
+    )
     return all(_closed_at(tape, places, len(forms), len(variables), s) for s in states)
 
 

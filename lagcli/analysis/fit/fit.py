@@ -155,7 +155,11 @@ def _with_values(model: Model, values: Any, initial: Any) -> Model:
     if not values and not initial:
         return model
     return load_text(
-        model.text, model.path, {**model.set, **values}, {**model.set_initial, **initial}
+        model.text,
+        model.path,
+        {**model.set, **values},
+        {**model.set_initial, **initial},
+        model.data,
     )
 
 

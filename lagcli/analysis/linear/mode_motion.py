@@ -14,6 +14,7 @@ from lagcli.engine.contract import Block
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
 from lagcli.simulations.derived import DerivedColumns
+from lagcli.simulations.inputs.input_tables import input_tables
 from lagcli.trajectory.samples import Record
 from lagcli.trajectory.trajectory import Trajectory, complete
 from lagcli.version import __version__
@@ -91,6 +92,7 @@ def mode_motion(
         parameters=model.parameter_values,
         options={"mode": number, "amplitude": float(amplitude)},
         lagcli_version=__version__,
+        inputs=input_tables(model),
     )
     return complete(samples, record)
 

@@ -59,6 +59,7 @@ class Gradients:
     ):
         import symengine as se
 
+        from lagcli.engine.inputs.tables import input_functions
         from lagcli.engine.tape.compiler import compile_tape
         from lagcli.equations.derivation.motion import ZERO, Motion, addends
         from lagcli.model.model import TIME
@@ -83,6 +84,7 @@ class Gradients:
             entries,
             [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
             [se.Symbol(name) for name in eq.model.parameters],
+            input_functions(eq.model),
         )
 
     def at(self, point: Point) -> Array:

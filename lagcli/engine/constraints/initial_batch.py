@@ -109,7 +109,9 @@ class _StartSearch:
     # values
 
     def inputs(self, parameters: Array, q: Array, v: Array) -> Array:
-        return np.hstack([np.full((len(q), 1), self.t), q, v, parameters])[None]
+        pieces = self.system.functions.pieces_at(self.t)
+        held = np.hstack([parameters, np.tile(pieces, (len(q), 1))])
+        return np.hstack([np.full((len(q), 1), self.t), q, v, held])[None]
 
     def constraints(self, parameters: Array, q: Array, v: Array) -> Constraints:
         """Return φ (n, nh), B (n, nc, nq), b_0 (n, nc) and scales."""

@@ -15,7 +15,7 @@ def with_rates(system: System) -> Tape:
     """
     given, layout = system.constraint, ConstraintLayout(system.counts)
     v = system.sample_layout.v.start
-    builder = Arithmetic(given.inputs, given.parameters)
+    builder = Arithmetic(given.inputs, given.parameters, functions=given.functions)
     outputs = builder.extend(given)
     rates = outputs[layout.drift]
     for (i, j), x in zip(system.jacobian_pattern, outputs[layout.jacobian], strict=True):

@@ -190,7 +190,7 @@ cdef class _Arguments:
     cdef lag_equations equations(self, system, constraint):
         cdef lag_equations e
         e.nq, e.nc = len(system.coordinates), len(system.constraints)
-        e.nh, e.np = len(system.holonomic), len(system.parameters)
+        e.nh, e.np = len(system.holonomic), system.held
         e.nm, e.nb = len(system.mass_pattern), len(system.jacobian_pattern)
         e.holonomic = self.integers(system.holonomic)
         e.mass_row = self.integers([i for i, _ in system.mass_pattern])
@@ -256,7 +256,7 @@ cdef class Integrator:
 
     cdef lag_run *run
     cdef readonly object block
-    cdef object system, pattern
+    cdef object system, pattern, tables
     cdef int nq, nc, n, series_order
     cdef long times
 
@@ -273,7 +273,7 @@ cdef class Integrator:
         self.nq, self.nc, self.n = equations.nq, equations.nc, 2 * equations.nq + 1
         s.t_start, s.t_end, s.h_max, s.rtol = state.t, t_end, h_max, rtol
         s.y, s.atol = arguments.doubles(state.y), arguments.doubles(atol)
-        s.parameters = arguments.doubles(state.p)
+        s.parameters = arguments.doubles(system.held_at(state.t, state.p))
         s.kind, s.rank = arguments.integers(kinds), rank
         s.sizes, s.lengths = arguments.doubles(sizes), arguments.doubles(lengths)
         s.plain_lengths = arguments.doubles(plain_lengths)
@@ -286,10 +286,32 @@ cdef class Integrator:
         s.block, s.block_rows = &block[0, 0], block_rows
         self.run = lag_create(&_MEMORY, &equations, &s)
         _checked(self.run == NULL)
+        self.use_functions(system)
 
     def __dealloc__(self):
         if self.run != NULL:
             lag_destroy(self.run)
+
+    def use_functions(self, system):
+        cdef _Arguments arguments = _Arguments()
+        cdef lag_function *functions
+        cdef int i, count = len(system.functions.functions)
+        if count == 0:
+            return
+        functions = <lag_function *>malloc(count * sizeof(lag_function))
+        _checked(functions == NULL)
+        places = system.functions.places()
+        for i, f in enumerate(system.functions.functions):
+            functions[i].first = len(system.parameters) + places[f.name][0]
+            functions[i].degree, functions[i].count = f.degree, len(f.knots)
+            functions[i].period = f.period
+            functions[i].knots = arguments.doubles(f.knots)
+            functions[i].origins = arguments.doubles(f.origins)
+            functions[i].coefficients = arguments.doubles(f.coefficients)
+        self.tables = arguments  # the core copies none of their numbers
+        failed = lag_use_functions(self.run, functions, count)
+        free(functions)
+        _checked(failed)
 
     def use_dense(self, dynamics):
         """Solve for a and λ densely. Parameters: dynamics, the program of the System's tape."""

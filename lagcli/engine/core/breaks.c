@@ -1,12 +1,48 @@
 #include "breaks.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
+#include "methods/implicit.h"
 #include "methods/method.h"
 #include "motion.h"
 #include "sizes.h"
 #include "step.h"
+
+#define RESOLUTION (16.0 * DBL_EPSILON) /* of |t|: times that are nearer than this are one */
+
+/* The piece of a function from a time on: its origin and its coefficients. */
+static void take_piece(const lag_function *f, double t, double *piece)
+{
+    const double slack = RESOLUTION * fabs(t);
+    const double shift = f->period > 0.0 ? floor((t + slack - f->knots[0]) / f->period) * f->period : 0.0;
+    long low = 0, high = f->count; /* the piece is in [low, high) */
+    while (high - low > 1) {
+        const long middle = low + (high - low) / 2;
+        if (f->knots[middle] <= t - shift + slack)
+            low = middle;
+        else
+            high = middle;
+    }
+    piece[0] = f->origins[low] + shift;
+    memcpy(piece + 1, f->coefficients + low * (f->degree + 1), (size_t)(f->degree + 1) * sizeof(double));
+}
+
+/* Give all tapes the pieces of the functions from here on. */
+static void take_pieces(lag_run *run)
+{
+    const lag_breaks *b = &run->breaks;
+    for (int i = 0; i < b->function_count; ++i)
+        take_piece(b->functions + i, run->step.t, run->parameters + b->functions[i].first);
+    lag_tape *tapes[] = {&run->system.dynamics, &run->system.constraint, &run->events.tape, &run->series.values,
+                         run->implicit ? &run->implicit->variation : NULL};
+    for (size_t i = 0; i < sizeof tapes / sizeof *tapes; ++i)
+        if (tapes[i] && tapes[i]->registers)
+            lag_tape_set(tapes[i], run->np, run->parameters);
+    if (run->series.order)
+        lag_series_invariant(&run->series);
+}
 
 void lag_breaks_start(lag_run *run)
 {
@@ -16,6 +52,8 @@ void lag_breaks_start(lag_run *run)
     while (b->next < b->count && b->times[b->next] <= run->step.t)
         ++b->next;
     run->step.t_stop = b->next < b->count ? fmin(b->times[b->next], run->step.t_end) : run->step.t_end;
+    if (b->function_count)
+        take_pieces(run);
 }
 
 int lag_at_break(const lag_run *run)

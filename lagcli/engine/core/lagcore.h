@@ -136,6 +136,19 @@ typedef struct {
     const int32_t *places;             /* where each entry of the matrix goes in the factors */
 } lag_pivots;
 
+/* A known function of time in pieces: engine/inputs/functions.py. Its piece at t is among the parameters of
+ * programs: the time from which it counts, then degree + 1 coefficients, ascending. The arrays are not
+ * copied: they must outlive the run. */
+typedef struct {
+    int first;                         /* where its piece is among the parameters */
+    int degree;
+    long count;                        /* of pieces */
+    const double *knots;               /* count: where each begins; the first holds before that too */
+    const double *origins;             /* count: from where each counts */
+    const double *coefficients;        /* count rows of degree + 1 */
+    double period;                     /* 0: none */
+} lag_function;
+
 typedef struct {
     int which, direction;              /* which function; 1 where it rises, -1 where it falls */
     double time;
@@ -195,6 +208,9 @@ int lag_use_events(lag_run *run, const lag_program *functions);
 /* End steps at these times, which increase: the right side is not smooth there. Samples at them are those of
  * what follows. */
 int lag_use_breaks(lag_run *run, const double *times, long count);
+
+/* Keep the pieces of known functions of time up to date; their knots must be among the breaks. */
+int lag_use_functions(lag_run *run, const lag_function *functions, int count);
 
 /* Continue with another method from here. Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_switch(lag_run *run, const lag_method *method);

@@ -97,6 +97,14 @@ cdef extern from "lagcore.h" nogil:
         const int32_t *diagonal
         const int32_t *places
 
+    ctypedef struct lag_function:
+        int first, degree
+        long count
+        const double *knots
+        const double *origins
+        const double *coefficients
+        double period
+
     ctypedef struct lag_event:
         int which, direction
         double time
@@ -130,6 +138,7 @@ cdef extern from "lagcore.h" nogil:
     int lag_use_pivots(lag_run *run, const lag_pivots *pivots)
     int lag_use_events(lag_run *run, const lag_program *functions)
     int lag_use_breaks(lag_run *run, const double *times, long count)
+    int lag_use_functions(lag_run *run, const lag_function *functions, int count)
     int lag_switch(lag_run *run, const lag_method *method)
     int lag_start(lag_run *run)
     int lag_advance(lag_run *run, long slice)

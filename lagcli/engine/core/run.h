@@ -136,6 +136,8 @@ typedef struct {
 typedef struct {
     const double *times;               /* increasing, s */
     long count, next;                  /* the first one after the state */
+    const lag_function *functions;     /* whose pieces change there */
+    int function_count;
 } lag_breaks;
 
 /* events.c: where a function of (t, q, v) changes its sign along the motion. */
@@ -160,7 +162,7 @@ struct lag_run {
     lag_pool pool;                     /* of what lives as long as the run ... */
     lag_pool dynamics_pool;            /* ... and as long as its way to find a and lambda */
     int np;
-    const double *parameters;
+    double *parameters;                /* breaks.c changes the pieces of functions */
     lag_system system;
     const lag_method *method, *stepped; /* in use; the one that took the last step */
     lag_step step;

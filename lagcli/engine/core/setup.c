@@ -28,10 +28,8 @@ static int bind(lag_run *run, lag_pool *pool, lag_tape *tape, const lag_program 
     tape->outputs = lag_copy_integers(pool, program->outputs, program->output_count);
     if (pool->failed)
         return 1;
-    double *parameters = tape->registers + program->inputs - run->np;
-    memcpy(parameters, run->parameters, (size_t)run->np * sizeof(double));
-    tape->registers[0] = NAN; /* no state yet */
-    lag_stream_run(tape->prelude, tape->registers);
+    tape->parameters = tape->registers + program->inputs - run->np;
+    lag_tape_set(tape, run->np, run->parameters);
     return 0;
 }
 
@@ -246,8 +244,7 @@ int lag_use_series(lag_run *run, const lag_series_program *given)
     };
     if (bind(run, pool, &series->values, &given->values))
         return 1;
-    for (int i = 0; i < series->invariant; ++i)
-        series->file[i] = OUT(&series->values, i);
+    lag_series_invariant(series);
     return 0;
 }
 
@@ -338,5 +335,12 @@ int lag_use_breaks(lag_run *run, const double *times, long count)
 {
     run->breaks.times = lag_copy_doubles(&run->pool, times, count);
     run->breaks.count = count;
+    return run->pool.failed;
+}
+
+int lag_use_functions(lag_run *run, const lag_function *functions, int count)
+{
+    run->breaks.functions = lag_copy(&run->pool, functions, (size_t)count, sizeof *functions);
+    run->breaks.function_count = count;
     return run->pool.failed;
 }

@@ -124,8 +124,8 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
     """Return whether there are lanes for runs of a kind; otherwise they are done one by one.
 
     There are none for implicit methods, Baumgarte's stabilization, redundant constraints, contacts,
-    events, breaks, constraints nonlinear in the velocities, an elimination that is not unrolled, or
-    samples that would fill the memory.
+    events, breaks, functions of time, constraints nonlinear in the velocities, an elimination that
+    is not unrolled, or samples that would fill the memory.
     """
     width = system.sample_layout.size
     return (
@@ -137,6 +137,7 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
         and request.on_event is None
         and not len(request.breaks)
         and not (system.switching or system.nonlinear)
+        and not system.functions.functions
         and width * len(request.times) * (binding.LANES + 1) <= _MOST_NUMBERS
     )
 

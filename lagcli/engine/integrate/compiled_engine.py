@@ -26,6 +26,7 @@ from lagcli.engine.contract import (
     Stop,
     Stopped,
     Undefined,
+    breaks_of,
     outcome,
 )
 from lagcli.engine.core import binding
@@ -138,8 +139,9 @@ class Integration:
         self.methods = Methods(self.core, system, request, self.no_series)
         if request.on_event is not None and system.events is not None:
             self.core.watch_events(system.events)
-        if len(request.breaks):
-            self.core.end_steps_at(request.breaks)
+        breaks = breaks_of(system, request)
+        if len(breaks):
+            self.core.end_steps_at(breaks)
 
     def prepared(self) -> Prepared:
         """Return the programs to begin with; redundant constraints have no order of elimination."""

@@ -26,6 +26,7 @@ from lagcli.engine.contract import (
     Outcome,
     Stopped,
     Undefined,
+    breaks_of,
     outcome,
 )
 from lagcli.engine.evaluator import Evaluator
@@ -85,6 +86,7 @@ class _Integration:
         self.sizes: Sizes | None = None
         self.sampled = 0
         self.limits = Limits(self.settings)
+        self.breaks = breaks_of(system, request)
         if self.settings.formulation == "baumgarte":
             self.damp(1.0 if self.settings.alpha is None else self.settings.alpha)
 
@@ -139,6 +141,7 @@ class _Integration:
     def consistent(self, t: float, y: Array) -> Array:
         """Return the consistent state next to one, where y' is as it is from now on."""
         self.stop = self.next_stop(t)
+        self.motion.evaluator.hold(t)
         self.motion.measure(t, *self.motion.split(y))
         y = self.project(t, y)
         if not np.isfinite(self.motion.rate(t, y)).all():
@@ -147,13 +150,13 @@ class _Integration:
 
     def next_stop(self, t: float) -> float:
         """Return the next time at which a step must end: a break, or the end."""
-        breaks, end = self.request.breaks, self.settings.t_end
-        after = int(np.searchsorted(breaks, t, side="right"))
-        return min(float(breaks[after]), end) if after < len(breaks) else end
+        after, end = int(np.searchsorted(self.breaks, t, side="right")), self.settings.t_end
+        return min(float(self.breaks[after]), end) if after < len(self.breaks) else end
 
     def at_break(self, t: float) -> bool:
         """Return whether a time is one at which y' is not smooth."""
-        return bool(np.isin(t, self.request.breaks))
+        at = int(np.searchsorted(self.breaks, t))
+        return at < len(self.breaks) and bool(self.breaks[at] == t)
 
     def pass_break(self, t: float, y: Array) -> Array:
         """Return the state from which the integration goes on beyond a break, or ends."""

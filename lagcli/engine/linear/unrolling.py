@@ -45,7 +45,7 @@ class _Unrolling(Arithmetic):
         size, given = len(elimination.order), system.dynamics
         mass, jacobian, nq = system.mass_pattern, system.jacobian_pattern, len(system.coordinates)
         rhs_inputs = size + len(system.constraints)
-        super().__init__(given.inputs + rhs_inputs, given.parameters, rhs_inputs)
+        super().__init__(given.inputs + rhs_inputs, given.parameters, rhs_inputs, given.functions)
         self.outputs = outputs = self.extend(given)
         self.nq, self.plan = nq, elimination
         place = {unknown: k for k, unknown in enumerate(elimination.order)}

@@ -101,17 +101,18 @@ def augmented(
     constraints = (*system.constraints, *(x for row in rows for x in row))
     variation = None
     if system.variation is not None:
-        variation = partial(_block_diagonal, blocks, len(system.parameters), system.variation)
+        variation = partial(_block_diagonal, blocks, system.held, system.variation)
     return System(
         coordinates=(*system.coordinates, *(x for row in labels for x in row)),
         constraints=constraints,
         holonomic=tuple(k * nc + i for k in every for i in system.holonomic),
         parameters=system.parameters,
+        functions=system.functions,
         mass_pattern=_repeated(system.mass_pattern, n, nq, nq),
         jacobian_pattern=_repeated(system.jacobian_pattern, n, nc, nq),
         dynamics=_AugmentedDynamics(system, tangent, elimination, independent, blocks).tape(),
         constraint=_constraint(system, tangent, blocks),
-        report=Tape(SampleLayout(blocks.total).size - 1 + len(system.parameters), (), (), ()),
+        report=Tape(SampleLayout(blocks.total).size - 1 + system.held, (), (), ()),
         variation=variation,
         same_unit=tuple(tuple(k * nq + j for j in g) for k in every for g in system.same_unit),
     )
@@ -193,8 +194,10 @@ class _AugmentedDynamics(Arithmetic):
         independent: Sequence[int],
         blocks: Blocks,
     ):
-        parameters = len(system.parameters)
-        super().__init__(1 + 2 * blocks.total.nq + parameters, parameters)
+        parameters = system.held
+        super().__init__(
+            1 + 2 * blocks.total.nq + parameters, parameters, functions=system.functions
+        )
         self.system, self.tangent, self.blocks = system, tangent, blocks
         self.independent = list(independent)
         self.inner = with_constraints(system, independent)
@@ -263,9 +266,11 @@ def _inputs(blocks: Blocks, parameters: int) -> tuple[list[int], list[int], list
 
 def _constraint(system: System, tangent: TangentTapes, blocks: Blocks) -> Tape:
     """Return the constraint tape of the augmented System."""
-    parameters, n = len(system.parameters), blocks.directions
+    parameters, n = system.held, blocks.directions
     nq, nc, nh = blocks.counts.nq, blocks.counts.nc, blocks.counts.nh
-    builder = Arithmetic(1 + 2 * blocks.total.nq + parameters, parameters)
+    builder = Arithmetic(
+        1 + 2 * blocks.total.nq + parameters, parameters, functions=system.functions
+    )
     q, v, p = _inputs(blocks, parameters)
     own, of = (
         builder.splice(system.constraint, [0, *q[:nq], *v[:nq], *p]),
@@ -316,7 +321,7 @@ def _block_diagonal(
     counts, total, n = blocks.counts, blocks.total, blocks.directions
     nq, nc = counts.nq, counts.nc
     layout = SampleLayout(total)
-    builder = Arithmetic(layout.work.start + parameters, parameters)
+    builder = Arithmetic(layout.work.start + parameters, parameters, functions=own.tape.functions)
     places = range(builder.inputs)
     first = [
         *places[layout.t],

@@ -9,6 +9,7 @@ from itertools import chain
 
 import symengine as se
 
+from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.lowering import magnitude
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import ScalarTape
@@ -66,6 +67,7 @@ def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentT
     eq = equations
     found = variational_equations(eq, directions)
     parameters = [se.Symbol(name) for name in eq.model.parameters]
+    functions = input_functions(eq.model)
     state, motion = [TIME, *eq.q, *eq.v], [*eq.a, *eq.multipliers]
     changes = [*chain(*found.positions), *chain(*found.rates)]
     velocity = [
@@ -81,11 +83,13 @@ def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentT
             [x for force, rhs in pairs for x in (*force, *rhs)],
             [*state, *motion, *changes],
             parameters,
+            functions,
         ),
         constraint=compile_tape(
             [*positions, *drifts, *map(magnitude, positions), *map(magnitude, velocity)],
             [*state, *changes],
             parameters,
+            functions,
         ),
     )
 
@@ -115,11 +119,12 @@ def lower_observed(
     eq = equations
     variations = variational_equations(eq, directions)
     parameters = [se.Symbol(name) for name in eq.model.parameters]
+    functions = input_functions(eq.model)
     motion = [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers]
     parts = variations.positions, variations.rates, variations.accelerations
     changes = [x for part in (*parts, variations.multipliers) for x in chain(*part)]
     slopes = chain(*derivatives_of(expressions, eq, variations, directions))
     return (
-        compile_tape(expressions, motion, parameters),
-        compile_tape(slopes, [*motion, *changes], parameters),
+        compile_tape(expressions, motion, parameters, functions),
+        compile_tape(slopes, [*motion, *changes], parameters, functions),
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import symengine as se
 from symengine import Basic
 
+from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.switching.switching import EventRule, SwitchedRow, Switching
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.tape import Tape
@@ -66,6 +67,7 @@ class _Lowering:
         self.limited = [c for c in self.switched if c.limit]
         self.parameters = [se.Symbol(name) for name in model.parameters]
         self.state = [TIME, *equations.q, *equations.v]
+        self.functions = input_functions(model)
 
     def lowered(self) -> LoweredSwitching:
         forces = {i: x for i, x in enumerate(self.equations.reactive_forces) if x != ZERO}
@@ -76,7 +78,7 @@ class _Lowering:
         switching = Switching(
             rows=tuple(self.row(c) for c in self.switched),
             limits=self.tape(limits),
-            impact=compile_tape(self.impacts(), self.state, self.parameters),
+            impact=self.on_states(self.impacts()),
             limit_pattern=limit_pattern,
             forces=self.tape([*values, *slopes]) if values else None,
             force_coordinates=tuple(forces),
@@ -86,13 +88,16 @@ class _Lowering:
             force_conditions=self.tape(of_forces) if of_forces else None,
             actions=self.tape(actions) if actions else None,
         )
-        on_states = compile_tape(conditions, self.state, self.parameters) if conditions else None
-        return LoweredSwitching(switching, on_states)
+        return LoweredSwitching(switching, self.on_states(conditions) if conditions else None)
 
     def tape(self, expressions: Sequence[Basic]) -> Tape:
         """Compile expressions in t, q, v, a, λ and parameters."""
         inputs = [*self.state, *self.equations.a, *self.multipliers]
-        return compile_tape(expressions, inputs, self.parameters)
+        return compile_tape(expressions, inputs, self.parameters, self.functions)
+
+    def on_states(self, expressions: Sequence[Basic]) -> Tape:
+        """Compile expressions in t, q, v and parameters."""
+        return compile_tape(expressions, self.state, self.parameters, self.functions)
 
     def signed(self, expression: Basic) -> Basic:
         """Return an expression with |λ| of unilateral constraints by the sign of λ."""
@@ -174,7 +179,10 @@ class _Lowering:
             rules.append(self.rule(event, number, len(actions)))
             actions += map(self.signed, event.action.set.values())
             actions += map(self.signed, event.action.impulse.values())
-        times = tuple(bool(x.free_symbols <= known) for x in on_states)
+        # the roots of an input are not known beforehand
+        times = tuple(
+            bool(x.free_symbols <= known) and not x.atoms(se.FunctionSymbol) for x in on_states
+        )
         return tuple(rules), on_states, times, of_forces, actions
 
     def rule(self, event: ModelEvent, condition: int | None, first: int) -> EventRule:

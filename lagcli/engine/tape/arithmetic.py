@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Builder
 
@@ -12,8 +13,14 @@ class Arithmetic(Builder):
     A sum takes up the sign of its terms; so negations come to stand where nothing is added.
     """
 
-    def __init__(self, inputs: int, parameters: int = 0, other: int = 0):
-        super().__init__(inputs, parameters, other)
+    def __init__(
+        self,
+        inputs: int,
+        parameters: int = 0,
+        other: int = 0,
+        functions: InputFunctions = NO_FUNCTIONS,
+    ):
+        super().__init__(inputs, parameters, other, functions)
         self.zero, self.one = self.constant(0.0), self.constant(1.0)
         self.opposite: dict[int, int] = {}  # what a negation is the negation of
 

@@ -14,8 +14,10 @@ from functools import partial, reduce
 import symengine as se
 from symengine import Basic
 
+from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Builder, Tape
+from lagcli.model.inputs import read_input
 
 MAX_PRODUCT_POWER = 64  # x^n by repeated squaring up to here, by pow beyond
 
@@ -34,7 +36,10 @@ _TRUTH = (bool, type(se.true), type(se.false))
 
 
 def compile_tape(
-    expressions: Iterable[Basic], variables: Sequence[Basic], parameters: Sequence[Basic] = ()
+    expressions: Iterable[Basic],
+    variables: Sequence[Basic],
+    parameters: Sequence[Basic] = (),
+    functions: InputFunctions = NO_FUNCTIONS,
 ) -> Tape:
     """Compile expressions to one tape.
 
@@ -44,21 +49,30 @@ def compile_tape(
         One output each.
     variables, parameters : sequences of symbols
         One input register each, in this order; parameters stay the same along a run.
+    functions : InputFunctions, optional
+        Known functions of time; t is the first variable then.
 
     Raises
     ------
     KeyError
         An expression contains a symbol that is not an input.
     """
-    compiler = _Compiler(variables, parameters)
+    compiler = _Compiler(variables, parameters, functions)
     return compiler.finish([compiler.register(e) for e in expressions])
 
 
 class _Compiler(Builder):
     """Turns expressions into operations."""
 
-    def __init__(self, variables: Sequence[Basic], parameters: Sequence[Basic]):
-        super().__init__(len(variables) + len(parameters), len(parameters))
+    def __init__(
+        self, variables: Sequence[Basic], parameters: Sequence[Basic], functions: InputFunctions
+    ):
+        held = len(parameters) + functions.size
+        super().__init__(len(variables) + held, held, 0, functions)
+        first = len(variables) + len(parameters)
+        self.pieces = {
+            name: (first + at, degree) for name, (at, degree) in functions.places().items()
+        }
         self.known: dict[Basic, int] = {s: i for i, s in enumerate([*variables, *parameters])}
         # the first and the last variable that a register depends on: terms and factors are ordered
         # by these, so that what is done for one body of many is done alike for the next
@@ -83,6 +97,10 @@ class _Compiler(Builder):
         while stack:
             top = stack[-1]
             if _key(top) in self.known:
+                stack.pop()
+                continue
+            if (read := read_input(top)) is not None:
+                self.known[top] = self._input(*read)
                 stack.pop()
                 continue
             missing = [part for part in _parts(top) if _key(part) not in self.known]
@@ -122,6 +140,20 @@ class _Compiler(Builder):
         if kind is se.sign:
             return self._sign(operands[0])
         raise TypeError(f"no operation for {kind.__name__}: {e}")
+
+    def _input(self, name: str, order: int) -> int:
+        """Emit a derivative of a known function of time: of its piece, by Horner's rule."""
+        if name not in self.pieces:
+            raise KeyError(name)
+        origin, degree = self.pieces[name]
+        x = self.emit(Op.SUB, 0, origin)
+        total = self.constant(0.0)
+        for k in range(degree, order - 1, -1):
+            term, factor = origin + 1 + k, math.perm(k, order)
+            if factor != 1:
+                term = self.emit(Op.MUL, term, self.constant(factor))
+            total = term if k == degree else self.emit(Op.ADD, self.emit(Op.MUL, total, x), term)
+        return total
 
     def _sign(self, x: int) -> int:
         zero, one = self.constant(0.0), self.constant(1.0)

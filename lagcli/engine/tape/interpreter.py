@@ -53,10 +53,15 @@ def _on_floats(op: Op) -> Callable[..., float]:
 
 
 class ScalarTape:
-    """A tape bound to Python's floats."""
+    """A tape bound to Python's floats.
+
+    Its inputs are those of the tape, without the pieces of known functions of time: those are the
+    ones at t, or the ones that are held.
+    """
 
     def __init__(self, tape: Tape):
-        self._inputs = tape.inputs
+        self._functions = tape.functions if tape.functions.functions else None
+        self._held: list[float] | None = None
         self._rest = list(tape.constants) + [0.0] * len(tape.code)
         self._outputs = tape.outputs
         self._steps = [
@@ -65,7 +70,12 @@ class ScalarTape:
 
     def __call__(self, inputs: Iterable[float]) -> list[float]:
         """Return the outputs for one set of inputs; undefined values are NaN or ±∞."""
-        r = [*inputs, *self._rest]
+        if self._functions is None:
+            r = [*inputs, *self._rest]
+        else:
+            given = list(inputs)
+            pieces = self._functions.pieces_at(given[0]) if self._held is None else self._held
+            r = [*given, *pieces, *self._rest]
         for function, operands, to, a, b, c in self._steps:
             if operands == 2:
                 r[to] = function(r[a], r[b])
@@ -75,6 +85,10 @@ class ScalarTape:
                 r[to] = function(r[a], r[b], r[c])
         return [r[i] for i in self._outputs]
 
+    def hold(self, pieces: list[float] | None) -> None:
+        """Take these pieces of known functions from now on, whatever t; None: those at t."""
+        self._held = pieces
+
 
 def run_arrays(tape: Tape, inputs: Iterable[Array | float], count: int) -> Array:
     """Run a tape on many states at once.
@@ -83,6 +97,7 @@ def run_arrays(tape: Tape, inputs: Iterable[Array | float], count: int) -> Array
     ----------
     tape : Tape
     inputs : iterable of (count,) arrays or numbers
+        Without the pieces of known functions of time, which are those at t.
     count : int
         Number of states.
 
@@ -90,7 +105,10 @@ def run_arrays(tape: Tape, inputs: Iterable[Array | float], count: int) -> Array
     -------
     (outputs, count) array
     """
-    r: list[Any] = [*inputs, *tape.constants, *([None] * len(tape.code))]
+    given = list(inputs)
+    if tape.functions.functions:
+        given += list(tape.functions.pieces(np.broadcast_to(given[0], count)).T)
+    r: list[Any] = [*given, *tape.constants, *([None] * len(tape.code))]
     with np.errstate(all="ignore"):
         for op, to, a, b, c in tape.code:
             operands = (r[a], r[b], r[c])[: ARITY[op]]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.tape.operations import ARITY, Op
 
 
@@ -36,6 +37,9 @@ class Tape(NamedTuple):
         Sets of outputs that are also asked for without the rest.
     isomorphic : tuple of tuples of int
         Sets of results that are likely used alike, such as one of each body.
+    functions : InputFunctions
+        Known functions of time, whose pieces are the last of the inputs that stay the same. The
+        interpreters find them from t, the first input, and are not given them.
     """
 
     inputs: int
@@ -47,6 +51,7 @@ class Tape(NamedTuple):
     deferred: tuple[int, ...] = ()
     output_subsets: tuple[tuple[int, ...], ...] = ()
     isomorphic: tuple[tuple[int, ...], ...] = ()
+    functions: InputFunctions = NO_FUNCTIONS
 
     @property
     def registers(self) -> int:
@@ -68,10 +73,19 @@ class Builder:
     inputs : int
     parameters, rhs_inputs : int
         Numbers of inputs that stay the same along a run, and of those after them; see Tape.
+    functions : InputFunctions, optional
+        See Tape.
     """
 
-    def __init__(self, inputs: int, parameters: int = 0, rhs_inputs: int = 0):
+    def __init__(
+        self,
+        inputs: int,
+        parameters: int = 0,
+        rhs_inputs: int = 0,
+        functions: InputFunctions = NO_FUNCTIONS,
+    ):
         self.inputs, self.parameters, self.rhs_inputs = inputs, parameters, rhs_inputs
+        self.functions = functions
         self.constants: dict[float, int] = {}
         self.operations: dict[tuple[int, ...], int] = {}
         self.invariant = set(range(inputs - rhs_inputs - parameters, inputs - rhs_inputs))
@@ -174,4 +188,5 @@ class Builder:
             deferred,
             output_subsets,
             tuple([tuple([place[x] for x in some]) for some in isomorphic]),
+            self.functions,
         )

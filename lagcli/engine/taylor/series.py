@@ -109,7 +109,7 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     ------
     NotAnalytic
     """
-    builder = Arithmetic(tape.inputs, tape.parameters, tape.rhs_inputs)
+    builder = Arithmetic(tape.inputs, tape.parameters, tape.rhs_inputs, tape.functions)
     outputs = builder.extend(tape)
     nq, layout = system.counts.nq, UnrolledLayout(system.counts)
     inputs = range(tape.inputs)

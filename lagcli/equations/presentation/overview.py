@@ -18,7 +18,8 @@ from lagcli.equations.presentation.switching.contacts import (
     is_friction,
 )
 from lagcli.equations.presentation.switching.events import events_step
-from lagcli.equations.presentation.typeset import Sign, sum_of, whole
+from lagcli.equations.presentation.typeset import Call, Sign, Symbol, sum_of, whole
+from lagcli.model.expression.units import si_notation
 
 
 def overview(f: Formulas, full: bool = False) -> tuple[Step, ...]:
@@ -80,6 +81,7 @@ _BEFORE = 150  # maximum number of lines before the matrices
 def _before(f: Formulas) -> list[Step]:
     found = [
         _coordinates(f),
+        inputs_step(f),
         _all_definitions(f),
         _energies(f),
         constraints_step(f, False),
@@ -109,7 +111,7 @@ def _written_out(f: Formulas) -> list[Step]:
     constraints, equations = constraints_step(f), _equations(f)
     contacts, events = contacts_step(f), events_step(f)
     shown = [step for step in (equations, constraints, contacts, events) if step is not None]
-    found = [_coordinates(f), _definitions(f, shown), constraints, contacts, events]
+    found = [_coordinates(f), inputs_step(f), _definitions(f, shown), constraints, contacts, events]
     found += [freedom_step(f), equations]
     return [*(step for step in found if step is not None), convention(f)]
 
@@ -171,6 +173,25 @@ def _coordinates(f: Formulas) -> Step:
     packed = len(lines) > 6 and not any(line.note for line in lines)
     count = general.Signs(f.model).coordinate_count
     return Step(f"Coordinates: {count} = {len(lines)}", tuple(lines), packed=packed)
+
+
+def inputs_step(f: Formulas) -> Step | None:
+    """Return the known functions of time; None without any."""
+    lines = []
+    for x in f.model.inputs.values():
+        times, origin = x.data.times, f" of {x.data.file}" if x.data.file else ""
+        unit = f"[{si_notation(x.data.unit)}]" if x.data.unit else ""
+        table = (
+            f"{_CURVES[x.interpolation]} {len(times)} rows{origin}, {times[0]:g} to {times[-1]:g} s"
+        )
+        outside = {"hold": ", held outside", "periodic": ", periodic"}.get(x.extend or "", "")
+        note = " ".join(part for part in (x.description, unit) if part)
+        note += ("; " if note else "") + table + outside
+        lines.append(Line((Call(x.name, (Symbol("t"),)),), note=note))
+    return Step("Known functions of time", tuple(lines)) if lines else None
+
+
+_CURVES = {"step": "steps at", "linear": "lines between", "cubic": "spline of"}
 
 
 def _definitions(f: Formulas, shown: list[Step]) -> Step | None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from lagcli.equations.presentation import general
 from lagcli.equations.presentation.extent import accelerations_are_large
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.overview import inputs_step
 from lagcli.equations.presentation.substitution import substituted
 from lagcli.equations.presentation.switching.contacts import (
     as_inequality,
@@ -35,7 +36,7 @@ def steps(f: Formulas, coordinates: Sequence[Step] = (), full: bool = False) -> 
     tuple of Step
     """
     signs = general.Signs(f.model)
-    found = [_definitions(f), _energies(f, signs)]
+    found = [inputs_step(f), _definitions(f), _energies(f, signs)]
     found += _derivatives(f, signs)
     found += [_forces(f), _constraints(f), contacts_step(f), events_step(f)]
     found += [_accelerations(f, full), _variations(f), *coordinates]
@@ -45,8 +46,8 @@ def steps(f: Formulas, coordinates: Sequence[Step] = (), full: bool = False) -> 
 
 def before_equations(f: Formulas, full: bool = False) -> list[Step]:
     """Return definitions, energies, forces, constraints and virtual displacements."""
-    found = [_definitions(f), _energies(f, general.Signs(f.model)), _forces(f), _constraints(f)]
-    found += [contacts_step(f), events_step(f)]
+    found = [inputs_step(f), _definitions(f), _energies(f, general.Signs(f.model)), _forces(f)]
+    found += [_constraints(f), contacts_step(f), events_step(f)]
     found += [_accelerations(f, full), _variations(f)]
     return [step for step in found if step is not None]
 

@@ -132,6 +132,7 @@ def _names(model: Model) -> Symbols:
         constraints=dict.fromkeys(model.constraint_names),
         parameters={name: partial(se.Symbol, name) for name in model.parameters},
         definitions={name: partial(Sized, d.value, 1) for name, d in model.definitions.items()},
+        inputs={name: x.smoothness for name, x in model.inputs.items()},
         constants={n: partial(constant, p.value) for n, p in model.parameters.items()},
         families=families,
     )

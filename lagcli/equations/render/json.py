@@ -84,6 +84,7 @@ from lagcli.equations.render.formula_latex import LatexFormula
 from lagcli.equations.render.grammar import grammar_text
 from lagcli.equations.render.names import Notation
 from lagcli.equations.render.numbers import written_decimals
+from lagcli.model.expression.units import si_notation
 from lagcli.model.model import ModelEvent, MultiplierLimit
 
 SCHEMA = "lagcli-derivation-2"
@@ -167,6 +168,18 @@ class _JsonWriter:
                 for c in model.coordinates
             ],
             "parameters": model.parameter_values,
+            "inputs": [
+                {
+                    "name": x.name,
+                    "unit": si_notation(x.data.unit) if x.data.unit else None,
+                    "description": x.description,
+                    "interpolation": x.interpolation,
+                    "extend": x.extend,
+                    "file": x.data.file or None,
+                    "sha256": x.data.sha256 or None,
+                }
+                for x in model.inputs.values()
+            ],
             "form": "written-out" if self.matrices is None else "matrices",
             "abbreviations": self.abbreviations(),
             "constraints": [self.constraint(i, c) for i, c in enumerate(e.constraints)],

@@ -54,7 +54,7 @@ class Notation:
     """
 
     def __init__(self, model: Model):
-        declared = [*model.coordinate_names, *model.parameters, *model.definitions]
+        declared = [*model.coordinate_names, *model.parameters, *model.definitions, *model.inputs]
         self._text = _distinct({name: _text(name) for name in declared})
         self._latex = _distinct({name: _latex(name) for name in declared})
         self._mathml = _distinct({name: _mathml(name) for name in declared})

@@ -53,6 +53,7 @@ from lagcli.equations.simplification.monomials import (
     TooLarge,
 )
 from lagcli.equations.simplification.ordering import writing_order
+from lagcli.model.inputs import as_symbols
 from lagcli.model.model import Model
 
 Key = tuple[object, ...]
@@ -90,6 +91,7 @@ class Arranger:
         self._roots = _defined_roots(model) if named else {}
         self._whole = MonomialExpansion(model, order, values)
         self._opened = MonomialExpansion(model, order, values, open_sums=True)
+        self._inputs = bool(model.inputs)
         self._known: dict[Basic, Node] = {}
 
     def arrange(self, expression: Basic) -> Node:
@@ -106,7 +108,8 @@ class Arranger:
         """
         known = self._known.get(expression)
         if known is None:
-            known = self._known[expression] = self._best(expression)
+            shown = as_symbols(expression) if self._inputs else expression
+            known = self._known[expression] = self._best(shown)
         return known
 
     def _best(self, e: Basic) -> Node:

@@ -85,6 +85,7 @@ class NamedDimensions:
         self._index = Indices(self._indices, self._whole)
         self.evaluator = DimensionEvaluator(self, strict=True)
         self._coordinates()
+        self._inputs()
         computed = self._stated_parameters()
         given = any(p.unit for p in model.parameters.values())
         self.stated = given or any(c.unit for c in model.coordinates)
@@ -236,6 +237,17 @@ class NamedDimensions:
             else:
                 self.missing.append(c.name)
             found.append((c.name, self.assumed.get(family_of(c.name), value)))
+        self.enter(found)
+
+    def _inputs(self) -> None:
+        found: list[tuple[str, Value]] = []
+        for name, x in self.model.inputs.items():
+            value: Scalar = read_unit(x.data.unit).dimension if x.data.unit else UNKNOWN
+            if x.data.unit:
+                self.written[name] = si_notation(x.data.unit)
+            else:
+                self.missing.append(name)
+            found.append((name, self.assumed.get(name, value)))
         self.enter(found)
 
     def _stated_parameters(self) -> list[Parameter]:

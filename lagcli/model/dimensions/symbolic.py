@@ -24,6 +24,7 @@ from lagcli.model.dimensions.dimension import (
 from lagcli.model.dimensions.evaluation import whole
 from lagcli.model.dimensions.model_units import conjugate, find, text_of
 from lagcli.model.dimensions.tensor_dimension import TensorDimension, rate_of
+from lagcli.model.inputs import read_input
 from lagcli.model.model import TIME, Model
 
 _ANGLES = (se.asin, se.acos, se.atan, se.atan2)
@@ -55,6 +56,8 @@ def _dimension(model: Model, expression: Basic, seen: dict[Basic, Scalar]) -> Sc
 def _evaluated(model: Model, expression: Basic, seen: dict[Basic, Scalar]) -> Scalar:
     if isinstance(expression, se.Symbol):
         return _symbol(model, expression.name)
+    if (read := read_input(expression)) is not None:
+        return _symbol(model, read[0] + "'" * read[1])
     if not expression.free_symbols:
         return ZERO if expression == 0 else NUMBER
     parts = expression.args

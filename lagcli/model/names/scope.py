@@ -19,6 +19,8 @@ from lagcli.model.expression.trees import (
     as_written,
     walk,
 )
+from lagcli.model.inputs import input_function
+from lagcli.model.names.derivatives import check_derivative
 from lagcli.model.names.indices import Indices, form_errors, names_in
 from lagcli.model.names.members import descending, family_of, members_clause, with_indices
 from lagcli.model.names.scoping import Sized
@@ -104,15 +106,11 @@ class ModelScope:
         elif "." in text:
             self._dotted(name, text)
         elif text in names.parameters or "parameter" in kinds:
-            if primes:
-                raise self._error(
-                    "constant", name, f"`{text}` is a parameter: its time derivative is zero"
-                )
-        elif text in ("t", "pi"):
-            if text == "t" and not self.context.time:
+            check_derivative(names.inputs, name, text, primes)
+        elif text in ("t", "pi") or text in names.inputs:
+            if text != "pi" and not self.context.time:
                 raise self._not_here(name, "time")
-            if primes:
-                raise self._error("constant", name, f"`{text}` has no time derivative")
+            check_derivative(names.inputs, name, text, primes)
         else:
             raise unknown(names, self.context, name)
 
@@ -282,6 +280,8 @@ class ModelScope:
         if text in self.names.parameters:
             value = self.names.parameters[text]()
             return Sized(value, constant=not value.free_symbols)
+        if text in self.names.inputs:
+            return Sized(input_function(text, primes))
         return Sized(symbols.TIME) if text == "t" else Sized(se.pi, constant=True)
 
     def named(self, name: Name) -> tuple[str, int]:

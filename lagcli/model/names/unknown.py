@@ -121,6 +121,7 @@ def _close(names: Symbols, context: Context, text: str) -> list[str]:
         (names.parameters, "parameter", True),
         (names.coordinates, "coordinate", context.coordinates),
         (names.definitions, "definition", context.definitions),
+        (names.inputs, "input", context.time),
     ):
         if allowed:
             known += [k for k in mapping if not k.endswith("]")]

@@ -33,18 +33,10 @@ _OTHER_KEYS = {
 }
 
 
-def check_keys(draft: Draft, keys: tuple[str, ...], later: tuple[str, ...]) -> None:
+def check_keys(draft: Draft, keys: tuple[str, ...]) -> None:
     """Report the keys that a model file does not have; what they are meant for is not missing."""
     for name, key, _ in draft.root:
         if name in keys:
-            continue
-        if name in later:
-            draft.report.add(
-                "not-yet",
-                f"the key `{name}` is not part of this version",
-                key.location,
-                "remove it; see docs/model-file.md for the keys of this version",
-            )
             continue
         close = [_OTHER_KEYS[name]] if name in _OTHER_KEYS else nearest(name, keys, 1)
         draft.misspelled_keys.update(close)
@@ -215,6 +207,7 @@ def declare(
     parameters: list[Declaration],
     definitions: list[Declaration],
     functions: list[Declaration],
+    inputs: list[Declaration],
 ) -> None:
     """Enter the names, and report those declared twice. Members of families are entered later."""
     names, report = draft.names, draft.report
@@ -258,6 +251,7 @@ def declare(
             enter(family.replace(stem, stem + suffix), what, places[family][1])
     located += [(d, "parameter") for d in parameters] + [(d, "definition") for d in definitions]
     located += [(d, "function") for d in functions]
+    located += [(d, "input") for d in inputs]
     for d, what in located:
         if what != "coordinate" and not d.kind:
             enter(d.family, what, d.key.location)

@@ -15,6 +15,7 @@ from lagcli.model.result_units import result_units
 from lagcli.pictures.plots.thinning import evenly
 from lagcli.pictures.run_file import RunFile
 from lagcli.results.layout import NOT_STATED
+from lagcli.simulations.inputs.input_tables import input_data
 from lagcli.sweeps.row_results import COMPLETED
 from lagcli.trajectory.samples import Record
 
@@ -64,6 +65,7 @@ class Rows:
             self.names = {name: file.names(name) for name in ("coordinate", "constraint")}
             self.outputs, self.fields = file.outputs, file.fields
             self.count = len(file.times)
+            self.inputs = file.inputs
             self.text, self.parameters = str(facts["model"]), dict(facts["parameters"])
             columns = file.columns
             values = np.stack([file.read(c.dataset)[good] for c in columns], axis=1)
@@ -87,7 +89,7 @@ class Rows:
         parameters = {name: f"{value!r}*1" for name, value in self.parameters.items()}
         if self._model_file is not None:
             return load(self._model_file, parameters)
-        return load_text(self.text, f"{self.path}:model", parameters)
+        return load_text(self.text, f"{self.path}:model", parameters, data=input_data(self.inputs))
 
 
 class SweepRow(RunFile):

@@ -11,6 +11,8 @@ from symengine import Basic
 
 from lagcli.arrays import Array, Indices
 from lagcli.columns import read_column_name, read_dotted_name
+from lagcli.engine.inputs.functions import NO_FUNCTIONS
+from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.render.names import Notation
@@ -92,7 +94,8 @@ class ViewEvaluator:
         self._moving = self._inputs()
         places = {symbol: i for i, symbol in enumerate(self._moving)}
         self._steady = [places.keys().isdisjoint(e.free_symbols) for e in self._slots]
-        self._tape = compile_tape(self._slots, self._moving, self._parameters)
+        functions = input_functions(model) if TIME in self._moving else NO_FUNCTIONS
+        self._tape = compile_tape(self._slots, self._moving, self._parameters, functions)
         self.needs: tuple[str, ...] = ("time", "q", *self._also())
 
     def _put(self, expressions: Sequence[Basic]) -> list[int]:

@@ -23,11 +23,12 @@ from lagcli.columns import (
     read_dotted_name,
 )
 from lagcli.errors import FileError
+from lagcli.files import read_failure
 from lagcli.results.csv.sidecar import read_sidecar
 from lagcli.results.csv.writer import titles
 from lagcli.results.layout import term_names
 from lagcli.results.metadata import check_times
-from lagcli.results.reasons import check_readable, read_failure
+from lagcli.results.reasons import check_readable
 from lagcli.trajectory.samples import SCHEMA_VERSION, Terms
 from lagcli.trajectory.trajectory import Trajectory
 

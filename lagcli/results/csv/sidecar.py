@@ -11,16 +11,21 @@ from typing import Any
 import numpy as np
 
 from lagcli.errors import FileError
+from lagcli.files import read_failure
 from lagcli.results.metadata import (
     KIND,
     from_metadata,
     from_number,
+    storable,
     to_json,
     to_metadata,
     to_number,
 )
-from lagcli.results.reasons import check_readable, read_failure
-from lagcli.trajectory.samples import SCHEMA_VERSION, Record
+from lagcli.results.reasons import check_readable
+from lagcli.trajectory.samples import SCHEMA_VERSION, InputTable, Record
+
+#: Texts that a table has beside its numbers.
+_OF_TABLES = ("unit", "file", "sha256")
 
 _REMEDY = "remove it to read the CSV file alone"
 
@@ -65,6 +70,7 @@ def sidecar_text(record: Record, contents: Mapping[str, Any]) -> bytes:
         **contents,
         "scale_position": [to_number(x) for x in record.scale_position],
         "scale_velocity": [to_number(x) for x in record.scale_velocity],
+        **({"inputs": _listed(record.inputs)} if record.inputs else {}),
         "model": model,  # last: it is long
     }
     about["sidecar_sha256"] = _digest(json.loads(to_json(about)))
@@ -137,9 +143,36 @@ def read_sidecar(path: str, constraints: int) -> Record:
         for name, values in scales.items():
             if values.shape != (constraints,):
                 raise ValueError(f"{name} has {len(values)} values for {constraints} constraints")
-        return Record(**scales, **from_metadata(about))
+        inputs = {name: _table(name, x) for name, x in about.get("inputs", {}).items()}
+        return Record(**scales, inputs=inputs, **from_metadata(about))
     except (LookupError, ValueError, TypeError, ArithmeticError) as error:
         raise FileError(f"cannot read {sidecar}: it is damaged ({error!r}); {_REMEDY}") from error
+
+
+def _listed(inputs: Mapping[str, InputTable]) -> dict[str, Any]:
+    """Return the tables of inputs as JSON values."""
+    return {
+        name: {
+            **{x: storable(getattr(table, x)) for x in _OF_TABLES},
+            "times": table.times.tolist(),
+            "values": table.values.tolist(),
+        }
+        for name, table in inputs.items()
+    }
+
+
+def _table(name: str, given: Mapping[str, Any]) -> InputTable:
+    """Return what `_listed` made JSON values of.
+
+    Raises
+    ------
+    LookupError, TypeError, ValueError
+        It is none.
+    """
+    times, values = (np.array(given[x], dtype=np.float64) for x in ("times", "values"))
+    table = InputTable(times, values, **{x: str(given[x]) for x in _OF_TABLES})
+    table.check(name)
+    return table
 
 
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -18,9 +18,10 @@ from typing import NamedTuple
 import h5py
 
 from lagcli.errors import FileError
+from lagcli.files import read_failure
 from lagcli.results.hdf5.seal import is_sealed
 from lagcli.results.hdf5.structure import text_attribute
-from lagcli.results.reasons import check_readable, read_failure
+from lagcli.results.reasons import check_readable
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 #: How files of HDF5 1.8 and newer begin: signature, version, and where the file ends.

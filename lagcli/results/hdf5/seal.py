@@ -13,7 +13,7 @@ import os
 from typing import Any, BinaryIO
 
 from lagcli.errors import FileError
-from lagcli.results.reasons import read_failure
+from lagcli.files import read_failure
 
 _MARK = b"\nlagcli sha256 "
 _DIGITS = 64

@@ -27,6 +27,7 @@ from lagcli.results.hdf5.container import (
     new_file,
     set_text,
 )
+from lagcli.results.hdf5.inputs import read_inputs, write_inputs
 from lagcli.results.hdf5.outputs import OutputDatasets, OutputFamily, output_families
 from lagcli.results.hdf5.structure import numbers, read_quantity, read_texts, text_attribute
 from lagcli.results.layout import NOT_STATED, shared_unit, term_names, unit
@@ -152,6 +153,7 @@ class Hdf5Writer(FileWriter):
         assert root is not None
         for name, value in to_metadata(record).items():
             set_text(root["/"].id, name, value if isinstance(value, str) else to_json(value))
+        write_inputs(root, record.inputs)
         for name, shape in self._shapes.items():
             if name not in datasets:
                 datasets[name] = add_array(root, name, np.empty((self._written, *shape)))
@@ -279,6 +281,7 @@ class Hdf5Reader:
         self.record = Record(
             scale_position=self._array("scale_position"),
             scale_velocity=self._array("scale_velocity"),
+            inputs=read_inputs(self._root),
             **from_metadata(metadata),
         )
 

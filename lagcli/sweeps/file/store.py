@@ -17,11 +17,13 @@ from lagcli.errors import FileError
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
 from lagcli.results.hdf5.container import add_texts, make_axis, new_file, set_text
+from lagcli.results.hdf5.inputs import read_inputs, write_inputs
 from lagcli.results.hdf5.opening import Opened, open_verified
 from lagcli.results.hdf5.outputs import OutputDatasets, output_families
 from lagcli.results.hdf5.structure import numbers, read_texts, text_attribute, texts
 from lagcli.results.layout import shared_unit, unit
 from lagcli.results.metadata import check_model, check_times, shortened, storable, to_json
+from lagcli.simulations.inputs.input_tables import input_tables
 from lagcli.sweeps.columns import COUNTS, KEPT, KIND, SCHEMA_VERSION, Column, kept_layout
 from lagcli.sweeps.row_results import STATUSES, Results
 from lagcli.sweeps.row_status import runs_of
@@ -107,6 +109,7 @@ class _SweepWriter:
             "measures": [c._asdict() for c in prepared.measures],
             **facts,
         }
+        write_inputs(self.root, input_tables(model))
         for name, value in values.items():
             set_text(self.root["/"].id, name, value if isinstance(value, str) else to_json(value))
 
@@ -236,6 +239,8 @@ class SweepFile:
         The outputs whose samples were kept.
     facts : dict
         The root attributes; what is JSON is read.
+    inputs : dict of str to InputTable
+        The tables of the model's inputs.
     root : h5py.File
     """
 
@@ -244,6 +249,7 @@ class SweepFile:
         self.length = len(numbers(self.root, "run", "<i8"))
         self.facts = {name: self._fact(name) for name in self.root.attrs}
         check_model(self.facts["model"], self.facts["model_sha256"])
+        self.inputs = read_inputs(self.root)
         for name, kind in _FACTS.items():
             _checked(kind, self.facts[name], name)
         for name in ("rows", "failures"):

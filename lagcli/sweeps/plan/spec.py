@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from lagcli.model.inputs import InputData
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.settings.settings import SettingsOverrides
@@ -36,6 +37,8 @@ class Spec:
         Whether the samples of each row are kept too.
     strict : bool
         Whether a row that cannot be trusted counts as failed.
+    data : mapping of str to InputData
+        The tables of the model's inputs.
     """
 
     text: str
@@ -47,6 +50,7 @@ class Spec:
     measures: tuple[tuple[str, str], ...]
     keep: str
     strict: bool = False
+    data: Mapping[str, InputData] = field(default_factory=dict)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -61,11 +65,17 @@ class Spec:
         ModelError
             A value cannot be used.
         """
-        return load_text(self.text, self.path, {**self.set, **(values or {})}, self.set_initial)
+        values = {**self.set, **(values or {})}
+        return load_text(self.text, self.path, values, self.set_initial, self.data)
 
     def described(self) -> dict[str, Any]:
         """Return all of it as JSON values; equal for sweeps of equal rows alone."""
+        inputs = {
+            name: hashlib.sha256(x.times.tobytes() + x.values.tobytes()).hexdigest()
+            for name, x in self.data.items()
+        }
         return {
+            **({"inputs": inputs} if inputs else {}),
             "lagcli": __version__,
             "model_sha256": hashlib.sha256(self.text.encode()).hexdigest(),
             "set": {name: str(value) for name, value in self.set.items()},

@@ -11,6 +11,7 @@ from symengine import Basic
 
 from lagcli.arrays import Array
 from lagcli.columns import RESIDUALS, SAMPLED, SCALARS, column_names, read_dotted_name
+from lagcli.engine.inputs.tables import input_functions
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.tape import Tape
@@ -58,14 +59,15 @@ class Signals:
         parameters = [se.Symbol(name) for name in eq.model.parameters]
         lambdas = [multiplier(c.constraint.name) for c in eq.constraints]
         state = [TIME, *eq.q, *eq.v, *eq.a, *lambdas, WORK]
-        tape = compile_tape(found, state, [*parameters, ENERGY_BEFORE])
+        functions = input_functions(eq.model)
+        tape = compile_tape(found, state, [*parameters, ENERGY_BEFORE], functions)
         self._evaluate: Callable[[Array, Array], Array] = partial(_run_blocks, tape)
-        if compiled:
+        if compiled and not functions.functions:
             from lagcli.engine.integrate.batch import SampleTape
 
             self._evaluate = SampleTape(tape)
         self._balance = any(ENERGY_BEFORE in x.free_symbols for x in found)
-        self._energy = compile_tape([eq.energy - WORK], state, parameters)
+        self._energy = compile_tape([eq.energy - WORK], state, parameters, functions)
 
     def __call__(self, samples: Array, parameters: Array) -> Array:
         """Return the signals, (runs, signals, nt).

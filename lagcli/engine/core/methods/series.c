@@ -405,6 +405,12 @@ FOR_WIDER static void next_order(const lag_series *s, int k)
     }
 }
 
+void lag_series_invariant(const lag_series *series)
+{
+    for (int i = 0; i < series->invariant; ++i)
+        series->file[i] = OUT(&series->values, i);
+}
+
 int lag_series_expand(const lag_series *s, int nq, double t, const double *y)
 {
     const int n = 2 * nq + 1, order = s->order;

@@ -20,6 +20,9 @@ typedef struct {
     const int32_t *state;
 } lag_series;
 
+/* Take over the numbers that stay the same from state to state. */
+void lag_series_invariant(const lag_series *series);
+
 /* Find the coefficients up to the program's order at a state y of n = 2 nq + 1 numbers. Returns 0,
  * or 1 where they are not finite. */
 int lag_series_expand(const lag_series *series, int nq, double t, const double *y);

@@ -13,12 +13,15 @@ typedef struct {
     const int32_t *prelude, *stream, *deferred[3], *output_subsets[2];
     int32_t *held;                     /* what was evaluated last: all (0), or which alone; and, of the
                                         * dynamics, a lag_factored of its matrix */
-    double *registers;
+    double *registers, *parameters;    /* the registers of the parameters */
     const int32_t *outputs;
 } lag_tape;
 
 /* Run a stream on a register file. */
 void lag_stream_run(const int32_t *stream, double *registers);
+
+/* Give a tape n parameters; what it held is no longer valid. */
+void lag_tape_set(const lag_tape *tape, int n, const double *parameters);
 
 /* Read output i of a tape. */
 #define OUT(tape, i) ((tape)->registers[(tape)->outputs[i]])

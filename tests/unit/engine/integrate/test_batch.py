@@ -177,7 +177,8 @@ def test_equals_single_runs_on_every_shipped_model(path, core_statuses):
     end = 0.1 * model.settings.t_end
     runs = Runs(model, t_end=end, samples=21, rtol=1e-11, atol=1e-12)
     [(found, run)] = runs()
-    assert core_statuses() == [2], "the run did not stay in its lane"
+    lanes = [] if model.inputs else [2]  # whose knots are passed one by one
+    assert core_statuses() == lanes, "the run did not stay in its lane"
     expected, single = runs.single(0)
     assert (run.status, run.methods) == (single.status, ("DOP853",))
     np.testing.assert_array_equal(found[:, 0], expected[:, 0])

@@ -37,6 +37,7 @@ class Reader:
             constraints=model.constraint_names,
             parameters={name: bound(se.Symbol, name) for name in model.parameters},
             definitions={name: bound(Sized, d.value, 1) for name, d in model.definitions.items()},
+            inputs={name: x.smoothness for name, x in model.inputs.items()},
         )
         for x in abbreviations:
             value = self(x["text"])

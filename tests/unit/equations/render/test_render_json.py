@@ -34,6 +34,7 @@ def read(text: str, equations: Equations) -> se.Basic:
         constraints=model.constraint_names,
         parameters={name: partial(se.Symbol, name) for name in model.parameters},
         definitions={name: partial(Sized, d.value, 1) for name, d in model.definitions.items()},
+        inputs={name: x.smoothness for name, x in model.inputs.items()},
     )
     context = Context("the test", accelerations=True, multipliers=True)
     return build(parse(text), ModelScope(names, context)).value
@@ -98,7 +99,7 @@ def test_schema():
     assert content["schema"] == "lagcli-derivation-2"
     assert list(content) == [
         *("schema", "name", "title", "description", "numeric", "coordinates", "parameters"),
-        *("form", "abbreviations", "constraints", "events"),
+        *("inputs", "form", "abbreviations", "constraints", "events"),
         *(
             "rank",
             "degrees_of_freedom",

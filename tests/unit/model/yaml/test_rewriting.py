@@ -116,7 +116,8 @@ def _unit(unit: str | None) -> str:
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
 def test_every_value_of_every_model_can_be_written(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
-    model = load_text(text, path.name)
+    name = str(path)
+    model = load_text(text, name)
     # one and a bit, in the unit of the file, but numbers of members
     set_ = {
         name: str(p.value + 1) if p.structural else f"1.0625 {_unit(p.unit)}".strip()
@@ -127,9 +128,9 @@ def test_every_value_of_every_model_can_be_written(path: Path) -> None:
         for name, x in model.initial.items()
     }
     # `rewrite` itself holds the result against the model with these options
-    new = rewrite(text, path.name, set_, initial, 1.75)
-    found = load_text(new, path.name)
-    wanted = load_text(text, path.name, set_, initial)
+    new = rewrite(text, name, set_, initial, 1.75)
+    found = load_text(new, name)
+    wanted = load_text(text, name, set_, initial)
     assert found.parameter_values == wanted.parameter_values
     assert {n: x[:2] for n, x in found.initial.items()} == {
         n: x[:2] for n, x in wanted.initial.items()

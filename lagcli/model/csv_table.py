@@ -1,0 +1,173 @@
+"""CSV files with a line of titles: columns by name, with errors that show line and column."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+import re
+from collections.abc import Iterator
+
+from lagcli.errors import Diagnostic, FileError, SourceLocation
+from lagcli.files import check_regular, read_failure
+from lagcli.model.expression.units import Factor, UnknownUnit, to_si
+from lagcli.model.spelling import did_you_mean, nearest, shorten
+
+_DELIMITERS = ",;\t"
+#: A title with its unit: ``enc [deg]``.
+_TITLE = re.compile(r"(.*?)\s*[\[(]([^\[\]()0-9][^\[\]()]*)[\])]")
+
+
+def read_bytes(path: str | os.PathLike[str]) -> bytes:
+    """Return the content of a regular file.
+
+    Raises
+    ------
+    FileError
+        It cannot be read.
+    """
+    name = os.fspath(path)
+    check_regular(name)
+    try:
+        with open(name, "rb") as opened:
+            return opened.read()
+    except OSError as error:
+        raise read_failure(name, error) from error
+
+
+class CsvTable:
+    """The lines of a CSV file, the first of which names the columns.
+
+    Parameters
+    ----------
+    path : str
+        The file's name for messages.
+    content : bytes
+
+    Raises
+    ------
+    FileError
+        The content is not text, or empty.
+    """
+
+    def __init__(self, path: str, content: bytes):
+        self.path = path
+        try:
+            self.text = content.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise FileError(f"cannot read {path}: it is not text ({error})") from None
+        first = next(iter(io.StringIO(self.text)), "")
+        if not self.text.strip():
+            raise FileError(f"{path} is empty; its first line names the columns")
+        self.delimiter = max(_DELIMITERS, key=first.count)
+        self.titles = next(csv.reader([first], delimiter=self.delimiter), [])
+
+    def rows(self) -> Iterator[tuple[int, list[str]]]:
+        """Yield the rows below the titles that are not blank, with the number of their line.
+
+        Raises
+        ------
+        FileError
+            A row has another number of values than there are titles, or is no CSV.
+        """
+        reader = csv.reader(io.StringIO(self.text, newline=""), delimiter=self.delimiter)
+        count = len(self.titles)
+        try:
+            next(reader)
+            for fields in reader:
+                if len(fields) == count and (count > 1 or fields[0].strip()):
+                    yield reader.line_num, fields
+                elif any(field.strip() for field in fields):
+                    raise self.error(
+                        "bad-data",
+                        f"{len(fields)} values under {count} names",
+                        "give one value for each name; leave the place of a missing one empty",
+                        reader.line_num,
+                    )
+        except csv.Error as error:
+            raise self.error(
+                "bad-data",
+                f"this is no CSV: {error}",
+                "write one row of numbers in each line",
+                reader.line_num,
+            ) from None
+
+    def column(self, name: str, unit: str | None) -> tuple[int, Factor, str | None]:
+        """Return the number of a column, what brings its values to SI, and its unit.
+
+        Parameters
+        ----------
+        name : str
+        unit : str or None
+            A valid unit, in place of the one in the title.
+
+        Raises
+        ------
+        FileError
+            There is no such column, or the unit in its title is unknown.
+        """
+        plain = [title.strip() for title in self.titles]
+        matches = [_TITLE.fullmatch(title) for title in plain]
+        for number, (title, match) in enumerate(zip(plain, matches, strict=True)):
+            if title == name:
+                return number, to_si(unit) if unit else 1, unit
+            if match is not None and match[1] == name:
+                try:
+                    return number, to_si(unit or match[2]), unit or match[2]
+                except UnknownUnit as error:
+                    raise self.error(
+                        "unknown-unit",
+                        f"`{title}`: {error}",
+                        "write the unit as in `enc [deg]`, or give `unit` in the model file",
+                        1,
+                        number,
+                    ) from None
+        known = [match[1] if match else title for title, match in zip(plain, matches, strict=True)]
+        raise self.error(
+            "no-column",
+            f"there is no column `{shorten(name)}`",
+            did_you_mean(nearest(name, known)) or "the columns are " + ", ".join(known[:20]),
+            1,
+        )
+
+    def number(self, fields: list[str], number: int, line: int) -> float:
+        """Return the number in a field; NaN where it is empty or says so.
+
+        Raises
+        ------
+        FileError
+            It is no finite number.
+        """
+        try:
+            value = float(fields[number])
+        except ValueError:
+            value = math.inf if fields[number].strip() else math.nan
+        if math.isinf(value):
+            raise self.error(
+                "bad-data",
+                f"column `{self.titles[number].strip()}`:"
+                f" {shorten(fields[number].strip())!r} is not a finite number",
+                "write it as 0.25; leave the place of a missing value empty",
+                line,
+                number,
+            )
+        return value
+
+    def error(
+        self, kind: str, message: str, help_: str, line: int, number: int | None = None
+    ) -> FileError:
+        """Return an error at a line, or at one of its fields."""
+        lines = self.text.splitlines()
+        text = lines[line - 1] if line <= len(lines) else ""
+        start, length = 0, len(text)
+        if number is not None:
+            # as it is written: fields in quotes may hold delimiters
+            spans = [m.span() for m in re.finditer(rf'(?:"[^"]*"|[^{self.delimiter}])+|(?<=[{self.delimiter}])(?=[{self.delimiter}]|$)|^(?=[{self.delimiter}])', text)]  # fmt: skip # noqa: E501
+            if number < len(spans):
+                start, length = spans[number][0], max(1, spans[number][1] - spans[number][0])
+        location = SourceLocation(self.path, line, start + 1, max(1, length), text)
+        diagnostic = Diagnostic(kind, message, location, help_)
+        error = FileError(diagnostic.render())
+        error.diagnostics = [diagnostic]
+        return error

@@ -1,0 +1,1 @@
+"""Inputs of runs: whether their tables reach far enough, and how records keep them."""

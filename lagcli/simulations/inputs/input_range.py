@@ -1,0 +1,36 @@
+"""Whether the tables of a model's inputs reach from the start of a run to its end."""
+
+from __future__ import annotations
+
+from lagcli.errors import Diagnostic, ModelError
+from lagcli.model.model import Model
+
+#: Of a time: what a table may lack for rounding.
+_ROUNDING = 1e-12
+
+
+def check_input_range(model: Model, start: float, end: float) -> None:
+    """Raise ModelError unless all inputs are defined from one time to another, s."""
+    found = []
+    for x in model.inputs.values():
+        first, last = x.data.times[0], x.data.times[-1]
+        slack = _ROUNDING * max(abs(first), abs(last))
+        if x.extend is not None or (first - slack <= start and end <= last + slack):
+            continue
+        where = "the file" if x.data.file else "the list"
+        if start < first - slack:
+            fault = f"begins too late: at t = {first:.9g} s, and the run at t = {start:.9g} s"
+            remedy = f"start the run later: --t-start {first:.9g}"
+        else:
+            fault = f"ends too early: at t = {last:.9g} s, and the run at t = {end:.9g} s"
+            remedy = f"end the run earlier: --t-end {last:.9g}"
+        found.append(
+            Diagnostic(
+                "outside-table",
+                f"the table of `{x.name}` {fault}",
+                x.location,
+                f"give {where} more rows, write `extend: hold` or `extend: periodic`, or {remedy}",
+            )
+        )
+    if found:
+        raise ModelError(found)

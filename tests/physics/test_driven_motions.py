@@ -1,0 +1,189 @@
+"""Motions driven by tables, against closed forms and SciPy's splines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import lagcli
+from lagcli.settings.methods import methods_of
+
+K, M = 90.0, 2.5
+OMEGA = math.sqrt(K / M)
+KNOTS = [0.0, 0.3, 0.75, 1.0, 1.6, 2.0]
+FORCES = [0.0, 40.0, -25.0, -25.0, 10.0, 0.0]
+OSCILLATOR = f"""
+coordinates: {{y: m}}
+parameters: {{m: {M} kg, k: {K} N/m}}
+inputs:
+  pull: {{times: {KNOTS}, values: {FORCES}, unit: N, interpolation: KIND}}
+T: m/2*y'^2
+V: k/2*y^2
+Q: {{y: pull}}
+initial: {{y: 0.1, y': -1}}
+outputs: {{force: pull}}
+simulation: {{t_end: 2, rtol: 1e-12}}
+"""
+METHODS = [(e, m) for e in ("compiled", "scipy") for m in ("DOP853", "Radau")]
+METHODS += [("compiled", "Taylor"), ("compiled", "Rodas5P")]
+
+
+def oscillation(t: np.ndarray, slopes: list[float]) -> np.ndarray:
+    """Return y of m ÿ + k y = F, F linear between the knots, piece by piece."""
+    found = np.empty(len(t))
+    y, v = 0.1, -1.0
+    for i, (begin, end) in enumerate(pairwise(KNOTS)):
+        slope, force = slopes[i], FORCES[i]
+
+        def moved(
+            s: np.ndarray | float, y: float = y, v: float = v, f: float = force, b: float = slope
+        ) -> tuple[np.ndarray | float, np.ndarray | float]:
+            c, d = y - f / K, (v - b / K) / OMEGA
+            cos, sin = np.cos(OMEGA * s), np.sin(OMEGA * s)
+            return c * cos + d * sin + (f + b * s) / K, OMEGA * (d * cos - c * sin) + b / K
+
+        mine = (t >= begin) & (t <= end)
+        found[mine] = moved(t[mine] - begin)[0]
+        y, v = (float(x) for x in moved(end - begin))
+    return found
+
+
+def rises() -> list[float]:
+    return (np.diff(FORCES) / np.diff(KNOTS)).tolist()
+
+
+@pytest.mark.parametrize(("engine", "method"), METHODS)
+@pytest.mark.parametrize(
+    ("kind", "slopes"), [("linear", rises), ("step", lambda: [0.0] * 5)], ids=["linear", "step"]
+)
+def test_a_driven_oscillator(
+    engine: str, method: str, kind: str, slopes: Callable[[], list[float]]
+) -> None:
+    """Kinks and jumps of the force cost no accuracy: the steps end there."""
+    # implicit methods of order 5 need far more steps for the last digits
+    rtol = 1e-12 if method in ("DOP853", "Taylor") else 1e-9
+    model = lagcli.load_text(OSCILLATOR.replace("KIND", kind))
+    run = lagcli.simulate(model, engine=engine, method=method, rtol=rtol, samples=201)
+    assert run.status == "completed", run.message
+    expected = oscillation(run.time, slopes())
+    bound = 1e-9 if rtol == 1e-12 else 1e-7
+    np.testing.assert_allclose(run.q[:, 0], expected, rtol=0, atol=bound * 0.5)
+    scale = np.abs(run.energy_total).max()
+    assert np.abs(run.energy_balance).max() < bound * scale
+    # at a knot, forces and accelerations are those of what follows
+    assert np.abs(run.residual_equation).max() < 1e-13
+    force = np.array(FORCES)[np.searchsorted(KNOTS, run.time, side="right") - 1]
+    if kind == "step":
+        np.testing.assert_array_equal(run.outputs["force"], force)
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Taylor", "Rodas5P", "Radau"])
+def test_the_error_follows_the_tolerance(method: str) -> None:
+    """By a factor of 10³ in rtol it falls at least by 10²: the knots do not limit the order."""
+    errors = []
+    for rtol in (1e-4, 1e-7, 1e-10):
+        model = lagcli.load_text(OSCILLATOR.replace("KIND", "linear"))
+        run = lagcli.simulate(model, method=method, rtol=rtol, samples=101)
+        errors.append(np.abs(run.q[:, 0] - oscillation(run.time, rises())).max())
+    assert errors[0] > 1e-8
+    assert errors[1] < 1e-2 * errors[0]
+    assert errors[2] < 1e-2 * errors[1]
+    assert errors[2] < 1e-8
+
+
+ROAD = (np.linspace(0.0, 4.0, 21), 0.05 * np.sin(np.linspace(0.0, 4.0, 21) ** 2))
+WHEEL = """
+coordinates: {x: m, y: m}
+parameters: {m: 3 kg, g: 9.81 m/s^2, a: 1.5}
+inputs:
+  road: {times: TIMES, values: VALUES, unit: m, interpolation: cubic, extend: EXTEND}
+definitions: {height: a*road}
+T: m/2*(x'^2 + y'^2)
+V: m*g*y
+constraints: {ground: y = height + x/10}
+initial: {x: 0, x': 1, y: {guess: 0}, y': {guess: 0}}
+outputs: {rate: height', bend: road''}
+simulation: {t_end: 4, samples: 161, rtol: 1e-12}
+"""
+
+
+@pytest.mark.parametrize("engine", ["compiled", "scipy"])
+@pytest.mark.parametrize(("extend", "ends"), [("null", "not-a-knot"), ("hold", "clamped")])
+def test_the_force_of_a_moving_constraint(engine: str, extend: str, ends: str) -> None:
+    """λ = m (g + a ü)/1.01 and ẍ = −(g + a ü)/10.1, with ü of SciPy's spline."""
+    times, values = ROAD
+    text = WHEEL.replace("TIMES", str(times.tolist())).replace("VALUES", str(values.tolist()))
+    text = text.replace(", extend: EXTEND", "" if extend == "null" else f", extend: {extend}")
+    run = lagcli.simulate(lagcli.load_text(text), engine=engine)
+    spline = CubicSpline(times, values, bc_type=ends)
+    t = run.time[:-1]  # at the end, a spline that is held has no curvature any more
+    acceleration = 9.81 + 1.5 * spline(t, 2)
+    np.testing.assert_allclose(run.multipliers[:-1, 0], 3 * acceleration / 1.01, rtol=1e-10)
+    np.testing.assert_allclose(run.outputs["rate"][:-1], 1.5 * spline(t, 1), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(run.outputs["bend"][:-1], spline(t, 2), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        run.q[:, 1], 1.5 * spline(run.time) + run.q[:, 0] / 10, rtol=0, atol=1e-13
+    )
+    # x by two integrals of the spline, which are exact
+    x = t - (9.81 * t**2 / 2 + 1.5 * (spline(t) - spline(0) - spline(0, 1) * t)) / 10.1
+    np.testing.assert_allclose(run.q[:-1, 0], x, rtol=0, atol=1e-9)
+
+
+def test_a_periodic_force_over_many_periods() -> None:
+    """A square wave of period 0.2 s on a free mass: x by exact sums."""
+    text = """
+coordinates: [x]
+inputs:
+  wave: {times: [0, 0.1, 0.2], values: [1, -1, 1], interpolation: step, extend: periodic}
+T: x'^2/2
+Q: {x: wave}
+initial: {x: 0, x': 0}
+simulation: {t_end: 100, samples: 501}
+"""
+    run = lagcli.simulate(lagcli.load_text(text))
+    # each period adds 0.01 to x, and its velocity is zero again at the end
+    whole = np.arange(len(run.time)) % 1 == 0
+    np.testing.assert_allclose(run.q[whole, 0], run.time[whole] / 0.2 * 0.01, rtol=0, atol=1e-10)
+    assert run.counts["steps"] >= 999
+
+
+def test_the_road_of_the_shipped_car_is_the_documented_one() -> None:
+    """The rows of car_on_road.csv are the formula in car_on_road.yaml, to their 0.1 mm."""
+
+    def height(s: np.ndarray) -> np.ndarray:
+        hump = np.where((s > 5) & (s < 11), 55 * (1 - np.cos(2 * np.pi * (s - 5) / 6)), 0)
+        waves = 3 * np.sin(2 * np.pi * s / 7) + 2 * np.sin(2 * np.pi * s / 2.9)
+        return (hump + np.clip(s / 3, 0, 1) ** 2 * waves) / 1000
+
+    data = lagcli.load("car_on_road").data
+    for name, behind in (("u_f", 0.0), ("u_r", 2.6)):
+        s = 10 * np.array(data[name].times) - behind
+        np.testing.assert_allclose(data[name].values, height(s), rtol=0, atol=5.1e-5)
+
+
+def test_derivatives_with_respect_to_parameters() -> None:
+    """∂y/∂k of the driven oscillator, against central differences of the closed form."""
+    model = lagcli.load_text(OSCILLATOR.replace("KIND", "linear"))
+    run = lagcli.simulate(model, sensitivity="k", samples=41)
+    around = []
+    for k in (K * (1 - 1e-5), K * (1 + 1e-5)):
+        changed = lagcli.load_text(OSCILLATOR.replace("KIND", "linear"), set={"k": f"{k!r} N/m"})
+        around.append(lagcli.simulate(changed, samples=41).q[:, 0])
+    slope = (around[1] - around[0]) / (2e-5 * K)
+    assert run.dq is not None
+    np.testing.assert_allclose(run.dq[:, 0, 0], slope, rtol=0, atol=1e-6 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("method", methods_of("compiled"))
+def test_a_road_under_a_spring_balances_its_energy(method: str) -> None:
+    """V depends on a linear input: the power of its motion is counted on either side of a kink."""
+    text = OSCILLATOR.replace("KIND", "linear").replace("k/2*y^2", "k/2*(y - c*pull)^2")
+    text = text.replace("parameters: {", "parameters: {c: 2 mm/N, ")
+    run = lagcli.simulate(lagcli.load_text(text), method=method, rtol=1e-9)
+    assert run.status == "completed"
+    assert np.abs(run.energy_balance).max() < 1e-7 * np.abs(run.energy_total).max()
