@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import re
+
 from lagcli.errors import SourceLocation
 from lagcli.model.expression.trees import Tree
 from lagcli.model.model import Model
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.composing import compose
 from lagcli.model.yaml.source import Mapping, Scalar, Sequence, Source, YamlNode
+
+#: A field of an entry: ``floor.slip``, ``floor.friction.static``, ``kick.set.x'``.
+_FIELD = re.compile(r"(.+?)\.((?:restitution|friction|slip|limit|when|set|impulse)(?:\..+)?)")
 
 
 class ExpressionLocations:
@@ -29,16 +34,21 @@ class ExpressionLocations:
         block : str
             ``T``, ``definitions``, …
         name : str, optional
-            Name of the entry. A member of a family belongs to the family's entry unless it has its
-            own.
+            Name of the entry, or of a field of it, as in ``floor.slip``. A member of a family
+            belongs to the family's entry unless it has its own.
         """
         found = self._root.entries.get(block)
         node = found[1] if found else None
         if name is not None and isinstance(node, Mapping):
             family = name.partition("[")[0]
-            keys = [k for k in (name, name.rpartition(".")[0]) if k in node.entries]
+            field = _FIELD.fullmatch(name)
+            entry = field[1] if field else name
+            keys = [k for k in (entry, entry.rpartition(".")[0]) if k in node.entries]
             keys += [k for k in node.entries if k.startswith(f"{family}[") and "[" in name]
             node = node.entries[keys[0]][1] if keys else None
+            for key in field[2].split(".") if field else ():
+                inside = node.entries.get(key) if isinstance(node, Mapping) else None
+                node = inside[1] if inside else node
         if isinstance(node, Mapping) and "expr" in node.entries:
             node = node.entries["expr"][1]
         return node

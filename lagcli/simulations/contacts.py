@@ -51,6 +51,7 @@ def check_contacts(model: Model, system: System, state: State, closed: float) ->
             found.append(_violated(model, model.constraints[row.row], gap, slopes))
     found += _bad_coefficients(model, system.switching, state)
     if found:
+        found.sort(key=lambda d: (d.location.line, d.location.column) if d.location else (0, 0))
         raise ModelError(found)
 
 

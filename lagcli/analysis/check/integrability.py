@@ -68,11 +68,11 @@ def check_integrability(
     Returns
     -------
     dict of str to VelocityConstraint
-        By constraint, of those that are given with velocities.
+        By constraint, of those that are given with velocities and linear in them.
     """
     found: dict[str, VelocityConstraint] = {}
     for c in equations.constraints:
-        if c.position is not None:
+        if c.constraint.kind != "nonholonomic":
             continue
         alone = integrable(c, equations)
         integral = first_integral(c, equations) if alone else None
@@ -80,7 +80,13 @@ def check_integrability(
         kind: Integrability = "not tested" if alone is None else "alone" if alone else "no"
         found[c.constraint.name] = VelocityConstraint(kind, integral, value)
     left = [name for name, x in found.items() if x.integrable != "alone"]
-    if left and len(equations.constraints) > 1 and _together(equations, [start, *states]):
+    linear = all(c.constraint.kind != "nonlinear" for c in equations.constraints)
+    if (
+        left
+        and linear
+        and len(equations.constraints) > 1
+        and _together(equations, [start, *states])
+    ):
         found |= {name: VelocityConstraint("together") for name in left}
     return found
 

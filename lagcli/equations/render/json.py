@@ -321,7 +321,9 @@ class _JsonWriter:
             "name": c.constraint.name,
             "kind": c.constraint.kind,
             "rheonomic": c.rheonomic,
-            "integrable": None if c.position is not None else integrable(c, self.f.equations),
+            "integrable": integrable(c, self.f.equations)
+            if c.constraint.kind == "nonholonomic"
+            else None,
             "expression": self.formula(c.constraint.expression, "expression", i),
             "written": " = ".join(
                 map(self.latex, as_inequality(self.f.constraint_line(c), c).sides)

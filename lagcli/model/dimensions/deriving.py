@@ -23,6 +23,7 @@ from lagcli.model.dimensions.model_units import (
     text_of,
 )
 from lagcli.model.dimensions.named import NamedDimensions
+from lagcli.model.dimensions.switching import check_switching
 from lagcli.model.dimensions.tensor_dimension import TensorDimension, Value, rate_of
 from lagcli.model.expression.trees import (
     IndexedSumExpr,
@@ -103,6 +104,7 @@ class _Statements:
         self.energies()
         self.forces()
         self.constrained()
+        check_switching(model, known, self.terms)
         self.initial()
         self.reported()
 

@@ -119,7 +119,7 @@ class NamedDimensions:
         if "." in text:
             head, *rest = text.split(".")
             if head == "lambda":
-                return find(self.multipliers, rest[0])
+                return find(self.multipliers, ".".join(rest))
             force = find(self.names, rest[-1])
             return UNKNOWN if isinstance(force, TensorDimension) else conjugate(force)
         if self.model.names.declared(text):

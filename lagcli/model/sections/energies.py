@@ -84,7 +84,7 @@ def read_forces(
 ) -> dict[str, Basic]:
     """Return Q_i by coordinate: Σ F·∂r/∂q_i over the entries of `Q`, or of impulses of an event."""
     terms: dict[str, list[Basic]] = {}
-    declared = [_acted_on(draft, key, node) for _, key, node in entries]
+    declared = [_acted_on(draft, key, node, block) for _, key, node in entries]
     groups = [members_of(draft, d, constants) for d in declared if d is not None]
     unique = by_name(draft, [member for group in groups for member in group])
     for group in groups:
@@ -94,7 +94,7 @@ def read_forces(
     return {name: se.Add(*parts) for name, parts in terms.items()}
 
 
-def _acted_on(draft: Draft, key: Scalar, node: YamlNode) -> Declaration | None:
+def _acted_on(draft: Draft, key: Scalar, node: YamlNode, block: str) -> Declaration | None:
     """Return what a force acts on; an unknown name is reported."""
     names = draft.names
     if "[" in key.value:
@@ -107,7 +107,7 @@ def _acted_on(draft: Draft, key: Scalar, node: YamlNode) -> Declaration | None:
     known = family in names.coordinates or family in names.definitions
     known = known or bool(names.families.get(family, set()) & {"coordinate", "definition"})
     if not known and not (names.incomplete or declaration.name in names.suspects):
-        _report_unknown(draft, declaration.title, key)
+        _report_unknown(draft, declaration.title, key, block)
     return declaration
 
 
@@ -150,8 +150,9 @@ def _read_force(
             return
 
 
-def _report_unknown(draft: Draft, name: str, key: Scalar) -> None:
+def _report_unknown(draft: Draft, name: str, key: Scalar, block: str) -> None:
     names = draft.names
+    block = block.rpartition(".")[2]  # `Q`, or the field `impulse` of an event
     base = name.rstrip("'").removesuffix("_dot")
     if f"{name}[]" in names.families:
         help_: str | None = f"name its members: `{name}[i = 1..N]`, or one, as in `{name}[1]`"
@@ -162,7 +163,7 @@ def _report_unknown(draft: Draft, name: str, key: Scalar) -> None:
         help_ = did_you_mean(close)
     draft.report.add(
         "unknown-name",
-        f"`Q` names `{shorten(name)}`, which is neither a coordinate nor a definition",
+        f"`{block}` names `{shorten(name)}`, which is neither a coordinate nor a definition",
         key.location,
         help_ or "a force acts on a coordinate, or along a definition such as x_B",
     )

@@ -232,7 +232,8 @@ class _EventReader:
                     "unknown-name",
                     f"{self.what} sets `{shorten(text)}`, which is not a coordinate, a velocity or"
                     " a parameter",
-                    did_you_mean(nearest(text, [*every, *names.parameters])),
+                    did_you_mean(nearest(text, [*every, *names.parameters]))
+                    or f"it can set {', '.join(f'`{x}`' for x in every[:6])} and parameters",
                 )
             return None
         needs = self.draft.parameter_needs
