@@ -8,7 +8,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from typing import Any
+from typing import Any, TextIO
 
 from lagcli.errors import FileError
 
@@ -117,3 +117,13 @@ def discard() -> None:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)
+
+
+def has_colour(stream: TextIO, refused: bool = False) -> bool:
+    """Whether text on a stream may be coloured: on a terminal, unless it is refused.
+
+    The environment refuses colours by NO_COLOR (no-color.org) or TERM=dumb.
+    """
+    if refused or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return False
+    return stream.isatty()

@@ -1,5 +1,6 @@
 """`lagcli simulate`: integrate the motion and write it."""
 
+import shutil
 import signal
 import sys
 import time
@@ -22,7 +23,7 @@ from lagcli.cli.options import (
     refuse_same_file,
 )
 from lagcli.cli.settings import errors_as_json, with_settings
-from lagcli.cli.streams import tell
+from lagcli.cli.streams import has_colour, tell
 from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_TEXT
 from lagcli.settings.settings import SettingsOverrides
@@ -126,7 +127,11 @@ def simulate(
     if json:
         print(summary.to_json(result))
     elif not quiet:
+        columns = shutil.get_terminal_size((summary.WIDTH, 24)).columns
         text = summary.format_summary(result, loaded.name)
+        text = summary.fitted(text, max(min(columns, summary.WIDTH), summary.NARROWEST))
+        if has_colour(sys.stderr if output == "-" else sys.stdout, no_color):
+            text = summary.coloured(text, record.status)
         if output == "-":
             print(text, file=sys.stderr)
         elif written:
