@@ -39,7 +39,7 @@ def program(arguments: Sequence[str] = ()) -> Any:
     app = typer.Typer(
         name="lagcli",
         help="Lagrange's equations of the first kind from a model file: derive, simulate, inspect.",
-        epilog="Exit status: 0 done; 1 a bug in lagcli; 2 usage or model error; 3 the numbers"
+        epilog="Exit status: 0 done; 1 a bug in lagcli; 2 usage or model error; 3 the integration"
         " failed (the partial result is kept); 4 input/output error; 130 interrupted.",
         no_args_is_help=True,
         add_completion=False,

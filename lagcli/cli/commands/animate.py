@@ -30,37 +30,37 @@ def animate(
             "--output",
             "-o",
             metavar="FILE",
-            help="The animation: .html plays by itself in a browser, .gif and .mp4 are films.",
+            help="Animation to write: .html is a page for any browser, .gif and .mp4 are videos.",
         ),
     ],
     model: ViewModel = None,
     start: Annotated[
-        float | None, typer.Option("--from", help="Begin at this time of the motion, s.")
+        float | None, typer.Option("--from", help="Start time of the animated part, s.")
     ] = None,
     end: Annotated[
-        float | None, typer.Option("--to", help="End at this time of the motion, s.")
+        float | None, typer.Option("--to", help="End time of the animated part, s.")
     ] = None,
     speed: Annotated[
         float | None,
         typer.Option(
-            help="Seconds of the motion per second. [default: 1, real time; slower for motions"
+            help="Simulated seconds per second. [default: 1, real time; slower for motions"
             " under a second, faster for those over a minute]"
         ),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(help="How long the animation lasts, s, in place of --speed.")
+        float | None, typer.Option(help="Duration of the animation, s, instead of --speed.")
     ] = None,
     fps: Annotated[
         float | None,
-        typer.Option(help="Frames per second of a film. [default: 25 for GIF, 50 for MP4]"),
+        typer.Option(help="Frames per second of a video. [default: 25 for GIF, 50 for MP4]"),
     ] = None,
     size: Annotated[
         str | None,
-        typer.Option(metavar="WxH", help="Pixels of a film. [default: 640x480]"),
+        typer.Option(metavar="WxH", help="Size of a video in pixels. [default: 640x480]"),
     ] = None,
     no_forces: Annotated[
         bool,
-        typer.Option("--no-forces", help="Without arrows of forces; in a page, at first."),
+        typer.Option("--no-forces", help="Hide force arrows; a page can show them again."),
     ] = False,
     mode: Annotated[
         int | None,

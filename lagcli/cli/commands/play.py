@@ -20,7 +20,7 @@ def play(
         typer.Option(min=0, max=65535, help="Port of 127.0.0.1. [default: a free one]"),
     ] = None,
     no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address, and do not open it.")
+        bool, typer.Option("--no-browser", help="Print the address without opening a browser.")
     ] = False,
     set: SetParameter = None,
     set_initial: SetInitial = None,
@@ -28,10 +28,11 @@ def play(
     settings: SettingsOverrides,
     quiet: Quiet = False,
 ) -> int:
-    """Move a model's values on a page, and see its motion, its λ and its energy follow.
+    """Simulate a model interactively in the browser: each change of a value starts a new run.
 
-    The page is served to this machine alone, at the address on standard output. Ctrl-C closes it.
-    A run that takes longer than --timeout, 5 s by default, is shown as far as it came.
+    The page shows the motion, λ and the energies, with sliders for parameters and initial values.
+    Only this computer can open it, at the address on standard output; Ctrl-C stops the server. A
+    run that takes longer than --timeout, 5 s by default, is shown up to the last sample.
     """
     from lagcli.errors import UsageError
     from lagcli.model.loader import load

@@ -15,43 +15,45 @@ def plot(
         list[str],
         typer.Argument(
             metavar="FILE… [NAME…]",
-            help=f"Result files ({SUFFIX_NAMES}), and what to plot of them: phi, phi_dot,"
-            " lambda.guide, Qc.guide.phi, energy_total, outputs, 'x[*]'; a:b is b over a; a,b"
+            help=f"Result files ({SUFFIX_NAMES}), and the quantities to plot: phi, phi_dot,"
+            " lambda.guide, Qc.guide.phi, energy_total, outputs, 'x[*]'; a:b plots b over a; a,b"
             " share a panel. [default: coordinates, λ and energies]",
         ),
     ],
     output: Annotated[
         str,
-        typer.Option("--output", "-o", metavar="FILE", help="The picture: .png, .svg or .pdf."),
+        typer.Option("--output", "-o", metavar="FILE", help="Figure to write: .png, .svg or .pdf."),
     ],
     title: Annotated[
-        str | None, typer.Option(help="In place of the model's name; '' for none.")
+        str | None, typer.Option(help="Title, instead of the model's; '' for none.")
     ] = None,
     size: Annotated[
-        str | None, typer.Option(metavar="WxH", help="Width and height in inches, as 7x4.")
+        str | None, typer.Option(metavar="WxH", help="Width and height in inches, such as 7x4.")
     ] = None,
-    dpi: Annotated[float, typer.Option(help="Dots per inch of a png.")] = 150,
+    dpi: Annotated[float, typer.Option(help="Resolution of a .png in dots per inch.")] = 150,
     model: Annotated[
         str | None,
         typer.Option(
-            metavar="MODEL", help="Model file in place of the text in the result; CSV has none."
+            metavar="MODEL",
+            help="Model file, instead of the model stored in the result; CSV stores none.",
         ),
     ] = None,
     band: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME=SPREAD",
-            help="Draw bands: how far a spread of a parameter, l=0.01 or l=5%, moves the curves of"
-            " a run that was simulated with --sensitivity. Repeatable.",
+            help="Draw the uncertainty bands that follow from the spread of a parameter, l=0.01 or"
+            " l=5%; needs a run simulated with --sensitivity. Repeatable.",
         ),
     ] = None,
     force: Force = False,
 ) -> None:
     """Plot time histories and phase portraits of results, and measures of a sweep.
 
-    Several results are drawn over each other and labelled by the parameters that differ. Of a
-    sweep: peak over what was varied, m:peak over m, m:l:peak as a map; tornado:peak shows what
-    drives it; phi of all its rows. Of a fit: data, fitted curves and residuals.
+    Several results share the axes, labelled by the parameters that differ. For a sweep, peak plots
+    this measure over the varied quantities, m:peak over m, and m:l:peak as a map; tornado:peak
+    compares the effects of the varied quantities; phi plots the coordinate for all rows. For a fit,
+    the plot shows data, fitted curves and residuals.
     """
     from lagcli.pictures.plots.figure_file import size_of
     from lagcli.pictures.plots.plot import plot as draw

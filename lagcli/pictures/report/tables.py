@@ -76,7 +76,7 @@ def moved(run: RunFile, system: EquationSystem) -> str:
     head = ["Initial value", "Guessed", "Used", "Difference"]
     more = len(correction) - len(rows)
     note = f"<p class='note'>And {more} more.</p>" if more else ""
-    caption = "What the start moved onto the constraints"
+    caption = "Initial values adjusted to satisfy the constraints"
     return table(caption, head, rows, numeric=(1, 2, 3)) + note
 
 
