@@ -37,7 +37,7 @@ def test_a_notebook_is_executed():
 
 def test_the_html_of_a_run(run):
     text = trajectory_html(run)
-    assert "<b>pendulum_cartesian</b>: completed, t = 0 to 0.5 s, 20 samples" in text
+    assert "<b>Pendulum</b>: completed, t = 0 to 0.5 s, 20 samples" in text
     (page,) = re.findall(r'srcdoc="([^"]*)"', text)
     assert html.unescape(page).startswith("<!doctype html>")
     assert "Plot of the run" in text
