@@ -11,7 +11,7 @@ from html import escape, unescape
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.presentation.typeset import Node
 from lagcli.equations.render.breaking import Break, Token
-from lagcli.equations.render.formula import PREFIX, DisplayWriter, cases_of, factor_depth, rows_of
+from lagcli.equations.render.formula import LAST_RESORT, PREFIX, DisplayWriter, cases_of, rows_of
 from lagcli.equations.render.formula_latex import needs_space
 from lagcli.equations.render.mathml_symbol import symbol_mathml
 from lagcli.equations.render.numbers import decimal, is_rounded, rounded
@@ -135,7 +135,7 @@ class MathmlFormula(DisplayWriter):
             part = self._tight(factor, depth, product=True)
             if i:
                 apart = needs_space(node.factors[i - 1], factor) or _named(factor)
-                found += [Break(factor_depth(factor, depth)), _THIN if apart else _TIMES]
+                found += [Break(depth + LAST_RESORT), _THIN if apart else _TIMES]
             found += part
         return found
 

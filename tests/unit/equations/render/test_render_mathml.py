@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from fractions import Fraction
 from pathlib import Path
 from xml.etree import ElementTree
@@ -302,3 +303,17 @@ initial: {a: 0, a': 0, b: 0, b': 0}
 def test_width_counts_letters_alone() -> None:
     assert width('<mover><mi>φ</mi><mstyle scriptlevel="0"><mo>..</mo></mstyle></mover>') == 1
     assert width("<mi>sin</mi><mo>\u2061</mo><mspace width='1em'/><mi>x</mi>") == 4
+
+
+def test_a_bracket_is_not_set_apart_from_its_factors():
+    """An inline block of several lines stands on its last one: 4 J would be beside that."""
+    equations = equations_of(next(p for p in MODELS if p.stem == "heavy_top"))
+    names = Notation(equations.model)
+    f = Formulas(equations)
+    mathml = MathmlFormula(names)
+    text = equation(f.equation_line(3), mathml, TextFormula(names))
+    assert '<span class="formula">' in text
+    apart = (
+        r'<span class="formula"><math[^>]*>(<mspace[^>]*/>|<mo>\u2062</mo>)+<mo form="prefix" fence'
+    )
+    assert not re.search(apart, text)
