@@ -33,8 +33,9 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         ``path``, ``format`` (``hdf5`` or ``csv``), ``bytes``, ``kind``, ``schema_version``,
         ``lagcli_version``, ``status``, ``message``, ``model_name``, ``model_sha256``; ``sizes``
         (samples, coordinates, constraints, outputs), the names of ``coordinates``,
-        ``constraints``, ``outputs``, and ``units``; ``sensitivity``, what the motion is
-        differentiated with respect to; ``time`` (first, last); ``parameters``,
+        ``constraints``, ``outputs``, and ``units``; ``inputs`` by name (``file``, its ``sha256``,
+        ``unit``, ``rows``, times of the ``first`` and the ``last``); ``sensitivity``, what the
+        motion is differentiated with respect to; ``time`` (first, last); ``parameters``,
         ``options``, ``counts``, ``seconds``, ``initial_correction``; the largest magnitudes of
         ``residual_position`` and ``residual_velocity`` by constraint (``max``, and ``scaled`` by
         the constraint's own scale), of ``residual_equation``, and of ``energy_balance``
@@ -76,6 +77,17 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         "coordinates": list(file.coordinates),
         "constraints": list(file.constraints),
         "outputs": list(file.outputs),
+        "inputs": {
+            name: {
+                "file": table.file or None,
+                "sha256": table.sha256 or None,
+                "unit": table.unit or None,
+                "rows": len(table.times),
+                "first": float(table.times[0]),
+                "last": float(table.times[-1]),
+            }
+            for name, table in file.record.inputs.items()
+        },
         "sensitivity": list(file.sensitivity),
         "time": {"first": known(extremes.first), "last": known(extremes.last)},
         **{
@@ -139,6 +151,8 @@ def format_info(info: Mapping[str, Any]) -> str:
     for name in ("coordinates", "constraints", "outputs"):
         shown = [_with_unit(n, units.get(n)) for n in info[name]]
         lines += _entry(name, ", ".join(shown) or "none")
+    tables = [f"{name} of {_table_of(x)}" for name, x in info["inputs"].items()]
+    lines += _entry("inputs", ", ".join(tables))
     if info["sensitivity"]:
         lines += _entry("derivatives", "of q, v and lambda by " + ", ".join(info["sensitivity"]))
     lines += _entry("parameters", pairs(info["parameters"], units))
@@ -189,6 +203,13 @@ def format_info(info: Mapping[str, Any]) -> str:
             },
         )
     return "\n".join(lines)
+
+
+def _table_of(table: Mapping[str, Any]) -> str:
+    """Return where the table of an input is from, and its extent."""
+    digest = f" (sha256 {table['sha256'][:12]}…)" if table["sha256"] else ""
+    span = f"{number(table['first'])} to {number(table['last'])} s"
+    return f"{table['file'] or 'the model'}{digest}, {table['rows']} rows, {span}"
 
 
 def _with_unit(name: str, unit: str | None) -> str:

@@ -27,6 +27,7 @@ from lagcli.equations.derivation.lagrange import Equations, with_forces
 from lagcli.errors import LagcliError, UsageError
 from lagcli.model.model import Model, ObservedQuantity
 from lagcli.settings.settings import Settings
+from lagcli.simulations.inputs.input_range import check_input_range
 from lagcli.simulations.sampling import absolute_tolerances
 from lagcli.simulations.sensitivity import Sensitivity
 
@@ -68,6 +69,8 @@ class Experiment:
     ------
     UsageError
         The data begin before the run, or a derivative is not available.
+    ModelError
+        The table of an input ends before the data do.
     """
 
     def __init__(
@@ -87,6 +90,7 @@ class Experiment:
         self.model, self.system, self.data = equations.model, system, data
         times = tuple(data.times.tolist())
         self.settings = settings.replace(times=times, samples=None, dt=None, t_end=times[-1])
+        check_input_range(self.model, settings.t_start, times[-1])
         self.sensitivity = Sensitivity(equations, system, self.settings, names, many_runs=True)
         self.directions = self.sensitivity.directions
         self.values, self.slopes = lower_observed(

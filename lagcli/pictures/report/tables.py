@@ -115,6 +115,11 @@ def provenance(run: RunFile) -> str:
         ("Samples", str(run.count)),
         ("Version", escape(", ".join(x for x in (versions, page) if x))),
         ("Model", f"<code>sha256 {escape(record.model_sha256)}</code>"),
+        *(
+            (f"Input {escape(name)}", f"{escape(x.file)} <code>sha256 {escape(x.sha256)}</code>")
+            for name, x in record.inputs.items()
+            if x.file
+        ),
         ("Options", escape(options)),
     ]
     return table("Provenance", ["", ""], [row for row in rows if row[1]], kind="facts")

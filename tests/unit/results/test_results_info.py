@@ -65,6 +65,7 @@ def test_everything_of_hdf5(tmp_path: Path) -> None:
         "coordinates": ["phi", "psi"],
         "constraints": ["guide", "knife"],
         "outputs": ["rod_force", "a_first"],
+        "inputs": {},
         "sensitivity": [],
         "units": run.units,
         "time": {"first": 1.0, "last": 2.0},
