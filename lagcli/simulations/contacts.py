@@ -109,6 +109,31 @@ def model_at_start(model: Model, held: tuple[str, ...]) -> Model:
     )
 
 
+def true_at_start(system: System, state: State) -> tuple[str, ...]:
+    """Return a note for each event whose condition holds at the start, where it does not fire.
+
+    Conditions on forces are not looked at.
+
+    Parameters
+    ----------
+    system : System
+    state : State
+        At the start.
+    """
+    if system.switching is None or system.events is None:
+        return ()
+    values = ScalarTape(system.events)((state.t, *state.q.tolist(), *state.v.tolist(), *state.p))
+    return tuple(
+        f"the condition of event `{rule.name}` holds at the start: it happens when the condition"
+        " becomes true again"
+        for rule in system.switching.events
+        if rule.condition is not None
+        and rule.condition < len(values)
+        and not rule.either
+        and values[rule.condition] >= 0
+    )
+
+
 def held_at(
     system: System, state: State, closed: float = DEFAULTS.closed or 0.0
 ) -> tuple[list[int], int]:

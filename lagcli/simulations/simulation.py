@@ -25,6 +25,7 @@ from lagcli.model.result_units import result_units
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
+from lagcli.simulations.contacts import true_at_start
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.simulations.inputs.input_range import check_input_range
 from lagcli.simulations.inputs.input_tables import input_tables
@@ -342,6 +343,7 @@ class Simulation:
         return Record(
             tolerances=tolerances,
             warnings=(
+                *true_at_start(self.system, self.start.state),
                 *negative_inertia(self.system, self.start.state, self.start.rank),
                 *_distrust(trust, columns, self.settings, run.steps),
             ),

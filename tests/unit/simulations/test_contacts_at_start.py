@@ -1,0 +1,87 @@
+"""Contacts and events at the start of a run."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import pytest
+
+import lagcli
+from lagcli.errors import ModelError, UsageError
+from lagcli.simulations.contacts import true_at_start
+from lagcli.simulations.simulation import prepare
+
+BALL = """
+coordinates: {x: m, y: m}
+parameters: {m: 1, mu: 0.3, e: 0.5, r: 0.1}
+T: m/2*(x'^2 + y'^2)
+V: m*9.81*y
+constraints:
+  floor: {expr: y >= r, restitution: e, friction: mu, slip: x'}
+  rod: x = 2*y
+events:
+  there: {when: y <= 1, stop: true}
+  later: {when: t >= 2, stop: true}
+  turn: {when: y' = 0, record: true}
+initial: {x: {guess: 0.3}, y: 0.5, x': {guess: 0}, y': 0}
+"""
+
+
+def test_open_contacts_do_not_constrain() -> None:
+    start = prepare(lagcli.load_text(BALL)).start
+    assert start.state.q.tolist() == pytest.approx([1.0, 0.5])
+    assert start.rank == 1
+
+
+def test_a_contact_is_closed_if_the_file_says_so() -> None:
+    text = BALL.replace("y: 0.5", "y: {guess: 0.5}").replace("y': 0", "y': {guess: -1}")
+    closed = text.replace("initial: {", "initial: {floor: closed, ")
+    state = prepare(lagcli.load_text(closed)).start.state
+    assert state.q.tolist() == pytest.approx([0.2, 0.1])
+    assert state.v.tolist() == pytest.approx([0.0, 0.0])
+
+
+def test_a_violated_contact_says_by_how_much() -> None:
+    with pytest.raises(ModelError, match=r"`floor` is violated by 0.012 m at the start \(y >= r\)"):
+        prepare(lagcli.load_text(BALL.replace("y: 0.5", "y: 0.088")))
+
+
+def test_values_of_other_parameters_are_checked() -> None:
+    model = lagcli.load_text(BALL.replace("restitution: e", "restitution: e*cos(x - 1)"))
+    prepare(model)
+    for value in (-0.5, 1.5):
+        with pytest.raises(ModelError, match="`restitution` of constraint `floor` is"):
+            prepare(lagcli.load_text(model.text, set={"e": value}))
+
+
+def test_conditions_that_hold_at_the_start_are_named() -> None:
+    simulation = prepare(lagcli.load_text(BALL))
+    (note,) = true_at_start(simulation.system, simulation.start.state)
+    assert note.startswith("the condition of event `there` holds at the start")
+
+
+@pytest.mark.parametrize("what", ["sensitivity", "linearize", "modes", "equilibrium"])
+def test_analyses_of_what_always_holds_refuse_contacts(what: str) -> None:
+    model = lagcli.load_text(BALL)
+    if what == "sensitivity":
+        analysis = partial(lagcli.simulate, model, sensitivity=["m"])
+    else:
+        analysis = partial(getattr(lagcli, what), model)
+    with pytest.raises(UsageError, match="need constraints that hold at all times, as `floor`"):
+        analysis()
+
+
+def test_conserved_quantities_are_those_of_all_modes() -> None:
+    # a body on a rough floor: only what friction and impacts leave is monitored
+    text = """
+coordinates: [x, y, z]
+T: (x'^2 + y'^2 + z'^2)/2
+V: 9.81*y
+constraints: {floor: {expr: y >= 0, friction: 0.3, slip: x'}}
+initial: {x: 0, y: 1, z: 0, x': 1, y': 0, z': 1}
+"""
+    assert list(prepare(lagcli.load_text(text)).monitor.formulas) == ["p_z"]
+    smooth = text.replace(", friction: 0.3, slip: x'", "")
+    assert {"p_x", "p_z"} <= set(prepare(lagcli.load_text(smooth)).monitor.formulas)
+    kicked = smooth + "events: {kick: {when: t >= 1, impulse: {z: 1}}}\n"
+    assert not prepare(lagcli.load_text(kicked)).monitor.formulas
