@@ -2,7 +2,6 @@
 
 import functools
 import inspect
-import re
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
@@ -10,6 +9,7 @@ import typer
 
 from lagcli.cli.streams import tell
 from lagcli.errors import LagcliError, UsageError
+from lagcli.model.names.members import split_names
 from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, WholeNumber
 from lagcli.settings.settings import SettingsOverrides
 
@@ -106,11 +106,6 @@ def _overrides(given: dict[str, Any]) -> SettingsOverrides:
         elif value is False:
             given[name] = None  # a flag that is not set leaves it to the model file
     return SettingsOverrides(**given)
-
-
-def split_names(text: str) -> list[str]:
-    """Return the names of a list with commas; those in brackets belong to a name: ``k[1,2]``."""
-    return [x.strip() for x in re.split(r",(?![^\[]*\])", text)]
 
 
 def _numbers(name: str, text: str) -> list[float]:

@@ -15,7 +15,7 @@ from lagcli.settings.settings import Settings
 JsonSchema = dict[str, Any]
 
 #: A name, or a family of names such as ``x[i = 1..N]``; primes are derivatives.
-_NAME = r"^\s*[^\W\d]\w*'*\s*(\[.*\])?\s*'*\s*$"
+_NAME = r"^\s*[^\W\d]\w*'*\s*(\[.*\])?(\.\w+)?\s*'*\s*$"
 
 
 #: A function with its arguments.
@@ -108,7 +108,7 @@ LIMIT = _mapping(
 )
 CONSTRAINT = _mapping(
     {
-        "expr": _described("equation, or inequality with `>=` or `<=`", _SCALAR),
+        "expr": _described("equation, or inequality with `>=` or `<=`", _EXPRESSION),
         "restitution": _described("coefficient of restitution of an inequality; 0", _SCALAR),
         "friction": _described(
             "coefficient of friction, or {`static`, `kinetic`}", _one_of(_SCALAR, LIMIT)
@@ -158,7 +158,9 @@ OUTPUT = _mapping(
     },
     "expr",
 )
-INITIAL = _mapping({"guess": _described("value from which the solver starts", _SCALAR)}, "guess")
+INITIAL = _mapping(
+    {"guess": _described("value from which the solver starts", _EXPRESSION)}, "guess"
+)
 DISC = _mapping(
     {
         "center": _described("point", _POINT),
@@ -299,12 +301,12 @@ MODEL = _mapping(
             "name → `lhs = rhs`, `lhs >= rhs`, `lhs <= rhs`, or an expression (`= 0`), or {`expr`,"
             " `restitution`, `friction`, `slip`, `limit`, `active`, `description`}; see"
             " [contact.md](contact.md)",
-            _one_of(_named(_one_of(_SCALAR, CONSTRAINT)), _EMPTY),
+            _one_of(_named(_one_of(_EXPRESSION, CONSTRAINT)), _EMPTY),
         ),
         "initial": _described(
             "a value for every coordinate and every velocity, or {`guess`: value} (see [Initial"
             " values](#initial-values))",
-            _one_of(_named(_one_of(_SCALAR, INITIAL)), _EMPTY),
+            _one_of(_named(_one_of(_EXPRESSION, INITIAL)), _EMPTY),
         ),
         "outputs": _described(
             "name → expression, or {`expr`, `unit`, `description`}: additional columns of the"

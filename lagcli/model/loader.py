@@ -14,6 +14,7 @@ from lagcli.errors import ModelError
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
 from lagcli.model.draft import Draft
+from lagcli.model.first_order import first_order_constraints
 from lagcli.model.inputs import InputData
 from lagcli.model.keys import MODEL, keys_of
 from lagcli.model.model import Model
@@ -149,6 +150,11 @@ def _model(
     dissipation = read_scalar(draft, "D")
     constraints = read_constraints(draft, constraint_entries, constrained, constants)
     forces = read_forces(draft, definitions, constants, draft.entries("Q") or [])
+    if potential is not None:
+        lagrangian = -potential if kinetic is None else kinetic - potential
+        constraints += first_order_constraints(
+            draft, coordinates, lagrangian, dissipation, forces, constraints
+        )
     closed = read_closed(draft, constraints)
     energies = [("L", [potential], 1)] if kinetic is None else []
     energies = energies or [("T", [kinetic], 1), ("V", [potential], 1)]

@@ -118,6 +118,10 @@ class MultiplierLimit(NamedTuple):
     normal: str | None = None
 
 
+#: Behind the name of a first-order coordinate: the constraint that is its equation.
+RATE = ".rate"
+
+
 class Constraint(NamedTuple):
     """A constraint, φ(q, t) = 0, or ψ(q, q', t) = 0, affine in q' unless its kind is nonlinear.
 
@@ -125,14 +129,15 @@ class Constraint(NamedTuple):
     values of a family member. A unilateral constraint has a coefficient of ``restitution``, and a
     velocity constraint that bears only so much a ``limit``. What is not ``active`` is engaged by an
     event. The friction of a constraint is a constraint of its own, after it in the model's order:
-    ``floor.slip``.
+    ``floor.slip``. The equation of a first-order coordinate, ``x.rate``, is not written in the
+    file; it has no ``left``, and its λ is 0.
     """
 
     name: str
     kind: Kind
     expression: Basic
-    left: Tree
-    right: Tree | None
+    left: Tree | None = None
+    right: Tree | None = None
     description: str | None = None
     location: SourceLocation | None = None
     indices: Mapping[str, int] = NO_INDICES
@@ -245,7 +250,8 @@ class Disc(NamedTuple):
 class Arrow(NamedTuple):
     """An arrow of a view: a vector at a point, or the force of a constraint.
 
-    A constraint force is drawn at each of its ``points``. Any other arrow has one point and
+    A constraint force is drawn at each of its ``points``; that of a vector constraint is the sum of
+    those of its components, ``parts``. Any other arrow has one point and
     ``components``, expressions in the names that outputs may use.
     """
 
@@ -255,6 +261,7 @@ class Arrow(NamedTuple):
     components: tuple[Basic, ...] = ()
     constraint: str | None = None
     unit: str | None = None
+    parts: tuple[str, ...] = ()
 
 
 class View(NamedTuple):

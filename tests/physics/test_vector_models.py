@@ -170,6 +170,28 @@ def test_equation_of_rotations_is_that_of_three_components() -> None:
     assert np.allclose(one.multipliers, two.multipliers, rtol=1e-9, atol=1e-9)
 
 
+TORQUE = """
+coordinates: {e: quaternion, f: quaternion, phi: rad}
+parameters: {k: 2 kg*m^2, c: 3 kg*m^2, M: 3 N*m, n: 2 rad/s}
+definitions:
+  R: rot_z(phi)
+T: body(0, diag(k, k, k), [0, 0, 0], e) + body(0, diag(k, k, c), [0, 0, 0], f) + k/2*phi'^2
+Q: {e: [0, 0, M], R: [0, M, 2*M], f: [M, 0, 0]}
+initial: {e: rot_x(20 deg), f: rot_y(1), phi: 0, e': 0, f': [0, 0, n], phi': 0}
+outputs: {w: "omega(e).z", a: "omega(f).x", b: "omega(f).y"}
+"""
+
+
+def test_torques_turn_bodies_by_eulers_equations() -> None:
+    run = lagcli.simulate(lagcli.load_text(TORQUE), t_end=1, samples=11)
+    assert np.allclose(run.outputs["w"], 3 / 2 * run.time, atol=1e-9)
+    assert np.allclose(run.q[:, 8], 6 / 2 * run.time**2 / 2, atol=1e-9)
+    # a' + s b = M/k and b' − s a = 0 with s = (c − k)/k n
+    s = (3 - 2) / 2 * 2
+    assert np.allclose(run.outputs["a"], 1.5 / s * np.sin(s * run.time), atol=1e-9)
+    assert np.allclose(run.outputs["b"], 1.5 / s * (1 - np.cos(s * run.time)), atol=1e-9)
+
+
 NET = """
 coordinates: [{coordinates}]
 parameters: {{m: 0.1 kg, k: 40 N/m, g: 9.81 m/s^2, N: 3}}

@@ -161,3 +161,24 @@ def test_a_joint_of_minimal_coordinates_asks_for_components() -> None:
     )
     with pytest.raises(UsageError, match="is not determined"):
         run("four_bar", view, t_end=0.2, samples=21)
+
+
+JOINT = """
+coordinates: {r: point, e: quaternion}
+parameters: {m: 2 kg, k: 3 kg*m^2, l: 0.5 m, g: 9.81 m/s^2}
+T: body(m, diag(k, k, k), r, e)
+V: m*g*r.z
+constraints: {pin: "r + e*[0, 0, l] = [0, 0, 0]"}
+initial: {r: [0, 0, -l], e: 1, r': 0, e': 0}
+view:
+  points: {P: "r + e*[0, 0, l]"}
+  vectors: {pin: {at: P, force: pin}, side: {at: P, force: pin.x}}
+"""
+
+
+def test_a_vector_constraint_is_drawn_with_all_its_components() -> None:
+    trajectory = lagcli.simulate(lagcli.load_text(JOINT), t_end=0.1, samples=3)
+    scene = drawn(trajectory)
+    expected = [[0] * 3, [0] * 3, [2 * 9.81] * 3]
+    np.testing.assert_allclose(vector(scene, "pin"), expected, atol=1e-12)
+    np.testing.assert_allclose(vector(scene, "side"), np.zeros((3, 3)), atol=1e-12)

@@ -15,6 +15,7 @@ from lagcli.engine.evaluator import Dynamics
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import LEAST_PART
 from lagcli.errors import UsageError
+from lagcli.model.model import RATE
 
 #: Singular values of the scaled Jacobian below this part of the largest are taken for zero.
 RANK = 1e-9
@@ -87,6 +88,14 @@ class SteadyProblem:
     def __init__(self, local: LocalEquations, held: Mapping[str, float] | None = None):
         self.local, self.t = local, local.t
         names = local.system.coordinates
+        first_order = [c for c in local.system.constraints if c.endswith(RATE)]
+        if first_order:
+            name = first_order[0].removesuffix(RATE)
+            raise UsageError(
+                f"{local.model.name}: `{name}` is a first-order coordinate, and equilibria are"
+                " searched for among coordinates with inertia; simulate until the motion has died"
+                " out, or give it a mass"
+            )
         self.held = {names.index(name): value for name, value in (held or {}).items()}
         self.nq, self.holonomic = len(names), list(local.system.holonomic)
 

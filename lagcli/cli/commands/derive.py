@@ -18,6 +18,7 @@ from lagcli.cli.options import (
 )
 from lagcli.cli.streams import visible_json
 from lagcli.errors import LagcliError, UsageError
+from lagcli.model.names.members import split_names
 
 
 class Format(StrEnum):
@@ -165,7 +166,7 @@ def _kinds(text: str) -> list[str]:
 
 def _names(text: str | None) -> list[str] | None:
     """Return the names of an option."""
-    return None if text is None else [x.strip() for x in text.split(",") if x.strip()]
+    return None if text is None else [x for x in split_names(text) if x]
 
 
 def _terminal_width() -> int:

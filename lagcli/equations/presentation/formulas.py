@@ -162,6 +162,8 @@ class Formulas:
         """Return a constraint as written."""
         indices = c.constraint.indices
         sides = tuple(self.written(tree, indices) for tree in self.constraint_trees(c))
+        if not sides:
+            sides = (self.arrange(c.constraint.expression),)
         return Line(sides if len(sides) == 2 else (*sides, ZERO))
 
     def variation_line(self, c: ConstraintEquation) -> Line:

@@ -138,6 +138,8 @@ def kind_of(c: ConstraintEquation, equations: Equations) -> str:
     time = "rheonomic" if c.rheonomic else "scleronomic"
     if c.constraint.sign:
         return f"unilateral, {time}"
+    if c.constraint.left is None:
+        return "the equation of a first-order coordinate; its multiplier is 0"
     if c.position is not None:
         return f"holonomic, {time}"
     if c.constraint.kind == "nonlinear":

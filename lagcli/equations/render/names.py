@@ -151,6 +151,8 @@ def _text(name: str) -> tuple[str, str]:
     letter, subscript = split(name)
     letter = GREEK.get(letter, letter)
     subscript, bracket, index = subscript.partition("[")
+    if bracket and subscript.isdigit():  # e₀[1], as e₀₁ has another meaning
+        return letter, _text_subscript(subscript) + bracket + index
     if bracket:
         return letter, _text_subscript(subscript) + _text_index(index.removesuffix("]"))
     return letter, _text_subscript(subscript)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from lagcli.model.dimensions.dimension import (
+    ANGLE,
     ENERGY,
     NUMBER,
     ONE,
@@ -33,8 +34,11 @@ from lagcli.model.expression.trees import (
     VectorExpr,
 )
 from lagcli.model.expression.units import read_unit
-from lagcli.model.model import Constraint, Model
+from lagcli.model.model import RATE, Constraint, Model
 from lagcli.model.names.members import family_of
+
+#: On a body, in its frame.
+_TORQUE = TensorDimension(((conjugate(ANGLE),),) * 3)
 
 
 def derive_units(model: Model, assumed: Mapping[str, Scalar] | None = None) -> ModelUnits:
@@ -118,9 +122,12 @@ class _Statements:
             block, _, name = key.partition(".")
             if block == "Q":
                 place = find(self.known.names, name)
-                on = (
-                    place.map(conjugate) if isinstance(place, TensorDimension) else conjugate(place)
-                )
+                if isinstance(place, TensorDimension) and len(place.rows[0]) == len(_TORQUE.rows):
+                    on: Value = _TORQUE  # on a body, given its rotation
+                elif isinstance(place, TensorDimension):
+                    on = place.map(conjugate)
+                else:
+                    on = conjugate(place)
                 self.terms(tree, on, block, name, f"the force on `{name}`")
 
     def terms(self, tree: Tree, expected: Value, block: str, name: str | None, role: str) -> None:
@@ -154,7 +161,7 @@ class _Statements:
         multipliers: list[tuple[str, Value]] = []
         for c in self.model.constraints:
             residual = known.get(id(c.left))
-            if residual is None or self.known.varied:
+            if residual is None or c.left is None or self.known.varied:
                 residual = known[id(c.left)] = self._residual(c)
             residuals.append((c.name, residual))
             assert not isinstance(residual, TensorDimension)
@@ -164,6 +171,9 @@ class _Statements:
         self.known.multipliers.update(self._table(multipliers))
 
     def _residual(self, c: Constraint) -> Value:
+        if c.left is None:
+            force = find(self.known.names, c.name.removesuffix(RATE))
+            return UNKNOWN if isinstance(force, TensorDimension) else conjugate(force)
         left = self.known.evaluated(c.left, "constraints", c.name, c.indices)
         if c.right is not None:
             right = self.known.evaluated(c.right, "constraints", c.name, c.indices)

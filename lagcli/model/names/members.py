@@ -52,6 +52,11 @@ def format_members(base: str, members: Sequence[str]) -> str:
     return ", ".join(shown) + (", …" if len(runs) > 4 else "")
 
 
+def split_names(text: str) -> list[str]:
+    """Return the names of a list with commas; those in brackets belong to a name: ``u[1,2]``."""
+    return [x.strip() for x in re.split(r",(?![^\[]*\])", text)]
+
+
 def members_clause(base: str, members: Sequence[str]) -> str:
     """Return a clause that lists the members of a family."""
     return (

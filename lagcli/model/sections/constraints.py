@@ -60,15 +60,18 @@ def read_constraints(
 ) -> tuple[Constraint, ...]:
     """Return the constraints that can be built, each followed by its friction."""
     readers = {id(d): _ConstraintReader(draft, d, constants) for d in declared}
-    found: list[Constraint] = []
+    found: dict[tuple[int, str], list[Constraint]] = {}
     for name, member in members.items():
-        for c in readers[id(member.declaration)].constraints(name, member.indices):
-            found.append(c)
+        d = member.declaration
+        for c in readers[id(d)].constraints(name, member.indices):
+            part = ""
             if c.name not in draft.names.constraints:  # a component
+                part = family_of(c.name)
                 draft.names.constraints.pop(name, None)
-                draft.names.constraint_families.add(family_of(c.name))
+                draft.names.constraint_families.add(part)
             draft.names.constraints[c.name] = None
-    return tuple(found)
+            found.setdefault((id(d), part), []).append(c)
+    return tuple(c for rows in found.values() for c in rows)
 
 
 class _ConstraintReader:

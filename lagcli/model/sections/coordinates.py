@@ -283,21 +283,12 @@ def expand_coordinates(
     """
     given = {id(entry.declaration): entry.coordinate for entry in entries}
     members = expanded(draft, (entry.declaration for entry in entries), constants)
-    found = by_name(draft, _together(members))
+    found = by_name(draft, members)
     draft.names.coordinates = dict.fromkeys(found)
     with_units = with_units or any(entry.coordinate.unit for entry in entries)
     return tuple(
         _named(given[id(member.declaration)], member, with_units) for member in found.values()
     )
-
-
-def _together(members: list[Member]) -> list[Member]:
-    """Return members with the components of each vector one after the other."""
-    vectors: dict[tuple[int, str], list[Member]] = {}
-    for member in members:
-        whole = member.name.removesuffix(member.declaration.part)
-        vectors.setdefault((id(member.declaration.key), whole), []).append(member)
-    return [member for vector in vectors.values() for member in vector]
 
 
 def _named(coordinate: Coordinate, member: Member, with_units: bool) -> Coordinate:

@@ -9,7 +9,7 @@ from symengine import Basic
 
 from lagcli.model.draft import Draft, Entry, Formula, Parsed
 from lagcli.model.expression.linearity import nonlinear_in
-from lagcli.model.expression.tensors import Tensor
+from lagcli.model.expression.tensors import Tensor, angular_velocity
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.model import Definition
 from lagcli.model.names.families import Declaration, Member, by_name, members_of, read_key
@@ -179,6 +179,10 @@ def _project(
 ) -> bool:
     """Add F·∂r/∂q_i to each Q_i; say whether that could be done."""
     place = along.value
+    both = isinstance(place, Tensor) and isinstance(force, Tensor)
+    if both and force.shape == (3, 1) and place.is_rotation:
+        _add_torque(draft, force, place, terms)
+        return True
     if isinstance(place, Tensor) != isinstance(force, Tensor) or (
         isinstance(place, Tensor) and place.shape != force.shape
     ):
@@ -210,3 +214,17 @@ def _project(
             parts = [f * draft.names.slope(x, q) for f, x in pairs]
             terms.setdefault(q.name, []).append(se.Add(*parts))
     return True
+
+
+def _add_torque(
+    draft: Draft, torque: Tensor, rotation: Tensor, terms: dict[str, list[Basic]]
+) -> None:
+    """Add τ·∂ω/∂q_i' to each Q_i: a torque on a body, in its frame."""
+    names = draft.names
+    omega = angular_velocity(rotation, names.derivative)
+    for v in sorted(set().union(*(x.free_symbols for x in omega.entries)), key=str):
+        name = v.name.removesuffix("'")
+        if name != v.name and name in names.coordinates:
+            pairs = zip(torque.entries, omega.entries, strict=True)
+            parts = [tau * names.slope(w, v) for tau, w in pairs]
+            terms.setdefault(name, []).append(se.Add(*parts))

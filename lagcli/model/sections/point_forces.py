@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from symengine import Basic
 
@@ -19,6 +19,8 @@ from lagcli.model.sections.pointing import member_name
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.yaml.source import YamlNode
 
+_COMPONENTS = {"x", "y", "z", *map(str, range(1, 10))}
+
 
 def constraint_named(draft: Draft, tree: Name, scope: ModelScope) -> str:
     """Return the name of the constraint that a tree stands for.
@@ -32,7 +34,7 @@ def constraint_named(draft: Draft, tree: Name, scope: ModelScope) -> str:
     """
     known = list(draft.names.constraints)
     text = member_name(tree, scope)
-    if text in draft.names.constraints:
+    if any(part in draft.names.constraints for part in components_of(text, known)):
         return text
     base = text.partition("[")[0]
     if base in draft.names.suspects or draft.names.incomplete:
@@ -46,6 +48,14 @@ def constraint_named(draft: Draft, tree: Name, scope: ModelScope) -> str:
         tree.end,
         help_ or did_you_mean(nearest(text, known) or known[:3]) or "the model has no constraints",
     )
+
+
+def components_of(constraint: str, known: Collection[str]) -> tuple[str, ...]:
+    """Return a constraint, or the components of a vector constraint: ``pin.x`` of ``pin``."""
+    if constraint in known:
+        return (constraint,)
+    parts = (name.removeprefix(f"{constraint}.") for name in known if name != constraint)
+    return tuple(f"{constraint}.{part}" for part in parts if part in _COMPONENTS)
 
 
 def check_force(

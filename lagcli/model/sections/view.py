@@ -17,7 +17,7 @@ from lagcli.model.keys import DISC, VECTOR, VIEW, keys_of
 from lagcli.model.model import Arrow, Constraint, Definition, Disc, Segment, View
 from lagcli.model.names.families import Declaration, by_name, declarations, members_of
 from lagcli.model.sections.coordinates import si_unit
-from lagcli.model.sections.point_forces import check_force, constraint_named
+from lagcli.model.sections.point_forces import check_force, components_of, constraint_named
 from lagcli.model.sections.pointing import Path, Points, each, read_path
 from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping as MappingNode
@@ -358,12 +358,13 @@ class _ViewReader:
         places = each(draft, path, self.constants, d, self.points.at)
         forces = each(draft, named, self.constants, d, partial(constraint_named, draft))
         for (at, name, _), ((constraint,), _, _) in zip(places, forces, strict=False):
-            found = self.constraints.get(constraint)
-            if found is None:
+            parts = components_of(constraint, self.constraints)
+            found = [self.constraints[part] for part in parts if part in self.constraints]
+            if not found:
                 break
-            if not check_force(draft, found, at, self.points.found, path.node):
+            if not all(check_force(draft, c, at, self.points.found, path.node) for c in found):
                 break
-            yield Arrow(name, "force", at, constraint=constraint, unit=unit)
+            yield Arrow(name, "force", at, (), constraint, unit, parts)
 
     # fields
 

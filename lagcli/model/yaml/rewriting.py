@@ -67,9 +67,12 @@ def rewrite(
         locations = _locations(old, new)
         shared = Counter(locations.values())
         for name, value in _canonical_names(before, overrides).items():
+            if name not in new:
+                writer.write_vector(block, name, value)
+                continue
             location = locations.get(name) or _relative(locations, name)
             alone = name in locations and shared[location] == 1
-            if not alone and not name.rstrip("'").endswith("]"):
+            if not alone and "[" not in name and "." not in name:
                 raise _not_written([name])
             writer.write(block, name, value, new[name].value, location, in_place=alone)
     if t_end is not None:
@@ -149,14 +152,14 @@ class _Rewriter:
         """Replace a value, or insert an entry after one that declares several members."""
         mapping = self.root.entries[block][1]
         assert isinstance(mapping, MappingNode)
-        key, entry, node = next(
-            (key, entry, node)
+        key, entry, node, within = next(
+            (key, entry, node, within)
             for _, key, entry in mapping
-            for node in _values(entry)
+            for node, within in _values(entry)
             if node.location == location
         )
         value_text = _with_unit(value_text, node)
-        if not in_place:
+        if not in_place or within:
             self.insert(mapping, key, entry, f"{name}: {_quoted(value_text)}")
             return
         if isinstance(entry, MappingNode) and isinstance(node, Scalar) and "unit" in entry.entries:
@@ -164,6 +167,13 @@ class _Rewriter:
             unit = entry.entries["unit"][1]
             value_text = _without(value_text, unit, value)
         self.replace(node, _quoted(value_text))
+
+    def write_vector(self, block: str, name: str, value_text: str) -> None:
+        """Replace the value of a vector or rotation that has an entry of its own."""
+        mapping = self.root.entries[block][1]
+        if not isinstance(mapping, MappingNode) or name not in mapping.entries:
+            raise _not_written([name])
+        self.replace(mapping.entries[name][1], _quoted(value_text))
 
     def write_setting(self, name: str, value_text: str) -> None:
         """Write a setting; add the block `simulation` if it is missing."""
@@ -219,13 +229,20 @@ def _line_starts(source: Source) -> list[int]:
     return starts
 
 
-def _values(entry: YamlNode) -> Iterator[YamlNode]:
-    """Yield the nodes that may hold the value of an entry, outermost first."""
+def _values(entry: YamlNode) -> Iterator[tuple[YamlNode, bool]]:
+    """Yield the nodes that may hold a value of an entry, and whether they are part of a guess."""
     if isinstance(entry, MappingNode):
-        yield from (entry.entries[f][1] for f in ("value",) if f in entry.entries)
-    yield entry
-    if isinstance(entry, Sequence):
-        yield from entry.items
+        yield from ((entry.entries[f][1], False) for f in ("value",) if f in entry.entries)
+    yield entry, False
+    stack = [(entry, False)]
+    while stack:
+        node, within = stack.pop()
+        if isinstance(node, MappingNode) and "guess" in node.entries:
+            stack.append((node.entries["guess"][1], True))
+        elif isinstance(node, Sequence):
+            stack += [(item, within) for item in node.items]
+        if node is not entry:
+            yield node, within
 
 
 def _quoted(text: str) -> str:

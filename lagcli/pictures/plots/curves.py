@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from functools import cached_property
@@ -33,6 +34,8 @@ from lagcli.pictures.run_file import RunFile
 #: Forces that are listed one by one, constraints times coordinates.
 _LISTED = 10_000
 _SHOWN = 40  # names in a message
+#: Behind the name of a family or a vector: the index of a member, a component, or both.
+_PART = re.compile(r"(\[[^\]]*\])?(\.[a-z0-9]+)?")
 _RATES = ("v", "a")
 _EVERY_MULTIPLIER = str(ColumnName("multipliers", "*"))
 _DOTS = {"q": 0, "v": 1, "a": 2}
@@ -109,7 +112,7 @@ class Catalogue:
             pattern = name.replace("[", "[[]")
             names = [n for n in self.names() if fnmatchcase(n, pattern)]
             found = [c for c in map(self.named, names) if c is not None]
-        elif name and "[" not in name:
+        elif name:
             found = list(self._family(name))
         if not found:
             raise self._unknown(text, name)
@@ -186,15 +189,15 @@ class Catalogue:
         yield from self._derivatives
 
     def _family(self, name: str) -> Iterator[Curve]:
-        """Yield the members of a family: of x, x_dot, lambda.rod, tension."""
+        """Yield members of a family and components: of x, x_dot, lambda.rod, r, lambda.pin."""
         stem, ending = name, ""
         for rate in _RATES:
             suffix = BY_NAME[rate].pattern.format(coordinate="")
             if name.endswith(suffix):
                 stem, ending = name.removesuffix(suffix), suffix
-        start = f"{stem}["
         for every in self.names():
-            if every.startswith(start) and every.endswith(f"]{ending}"):
+            rest = every.removeprefix(stem).removesuffix(ending)
+            if every == stem + rest + ending and rest and _PART.fullmatch(rest):
                 curve = self.named(every)
                 if curve is not None:
                     yield curve

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from lagcli.columns import ColumnName
 from lagcli.errors import UsageError
+from lagcli.model.names.members import split_names
 from lagcli.pictures.plots.curves import Catalogue, Curve
 
 
@@ -55,7 +56,7 @@ def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
     together: dict[object, list[Curve]] = {}
     phases: list[Panel] = []
     for place, text in enumerate(names):
-        parts = [part for part in text.split(",") if part.strip()]
+        parts = [part for part in split_names(text) if part]
         pairs = [part for part in parts if ":" in part]
         if not parts:
             raise UsageError(f"{text!r} names nothing to plot")

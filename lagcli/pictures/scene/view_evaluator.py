@@ -170,8 +170,9 @@ class ViewEvaluator:
                 vectors.append(DrawnVector(arrow.name, arrow.quantity, at, components, unit))
                 continue
             drawn, slots = force
-            place = model.constraint_names.index(str(arrow.constraint))
-            work = terms.dense(columns["constraint_force_by"], place)
+            by = columns["constraint_force_by"]
+            rows = map(model.constraint_names.index, arrow.parts)
+            work = sum((terms.dense(by, row) for row in rows), start=np.zeros(1))
             vectors += [
                 DrawnVector(
                     arrow.name, arrow.quantity, at, components, unit, constraint=arrow.constraint

@@ -42,6 +42,17 @@ def model(**changes):
     return {**found, **changes}
 
 
+def test_the_schema_accepts_vectors():
+    VALIDATE(
+        model(
+            coordinates={"r": "point", "e": {"kind": "quaternion"}, "q[1..2]": "point"},
+            functions={"f(u, v)": "u - v"},
+            constraints={"pin": ["r.x", "r.y"], "weld": {"expr": [1, "r.z"]}},
+            initial={"r": [0, 0, {"guess": 1}], "q[1].x'": 0, "e": {"guess": [1, 0, 0, 0]}},
+        )
+    )
+
+
 @pytest.mark.parametrize(
     "changes",
     [

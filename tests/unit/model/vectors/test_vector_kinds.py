@@ -58,7 +58,7 @@ def values(model: lagcli.Model, *names: str) -> list[float]:
 def test_kinds_declare_coordinates_in_groups() -> None:
     names = load(text()).coordinate_names
     assert names[:7] == ("r.x", "r.y", "r.z", "e.0", "e.1", "e.2", "e.3")
-    assert names[7:13] == tuple(f"q[{i}].{x}" for i in (1, 2) for x in "xyz")
+    assert names[7:13] == tuple(f"q[{i}].{x}" for x in "xyz" for i in (1, 2))
     assert names[13:] == ("u[1,1]", "u[1,2]", "u[2,1]", "u[2,2]", "phi")
 
 
@@ -178,7 +178,7 @@ def test_initial_values_of_vectors_follow_parameters() -> None:
         ("pin: r - b = 0", "pin.x pin.y pin.z"),
         ("pin: [r.x, phi*l]", "pin.x pin.y"),
         ("pin: [r.x, r.y, r.z, phi*l] = 0", "pin.1 pin.2 pin.3 pin.4"),
-        ("pin[i = 1..2]: q[i] = i*b", "pin[1].x pin[1].y pin[1].z pin[2].x pin[2].y pin[2].z"),
+        ("pin[i = 1..2]: q[i] = i*b", "pin[1].x pin[2].x pin[1].y pin[2].y pin[1].z pin[2].z"),
         ("pin: [r.x, 0*r.y, l - l] = 0", "pin.x"),
         ("turn: e = rot_z(phi)", "turn.x turn.y turn.z"),
         ("none[i = 1..2, j = 1..2]: u[i, j] = 0", "none[1,1] none[1,2] none[2,1] none[2,2]"),

@@ -138,3 +138,41 @@ def test_every_value_of_every_model_can_be_written(path: Path) -> None:
     assert found.settings.t_end == 1.75
     comments = [line[line.index("#") :] for line in text.splitlines() if "#" in line]
     assert [line[line.index("#") :] for line in new.splitlines() if "#" in line] == comments
+
+
+VECTORS = """\
+coordinates: {r: point, e: quaternion, q[1..2]: point}
+T: dot(r', r')/2 + dot(omega(e), omega(e))/2 + sum(dot(q[i]', q[i]')/2, i = 1..2)
+initial:
+  r: [1, 2, {guess: 3}]   # a comment
+  e: {guess: rot_x(0.1)}
+  q[1..2]: [[1, 2, 3], [4, 5, 6]]
+  r': {guess: [0, 0, 0]}
+  e': [0, 0, 1]
+  q[1..2]': 0
+"""
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        ({"r.x": "5"}, "r: [5, 2, {guess: 3}]   # a comment"),
+        ({"r.z": "{guess: 5}"}, "r: [1, 2, {guess: 5}]   # a comment"),
+        ({"r.z": "5"}, "r: [1, 2, 5]   # a comment"),
+        ({"r.x'": "5"}, "r.x': 5"),
+        ({"r.x'": "{guess: 5}"}, "r.x': {guess: 5}"),
+        ({"e.1": "0.5"}, "e.1: 0.5"),
+        ({"e.1'": "0.5"}, "e.1': 0.5"),
+        ({"q[2].y": "7"}, "q[1..2]: [[1, 2, 3], [4, 7, 6]]"),
+        ({"q[2].y'": "7"}, "q[2].y': 7"),
+        ({"r": "[7, 8, 9]"}, "r: '[7, 8, 9]'   # a comment"),
+        ({"e'": "[1, 0, 0]"}, "e': '[1, 0, 0]'"),
+    ],
+)
+def test_components_stand_in_their_vector_or_behind_it(values: dict[str, str], line: str) -> None:
+    assert line in changes(VECTORS, {}, values)
+
+
+def test_member_of_a_range_of_vectors_is_not_written() -> None:
+    with pytest.raises(ModelError, match="cannot write the values of `q"):
+        changes(VECTORS, {}, {"q[1]": "[1, 1, 1]"})
