@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Indices
 from lagcli.engine.layout import SampleLayout
 from lagcli.engine.state import State
 from lagcli.engine.system import System
@@ -90,7 +90,7 @@ class EventEntry(NamedTuple):
     loss: float
     supplied: float
     work: float
-    modes: Array
+    modes: Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,11 +239,14 @@ class Stopped(Exception):
 
     Parameters
     ----------
-    event : Event
+    name : str
+        Of the event.
+    time : float
+        s.
     """
 
-    def __init__(self, event: Event):
-        super().__init__(f"event {event.number} stopped the run at t = {event.time:.9g} s")
+    def __init__(self, name: str, time: float):
+        super().__init__(f"event {name} stopped the run at t = {time:.9g} s")
 
 
 class Interrupted(Exception):

@@ -1,0 +1,332 @@
+"""What happens at one instant, in its order: actions, impacts, modes, projections."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lagcli.arrays import Array, Flags, Indices
+from lagcli.engine.contract import EventEntry, Occurrence
+from lagcli.engine.integrate.phases import Phases
+from lagcli.engine.switching.coupling import Coupling
+from lagcli.engine.switching.instant import ImpactOutcome, NextModes
+from lagcli.engine.switching.messages import cannot_engage, endless, jams, sets_violation
+from lagcli.engine.switching.problem import ContactLaw
+from lagcli.engine.switching.switching import ContactChange, RowMode
+
+#: Rounds at one instant after which it does not end.
+_ROUNDS = 100
+_CHANGES: dict[Occurrence, ContactChange] = {
+    "impact": "impacts",
+    "closes": "closes",
+    "rest": "closes",
+    "opens": "opens",
+    "slips": "slips",
+    "sticks": "sticks",
+}
+
+
+class Resolved(NamedTuple):
+    """The state and the modes after an instant; the event that stops the run, if one does."""
+
+    y: Array
+    modes: Indices
+    stop: str | None
+
+
+class InstantResolution:
+    """Resolves one instant of a run.
+
+    Parameters
+    ----------
+    run : Phases
+        It gets the entries of the log.
+    t : float
+        s.
+    y : (2 nq + 1,) array
+        The state before, on the rows that hold.
+    """
+
+    def __init__(self, run: Phases, t: float, y: Array):
+        self.run, self.problems, self.rows, self.t = run, run.problems, run.rows, t
+        q, v = run.motion.split(y)
+        self.q, self.v, self.work = q.copy(), v.copy(), float(y[-1])
+        self.modes = run.modes.copy()
+        _, guess, _ = run.motion.accelerations(t, self.q, self.v)
+        self.guess = np.nan_to_num(guess)
+        self.names = run.system.constraints
+        self.stop: str | None = None
+        self.entries: list[EventEntry] = []
+
+    def resolve(self, numbers: Sequence[int], started: bool) -> Resolved:
+        """Do what the functions that fell through zero ask for."""
+        before = self._energy()
+        ended, pinned, touched, fired = self._causes(numbers)
+        for _ in range(_ROUNDS):
+            previous, first = self.modes.copy(), len(self.entries)
+            for rule in sorted(fired):
+                self._act(rule)
+            self._settle(touched, ended, pinned)
+            if started:
+                self._log_changes(previous, pinned)
+            self.entries[first:] = [x._replace(modes=self.modes) for x in self.entries[first:]]
+            touched, ended, pinned = set(), set(), {}
+            fired = self._following(self.entries[first:], started)
+            if not fired or self.stop is not None:
+                break
+        else:
+            raise endless(self.t, self.run.happenings(self.entries))
+        self.work += self._energy() - before
+        self.run.entries += self.entries
+        return Resolved(np.concatenate([self.q, self.v, [self.work]]), self.modes, self.stop)
+
+    def _causes(
+        self, numbers: Sequence[int]
+    ) -> tuple[set[int], dict[int, ContactLaw], set[int], list[int]]:
+        """Return what ended: rows that open, rows at their limits, contacts; and rules."""
+        run = self.run
+        ended: set[int] = set()
+        pinned: dict[int, ContactLaw] = {}
+        touched: set[int] = set()
+        fired = []
+        for number in numbers:
+            if number >= len(run.watched):
+                fired.append(run.conditions.numbers[number - len(run.watched)])
+                continue
+            kind, k = run.watched[number]
+            row = self.rows[k]
+            if kind == "jam":
+                raise jams(self.t, self.names[row.row if row.normal is None else row.normal])
+            if kind == "force":
+                ended.add(k)
+            elif kind == "gap":
+                touched.add(k)
+            elif kind == "stick":
+                forward = self.guess[row.row] < 0
+                pinned[k] = ContactLaw.FORWARD if forward else ContactLaw.BACKWARD
+        return ended, pinned, touched, fired
+
+    # actions
+
+    def _act(self, number: int) -> None:
+        """Do the actions of an event."""
+        run, rule = self.run, self.run.switching.events[number]
+        run.conditions.fired(number)
+        before, energy = self.v.copy(), self._energy()
+        a, multipliers, _ = run.motion.accelerations(self.t, self.q, self.v)
+        inputs = (self.t, *self.q.tolist(), *self.v.tolist(), *a.tolist(), *multipliers.tolist())
+        values = iter(run.tapes.actions((*inputs, *run.full.p))[rule.first :])
+        p = list(run.full.p)
+        for kind, index in rule.targets:
+            target = {"q": self.q, "v": self.v, "p": p}[kind]
+            target[index] = next(values)  # type: ignore[index]
+        if tuple(p) != run.full.p:
+            run.set_parameters(tuple(p))
+        if rule.impulses:
+            impulse = np.zeros(len(self.q))
+            impulse[list(rule.impulses)] = [next(values) for _ in rule.impulses]
+            d = self.problems.dynamics(self.t, self.q, self.v)
+            bilateral = self.problems.bilateral()
+            sizes = self.problems.sizes(self.t, self.q, self.v)
+            coupling = Coupling(d, bilateral, [], sizes, self.problems.lengths)
+            change, _ = coupling.answer(impulse, np.zeros(len(bilateral)))
+            self.v = self.v + change
+        for row in rule.release:
+            self._set_active(row, False)
+        for row in rule.engage:
+            self._set_active(row, True)
+            self._check_gap(row)
+        if rule.engage or rule.targets:
+            held = self.modes.copy()
+            for k, switched in enumerate(self.rows):
+                if switched.sign or switched.limit is not None:
+                    held[k] = RowMode.OPEN  # what becomes of contacts is seen afterwards
+                else:
+                    held[k] = RowMode.HOLDS if self.problems.active[k] else RowMode.OPEN
+            self.q, self.v = self.problems.projected(self.t, self.q, self.v, held)
+        work = self._energy() - energy
+        self._log("event", number, before, work=work)
+        for row in rule.release:
+            self._log("releases", row, self.v)
+        for row in rule.engage:
+            self._log("engages", row, before)
+        if rule.stop:
+            self.stop = rule.name
+
+    def _set_active(self, row: int, active: bool) -> None:
+        """Engage or release a constraint, with its friction."""
+        for k, other in enumerate(self.rows):
+            if row in (other.row, other.normal):
+                self.problems.active[k] = active
+                if not active:
+                    self.modes[k] = RowMode.OPEN
+
+    def _check_gap(self, row: int) -> None:
+        """Stop if a holonomic constraint is engaged off its surface."""
+        system = self.run.system
+        if row not in system.holonomic:
+            return
+        c = self.run.full.constraints(self.t, self.q, self.v)
+        place = system.holonomic.index(row)
+        sign = next((r.sign for r in self.rows if r.row == row), 0)
+        gap = float(c.position[place])
+        allowed = max(self.problems.closed, 1e-9) * max(float(c.position_scale[place]), 0.0)
+        if (abs(gap) if not sign else -sign * gap) > allowed:
+            raise cannot_engage(self.t, self.names[row], gap)
+
+    # contacts
+
+    def _settle(self, touched: set[int], ended: set[int], pinned: dict[int, ContactLaw]) -> None:
+        """Resolve impacts, and find the modes that follow."""
+        zero_set: set[int] = set()
+        for _ in range(_ROUNDS):
+            touching = self._touching(touched)
+            rates, zero = self.problems.rates(self.t, self.q, self.v)
+            if not (touching & (rates < -zero)).any():
+                break
+            taking = np.flatnonzero(touching & (rates <= zero)).tolist()
+            zero_set = self._impact(taking)
+            ended = ended - set(taking)
+        else:
+            raise endless(self.t, self.run.happenings(self.entries))
+        resting = set(np.flatnonzero(touching & (np.abs(rates) <= zero)).tolist()) - ended
+        fallen = self._fallen(touching & (rates > zero), resting, pinned) if zero_set else set()
+        found = self._modes(resting | fallen, pinned)
+        slow = {k for k in fallen if found.modes[k] != RowMode.HOLDS}
+        if slow:
+            fallen = fallen - slow
+            found = self._modes(resting | fallen, pinned)
+        for k in fallen:
+            self._log("rest", self.rows[k].row, self.v, time=self._rest_time(k))
+        self.modes, self.guess = found.modes, found.multipliers
+        self.q, self.v = self.problems.projected(self.t, self.q, self.v, self.modes)
+
+    def _modes(self, resting: set[int], pinned: dict[int, ContactLaw]) -> NextModes:
+        return self.problems.modes(
+            self.t, self.q, self.v, sorted(resting), self.modes, pinned, self.guess
+        )
+
+    def _touching(self, touched: set[int]) -> Flags:
+        gaps, allowed = self.problems.gaps(self.t, self.q, self.v)
+        deep = self.problems.active & (gaps < -10 * allowed)
+        if deep.any() and not touched.issuperset(np.flatnonzero(deep).tolist()):
+            k = int(np.flatnonzero(deep)[0])
+            raise sets_violation(self.t, self.names[self.rows[k].row], -float(gaps[k]))
+        touching: Flags = self.problems.active & (gaps <= allowed)
+        for k in touched:
+            touching[k] = self.problems.active[k]
+        return touching
+
+    def _impact(self, contacts: list[int]) -> set[int]:
+        """Do the impact of contacts; return them."""
+        before = self.v
+        found = self.problems.impact(self.t, self.q, before, contacts)
+        drift = self.run.full.constraints(self.t, self.q, before).drift
+        supplied = -float(found.impulse @ drift)
+        losses = self._losses(found, contacts)
+        struck = [k for k in contacts if found.impulse[self.rows[k].row]]
+        for k in struck:
+            self.run.impact_times.setdefault(k, []).append(self.t)
+            row = self.rows[k].row
+            self._log("impact", row, before, found, loss=losses[k], supplied=supplied)
+            supplied = 0.0
+        self.v = found.v
+        return set(contacts)
+
+    def _losses(self, found: ImpactOutcome, contacts: Sequence[int]) -> dict[int, float]:
+        """Return the loss of each contact with its friction; what is of none goes to the first."""
+        losses = {k: float(found.loss[self.rows[k].row]) for k in contacts}
+        own = {self.rows[k].row: k for k in contacts}
+        first = next((k for k in contacts if found.impulse[self.rows[k].row]), contacts[0])
+        for row in self.rows:
+            if row.limit is not None:
+                losses[own.get(row.normal if row.normal is not None else -1, first)] += float(
+                    found.loss[row.row]
+                )
+        return losses
+
+    def _fallen(self, leaving: Flags, resting: set[int], pinned: dict[int, ContactLaw]) -> set[int]:
+        """Return contacts that would fall back from a height that counts as no gap."""
+        if not leaving.any():
+            return set()
+        a = self._modes(resting, pinned).a
+        d = self.problems.dynamics(self.t, self.q, self.v)
+        rates, _ = self.problems.rates(self.t, self.q, self.v)
+        _, allowed = self.problems.gaps(self.t, self.q, self.v)
+        found = set()
+        for k in np.flatnonzero(leaving).tolist():
+            row = self.rows[k]
+            fall = -row.sign * float(d.jacobian[row.row] @ a - d.rhs[row.row])
+            if fall > 0 and rates[k] ** 2 <= 2 * fall * allowed[k]:
+                found.add(k)
+        return found
+
+    def _rest_time(self, k: int) -> float:
+        """Return where the impacts of a contact have their limit in time, by Aitken's rule."""
+        times = self.run.impact_times.get(k, [])
+        if len(times) < 3:
+            return self.t
+        first, second = times[-2] - times[-3], times[-1] - times[-2]
+        return times[-1] + (second**2 / (first - second) if first > second else 0.0)
+
+    # the log
+
+    def _log_changes(self, previous: Indices, pinned: dict[int, ContactLaw]) -> None:
+        """Log how the modes have changed."""
+        rest = {x.which for x in self.entries if x.occurrence == "rest"}
+        for k, row in enumerate(self.rows):
+            was, now = RowMode(int(previous[k])), RowMode(int(self.modes[k]))
+            if was == now or not self.problems.active[k]:
+                continue
+            if row.sign:
+                if row.row not in rest:
+                    self._log("opens" if now == RowMode.OPEN else "closes", row.row, self.v)
+            elif row.limit is not None and RowMode.OPEN not in (was, now):
+                self._log("sticks" if now == RowMode.HOLDS else "slips", row.row, self.v)
+
+    def _log(
+        self,
+        occurrence: Occurrence,
+        which: int,
+        before: Array,
+        impact: ImpactOutcome | None = None,
+        loss: float = 0.0,
+        supplied: float = 0.0,
+        work: float = 0.0,
+        time: float | None = None,
+    ) -> None:
+        self.entries.append(
+            EventEntry(
+                time=self.t if time is None else time,
+                occurrence=occurrence,
+                which=which,
+                q=self.q.copy(),
+                before=before.copy(),
+                after=(self.v if impact is None else impact.v).copy(),
+                impulse=np.zeros(len(self.names)) if impact is None else impact.impulse,
+                loss=loss,
+                supplied=supplied,
+                work=work,
+                modes=self.modes,
+            )
+        )
+
+    def _following(self, entries: Sequence[EventEntry], started: bool) -> list[int]:
+        """Return the rules that fire by what has happened in this round."""
+        run = self.run
+        happened = {(x.which, _CHANGES[x.occurrence]) for x in entries if x.occurrence in _CHANGES}
+        fired = [
+            k
+            for k, rule in enumerate(run.switching.events)
+            if rule.change in happened and not run.conditions.exhausted(k)
+        ]
+        if started and entries:
+            run.enter(self.modes, self.t, self.q, self.v)
+            y = np.concatenate([self.q, self.v, [0.0]])
+            fired += run.conditions.jumped(run.condition_values(self.t, y))
+        return fired
+
+    def _energy(self) -> float:
+        return self.run.energy(self.t, self.q, self.v)

@@ -1,0 +1,221 @@
+"""The phases of a run of a system that switches: modes, their right-hand side, what ends them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lagcli.arrays import Array, Indices
+from lagcli.engine.contract import EventEntry, IntegrationRequest
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.switching.conditions import Conditions
+from lagcli.engine.switching.instant import InstantProblems
+from lagcli.engine.switching.modal import ModalMotion
+from lagcli.engine.switching.switching import RowMode
+from lagcli.engine.switching.tapes import SwitchingTapes
+from lagcli.engine.tape.interpreter import ScalarTape
+
+#: Of the scale of a gap or a rate, and of the largest force so far: what is rounding, and no event.
+_GAP_NOISE, _FORCE_NOISE = 4e-15, 1e-13
+#: Place of the total energy among the outputs of the report tape.
+_ENERGY = 2
+
+
+class Watched(NamedTuple):
+    """A function that ends a mode as it falls through zero, and the row that it belongs to."""
+
+    kind: str  # gap, force, stick, slip, jam
+    row: int
+
+
+class Phases:
+    """The modes of a run, and the functions that end them.
+
+    Parameters
+    ----------
+    evaluator : Evaluator
+        Of a System with ``switching``.
+    request : IntegrationRequest
+
+    Attributes
+    ----------
+    motion : ModalMotion
+        The right-hand side in the present modes.
+    watched : list of Watched
+        What ends them; the conditions of events follow these in `values`.
+    impact_times : dict of int to list of float
+        Of each switched row.
+    entries : list of EventEntry
+        The log.
+    """
+
+    def __init__(self, evaluator: Evaluator, request: IntegrationRequest):
+        system, settings, state = evaluator.system, request.settings, request.state
+        assert system.switching is not None
+        self.system, self.switching, self.full = system, system.switching, evaluator
+        self.rows = system.switching.rows
+        self.tapes = SwitchingTapes(system)
+        self.conditions = Conditions(system.switching.events)
+        self.problems = InstantProblems(
+            evaluator,
+            self.tapes,
+            settings.closed,
+            settings.impacts,  # type: ignore[arg-type]
+            settings.t_end - state.t,
+        )
+        held = [row.holds_at_start for row in self.rows]
+        self.modes: Indices = np.where(held, int(RowMode.HOLDS), int(RowMode.OPEN))
+        self.impact_times: dict[int, list[float]] = {}
+        self.entries: list[EventEntry] = []
+        self._forces = np.zeros(len(system.constraints))
+        self._report = ScalarTape(system.report)
+        self.motion = self._motion(state.t, state.q, state.v)
+        self.problems.measure(state.t, state.q, state.v, self.motion)
+        self.enter(self.modes, state.t, state.q, state.v)
+
+    def enter(self, modes: Indices, t: float, q: Array, v: Array) -> None:
+        """Take modes from a state on."""
+        self.modes = modes
+        before, self.motion = self.motion, self._motion(t, q, v)
+        self.motion.evaluations, self.motion.damping = before.evaluations, before.damping
+        self.watched = self._watched()
+
+    def set_parameters(self, p: tuple[float, ...]) -> None:
+        """Go on with other values of the parameters."""
+        self.full = self.problems.evaluator = self.full.with_parameters(p)
+        self.motion.full = self.motion.held.full = self.full
+
+    def energy(self, t: float, q: Array, v: Array) -> float:
+        """Return the total energy."""
+        nothing = (0.0,) * (len(q) + len(self.system.constraints))
+        return self._report((t, *q.tolist(), *v.tolist(), *nothing, *self.full.p))[_ENERGY]
+
+    def happenings(self, entries: Sequence[EventEntry]) -> Iterator[str]:
+        """Yield what has happened, in words."""
+        for entry in entries:
+            if entry.occurrence == "event":
+                yield f"`{self.switching.events[entry.which].name}`"
+            else:
+                yield f"`{self.system.constraints[entry.which]} {entry.occurrence}`"
+
+    def measure(self, t: float, y: Array) -> None:
+        """Keep the largest scales of the rows."""
+        self.problems.measure(t, *self.motion.split(y), self.motion)
+
+    def _motion(self, t: float, q: Array, v: Array) -> ModalMotion:
+        rows = self.problems.held(self.modes)
+        rank = self.problems.rank(t, q, v, rows)
+        motion = ModalMotion(self.full, self.tapes, rows, self.modes, rank)
+        motion.measure(t, q, v)
+        return motion
+
+    def _watched(self) -> list[Watched]:
+        """Return the functions that end the present modes."""
+        found: list[Watched] = []
+        for k, (row, mode) in enumerate(zip(self.rows, self.modes, strict=True)):
+            if row.sign and mode == RowMode.HOLDS:
+                found.append(Watched("force", k))
+            elif row.sign and self.problems.active[k]:
+                found.append(Watched("gap", k))
+            elif row.limit is not None and mode == RowMode.HOLDS:
+                found.append(Watched("stick", k))
+            elif RowMode(int(mode)).slips:
+                found.append(Watched("slip", k))
+                found.append(Watched("jam", k))
+        return found
+
+    def values(self, t: float, y: Array) -> Array:
+        """Return the functions that end the modes, then those of the events' conditions."""
+        q, v = self.motion.split(y)
+        c = self.full.constraints(t, q, v)
+        velocity = c.velocity(v)
+        motion = self.motion
+        needs = self.tapes.conditions_on_forces or any(
+            w.kind in ("force", "stick", "jam") for w in self.watched
+        )
+        forces, limits = None, None
+        if needs:
+            a, multipliers, _ = motion.accelerations(t, q, v)
+            forces = motion.inputs(t, q, v, a, multipliers)
+            limits = self.tapes.limits(forces)
+            slack = self._common_slack(t, q, v, a, multipliers)
+            self._forces = np.fmax(self._forces, np.abs(multipliers))
+        out = []
+        for kind, k in self.watched:
+            row = self.rows[k]
+            if kind == "gap":
+                out.append(row.sign * c.position[self.system.holonomic.index(row.row)])
+            elif kind == "slip":
+                out.append(velocity[row.row] * (1 if self.modes[k] == RowMode.FORWARD else -1))
+            elif kind == "jam":
+                out.append(motion.margin)
+            else:
+                margin = row.sign * multipliers[row.row]
+                if kind == "stick":
+                    assert limits is not None
+                    margin = limits.static[row.limit] - abs(multipliers[row.row])
+                out.append(slack.get(row.row, margin))
+        if not self.conditions.numbers:
+            return np.array(out)
+        conditions = self.condition_values(t, y, forces)
+        return np.concatenate([out, self.conditions.watched(conditions)])
+
+    def condition_values(
+        self, t: float, y: Array, forces: tuple[float, ...] | None = None
+    ) -> Array:
+        """Return the functions of the conditions."""
+        if not self.conditions.numbers:
+            return np.zeros(0)
+        q, v = self.motion.split(y)
+        if forces is None and self.tapes.conditions_on_forces:
+            a, multipliers, _ = self.motion.accelerations(t, q, v)
+            forces = self.motion.inputs(t, q, v, a, multipliers)
+        inputs = (t, *q.tolist(), *v.tolist(), *self.full.p)
+        return self.conditions.values(self.tapes.conditions(inputs, forces))
+
+    def noise(self) -> Array:
+        """Return below which size the functions are rounding, those of conditions 0."""
+        problems, places = self.problems, self.system.holonomic
+        found = []
+        for kind, k in self.watched:
+            row = self.rows[k].row
+            if kind == "gap":
+                found.append(_GAP_NOISE * problems.position_scale[places.index(row)])
+            elif kind == "slip":
+                found.append(_GAP_NOISE * problems.velocity_scale[row])
+            else:
+                found.append(0.0 if kind == "jam" else _FORCE_NOISE * self._forces[row])
+        return np.concatenate([found, np.zeros(len(self.conditions.numbers))])
+
+    def _common_slack(
+        self, t: float, q: Array, v: Array, a: Array, multipliers: Array
+    ) -> dict[int, float]:
+        """Return by how much redundant contacts can obey their laws together, by constraint.
+
+        The largest s for which some λ of the same forces obeys each law by s.
+        """
+        motion = self.motion
+        if not (motion.redundant and motion.cones):
+            return {}
+        from scipy.optimize import linprog
+
+        free = motion.free_multipliers(motion.held.dynamics(t, q, v))
+        rows, bounds = motion.cone_rows(t, q, v, a, multipliers)
+        along = rows @ free
+        shared = np.abs(along).max(axis=1) > 1e-9 * np.abs(rows).max(axis=1)
+        if not shared.any():
+            return {}
+        n = free.shape[1]
+        found = linprog(
+            np.append(np.zeros(n), -1.0),
+            A_ub=np.hstack([-along[shared], np.ones((int(shared.sum()), 1))]),
+            b_ub=-bounds[shared],
+            bounds=[(None, None)] * n + [(None, float(np.abs(multipliers).max()) or 1.0)],
+        )
+        if found.status != 0:
+            return {}
+        slack = -float(found.fun)
+        touched = np.abs(free).max(axis=1) > 0
+        return {int(i): slack for i in np.flatnonzero(touched)}

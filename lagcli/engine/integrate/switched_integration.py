@@ -1,0 +1,146 @@
+"""The reference engine for systems that switch: modes, instants, impacts, events.
+
+Each mode is a phase of the integration with its own right-hand side and projection. In every
+step the functions that end the mode are watched; where one falls through zero, the instant is
+resolved, and the integration begins anew.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.engine.constraints.singular import RankWatch
+from lagcli.engine.contract import Block, IntegrationRequest, Stopped
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.integrate.instants import InstantResolution
+from lagcli.engine.integrate.phases import Phases
+from lagcli.engine.integrate.scipy_integration import ScipyIntegration
+from lagcli.engine.switching.crossings import Crossings, first_crossings
+from lagcli.engine.switching.messages import endless
+from lagcli.engine.system import System
+
+#: Instants at one time after which it does not end; of max(|t|, 1): times of one instant.
+_ROUNDS, _SAME = 100, 1e-12
+
+
+class SwitchedIntegration(ScipyIntegration):
+    """A run of a system that switches."""
+
+    phases: Phases
+
+    def __init__(
+        self,
+        system: System,
+        request: IntegrationRequest,
+        sink: Callable[[Block], None],
+        progress: Callable[[float], None] | None,
+    ):
+        super().__init__(system, request, sink, progress)
+        self.entries = self.phases.entries
+        self._last, self._rounds = -math.inf, 0
+        self._landing: Crossings | None = None
+
+    def prepare(self, evaluator: Evaluator) -> None:
+        """Make the right-hand side, projection and watch of the modes at the start."""
+        self.phases = Phases(evaluator, self.request)
+        self._take_phase()
+
+    def _take_phase(self) -> None:
+        """Take the right-hand side, projection and watch of the present modes."""
+        self.motion = motion = self.phases.motion
+        self.projection = self.phases.problems.projection(motion.held, motion.rank)
+        self.watch = RankWatch(motion)
+        if self.sizes is not None:
+            self.sizes.motion = motion
+
+    def begin_run(self, t: float, y: Array) -> Array:
+        """Resolve the instant at which the run begins."""
+        # a first set of modes gives a meaning to forces in conditions
+        y = self.resolve(t, y, (), started=False)
+        self.start_modes = tuple(int(x) for x in self.phases.modes)
+        self.phases.conditions.start(self.phases.condition_values(t, y))
+        return self.begin(t, y)
+
+    def next_stop(self, t: float) -> float:
+        """Return the next time at which a step must end."""
+        stop = super().next_stop(t)
+        return stop if self._landing is None or self._landing.time <= t else self._landing.time
+
+    def react(
+        self, inside: Callable[[float], Array], t_old: float, t: float, end: float
+    ) -> tuple[float, Array] | None:
+        """Resolve the first instant of a step; return the state from which one continues."""
+        timed = self._timed_rules()
+
+        def functions(at: float) -> Array:
+            return self.phases.values(at, inside(at))
+
+        def counted(values: Array) -> Array:
+            of_modes = np.arange(len(values)) < len(self.phases.watched)
+            # what begins is positive, whatever rounding says
+            return np.where(of_modes & (values <= 0), 0.0, values)
+
+        def seen(at: float) -> bool:
+            return self.phases.conditions.follow(self.phases.condition_values(at, inside(at)))
+
+        found = first_crossings(functions, t_old, end, self.phases.noise(), counted, seen)
+        landing = self._landing
+        if landing is not None and end == landing.time and (found is None or found.time >= end):
+            return self.instant(inside, end, landing.numbers)
+        if found is None:
+            self.phases.measure(end, inside(end))
+            return None
+        rules = [
+            self.phases.conditions.numbers[k - len(self.phases.watched)]
+            for k in found.numbers
+            if k >= len(self.phases.watched)
+        ]
+        if found.time < end and any(rule in timed for rule in rules):
+            self._landing = found  # a time that is given is the end of a step
+            return t_old, inside(t_old)
+        return self.instant(inside, found.time, found.numbers)
+
+    def _timed_rules(self) -> set[int]:
+        times = self.phases.switching.condition_times
+        return {
+            k
+            for k in self.phases.conditions.numbers
+            if (number := self.phases.switching.events[k].condition) is not None
+            and number < len(times)
+            and times[number]
+        }
+
+    def instant(
+        self, inside: Callable[[float], Array], t: float, numbers: Sequence[int]
+    ) -> tuple[float, Array]:
+        """Sample up to an instant, and resolve it."""
+        for at in self.due(math.nextafter(t, -math.inf)):
+            self.sample(at, inside(at))
+        self._landing = None  # what happens may change the time
+        step = abs(t - self._last)
+        self._rounds = self._rounds + 1 if step <= _SAME * max(abs(t), 1.0) else 0
+        self._last = t
+        if self._rounds > _ROUNDS:
+            raise endless(t, self.phases.happenings(self.entries[-_ROUNDS:]))
+        y = self.project(t, inside(t))
+        y = self.resolve(t, y, numbers, started=True)
+        for at in self.due(t):
+            self.sample(at, y)
+        return t, y
+
+    def resolve(self, t: float, y: Array, numbers: Sequence[int], started: bool) -> Array:
+        """Do what happens at an instant; return the state afterwards, in its new modes."""
+        found = InstantResolution(self.phases, t, y).resolve(numbers, started)
+        self.phases.enter(found.modes, t, *self.motion.split(found.y))
+        self._take_phase()
+        if self.sizes is not None:
+            self.sizes.restart(t, found.y)
+        if found.stop is not None:
+            for at in self.due(t):
+                self.sample(at, found.y)
+            raise Stopped(f"`{found.stop}`", t)
+        return found.y

@@ -1,0 +1,84 @@
+"""The conditions of a System's events: on which side of zero they are, and when they fire."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lagcli.arrays import Array, Numbers
+from lagcli.engine.switching.switching import EventRule
+
+#: Of the largest value so far: what a condition must fall back by before it can become true again.
+_REARMED = 1e-10
+
+
+class Conditions:
+    """Follows the conditions of events.
+
+    Parameters
+    ----------
+    rules : sequence of EventRule
+
+    Attributes
+    ----------
+    numbers : list of int
+        The rules that have conditions.
+    side : (n,) array of int
+        Of each condition: −1 not true, 1 true, 0 neither certainly.
+    counts : list of int
+        How often each rule has fired.
+    """
+
+    def __init__(self, rules: Sequence[EventRule]):
+        self.rules = rules
+        self.numbers = [k for k, rule in enumerate(rules) if rule.condition is not None]
+        self._of = [rules[k].condition or 0 for k in self.numbers]
+        self.side: Numbers = np.zeros(len(self.numbers), dtype=int)
+        self.counts = [0] * len(rules)
+        self._largest = np.zeros(len(self.numbers))
+
+    def values(self, conditions: Array) -> Array:
+        """Return the functions of the rules that have conditions, from those of all conditions."""
+        return conditions[self._of] if self._of else np.zeros(0)
+
+    def start(self, values: Array) -> None:
+        """Begin: what is true now does not fire."""
+        self.follow(values)
+        self.side = np.where(values >= 0, 1, -1)
+
+    def follow(self, values: Array) -> bool:
+        """Take values where nothing fires into account; return whether a side changes."""
+        before = self.side
+        self._largest = np.fmax(self._largest, np.abs(values))
+        clear = np.abs(values) > _REARMED * self._largest
+        self.side = np.where(clear & ((self.side != -1) | self._either), np.sign(values), self.side)
+        return bool((self.side != before).any())
+
+    @property
+    def _either(self) -> Array:
+        return np.array([self.rules[k].either for k in self.numbers], dtype=bool)
+
+    def watched(self, values: Array) -> Array:
+        """Return functions that fall through zero where a rule fires; NaN where it cannot."""
+        exhausted = np.array([self.exhausted(k) for k in self.numbers], dtype=bool)
+        ready = ((self.side == -1) | (self._either & (self.side != 0))) & ~exhausted
+        return np.where(ready, self.side * values, np.nan)
+
+    def exhausted(self, rule: int) -> bool:
+        """Return whether a rule has fired as often as it may."""
+        times = self.rules[rule].times
+        return times is not None and self.counts[rule] >= times
+
+    def fired(self, rule: int) -> None:
+        """Note that a rule has fired."""
+        self.counts[rule] += 1
+        if rule in self.numbers:
+            k = self.numbers.index(rule)
+            self.side[k] = -self.side[k] if self.rules[rule].either else 1
+
+    def jumped(self, values: Array) -> list[int]:
+        """Return the rules whose conditions have become true by a jump of the state."""
+        functions = self.watched(values)
+        self.follow(values)  # those that are not true any more can become so again
+        return [k for k, x in zip(self.numbers, functions, strict=True) if x < 0]

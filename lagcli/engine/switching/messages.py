@@ -1,0 +1,139 @@
+"""What a run says that contacts end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from lagcli.engine.contract import Stop
+from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
+from lagcli.engine.switching.switching import RowMode
+
+
+def gains_energy(t: float, energy: float, law: str, friction: bool, alike: bool) -> Stop:
+    """Return the end of a run at an impact whose law gains energy.
+
+    Parameters
+    ----------
+    t : float
+        s.
+    energy : float
+        J.
+    law : str
+    friction : bool
+        Whether there is friction in the impact.
+    alike : bool
+        Whether all contacts have one coefficient of restitution.
+    """
+    name = {"newton": "Newton's law", "poisson": "Poisson's law"}.get(law, "a sequence of impacts")
+    if law == "newton":
+        why, remedy = "with friction" if friction else "", "use `impacts: poisson`"
+    else:
+        why, remedy = "", "use `impacts: sequential`"
+    if not alike:
+        why = "with different coefficients of restitution"
+        remedy = "give its contacts the same `restitution`"
+    return Stop(
+        f"an impact would gain {energy:.4g} J ({name}{' ' * bool(why)}{why})"
+        f" at t = {t:.9g} s: {remedy}"
+    )
+
+
+def no_motion(
+    t: float, names: Sequence[str], problem: ContactProblem, motions: Sequence[ContactSolution]
+) -> Stop:
+    """Return the end of a run from which no motion obeys the laws of contact."""
+    row = _bearing(problem)
+    return Stop(
+        f"no motion is possible at `{names[row]}` at t = {t:.9g} s{_bound(problem, row)};"
+        " reduce the friction, or give the bodies some compliance"
+    )
+
+
+def two_motions(
+    t: float, names: Sequence[str], problem: ContactProblem, motions: Sequence[ContactSolution]
+) -> Stop:
+    """Return the end of a run from which two motions obey the laws of contact."""
+    row = _bearing(problem)
+    if problem.laws[row] == ContactLaw.FREE:
+        forces = ", ".join(f"lambda = {x.force[row]:.6g}" for x in motions)
+        return Stop(
+            f"{len(motions)} answers for the friction at `{names[row]}` at t = {t:.9g} s: jamming"
+            f" ({forces}){_bound(problem, row)}; reduce the friction"
+        )
+    ways = ", or ".join(_way(problem, names, row, x) for x in motions[:2])
+    return Stop(
+        f"two motions are possible at `{names[row]}` at t = {t:.9g} s: {ways}"
+        f"{_bound(problem, row)}; reduce the friction, or give the bodies some compliance"
+    )
+
+
+def jams(t: float, name: str) -> Stop:
+    """Return the end of a run whose contact force grows without bound while a row slips."""
+    return Stop(
+        f"lambda.{name} grows without bound while it slides (dynamic jam) at t = {t:.9g} s; the"
+        " motion beyond is not determined"
+    )
+
+
+def _bearing(problem: ContactProblem) -> int:
+    """Return the row whose friction is closest to its bound."""
+    carriers = np.flatnonzero((problem.kinetic_slopes != 0).any(axis=0))
+    if not len(carriers):
+        return 0
+    return int(max(carriers, key=lambda j: _excess(problem, int(j))))
+
+
+def _friction(problem: ContactProblem, row: int) -> tuple[int, float]:
+    """Return the row that a force limits most, and by which coefficient."""
+    k = int(np.argmax(problem.kinetic_slopes[:, row]))
+    return k, float(problem.kinetic_slopes[k, row])
+
+
+def _excess(problem: ContactProblem, row: int) -> float:
+    k, mu = _friction(problem, row)
+    own = problem.matrix[row, row]
+    return float(mu * abs(problem.matrix[row, k]) / own) if own else 0.0
+
+
+def _bound(problem: ContactProblem, row: int) -> str:
+    """Say how the friction compares with the bound of Painlevé, if it is beyond it."""
+    if not (problem.kinetic_slopes[:, row] != 0).any():
+        return ""
+    excess, (_, mu) = _excess(problem, row), _friction(problem, row)
+    if excess <= 1:
+        return ""
+    return f"; mu = {mu:.6g} is beyond the bound {mu / excess:.4g} here (Painlevé)"
+
+
+def _way(problem: ContactProblem, names: Sequence[str], row: int, motion: ContactSolution) -> str:
+    if motion.modes[row] == RowMode.OPEN:
+        return f"it opens ({names[row]}'' = {abs(motion.motion[row]):.6g})"
+    k, _ = _friction(problem, row)
+    how = {
+        int(RowMode.FORWARD): "slides forwards",
+        int(RowMode.BACKWARD): "slides backwards",
+    }.get(int(motion.modes[k]), "sticks")
+    return f"it {how} (lambda = {motion.force[row]:.6g})"
+
+
+def cannot_engage(t: float, name: str, gap: float) -> Stop:
+    """Return the end of a run whose event engages a constraint that is not met."""
+    return Stop(
+        f"`{name}` cannot be engaged at t = {t:.9g} s, phi = {gap:.6g}: engage it where phi = 0,"
+        " or set the coordinates in the same event"
+    )
+
+
+def sets_violation(t: float, name: str, depth: float) -> Stop:
+    """Return the end of a run whose event moves a contact beyond its surface."""
+    return Stop(
+        f"an event violates `{name}` by {depth:.6g} at t = {t:.9g} s: set coordinates that obey it"
+    )
+
+
+def endless(t: float, happenings: Iterable[str]) -> Stop:
+    """Return the end of a run whose events do not end."""
+    listed = ", ".join(dict.fromkeys(happenings))
+    return Stop(f"events do not end at t = {t:.9g} s: {listed}")

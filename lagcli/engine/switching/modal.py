@@ -1,0 +1,171 @@
+"""The right-hand side in a mode: rows that hold, rows that slip, forces that depend on λ.
+
+With F the forces of slipping rows and the generalized forces that depend on λ, a and λ of the rows
+that hold are affine in F, and F = Φ(a, λ) is solved by Newton's iteration, which ends after one
+step where Φ is affine.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lagcli.arrays import Array, Indices
+from lagcli.engine.constraints.index1 import Index1
+from lagcli.engine.evaluator import Dynamics, Evaluator
+from lagcli.engine.linear import dense
+from lagcli.engine.switching.cones import least_norm_within
+from lagcli.engine.switching.held import HeldEvaluator
+from lagcli.engine.switching.switching import RowMode
+from lagcli.engine.switching.tapes import SwitchingTapes
+
+_ITERATIONS = 30
+#: Of the forces: Newton's iteration has converged.
+_CONVERGED = 1e-14
+
+
+class ModalMotion(Index1):
+    """The right-hand side of the index-1 form in a mode; λ is that of all constraints.
+
+    Parameters
+    ----------
+    full : Evaluator
+    tapes : SwitchingTapes
+    rows : sequence of int
+        The constraints that hold.
+    modes : (ns,) array of int
+        `RowMode` of each switched row.
+    rank : int
+        Of the rows of B that hold.
+
+    Attributes
+    ----------
+    margin : float
+        Determinant of Newton's iteration at the last state: 1 without friction; the motion is
+        determined as long as it does not vanish.
+    """
+
+    def __init__(
+        self, full: Evaluator, tapes: SwitchingTapes, rows: list[int], modes: Indices, rank: int
+    ):
+        self.held = HeldEvaluator(full, rows)
+        super().__init__(self.held, rank)
+        self.full, self.tapes, self.modes = full, tapes, modes
+        self.rows = np.array(rows, dtype=np.intp)
+        switched = tapes.switching.rows
+        slipping = [r for r, mode in zip(switched, modes, strict=True) if RowMode(mode).slips]
+        self.slipping = np.array([r.row for r in slipping], dtype=np.intp)
+        self._limit_of = np.array([r.limit for r in slipping], dtype=np.intp)
+        self._against = np.array(
+            [-1.0 if mode == RowMode.FORWARD else 1.0 for mode in modes if RowMode(mode).slips]
+        )
+        self.cones = [r for r, mode in zip(switched, modes, strict=True) if mode == RowMode.HOLDS]
+        self.margin = 1.0
+
+    def inputs(
+        self, t: float, q: Array, v: Array, a: Array, multipliers: Array
+    ) -> tuple[float, ...]:
+        """Return the inputs of tapes that take a and λ."""
+        return (t, *q.tolist(), *v.tolist(), *a.tolist(), *multipliers.tolist(), *self.full.p)
+
+    def accelerations(self, t: float, q: Array, v: Array) -> tuple[Array, Array, float]:
+        """Return a, λ of all constraints and the power at a state; NaN where they are undefined."""
+        self.evaluations += 1
+        full = self.full.dynamics(t, q, v)
+        if full.finite:
+            d = self.held.of(full)
+            rhs = d.rhs if self.damping is None else d.rhs - self._stabilization(t, q, v)
+            try:
+                a, multipliers, reactive = self._with_forces(t, q, v, full, d, rhs)
+            except dense.SingularSystem:
+                pass
+            else:
+                power = float(full.power + multipliers @ (full.jacobian @ v) + reactive @ v)
+                if math.isfinite(a.sum()) and math.isfinite(power):
+                    return a, multipliers, power
+        if np.isfinite(q).all() and np.isfinite(v).all():
+            self.undefined = self.full.state(t, q, v)
+        nothing = np.full(len(self.full.system.constraints), math.nan)
+        return np.full(self.nq, math.nan), nothing, math.nan
+
+    def _with_forces(
+        self, t: float, q: Array, v: Array, full: Dynamics, d: Dynamics, rhs: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return a, λ, and the generalized forces that depend on λ."""
+        switching = self.tapes.switching
+        ns, nf = len(self.slipping), len(switching.force_coordinates)
+        a, held = self._solve(d, rhs)
+        multipliers = np.zeros(len(full.rhs))
+        multipliers[self.rows] = held
+        if ns + nf:
+            columns = np.zeros((self.nq, ns + nf))
+            columns[:, :ns] = full.jacobian[self.slipping].T
+            columns[list(switching.force_coordinates), ns + np.arange(nf)] = 1.0
+            nothing = np.zeros(len(rhs))
+            parts = [self._solve(d._replace(forcing=x), nothing) for x in columns.T]
+            along_a = np.array([x for x, _ in parts]).T
+            along = np.zeros((len(multipliers), ns + nf))
+            along[self.rows] = np.array([x for _, x in parts]).T
+            along[self.slipping, np.arange(ns)] = 1.0
+            forces, slopes = np.zeros(ns + nf), np.zeros((ns + nf, len(multipliers)))
+            start_a, start = a, multipliers
+            for _ in range(_ITERATIONS):
+                inputs = self.inputs(t, q, v, a, multipliers)
+                limits, reactive = self.tapes.limits(inputs), self.tapes.forces(inputs)
+                found = np.concatenate(
+                    [self._against * limits.kinetic[self._limit_of], reactive[0]]
+                )
+                slopes[:ns] = self._against[:, None] * limits.kinetic_slopes[self._limit_of]
+                slopes[ns:] = reactive.slopes
+                newton = np.eye(ns + nf) - slopes @ along
+                try:
+                    change = np.linalg.solve(newton, found - forces)
+                except np.linalg.LinAlgError:
+                    raise dense.SingularSystem from None
+                forces = forces + change
+                a, multipliers = start_a + along_a @ forces, start + along @ forces
+                if not np.abs(change).max() > _CONVERGED * np.abs(forces).max():
+                    break
+            self.margin = float(np.linalg.det(newton))
+            generalized = np.zeros(self.nq)
+            generalized[list(switching.force_coordinates)] = forces[ns:]
+            return a, multipliers, generalized
+        if self.redundant and self.cones:
+            multipliers = self._within_cones(t, q, v, a, multipliers, d)
+        return a, multipliers, np.zeros(self.nq)
+
+    def _within_cones(
+        self, t: float, q: Array, v: Array, a: Array, multipliers: Array, d: Dynamics
+    ) -> Array:
+        """Return the multipliers of least norm within the cones, if there are any there."""
+        rows, bounds = self.cone_rows(t, q, v, a, multipliers)
+        if (bounds <= 0).all():
+            return multipliers
+        free = self.free_multipliers(d)
+        found = least_norm_within(multipliers, free, rows @ free, bounds)
+        return multipliers if found is None else found
+
+    def free_multipliers(self, d: Dynamics) -> Array:
+        """Return the directions in which λ may change without a force, (nc, k)."""
+        parts = self.decompose(d.jacobian)
+        free = np.zeros((len(self.full.system.constraints), parts.dependent.shape[1]))
+        free[self.rows] = parts.dependent / parts.scale[:, None]
+        return free
+
+    def cone_rows(
+        self, t: float, q: Array, v: Array, a: Array, multipliers: Array
+    ) -> tuple[Array, Array]:
+        """Return rows and bounds: a change z of λ obeys the laws where rows z ≥ bounds."""
+        limits = self.tapes.limits(self.inputs(t, q, v, a, multipliers))
+        unit = np.eye(len(multipliers))
+        rows, bounds = [], []
+        for r in self.cones:
+            if r.sign:
+                rows.append(r.sign * unit[r.row])
+                bounds.append(-r.sign * multipliers[r.row])
+            elif r.limit is not None:
+                for side in (1.0, -1.0):
+                    rows.append(limits.static_slopes[r.limit] + side * unit[r.row])
+                    bounds.append(-(limits.static[r.limit] + side * multipliers[r.row]))
+        return np.array(rows).reshape(-1, len(multipliers)), np.array(bounds)

@@ -1,0 +1,129 @@
+"""What happens at one instant: actions of events, in their order, and what they are answered by."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from lagcli.engine.integrate.instants import InstantResolution
+from lagcli.engine.integrate.phases import Phases
+from lagcli.model.loader import load_text
+from tests.support.contact_cases import ContactRun, run_contact
+from tests.support.switching_models import prepared
+
+BALL: dict[str, Any] = {
+    "coordinates": {"x": "m", "y": "m"},
+    "parameters": {"m": "1 kg", "g": "10 m/s^2", "e": 0.5, "l": "1 m"},
+    "T": "m/2*(x'^2 + y'^2)",
+    "V": "m*g*y",
+    "constraints": {"floor": {"expr": "y >= 0", "restitution": "e"}},
+    "initial": {"x": 0, "y": "1.25 m", "x'": 0, "y'": 0},
+    "simulation": {"times": [0, 1]},
+}
+
+
+def ball(events: dict[str, Any], **changes: Any) -> ContactRun:
+    """Run a ball that falls from 1.25 m, and hits the floor at t = 0.5 s with 5 m/s."""
+    model = {**BALL, "events": events}
+    for key, value in changes.items():
+        model[key] = {**model[key], **value}
+    return run_contact(load_text(yaml.safe_dump(model, sort_keys=False)), "scipy")
+
+
+def test_a_start_at_rest_on_the_floor() -> None:
+    _, request, full = prepared()
+    phases = Phases(full, request)
+    found = InstantResolution(phases, 0.0, request.state.y).resolve((), started=False)
+    assert list(found.modes) == [1, 2]  # closed, and slips forwards
+    assert phases.entries == []
+
+
+def test_a_kick_as_the_contact_is_hit() -> None:
+    found = ball({"kick": {"when": "floor impacts", "set": {"x'": "x' + 2"}, "times": 1}})
+    impact, kick = found.outcome.events[:2]
+    assert (impact.occurrence, kick.occurrence) == ("impact", "event")
+    assert impact.time == kick.time == pytest.approx(0.5)
+    np.testing.assert_allclose(kick.after, [2.0, 2.5])
+    assert kick.work == pytest.approx(0.5 * 2.0**2)
+    assert found.at(1.0, "x'") == 2.0
+    assert len(found.entries("event")) == 1
+
+
+def test_a_parameter_is_set() -> None:
+    found = ball({"dead": {"when": "t >= 0.25", "set": {"e": 0}}})
+    assert found.outcome.events[0].time == 0.25
+    assert [x.occurrence for x in found.outcome.events] == ["event", "impact", "closes"]
+    assert found.at(1.0, "y") == pytest.approx(0, abs=1e-15)
+
+
+def test_values_are_those_of_before() -> None:
+    found = ball({"swap": {"when": "t >= 0.25", "set": {"x": "y", "y": "x + 1"}}})
+    (swap,) = found.entries("event")
+    y = 1.25 - 5 * 0.25**2
+    np.testing.assert_allclose(swap.q, [y, 1.0])
+
+
+def test_an_impulse_is_answered_by_constraints() -> None:
+    """A pendulum at rest: along the rod, nothing happens."""
+    for direction, expected in (("x", [3.0, 0.0]), ("y", [0.0, 0.0])):
+        found = ball(
+            {"hit": {"when": "t >= 0.5", "impulse": {direction: "3*m"}}},
+            constraints={"floor": "y >= -10*l", "rod": "x^2 + y^2 = l^2"},
+            initial={"y": "-l"},
+        )
+        (hit,) = found.entries("event")
+        np.testing.assert_allclose(hit.after, expected, atol=1e-14)
+        assert hit.work == pytest.approx(0.5 * expected[0] ** 2)
+
+
+def test_an_impulse_onto_the_floor_rebounds() -> None:
+    found = ball({"hit": {"when": "t >= 0.5", "impulse": {"y": "-3*m"}}}, initial={"y": 0})
+    hit, impact = found.outcome.events[:2]
+    assert (hit.occurrence, impact.occurrence) == ("event", "impact")
+    np.testing.assert_allclose(impact.after, [0, 1.5])
+    assert impact.loss == pytest.approx(0.5 * (9 - 2.25))
+
+
+def test_a_rod_is_released_and_engaged() -> None:
+    """A pendulum that is let go at its lowest point, and caught where it meets the circle."""
+    found = ball(
+        {
+            "go": {"when": "t >= 0.1", "release": "rod"},
+            "catch": {"when": "x^2 + y^2 >= l^2 + 0.01*m^0", "engage": "rod"},
+        },
+        constraints={"floor": "y >= -10*l", "rod": "x^2 + y^2 = l^2"},
+        initial={"y": "-l", "x'": 0},
+    )
+    assert found.outcome.status == "failed"
+    assert found.outcome.message.startswith("`rod` cannot be engaged at t = ")
+    assert "phi = 0.01" in found.outcome.message
+
+
+def test_engaging_stops_what_the_constraint_forbids() -> None:
+    """A clutch without a limit: a plastic impulse, and the energy that it takes."""
+    found = ball(
+        {"lock": {"when": "t >= 0.25", "engage": "lock"}},
+        constraints={"lock": {"expr": "x' = y'", "active": False}},
+        initial={"x'": 1.5},
+    )
+    event = found.entries("event")[0]
+    np.testing.assert_allclose(event.after, [-0.5, -0.5])
+    assert event.work == pytest.approx(0.5 * (2 * 0.25 - 1.5**2 - 2.5**2))
+
+
+def test_an_event_may_not_violate_a_contact() -> None:
+    found = ball({"sink": {"when": "t >= 0.25", "set": {"y": -1}}})
+    assert "an event violates `floor` by 1 at t = 0.25 s" in found.outcome.message
+
+
+def test_events_that_do_not_end() -> None:
+    found = ball(
+        {
+            "up": {"when": "x >= 1", "set": {"x": 0}},
+            "down": {"when": "x <= 0.5", "set": {"x": 2}},
+        },
+        initial={"x'": 2, "x": 0.75},
+    )
+    assert found.outcome.status == "failed"
+    assert found.outcome.message == "events do not end at t = 0.125 s: `up`, `down`"
