@@ -130,7 +130,8 @@ class Columns:
         energy_total minus its first value minus the integral of the three powers; zero for an
         exact run.
     residual_position, residual_velocity : (nt, nc) arrays
-        φ and ψ at the written state; φ of a nonholonomic constraint is NaN.
+        φ and ψ at the written state; NaN where the constraint does not hold, as an open contact
+        or a row that slips, and φ of a nonholonomic constraint.
     residual_equation : (nt,) array
         max norm of M a − f − Bᵀλ, evaluated from the written numbers.
     conserved : (nt, ni) array

@@ -121,6 +121,9 @@ class IntegrationRequest:
         Compiled engine only.
     on_event : callable, optional
         Event → Reaction; without it, events are not looked for.
+    on_parameters : callable, optional
+        Called with the values of all parameters when an event sets some, after the samples before
+        were emitted.
     breaks : (nb,) array
         Times at which the right side is not smooth, increasing, s: steps end there, the integration
         begins anew, and a sample at such a time is that of what follows. The knots of the System's
@@ -137,6 +140,7 @@ class IntegrationRequest:
     elimination: Elimination | None = None
     prepared: Prepared | None = None
     on_event: Callable[[Event], Reaction] | None = None
+    on_parameters: Callable[[tuple[float, ...]], None] | None = None
     breaks: Array = field(default_factory=lambda: np.empty(0))
 
     @property

@@ -33,6 +33,8 @@ class DerivedColumns:
     ----------
     samples : int
         How many were completed.
+    p : tuple of float
+        The values of the parameters from the next sample on, which events may set.
     """
 
     def __init__(self, system: System, p: tuple[float, ...], monitor: Monitor = NO_MONITOR):
@@ -91,6 +93,13 @@ class DerivedColumns:
                 mass_diagonal[i] = entry
         position = np.full((nc, count), np.nan)
         position[list(system.holonomic)] = e.position
+        velocity_residual = velocity + e.drift
+        if system.switching is not None:
+            from lagcli.simulations.held_rows import held_rows, reactive_forces
+
+            free = ~held_rows(system, self.p, block).T
+            position[free] = velocity_residual[free] = np.nan
+            forces += reactive_forces(system, self.p, block)
 
         if count and not self.samples:
             self._energy_before = total[0] - block.work[0]
@@ -118,7 +127,7 @@ class DerivedColumns:
             power_constraint=power,
             energy_balance=total - self._energy_before - block.work,
             residual_position=np.ascontiguousarray(position.T),
-            residual_velocity=np.ascontiguousarray((velocity + e.drift).T),
+            residual_velocity=np.ascontiguousarray(velocity_residual.T),
             residual_equation=np.abs(equation - e.forcing - forces).max(axis=0, initial=0.0),
             conserved_names=self.monitor.names,
             conserved=self.monitor(block, self.p),

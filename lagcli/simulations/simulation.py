@@ -316,14 +316,18 @@ class Simulation:
             if progress is not None:
                 progress(t)
 
+        def change_parameters(p: tuple[float, ...]) -> None:
+            columns.p = trust.p = p
+
+        request = replace(self.request, on_parameters=change_parameters)
         engine = engine_named(
             self.settings.engine
         )  # loads what it needs before threads are limited
         with one_thread():
             if self.sensitivity is None:
-                run = engine(self.system, self.request, take, check_cancelled)
+                run = engine(self.system, request, take, check_cancelled)
             else:
-                run = self.sensitivity.integrate(self.request, take, check_cancelled)
+                run = self.sensitivity.integrate(request, take, check_cancelled)
         integrating = time.perf_counter() - began - elsewhere
         if not columns.samples:
             empty = None if self.sensitivity is None else self.sensitivity.no_derivatives

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +49,8 @@ class Phases:
         Of each switched row.
     entries : list of EventEntry
         The log.
+    on_parameters : callable
+        Called with the values of the parameters when they change.
     """
 
     def __init__(self, evaluator: Evaluator, request: IntegrationRequest):
@@ -70,6 +72,7 @@ class Phases:
         self.impact_times: dict[int, list[float]] = {}
         self.entries: list[EventEntry] = []
         self._forces = np.zeros(len(system.constraints))
+        self.on_parameters: Callable[[tuple[float, ...]], None] = lambda p: None
         self._report = ScalarTape(system.report)
         self.motion = self._motion(state.t, state.q, state.v)
         self.problems.measure(state.t, state.q, state.v, self.motion)
@@ -86,6 +89,7 @@ class Phases:
         """Go on with other values of the parameters."""
         self.full = self.problems.evaluator = self.full.with_parameters(p)
         self.motion.full = self.motion.held.full = self.full
+        self.on_parameters(p)
 
     def energy(self, t: float, q: Array, v: Array) -> float:
         """Return the total energy."""

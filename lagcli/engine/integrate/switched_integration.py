@@ -41,8 +41,15 @@ class SwitchedIntegration(ScipyIntegration):
     ):
         super().__init__(system, request, sink, progress)
         self.entries = self.phases.entries
+        self.phases.on_parameters = self._tell_parameters
         self._last, self._rounds = -math.inf, 0
         self._landing: Crossings | None = None
+
+    def _tell_parameters(self, p: tuple[float, ...]) -> None:
+        """Emit the samples before parameters change, and tell the values from now on."""
+        self.emit()
+        if self.request.on_parameters is not None:
+            self.request.on_parameters(p)
 
     def prepare(self, evaluator: Evaluator) -> None:
         """Make the right-hand side, projection and watch of the modes at the start."""
