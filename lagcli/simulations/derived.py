@@ -95,7 +95,7 @@ class DerivedColumns:
         position[list(system.holonomic)] = e.position
         velocity_residual = velocity + e.drift
         if system.switching is not None:
-            from lagcli.simulations.held_rows import held_rows, reactive_forces
+            from lagcli.engine.held_rows import held_rows, reactive_forces
 
             free = ~held_rows(system, self.p, block).T
             position[free] = velocity_residual[free] = np.nan

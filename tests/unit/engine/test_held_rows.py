@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from pendulum_by_hand import pendulum_system
 
 import lagcli
+from lagcli.engine.contract import Block
+from lagcli.engine.held_rows import held_rows
 from lagcli.model.loader import load_text
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -48,6 +51,12 @@ def test_the_energy_balances_through_all_of_it(run: Trajectory) -> None:
     assert np.abs(run.energy_balance).max() < 1e-9 * scale
     assert run.energy_total[-1] > run.energy_total[run.time < 1.25][-1] + 0.01  # of the spring
     assert run.residual_equation.max() < 1e-12
+
+
+def test_constraints_of_a_system_that_does_not_switch_hold() -> None:
+    system = pendulum_system()
+    block = Block.of_rows(np.zeros((2, system.sample_layout.size)), system.sample_layout)
+    assert held_rows(system, (), block).all()
 
 
 def test_forces_that_depend_on_multipliers_are_part_of_the_equations() -> None:
