@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from lagcli.engine.switching.switching import RowMode
+from lagcli.model.loader import load_text
 from tests.support.contact_cases import ContactRun, contact_model, read_case, run_contact
 
 ENGINES = [
@@ -362,3 +363,55 @@ def test_motion_of_constant_speed(engine: str) -> None:
     for t in (0.0, 1.0):
         near(found.at(t, "lambda.speed"), name, f"lambda.speed at t = {t:g}")
     near(float(found.block.work[-1]), name, "work of the constraint until t = 1")
+
+
+PUSHED = """
+coordinates: {x: m, y: m, phi: rad}
+parameters: {m: 10 kg, g: 10 m/s^2, b: 0.2 m, h: 0.1 m, mu: 0.4}
+definitions:
+  x_L: x - b*cos(phi) + h*sin(phi)
+  y_L: y - b*sin(phi) - h*cos(phi)
+  x_R: x + b*cos(phi) + h*sin(phi)
+  y_R: y + b*sin(phi) - h*cos(phi)
+T: m/2*(x'^2 + y'^2) + m*(b^2 + h^2)/6*phi'^2
+V: m*g*y
+Q: {x: 20*t}
+constraints:
+  left: {expr: y_L >= 0, friction: mu, slip: x_L'}
+  right: {expr: y_R >= 0, friction: mu, slip: x_R'}
+initial: {x: 0, y: h, phi: 0, x': 0, y': 0, phi': 0}
+simulation: {times: [0, 2.2]}
+"""
+
+
+def test_a_box_that_is_pushed_slides(engine: str) -> None:
+    """Its friction is redundant; it sticks while some distribution of it does: 20 t < mu m g."""
+    found = run_contact(load_text(PUSHED), engine)
+    assert [x.occurrence for x in found.outcome.events] == ["slips", "slips"]
+    for entry in found.outcome.events:
+        assert entry.time == pytest.approx(2.0, abs=1e-12)
+    assert found.at(2.2, "x'") == pytest.approx(0.04, rel=1e-9)  # ∫ 2 (t − 2) dt
+
+
+def test_a_box_that_is_pushed_tips(engine: str) -> None:
+    """A higher one, where 20 t h = b m g; it turns about its right corner, which sticks."""
+    found = run_contact(load_text(PUSHED, set={"h": 0.7}), engine)
+    (opens,) = found.outcome.events
+    assert (opens.occurrence, opens.which) == ("opens", 0)
+    assert opens.time == pytest.approx(0.2 * 100 / (20 * 0.7), abs=1e-12)
+    assert found.at(2.2, "phi") < -0.01
+
+
+@pytest.mark.parametrize("count", [30, pytest.param(1000, marks=pytest.mark.slow)])
+def test_many_bounces(engine: str, count: int) -> None:
+    """t_{k+1} − t_k = 2 e^k v/g, with e = 1 − 1/count."""
+    e, g = 1 - 1 / count, 9.81
+    v = np.sqrt(2 * g)
+    times = v / g + np.concatenate([[0], np.cumsum(2 * e ** np.arange(1, count) * v / g)])
+    end = float(times[-1]) + 0.01
+    simulation = {"times": [0, end], "t_end": end}
+    found = run("bouncing_ball", engine, e=e, simulation=simulation)
+    impacts = [x.time for x in found.entries("impact")]
+    # each impact adds the rounding of its time
+    np.testing.assert_allclose(impacts, times, rtol=1e-11)
+    check_balance(found, 2 * g)

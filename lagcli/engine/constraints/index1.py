@@ -120,6 +120,10 @@ class Index1:
         term[self.holonomic] += alpha * velocity[self.holonomic] + beta**2 * position
         return term
 
+    def force_terms(self, t: float, q: Array, v: Array) -> Array:
+        """Return forces beside f that may balance it and vanish later: those of contacts, (nq,)."""
+        return np.zeros(self.nq)
+
     def contradicting(self, t: float, q: Array, v: Array) -> int | None:
         """Return a redundant constraint that contradicts the others at a state on them, or None.
 

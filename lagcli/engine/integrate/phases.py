@@ -19,6 +19,8 @@ from lagcli.engine.tape.interpreter import ScalarTape
 
 #: Of the scale of a gap or a rate, and of the largest force so far: what is rounding, and no event.
 _GAP_NOISE, _FORCE_NOISE = 4e-15, 1e-13
+#: Of the largest: parts that are no rounding, of redundant contacts.
+_SHARED = 1e-9
 #: Place of the total energy among the outputs of the report tape.
 _ENERGY = 2
 
@@ -208,18 +210,26 @@ class Phases:
         free = motion.free_multipliers(motion.held.dynamics(t, q, v))
         rows, bounds = motion.cone_rows(t, q, v, a, multipliers)
         along = rows @ free
-        shared = np.abs(along).max(axis=1) > 1e-9 * np.abs(rows).max(axis=1)
+        shared = np.abs(along).max(axis=1) > _SHARED * np.abs(rows).max(axis=1)
         if not shared.any():
             return {}
-        n = free.shape[1]
+        n, large = free.shape[1], float(np.abs(multipliers).max()) or 1.0
         found = linprog(
             np.append(np.zeros(n), -1.0),
             A_ub=np.hstack([-along[shared], np.ones((int(shared.sum()), 1))]),
             b_ub=-bounds[shared],
-            bounds=[(None, None)] * n + [(None, float(np.abs(multipliers).max()) or 1.0)],
+            bounds=[(None, None)] * n + [(None, large)],
         )
         if found.status != 0:
             return {}
-        slack = -float(found.fun)
-        touched = np.abs(free).max(axis=1) > 0
-        return {int(i): slack for i in np.flatnonzero(touched)}
+        slack: dict[int, float] = {}
+        # a law without a price could be obeyed by more: only the others end the mode
+        owners = [
+            row for row, is_shared in zip(motion.cone_owners(), shared, strict=True) if is_shared
+        ]
+        for row, price in zip(owners, found.ineqlin.marginals, strict=True):
+            if abs(price) > _SHARED:
+                slack[row] = -float(found.fun)
+            else:
+                slack.setdefault(row, large)
+        return slack

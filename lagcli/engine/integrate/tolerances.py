@@ -74,6 +74,7 @@ class Sizes:
         d = self.motion.evaluator.dynamics(t, *self.motion.split(y))
         inertia = self._of_kind(np.diag(d.mass_matrix))
         forces = np.abs(d.forcing) + np.abs(d.mass_matrix) @ np.abs(rate[nq:-1])
+        forces += self.motion.force_terms(t, *self.motion.split(y))
         balanced = self._of_kind(forces) / np.where(inertia > 0, inertia, np.inf)
         hidden = np.isfinite(balanced) & (found < _HIDDEN * balanced)
         return np.where(hidden, balanced, found)

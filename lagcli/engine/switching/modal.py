@@ -17,7 +17,7 @@ from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.switching.cones import least_norm_within
 from lagcli.engine.switching.held import HeldEvaluator
-from lagcli.engine.switching.switching import RowMode
+from lagcli.engine.switching.switching import RowMode, SwitchedRow
 from lagcli.engine.switching.tapes import SwitchingTapes
 
 _ITERATIONS = 30
@@ -152,6 +152,20 @@ class ModalMotion(Index1):
         free = np.zeros((len(self.full.system.constraints), parts.dependent.shape[1]))
         free[self.rows] = parts.dependent / parts.scale[:, None]
         return free
+
+    def cone_owners(self) -> list[int]:
+        """Return the constraint of each row of `cone_rows`."""
+        sides = {0: 2, 1: 1, -1: 1}
+        return [r.row for r in self.cones for _ in range(sides[r.sign] if self._bounded(r) else 0)]
+
+    @staticmethod
+    def _bounded(row: SwitchedRow) -> bool:
+        return bool(row.sign) or row.limit is not None
+
+    def force_terms(self, t: float, q: Array, v: Array) -> Array:
+        """Return Σ_β |λ_β b_iβ|."""
+        _, multipliers, _ = self.accelerations(t, q, v)
+        return np.nan_to_num(np.abs(multipliers) @ np.abs(self.full.dynamics(t, q, v).jacobian))
 
     def cone_rows(
         self, t: float, q: Array, v: Array, a: Array, multipliers: Array

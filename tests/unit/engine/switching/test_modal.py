@@ -39,6 +39,20 @@ def test_a_block_on_the_floor(
     assert motion.margin == 1.0  # the friction does not change the force that bears it
 
 
+def test_cones_of_rows_that_hold() -> None:
+    """λ_N ≥ 0, and 2 mu λ_N ± λ_T ≥ 0."""
+    system, request, full = prepared()
+    state = request.state
+    motion = ModalMotion(full, SwitchingTapes(system), [0, 1], np.array([HOLDS, HOLDS]), 2)
+    motion.measure(state.t, state.q, state.v)
+    a, multipliers, _ = motion.accelerations(state.t, state.q, state.v)
+    rows, bounds = motion.cone_rows(state.t, state.q, state.v, a, multipliers)
+    np.testing.assert_allclose(rows, [[1, 0], [1, 1], [1, -1]])
+    np.testing.assert_allclose(bounds, [-20, -20, -20])
+    assert motion.cone_owners() == [0, 1, 1]
+    np.testing.assert_allclose(motion.force_terms(state.t, state.q, state.v), [0, 20])
+
+
 def test_a_state_without_accelerations() -> None:
     system, request, full = prepared()
     motion = ModalMotion(full, SwitchingTapes(system), [0], np.array([HOLDS, FORWARD]), 1)
