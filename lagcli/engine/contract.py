@@ -243,13 +243,17 @@ class Stopped(Exception):
 
     Parameters
     ----------
-    name : str
-        Of the event.
-    time : float
-        s.
+    event : Event or str
+        A sign change, or the name of an event of the model.
+    time : float, optional
+        Of the latter, s.
     """
 
-    def __init__(self, name: str, time: float):
+    def __init__(self, event: Event | str, time: float = 0.0):
+        if isinstance(event, Event):
+            name, time = str(event.number), event.time
+        else:
+            name = f"`{event}`"
         super().__init__(f"event {name} stopped the run at t = {time:.9g} s")
 
 

@@ -383,7 +383,7 @@ class Integration:
         event = Event(number, direction, at, q.copy(), v.copy())
         reaction = self.request.on_event(event)
         if reaction == "stop":
-            raise Stopped(str(event.number), event.time)
+            raise Stopped(event)
         if reaction != "go on":
             core.move(at, np.concatenate([*reaction, y[-1:]]), core.times_next)
             return self.handle_status(core.start())

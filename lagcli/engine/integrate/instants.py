@@ -10,10 +10,10 @@ import numpy as np
 from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.contract import EventEntry, Occurrence
 from lagcli.engine.integrate.phases import Phases
-from lagcli.engine.switching.coupling import Coupling
-from lagcli.engine.switching.instant import ImpactOutcome, NextModes
-from lagcli.engine.switching.messages import cannot_engage, endless, jams, sets_violation
 from lagcli.engine.switching.problem import ContactLaw
+from lagcli.engine.switching.reference.coupling import Coupling
+from lagcli.engine.switching.reference.instant import ImpactOutcome, NextModes
+from lagcli.engine.switching.reference.stops import cannot_engage, endless, jams, sets_violation
 from lagcli.engine.switching.switching import ContactChange, RowMode
 
 #: Rounds at one instant after which it does not end.

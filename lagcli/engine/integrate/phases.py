@@ -10,11 +10,11 @@ import numpy as np
 from lagcli.arrays import Array, Indices
 from lagcli.engine.contract import EventEntry, IntegrationRequest
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.switching.conditions import Conditions
-from lagcli.engine.switching.instant import InstantProblems
-from lagcli.engine.switching.modal import ModalMotion
+from lagcli.engine.switching.reference.conditions import Conditions
+from lagcli.engine.switching.reference.instant import InstantProblems
+from lagcli.engine.switching.reference.modal import ModalMotion
+from lagcli.engine.switching.reference.tapes import SwitchingTapes
 from lagcli.engine.switching.switching import RowMode
-from lagcli.engine.switching.tapes import SwitchingTapes
 from lagcli.engine.tape.interpreter import ScalarTape
 
 #: Of the scale of a gap or a rate, and of the largest force so far: what is rounding, and no event.

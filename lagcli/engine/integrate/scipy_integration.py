@@ -247,7 +247,7 @@ class ScipyIntegration:
             event = Event(found.number, found.direction, found.time, q.copy(), v.copy())
             reaction = self.request.on_event(event)
             if reaction == "stop":
-                raise Stopped(str(event.number), event.time)
+                raise Stopped(event)
             if reaction != "go on":
                 return found.time, np.concatenate([*reaction, y[-1:]])
         return None

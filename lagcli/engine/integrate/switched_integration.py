@@ -19,8 +19,8 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.instants import InstantResolution
 from lagcli.engine.integrate.phases import Phases
 from lagcli.engine.integrate.scipy_integration import ScipyIntegration
-from lagcli.engine.switching.crossings import Crossings, first_crossings
-from lagcli.engine.switching.messages import endless
+from lagcli.engine.switching.reference.crossings import Crossings, first_crossings
+from lagcli.engine.switching.reference.stops import endless
 from lagcli.engine.system import System
 
 #: Instants at one time after which it does not end; of max(|t|, 1): times of one instant.
@@ -149,5 +149,5 @@ class SwitchedIntegration(ScipyIntegration):
         if found.stop is not None:
             for at in self.due(t):
                 self.sample(at, found.y)
-            raise Stopped(f"`{found.stop}`", t)
+            raise Stopped(found.stop, t)
         return found.y

@@ -11,6 +11,7 @@ from pendulum_by_hand import pendulum_system, request
 
 from lagcli.engine.contract import (
     Block,
+    Event,
     Interrupted,
     Limits,
     Stop,
@@ -74,7 +75,7 @@ def test_limits_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
         (Undefined(STATE), "failed", "no finite value at t = 0.25 s", STATE),
         (Interrupted(), "interrupted", "interrupted", None),
         (
-            Stopped("3", 0.5),
+            Stopped(Event(3, 1, 0.5, STATE.q, STATE.v)),
             "stopped-by-event",
             "event 3 stopped the run at t = 0.5 s",
             None,

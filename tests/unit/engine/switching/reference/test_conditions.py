@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lagcli.engine.switching.conditions import Conditions
+from lagcli.engine.switching.reference.conditions import Conditions
 from lagcli.engine.switching.switching import EventRule
 
 

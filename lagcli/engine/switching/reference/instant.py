@@ -15,13 +15,13 @@ from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import least_scales
 from lagcli.engine.switching.contacts import contact_motions
-from lagcli.engine.switching.coupling import Coupling
-from lagcli.engine.switching.held import HeldEvaluator
 from lagcli.engine.switching.impacts import ImpactLaw, ImpactProblem, resolve_impact
-from lagcli.engine.switching.messages import gains_energy, no_motion, two_motions
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
+from lagcli.engine.switching.reference.coupling import Coupling
+from lagcli.engine.switching.reference.held import HeldEvaluator
+from lagcli.engine.switching.reference.stops import gains_energy, no_motion, two_motions
+from lagcli.engine.switching.reference.tapes import SwitchingTapes
 from lagcli.engine.switching.switching import RowMode
-from lagcli.engine.switching.tapes import SwitchingTapes
 
 #: Of a row's scale: velocities that count as zero. With the acceleration over the whole run in the
 #: scale, less.

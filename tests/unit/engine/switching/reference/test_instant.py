@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from lagcli.engine.switching.instant import InstantProblems
 from lagcli.engine.switching.problem import ContactLaw
+from lagcli.engine.switching.reference.instant import InstantProblems
+from lagcli.engine.switching.reference.tapes import SwitchingTapes
 from lagcli.engine.switching.switching import RowMode
-from lagcli.engine.switching.tapes import SwitchingTapes
 from tests.support.switching_models import BLOCK, prepared
 
 

@@ -2,19 +2,19 @@
 
 import numpy as np
 
-from lagcli.engine.switching import messages
 from lagcli.engine.switching.contacts import contact_motions
+from lagcli.engine.switching.reference import stops
 from tests.unit.engine.switching.test_contacts import klein, painleve
 
 ROD = np.arctan(2)
 
 
 def test_energy_gained() -> None:
-    assert str(messages.gains_energy(0.25, 0.040743904, "newton", True, True)) == (
+    assert str(stops.gains_energy(0.25, 0.040743904, "newton", True, True)) == (
         "an impact would gain 0.04074 J (Newton's law with friction) at t = 0.25 s:"
         " use `impacts: poisson`"
     )
-    assert str(messages.gains_energy(0.25, 0.5, "poisson", True, False)) == (
+    assert str(stops.gains_energy(0.25, 0.5, "poisson", True, False)) == (
         "an impact would gain 0.5 J (Poisson's law with different coefficients of restitution)"
         " at t = 0.25 s: give its contacts the same `restitution`"
     )
@@ -22,7 +22,7 @@ def test_energy_gained() -> None:
 
 def test_two_motions() -> None:
     problem = painleve(ROD, 1.6, 6.0)
-    found = messages.two_motions(0.0, ["tip", "tip.slip"], problem, contact_motions(problem))
+    found = stops.two_motions(0.0, ["tip", "tip.slip"], problem, contact_motions(problem))
     assert str(found) == (
         "two motions are possible at `tip` at t = 0 s: it slides backwards (lambda = 19.6553), or"
         " it opens (tip'' = 6.28969); mu = 1.6 is beyond the bound 1.333 here (Painlevé); reduce"
@@ -32,7 +32,7 @@ def test_two_motions() -> None:
 
 def test_no_motion() -> None:
     problem = painleve(ROD, 1.6, 0.0)
-    found = messages.no_motion(0.0, ["tip", "tip.slip"], problem, ())
+    found = stops.no_motion(0.0, ["tip", "tip.slip"], problem, ())
     assert str(found) == (
         "no motion is possible at `tip` at t = 0 s; mu = 1.6 is beyond the bound 1.333 here"
         " (Painlevé); reduce the friction, or give the bodies some compliance"
@@ -41,20 +41,20 @@ def test_no_motion() -> None:
 
 def test_jamming_in_a_guide() -> None:
     problem = klein(2.0, -6.0)
-    found = messages.two_motions(0.0, ["rough", "rough.slip"], problem, contact_motions(problem))
+    found = stops.two_motions(0.0, ["rough", "rough.slip"], problem, contact_motions(problem))
     assert str(found).startswith("2 answers for the friction at `rough` at t = 0 s: jamming (")
     assert "beyond the bound 1.155" in str(found)
 
 
 def test_other_ends() -> None:
-    assert str(messages.jams(1.5, "tip")) == (
+    assert str(stops.jams(1.5, "tip")) == (
         "lambda.tip grows without bound while it slides (dynamic jam) at t = 1.5 s; the motion"
         " beyond is not determined"
     )
-    assert str(messages.cannot_engage(1.0, "pin", 0.3)).startswith(
+    assert str(stops.cannot_engage(1.0, "pin", 0.3)).startswith(
         "`pin` cannot be engaged at t = 1 s, phi = 0.3: "
     )
-    assert str(messages.endless(2.0, ["`floor closes`", "`floor opens`", "`floor closes`"])) == (
+    assert str(stops.endless(2.0, ["`floor closes`", "`floor opens`", "`floor closes`"])) == (
         "events do not end at t = 2 s: `floor closes`, `floor opens`"
     )
-    assert "violates `floor` by 0.1 at t = 1 s" in str(messages.sets_violation(1.0, "floor", 0.1))
+    assert "violates `floor` by 0.1 at t = 1 s" in str(stops.sets_violation(1.0, "floor", 0.1))

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from lagcli.engine.switching.crossings import Crossings, first_crossings
+from lagcli.engine.switching.reference.crossings import Crossings, first_crossings
 
 
 def find(

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from lagcli.engine.switching.modal import ModalMotion
+from lagcli.engine.switching.reference.modal import ModalMotion
+from lagcli.engine.switching.reference.tapes import SwitchingTapes
 from lagcli.engine.switching.switching import RowMode
-from lagcli.engine.switching.tapes import SwitchingTapes
 from tests.support.switching_models import prepared
 
 OPEN, HOLDS, FORWARD, BACKWARD = RowMode

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lagcli.engine.switching.held import HeldEvaluator
+from lagcli.engine.switching.reference.held import HeldEvaluator
 from tests.support.switching_models import prepared
 
 

@@ -16,9 +16,9 @@ from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.switching.cones import least_norm_within
-from lagcli.engine.switching.held import HeldEvaluator
+from lagcli.engine.switching.reference.held import HeldEvaluator
+from lagcli.engine.switching.reference.tapes import SwitchingTapes
 from lagcli.engine.switching.switching import RowMode, SwitchedRow
-from lagcli.engine.switching.tapes import SwitchingTapes
 
 _ITERATIONS = 30
 #: Of the forces: Newton's iteration has converged.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lagcli.engine.switching.coupling import Coupling
+from lagcli.engine.switching.reference.coupling import Coupling
 from tests.support.switching_models import prepared
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lagcli.engine.switching.tapes import SwitchingTapes
+from lagcli.engine.switching.reference.tapes import SwitchingTapes
 from tests.support.switching_models import prepared
 
 

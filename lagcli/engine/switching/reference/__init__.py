@@ -1,0 +1,1 @@
+"""Modes, instants and watched functions of the reference engine."""
