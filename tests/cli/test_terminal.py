@@ -19,9 +19,11 @@ MODELS = ["slider_crank", "chain", "parallelogram", "rolling_disk"]
 def test_summaries_fit_the_terminal(
     name: str, columns: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setenv("COLUMNS", "60")  # this is no terminal
     assert run(["simulate", name, "--t-end", "0.05"]) == 0
-    text = capsys.readouterr().out
+    whole = capsys.readouterr().out
+    assert max(map(len, whole.splitlines())) > 60
+    text = fitted(whole, columns)
     assert max(map(len, text.splitlines())) <= columns
     for line in text.splitlines():
         assert not re.search(r"( =| at t| at| min| max|→)$", line), line  # a number follows

@@ -127,10 +127,11 @@ def simulate(
     if json:
         print(summary.to_json(result))
     elif not quiet:
-        columns = shutil.get_terminal_size((summary.WIDTH, 24)).columns
+        stream = sys.stderr if output == "-" else sys.stdout
+        columns = shutil.get_terminal_size().columns if stream.isatty() else summary.WIDTH
         text = summary.format_summary(result, loaded.name)
         text = summary.fitted(text, max(min(columns, summary.WIDTH), summary.NARROWEST))
-        if has_colour(sys.stderr if output == "-" else sys.stdout, no_color):
+        if has_colour(stream, no_color):
             text = summary.coloured(text, record.status)
         if output == "-":
             print(text, file=sys.stderr)
