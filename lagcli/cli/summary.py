@@ -75,6 +75,7 @@ def summarize(
             for name, found in extremes.multipliers.items()
             if known(found.low) is not None
         },
+        "events": None if record.events is None else record.events.to_mapping(),
         "parameters": record.parameters,
         "initial": dict(initial),
         "initial_correction": {k: list(v) for k, v in record.initial_correction.items()},
@@ -175,6 +176,8 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     lines.append(f"  {'energy':<12}balance within {s['energy_balance']:.1e} J{relative}")
     if s["conserved"]:
         lines += _conserved(s["conserved"])
+    if s["events"] is not None:
+        lines += _events(s["events"])
     if s["multipliers"]:
         listed = dict(islice(s["multipliers"].items(), _LISTED))
         labels = {
@@ -233,6 +236,18 @@ def coloured(text: str, status: str) -> str:
     """Return text whose first line has the status in colour: green, or red for a failure."""
     code = 32 if status in ENDED else 31
     return text.replace(f": {status}", f": \x1b[{code}m{status}\x1b[0m", 1)
+
+
+def _events(found: Mapping[str, Any]) -> list[str]:
+    """Return what happened at contacts and events."""
+    from lagcli.trajectory.event_log import event_sentences
+
+    lines = [
+        line
+        for sentence in event_sentences(found)
+        for line in textwrap.wrap(sentence, 86, break_on_hyphens=False)
+    ]
+    return [f"  {'events' if not i else '':<12}{line}" for i, line in enumerate(lines)]
 
 
 def _conserved(found: Mapping[str, Mapping[str, Any]]) -> list[str]:

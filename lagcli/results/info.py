@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from lagcli.columns import RESIDUALS, ColumnName
 from lagcli.results.formats import FORMATS, format_of, open_reader
 from lagcli.results.listing import WIDTH, entry, number, pairs
 from lagcli.results.metadata import KIND, model_name, to_metadata
+from lagcli.trajectory.event_log import event_sentences
 from lagcli.trajectory.extremes import Extremes, known
 
 _entry = partial(entry, width=20)
@@ -35,7 +37,8 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         (samples, coordinates, constraints, outputs), the names of ``coordinates``,
         ``constraints``, ``outputs``, and ``units``; ``inputs`` by name (``file``, its ``sha256``,
         ``unit``, ``rows``, times of the ``first`` and the ``last``); ``sensitivity``, what the
-        motion is differentiated with respect to; ``time`` (first, last); ``parameters``,
+        motion is differentiated with respect to; ``events``, what happened at contacts
+        and events, as `EventLog.to_mapping` has it; ``time`` (first, last); ``parameters``,
         ``options``, ``counts``, ``seconds``, ``initial_correction``; the largest magnitudes of
         ``residual_position`` and ``residual_velocity`` by constraint (``max``, and ``scaled`` by
         the constraint's own scale), of ``residual_equation``, and of ``energy_balance``
@@ -89,6 +92,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
             for name, table in file.record.inputs.items()
         },
         "sensitivity": list(file.sensitivity),
+        "events": None if file.record.events is None else file.record.events.to_mapping(),
         "time": {"first": known(extremes.first), "last": known(extremes.last)},
         **{
             q.name: _residuals(
@@ -166,6 +170,11 @@ def format_info(info: Mapping[str, Any]) -> str:
     ]
     lines += _entry("start moved", ", ".join(moved))
     lines += _entry("freedom", _freedom(info["freedom"]))
+    if info["events"] is not None:
+        for what, sentence in zip(
+            chain(["events"], repeat("")), event_sentences(info["events"]), strict=False
+        ):
+            lines += _entry(what, sentence)
     lines += _entry("energy balance", f"{number(balance['max'], 3)} J at worst")
     lines += _entry("  relative", number(balance["relative"], 3))
     lines += _entry("equation residual", f"{number(info['residual_equation'], 3)} at worst")

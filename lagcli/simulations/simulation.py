@@ -344,7 +344,13 @@ class Simulation:
         tolerances: dict[str, float] = {}
         if run.tolerances is not None:
             tolerances = dict(zip(self.initial, run.tolerances[:-1].tolist(), strict=True))
+        log = None
+        if self.system.switching is not None:
+            from lagcli.simulations.switching.event_logs import event_log
+
+            log = event_log(self.system, run)
         return Record(
+            events=log,
             tolerances=tolerances,
             warnings=(
                 *true_at_start(self.system, self.start.state),

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from lagcli.arrays import Array
 from lagcli.column_units import UNIT_DATASETS, units_along
 from lagcli.columns import QUANTITIES
 from lagcli.errors import UsageError
+from lagcli.trajectory.event_log import MODES, EventLog
 
 if TYPE_CHECKING:
     from lagcli.trajectory.trajectory import Trajectory
@@ -55,9 +57,30 @@ def to_dataset(trajectory: Trajectory) -> Any:
     for name, values in trajectory.outputs.items():
         unit = {"units": units[name]} if name in units else {}
         variables[name] = (("time",), values, unit)
+    if trajectory.events is not None:
+        variables |= _events(trajectory.events, trajectory.time)
+        axes["row"] = list(trajectory.events.rows)
     described = ("status", "message", "model", "model_sha256", "lagcli_version")
     attributes = {name: getattr(trajectory, name) for name in described}
     return xarray.Dataset(variables, axes, attributes)
+
+
+def _events(log: EventLog, time: Array) -> dict[str, Any]:
+    """Return the log's variables, and the modes of the rows that switch at each sample."""
+    return {
+        "mode": (("time", "row"), log.modes_at(time), {"flag_meanings": " ".join(MODES)}),
+        "event_time": (("event",), log.time, {"units": "s"}),
+        "event_name": (("event",), list(log.names)),
+        "event_kind": (("event",), list(log.kinds)),
+        "event_q": (("event", "coordinate"), log.q),
+        "event_velocity_before": (("event", "coordinate"), log.before),
+        "event_velocity_after": (("event", "coordinate"), log.after),
+        "event_impulse": (("event", "constraint"), log.impulse),
+        "event_loss": (("event",), log.loss, {"units": "J"}),
+        "event_supplied": (("event",), log.supplied, {"units": "J"}),
+        "event_work": (("event",), log.work, {"units": "J"}),
+        "event_mode": (("event", "row"), log.modes, {"flag_meanings": " ".join(MODES)}),
+    }
 
 
 def _units(along: Sequence[str | None]) -> dict[str, str]:

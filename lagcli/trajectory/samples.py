@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.columns import Columns
 from lagcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from lagcli.trajectory.event_log import EventLog
 
 #: Version of the layout of result files.
 SCHEMA_VERSION = "2"
@@ -246,6 +249,8 @@ class Record:
         ``h``, such as ``x*p_y - y*p_x``.
     inputs : mapping of str to InputTable
         The tables of the model's inputs, by name.
+    events : EventLog or None
+        What happened at contacts and events; None of a model that has none.
     """
 
     scale_position: Array
@@ -266,3 +271,4 @@ class Record:
     conserved_formulas: Mapping[str, str] = field(default_factory=dict)
     lagcli_version: str = ""
     inputs: Mapping[str, InputTable] = field(default_factory=dict)
+    events: EventLog | None = None

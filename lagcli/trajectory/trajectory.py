@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Indices
 from lagcli.columns import DERIVATIVES, Columns
 from lagcli.trajectory.samples import Record, Samples
 
@@ -16,6 +16,15 @@ from lagcli.trajectory.samples import Record, Samples
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trajectory(Record, Samples):
     """All samples of one run with its record; see `Samples` and `Record` for the fields."""
+
+    @property
+    def modes(self) -> Indices | None:
+        """The modes of the rows that switch, at each sample.
+
+        (nt, ns) places in `lagcli.trajectory.event_log.MODES`, of the rows ``events.rows``, after
+        what happens at the sample's time; None of a model in which nothing switches.
+        """
+        return None if self.events is None else self.events.modes_at(self.time)
 
     def to_xarray(self) -> Any:
         """Return the run as an `xarray.Dataset` with named coordinates and constraints.
@@ -27,6 +36,8 @@ class Trajectory(Record, Samples):
         xarray.Dataset
             The arrays of `Columns` and the outputs, over ``time``, ``coordinate``, ``constraint``
             and ``term``, with units as far as the model states them. Arrays are not copied.
+            Of a model with contacts or events also ``mode`` over ``time`` and ``row``, and the
+            log, ``event_time``, ``event_name``, …, over ``event``.
 
         Raises
         ------

@@ -8,6 +8,7 @@ without a check: such a mutant is read or refused, with no traceback and in boun
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import faulthandler
 import io
 import os
@@ -21,6 +22,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mutants import changed_bytes, changed_structure, changed_table
+from trajectories import make_log
 
 import lagcli
 from lagcli.cli.app import run
@@ -75,8 +77,10 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """Return files by name, with the sidecars of CSV files beside them."""
     folder = tmp_path_factory.mktemp("originals")
     trajectory = lagcli.simulate(lagcli.load(MODEL), samples=21, t_end=0.5)
-    for name in ("run.h5", "run.csv", "alone.csv"):
+    for name in ("run.csv", "alone.csv"):
         lagcli.write(trajectory, folder / name, meta=name == "run.csv")
+    log = make_log(trajectory.coordinates, trajectory.constraints)
+    lagcli.write(dataclasses.replace(trajectory, events=log), folder / "run.h5")
     lagcli.sweep(
         MODEL,
         ["m=0,1,2"],

@@ -13,6 +13,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from lagcli.columns import QUANTITIES
+from lagcli.trajectory.event_log import EventLog
 from lagcli.trajectory.samples import Terms
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -157,3 +158,55 @@ def random_trajectories(
         )
 
     return build()
+
+
+def make_log(
+    coordinates: tuple[str, ...] = ("phi", "psi"),
+    constraints: tuple[str, ...] = ("guide", "floor", "floor.slip"),
+    entries: tuple[tuple[float, str, str], ...] = (
+        (0.11, "floor", "impact"),
+        (0.11, "floor.slip", "impact"),
+        (0.2, "floor", "impact"),
+        (0.25, "floor", "rest"),
+        (0.3, "floor.slip", "slips"),
+        (0.4, "kick", "event"),
+    ),
+    seed: int = 0,
+) -> EventLog:
+    """Return a log of random numbers."""
+    random = np.random.default_rng(seed)
+    count, rows = len(entries), ("floor", "floor.slip")
+    time, names, kinds = zip(*entries, strict=True) if entries else ((), (), ())
+    return EventLog(
+        rows=rows,
+        start=np.zeros(len(rows), dtype=np.intp),
+        time=np.array(time, dtype=float),
+        names=names,
+        kinds=kinds,
+        q=random.normal(size=(count, len(coordinates))),
+        before=random.normal(size=(count, len(coordinates))),
+        after=random.normal(size=(count, len(coordinates))),
+        impulse=random.normal(size=(count, len(constraints))),
+        loss=np.abs(random.normal(size=count)),
+        supplied=random.normal(size=count),
+        work=random.normal(size=count),
+        modes=random.integers(0, 4, size=(count, len(rows))),
+    )
+
+
+def make_with_log(**changes: Any) -> Trajectory:
+    """Return a trajectory of a model with contacts."""
+    return make(constraints=("guide", "floor", "floor.slip"), events=make_log(), **changes)
+
+
+def assert_same_logs(one: EventLog | None, other: EventLog | None) -> None:
+    """Compare every field, numbers by their bits."""
+    assert one is not None
+    assert other is not None
+    for field in dataclasses.fields(EventLog):
+        a, b = getattr(one, field.name), getattr(other, field.name)
+        if isinstance(a, np.ndarray):
+            assert a.dtype == b.dtype, field.name
+            np.testing.assert_array_equal(a, b, err_msg=field.name)
+        else:
+            assert a == b, field.name

@@ -62,7 +62,7 @@ class CsvReader:
         self.sensitivity, self._missing = names.sensitivity, names.missing
         self.layout = SCHEMA_VERSION
         self._reached = -math.inf  # the time of the last sample so far
-        self.record = read_sidecar(path, len(self.constraints))
+        self.record = read_sidecar(path, self.coordinates, self.constraints)
 
     def count(self) -> int:
         """Return the number of samples: of lines, without the header."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from lagcli.errors import FileError
 from lagcli.files import read_failure
+from lagcli.results.csv.event_table import events_digest, events_path, read_event_table
 from lagcli.results.metadata import (
     KIND,
     from_metadata,
@@ -83,15 +84,15 @@ def _digest(about: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(others, sort_keys=True).encode()).hexdigest()
 
 
-def read_sidecar(path: str, constraints: int) -> Record:
-    """Return what CSV does not hold.
+def read_sidecar(path: str, coordinates: Sequence[str], constraints: Sequence[str]) -> Record:
+    """Return what CSV does not hold: what the sidecar and the table of events hold.
 
     Parameters
     ----------
     path : str
         The CSV file.
-    constraints : int
-        Their number, nc.
+    coordinates, constraints : sequence of str
+        Their names.
 
     Returns
     -------
@@ -101,12 +102,18 @@ def read_sidecar(path: str, constraints: int) -> Record:
     Raises
     ------
     FileError
-        The sidecar cannot be read, is none, or belongs to another CSV file.
+        The sidecar or the table of events cannot be read, is none, or belongs to another CSV file.
     """
+    events, nc = read_event_table(path, coordinates, constraints), len(constraints)
     sidecar = sidecar_path(path)
     if not os.path.lexists(sidecar):
-        unknown = np.full(constraints, np.nan)
-        return Record(scale_position=unknown, scale_velocity=unknown.copy(), **from_metadata({}))
+        unknown = np.full(nc, np.nan)
+        return Record(
+            scale_position=unknown,
+            scale_velocity=unknown.copy(),
+            events=events,
+            **from_metadata({}),
+        )
     check_readable(sidecar)
     try:
         with open(sidecar, encoding="utf-8") as file:
@@ -135,16 +142,22 @@ def read_sidecar(path: str, constraints: int) -> Record:
             f"cannot read {path}: its sidecar {sidecar} is of another run, or one of the two "
             "was changed; remove the sidecar to read the CSV file alone"
         )
+    if about.get("events_sha256") != events_digest(path):
+        raise FileError(
+            f"cannot read {path}: the table of events beside it, {events_path(path)}, is of another"
+            " run, was changed, or is missing; copy it again, or remove both it and the sidecar to"
+            " read the CSV file alone"
+        )
     try:
         scales: dict[str, Any] = {
             name: np.array([from_number(x) for x in about[name]], dtype=np.float64)
             for name in ("scale_position", "scale_velocity")
         }
         for name, values in scales.items():
-            if values.shape != (constraints,):
-                raise ValueError(f"{name} has {len(values)} values for {constraints} constraints")
+            if values.shape != (nc,):
+                raise ValueError(f"{name} has {len(values)} values for {nc} constraints")
         inputs = {name: _table(name, x) for name, x in about.get("inputs", {}).items()}
-        return Record(**scales, inputs=inputs, **from_metadata(about))
+        return Record(events=events, inputs=inputs, **scales, **from_metadata(about))
     except (LookupError, ValueError, TypeError, ArithmeticError) as error:
         raise FileError(f"cannot read {sidecar}: it is damaged ({error!r}); {_REMEDY}") from error
 

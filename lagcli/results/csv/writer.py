@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import math
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -15,6 +16,7 @@ import numpy as np
 from lagcli.columns import DERIVATIVES, SAMPLED, column_names, derivative_names
 from lagcli.errors import FileError, UsageError
 from lagcli.results.atomic import FileWriter, check_writable, whole_file
+from lagcli.results.csv.event_table import events_path, events_text
 from lagcli.results.csv.sidecar import sidecar_path, sidecar_text
 from lagcli.results.layout import term_names
 from lagcli.results.reasons import write_failure
@@ -71,7 +73,7 @@ class CsvWriter(FileWriter):
     path : str
         The file, or ``-`` for standard output; `check_csv_target` has accepted it.
     force : bool
-        Replace an existing file and its sidecar.
+        Replace an existing file, its sidecar and its table of events.
     meta : bool
         Write the sidecar ``PATH.json`` too, with what CSV has no place for: status, message,
         model, parameters, units, options, scales, …
@@ -83,9 +85,10 @@ class CsvWriter(FileWriter):
     column, and every reader of CSV accepts the newline. The text is UTF-8. NaN is ``nan``,
     infinities are ``inf`` and ``-inf``.
 
-    The file gets its name just before the sidecar does. The sidecar carries the digest of its
-    CSV file, by which a sidecar of another run is noticed; with ``force`` and without ``meta`` an
-    old sidecar is removed.
+    What happened at contacts and events is a table of its own, ``FILE.events.csv``; standard output
+    has none. The file gets its name just before the sidecar does. The sidecar carries the digests
+    of its CSV file and of the table, by which files of another run are noticed; with ``force``
+    and without ``meta`` an old sidecar is removed.
     """
 
     def __init__(self, path: str, force: bool = False, meta: bool = False):
@@ -105,17 +108,34 @@ class CsvWriter(FileWriter):
         self._samples += len(samples.time)
 
     def finish(self, record: Record) -> None:
-        """Write the sidecar, and give the files their names."""
+        """Write the table of events and the sidecar, and give the files their names."""
+        table = None
+        if record.events is not None:
+            table = self._write_events(record)
         if self._meta:
             contents = {
                 "csv_sha256": self._digest.hexdigest(),
                 "samples": self._samples,
                 **self._names,
+                **({} if table is None else {"events_sha256": hashlib.sha256(table).hexdigest()}),
             }
             self._beside.write(sidecar_text(record, contents))
         self.opened.close()
         if self._path != "-" and not self._meta:
             _remove(sidecar_path(self._path))
+        if self._path != "-" and table is None:
+            _remove(events_path(self._path))
+
+    def _write_events(self, record: Record) -> bytes:
+        """Write the table of events, if the samples go to a file; it is named first."""
+        assert record.events is not None
+        t_start = float(record.options.get("t_start", math.nan))
+        names = (self._names["coordinates"], self._names["constraints"])
+        text = events_text(record.events, t_start, *names)
+        if self._path != "-":
+            table = whole_file(events_path(self._path), self._force)
+            self.opened.enter_context(table).write(text)
+        return text
 
     def _open(self, samples: Samples) -> Callable[[bytes], object]:
         self._names = {
@@ -156,7 +176,8 @@ def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None
     Raises
     ------
     FileError
-        The file or its sidecar exists and ``force`` is false, or the folder takes no file.
+        The file, its sidecar or its table of events exists and ``force`` is false, or the folder
+        takes no file.
     UsageError
         A sidecar is asked for with standard output.
     """
@@ -166,10 +187,11 @@ def check_csv_target(path: str, force: bool = False, meta: bool = False) -> None
                 "standard output has no sidecar for --meta; name a file: -o run.csv --meta"
             )
         return
-    # An old sidecar would be taken for one of the new file, so it stands in the way even of a
-    # file without.
+    # An old sidecar, or table of events, would be taken for one of the new file, so it stands in
+    # the way even of a file without.
     check_writable(path, force)
     check_writable(sidecar_path(path), force)
+    check_writable(events_path(path), force)
 
 
 def _header(samples: Samples) -> bytes:

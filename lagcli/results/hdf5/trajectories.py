@@ -45,6 +45,7 @@ from lagcli.trajectory.samples import SCHEMA_VERSION, Record, Samples, Terms
 
 if TYPE_CHECKING:
     from lagcli.results.hdf5.opening import Opened
+    from lagcli.trajectory.event_log import EventLog
     from lagcli.trajectory.trajectory import Trajectory
 
 #: Bytes of samples that wait to be written together. A run of fewer is written in one piece, which
@@ -63,6 +64,9 @@ _SLAB = 1 << 23
 
 _OUTPUTS = "outputs/"
 _PARAMETER = "parameter"
+
+#: The group of the log of contacts and events.
+_EVENTS = "events"
 
 #: The axis of the conserved quantities.
 _CONSERVED = "conserved_quantity"
@@ -202,6 +206,11 @@ class Hdf5Writer(FileWriter):
                 attach_axes(dataset, [axes[axis]])
                 _say(dataset, f"units of the {quantity.description}", "none")
 
+        if record.events is not None:
+            from lagcli.results.hdf5.event_group import write_events
+
+            write_events(root, record.events, root["time"][()], axes)
+
         for family in self._families:
             dataset, along = datasets[_OUTPUTS + family.dataset], [axes["time"]]
             if family.axis:
@@ -282,8 +291,16 @@ class Hdf5Reader:
             scale_position=self._array("scale_position"),
             scale_velocity=self._array("scale_velocity"),
             inputs=read_inputs(self._root),
+            events=self._read_events(),
             **from_metadata(metadata),
         )
+
+    def _read_events(self) -> EventLog | None:
+        if _EVENTS not in self._root:
+            return None
+        from lagcli.results.hdf5.event_group import read_events
+
+        return read_events(self._root, len(self.coordinates), len(self.constraints))
 
     def _read_terms(self) -> Terms:
         constraint, coordinate = (

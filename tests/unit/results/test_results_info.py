@@ -75,6 +75,7 @@ def test_everything_of_hdf5(tmp_path: Path) -> None:
         "seconds": run.seconds,
         "initial_correction": {"psi": [0.1, 0.16057], "psi_dot": [0.0, 2.9]},
         "freedom": {},
+        "events": None,
         "tolerances": {"phi": 1e-9},
         "warnings": ["the energy balance is off"],
         "residual_position": {

@@ -1,0 +1,175 @@
+"""The log of a run in CSV: a table beside the samples, ``FILE.events.csv``.
+
+Its first line after the header, of the kind ``start``, has the modes at the start alone.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import os
+from collections.abc import Sequence
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.errors import FileError
+from lagcli.files import read_failure
+from lagcli.results.reasons import check_readable
+from lagcli.trajectory.event_log import MODES, EventLog
+
+_FIXED = ("t", "name", "kind", "loss", "supplied", "work")
+_START, _MODE = "start", "mode."
+
+
+def events_path(path: str) -> str:
+    """Return the name of the table beside a CSV file: ``run.events.csv`` of ``run.csv``."""
+    stem, suffix = os.path.splitext(path)
+    return f"{stem}.events{suffix}"
+
+
+def events_text(
+    log: EventLog, t_start: float, coordinates: Sequence[str], constraints: Sequence[str]
+) -> bytes:
+    """Return the whole text of the table.
+
+    Parameters
+    ----------
+    log : EventLog
+    t_start : float
+        s; NaN where it is not known.
+    coordinates, constraints : sequence of str
+    """
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow([*_header(coordinates, constraints), *(_MODE + row for row in log.rows)])
+    blank = ["nan"] * (3 + 3 * len(coordinates) + len(constraints))
+    table.writerow([_number(t_start), "", _START, *blank, *_words(log.start)])
+    energies = np.column_stack([log.loss, log.supplied, log.work])
+    numbers = np.hstack([energies, log.q, log.before, log.after, log.impulse])
+    for time, name, kind, values, modes in zip(
+        log.time.tolist(), log.names, log.kinds, numbers.tolist(), log.modes, strict=True
+    ):
+        table.writerow([_number(time), name, kind, *map(_number, values), *_words(modes)])
+    return text.getvalue().encode()
+
+
+def events_digest(path: str) -> str | None:
+    """Return the SHA-256 of the table beside a CSV file; None without one."""
+    table = events_path(path)
+    if not os.path.lexists(table):
+        return None
+    check_readable(table)
+    try:
+        with open(table, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise read_failure(table, error) from error
+
+
+def read_event_table(
+    path: str, coordinates: Sequence[str], constraints: Sequence[str]
+) -> EventLog | None:
+    """Return the log of a run; None without a table.
+
+    Parameters
+    ----------
+    path : str
+        The CSV file of the samples.
+    coordinates, constraints : sequence of str
+        As it names them.
+
+    Raises
+    ------
+    FileError
+        The table cannot be read, is none, or is of another model.
+    """
+    table = events_path(path)
+    if not os.path.lexists(table):
+        return None
+    check_readable(table)
+    try:
+        with open(table, encoding="utf-8-sig", newline="") as file:
+            header, *lines = csv.reader(file, strict=True)
+        return _log(header, lines, coordinates, constraints)
+    except OSError as error:
+        raise read_failure(table, error) from error
+    except (UnicodeDecodeError, csv.Error, ValueError) as error:
+        raise FileError(
+            f"cannot read {table}: it is not the table of events of {path} ({error}); copy it"
+            " again, or remove it to read the samples alone"
+        ) from error
+
+
+def _header(coordinates: Sequence[str], constraints: Sequence[str]) -> list[str]:
+    velocities = [f"{q}_dot" for q in coordinates]
+    return [
+        *(*_FIXED, *coordinates),
+        *(f"{v}.before" for v in velocities),
+        *(f"{v}.after" for v in velocities),
+        *(f"impulse.{c}" for c in constraints),
+    ]
+
+
+def _log(
+    header: list[str],
+    lines: list[list[str]],
+    coordinates: Sequence[str],
+    constraints: Sequence[str],
+) -> EventLog:
+    known = _header(coordinates, constraints)
+    rest = header[len(known) :]
+    if header[: len(known)] != known or not all(x.startswith(_MODE) for x in rest):
+        raise ValueError("its columns are not those of this model")
+    for number, line in enumerate(lines, 2):
+        if len(line) != len(header):
+            raise ValueError(f"line {number} has {len(line)} values for {len(header)} columns")
+    if not lines or lines[0][2] != _START:
+        raise ValueError("it has no modes at the start")
+    entries = lines[1:]
+    nq, nc = len(coordinates), len(constraints)
+    values = _numbers(chain.from_iterable([x[0], *x[3 : len(known)]] for x in entries))
+    values = values.reshape(len(entries), 4 + 3 * nq + nc)
+    modes = np.array([_places(x[len(known) :]) for x in lines], dtype=np.intp)
+    modes = modes.reshape(len(lines), len(rest))
+    time, loss, supplied, work = values[:, :4].T.copy()
+    q, before, after, impulse = np.split(values[:, 4:], [nq, 2 * nq, 3 * nq], axis=1)
+    log = EventLog(
+        rows=tuple(x.removeprefix(_MODE) for x in rest),
+        start=modes[0],
+        time=time,
+        names=tuple(x[1] for x in entries),
+        kinds=tuple(x[2] for x in entries),
+        q=np.ascontiguousarray(q),
+        before=np.ascontiguousarray(before),
+        after=np.ascontiguousarray(after),
+        impulse=np.ascontiguousarray(impulse),
+        loss=loss,
+        supplied=supplied,
+        work=work,
+        modes=modes[1:],
+    )
+    log.check()
+    return log
+
+
+def _number(value: float) -> str:
+    return f"{value:.17g}"
+
+
+def _numbers(texts: Any) -> Array:
+    return np.array([float(x) for x in texts], dtype=np.float64)
+
+
+def _words(modes: Any) -> list[str]:
+    return [MODES[mode] for mode in modes]
+
+
+def _places(words: Sequence[str]) -> list[int]:
+    for word in words:
+        if word not in MODES:
+            raise ValueError(f"{word!r} is not a mode")
+    return [MODES.index(word) for word in words]

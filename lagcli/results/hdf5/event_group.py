@@ -1,0 +1,119 @@
+"""The log of a run in HDF5: the group ``events``, which runs without contacts and events lack."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5d
+
+from lagcli.arrays import Array, Indices
+from lagcli.results.hdf5.container import (
+    add_array,
+    add_indices,
+    add_texts,
+    attach_axes,
+    make_axis,
+    set_text,
+)
+from lagcli.results.hdf5.structure import group, numbers, read_texts
+from lagcli.trajectory.event_log import MODES, EventLog
+
+GROUP = "events"
+_MODES = ", ".join(f"{number} {name}" for number, name in enumerate(MODES))
+
+#: Arrays of numbers: dataset, field of `EventLog`, axis after the event's, description, unit.
+_ARRAYS = (
+    ("time", "time", "", "times of contacts and events", "s"),
+    ("q", "q", "coordinate", "coordinates there", "those of the coordinates"),
+    ("velocity_before", "before", "coordinate", "velocities before", "per second"),
+    ("velocity_after", "after", "coordinate", "velocities after", "per second"),
+    ("impulse", "impulse", "constraint", "impulses of all constraints", "J*s per unit"),
+    ("loss", "loss", "", "energy that the impulse of the row takes", "J"),
+    ("supplied", "supplied", "", "energy that moving constraints supply", "J"),
+    ("work", "work", "", "work of the event's actions", "J"),
+)
+
+
+def write_events(
+    root: h5py.Group, log: EventLog, time: Array, axes: Mapping[str, h5d.DatasetID]
+) -> None:
+    """Write a log, and the modes at each sample that follow from it.
+
+    Parameters
+    ----------
+    root : h5py.Group
+        Of the file.
+    log : EventLog
+    time : (nt,) array
+        Of the samples.
+    axes : mapping of str to dataset
+        ``time``, ``coordinate`` and ``constraint`` of the file.
+    """
+    place = root.create_group(GROUP)
+
+    def described(name: str, dataset: Any, along: list[Any], what: str, unit: str) -> None:
+        attach_axes(dataset, along)
+        set_text(dataset, "long_name", what)
+        set_text(dataset, "units", unit)
+
+    datasets = {name: add_array(place, name, getattr(log, f)) for name, f, *_ in _ARRAYS}
+    event, row = datasets["time"], add_texts(place, "row", log.rows)
+    make_axis(event, "event")
+    make_axis(row, "row")
+    described("row", row, [], "names of the constraints that switch", "none")
+    for name, _, axis, what, unit in _ARRAYS:
+        along = [] if name == "time" else [event, *([axes[axis]] if axis else [])]
+        described(name, datasets[name], along, what, unit)
+    for name, texts, what in (
+        ("name", log.names, "constraints and events to which something happened"),
+        ("kind", log.kinds, "what happened"),
+    ):
+        described(name, add_texts(place, name, texts), [event], what, "none")
+    for name, modes, along in (
+        ("mode_at_start", log.start, [row]),
+        ("mode_after", log.modes, [event, row]),
+        ("mode", log.modes_at(time), [axes["time"], row]),
+    ):
+        described(name, add_indices(place, name, modes), along, f"modes of the rows: {_MODES}", "1")
+
+
+def read_events(root: h5py.Group, coordinates: int, constraints: int) -> EventLog:
+    """Return the log of a file with so many coordinates and constraints.
+
+    Raises
+    ------
+    ValueError
+        The group is no log.
+    """
+    place = group(root, GROUP)
+    rows, names, kinds = (read_texts(place, name) for name in ("row", "name", "kind"))
+    count = len(names)
+    width = {"": (), "coordinate": (coordinates,), "constraint": (constraints,)}
+    arrays: dict[str, Any] = {}
+    for name, field, axis, *_ in _ARRAYS:
+        dataset, shape = numbers(place, name), (count, *width[axis])
+        if dataset.shape != shape:
+            raise ValueError(f"{GROUP}/{name} has shape {dataset.shape}, not {shape}")
+        arrays[field] = np.asarray(dataset[()], dtype=np.float64)
+    if len(kinds) != count:
+        raise ValueError(f"{GROUP} has {count} names and {len(kinds)} kinds")
+    log = EventLog(
+        rows=rows,
+        start=_modes(place, "mode_at_start", (len(rows),)),
+        names=names,
+        kinds=kinds,
+        modes=_modes(place, "mode_after", (count, len(rows))),
+        **arrays,
+    )
+    log.check()
+    return log
+
+
+def _modes(place: h5py.Group, name: str, shape: tuple[int, ...]) -> Indices:
+    dataset = numbers(place, name, "<i4")
+    if dataset.shape != shape:
+        raise ValueError(f"{GROUP}/{name} has shape {dataset.shape}, not {shape}")
+    return np.asarray(dataset[()], dtype=np.intp)

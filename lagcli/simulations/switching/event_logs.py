@@ -1,0 +1,38 @@
+"""The log of a run from what its engine returns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lagcli.engine.contract import Outcome
+from lagcli.engine.system import System
+from lagcli.trajectory.event_log import EventLog
+
+
+def event_log(system: System, outcome: Outcome) -> EventLog | None:
+    """Return the log of a run; None of a System in which nothing switches."""
+    switching = system.switching
+    if switching is None:
+        return None
+    entries, count = outcome.events, len(outcome.events)
+    nq, nc, ns = len(system.coordinates), len(system.constraints), len(switching.rows)
+    return EventLog(
+        rows=tuple(system.constraints[row.row] for row in switching.rows),
+        start=np.array(outcome.modes, dtype=np.intp).reshape(ns),
+        time=np.array([e.time for e in entries], dtype=float),
+        names=tuple(
+            switching.events[e.which].name
+            if e.occurrence == "event"
+            else system.constraints[e.which]
+            for e in entries
+        ),
+        kinds=tuple(e.occurrence for e in entries),
+        q=np.array([e.q for e in entries], dtype=float).reshape(count, nq),
+        before=np.array([e.before for e in entries], dtype=float).reshape(count, nq),
+        after=np.array([e.after for e in entries], dtype=float).reshape(count, nq),
+        impulse=np.array([e.impulse for e in entries], dtype=float).reshape(count, nc),
+        loss=np.array([e.loss for e in entries], dtype=float),
+        supplied=np.array([e.supplied for e in entries], dtype=float),
+        work=np.array([e.work for e in entries], dtype=float),
+        modes=np.array([e.modes for e in entries], dtype=np.intp).reshape(count, ns),
+    )

@@ -1,0 +1,71 @@
+"""The log of a run from the entries of an engine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import lagcli
+from lagcli.engine.contract import EventEntry, Outcome
+from lagcli.engine.lowering import lower
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.simulations.switching.event_logs import event_log
+
+MODEL = """\
+name: ball
+coordinates: {x: m, y: m}
+parameters: {m: 2 kg, g: 9.81 m/s^2}
+T: m/2*(x'^2 + y'^2)
+V: m*g*y
+constraints:
+  wall: x = 0
+  floor: {expr: y >= 0, restitution: 0.8, friction: 0.1, slip: x'}
+events:
+  late: {when: t >= 1, stop: true}
+initial: {x: 0, y: 1, x': 0, y': 0}
+"""
+
+
+def entry(occurrence: str, which: int, **changes: object) -> EventEntry:
+    nothing, v = np.zeros(3), np.array([0.0, -1.0])
+    given = EventEntry(
+        0.5, occurrence, which, np.array([0.0, 0.0]), v, -0.8 * v, nothing, 0.0, 0.0, 0.0, [0, 0]
+    )
+    return given._replace(**changes)
+
+
+def test_entries_become_a_log() -> None:
+    system = lower(derive(lagcli.load_text(MODEL)))
+    assert system.constraints == ("wall", "floor", "floor.slip")
+    entries = [
+        entry("impact", 1, impulse=np.array([0.0, 3.6, 0.0]), loss=0.36),
+        entry("sticks", 2, time=0.6, modes=[1, 1]),
+        entry("event", 0, time=1.0, work=2.0, modes=[1, 1]),
+    ]
+    log = event_log(system, Outcome("stopped-by-event", events=entries, modes=(0, 0)))
+    assert log is not None
+    log.check()
+    assert log.rows == ("floor", "floor.slip")
+    assert log.names == ("floor", "floor.slip", "late")
+    assert log.kinds == ("impact", "sticks", "event")
+    assert log.time.tolist() == [0.5, 0.6, 1.0]
+    assert log.after[0].tolist() == [0.0, 0.8]
+    assert log.impulse[0].tolist() == [0.0, 3.6, 0.0]
+    assert (log.loss.sum(), log.work.sum()) == (0.36, 2.0)
+    assert log.modes.tolist() == [[0, 0], [1, 1], [1, 1]]
+
+
+def test_a_run_without_events_has_an_empty_log() -> None:
+    system = lower(derive(lagcli.load_text(MODEL)))
+    log = event_log(system, Outcome("completed", modes=(0, 0)))
+    assert log is not None
+    assert (len(log), log.q.shape, log.impulse.shape, log.modes.shape) == (
+        0,
+        (0, 2),
+        (0, 3),
+        (0, 2),
+    )
+
+
+def test_a_model_without_contacts_has_none() -> None:
+    system = lower(derive(lagcli.load("slider_crank")))
+    assert event_log(system, Outcome("completed")) is None

@@ -1,0 +1,97 @@
+"""The log of contacts and events: modes at samples, counts, and sequences that came to rest."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from trajectories import make_log, make_with_log
+
+from lagcli.engine.switching.switching import RowMode
+from lagcli.trajectory.event_log import KINDS, MODES, EventLog, Rest, event_sentences
+
+
+def test_modes_and_kinds_are_those_of_the_engine() -> None:
+    from typing import get_args
+
+    from lagcli.engine.contract import Occurrence
+
+    assert tuple(mode.name.lower() for mode in RowMode) == MODES
+    assert set(KINDS) == set(get_args(Occurrence))
+
+
+def test_modes_at_a_sample_are_those_after_what_happens_there() -> None:
+    log = dataclasses.replace(
+        make_log(entries=((0.1, "floor", "closes"), (0.2, "floor", "impact"))),
+        start=np.array([0, 0]),
+        modes=np.array([[1, 2], [0, 0]]),
+    )
+    found = log.modes_at(np.array([0.0, 0.1, 0.15, 0.2, 1.0]))
+    assert found.tolist() == [[0, 0], [1, 2], [1, 2], [0, 0], [0, 0]]
+    nothing = make_log(entries=())
+    assert nothing.modes_at(np.array([0.0, 1.0])).tolist() == [[0, 0], [0, 0]]
+
+
+def test_modes_of_a_trajectory() -> None:
+    run = make_with_log()
+    assert run.modes is not None
+    assert run.modes.shape == (5, 2)
+    assert dataclasses.replace(run, events=None).modes is None
+
+
+def test_rests_count_the_impacts_since_the_contact_opened() -> None:
+    entries = [(0.1, "floor", "impact"), (0.2, "floor", "impact"), (0.3, "floor", "rest")]
+    entries += [(0.5, "floor", "opens"), (0.7, "floor", "impact"), (0.8, "floor", "rest")]
+    log = make_log(entries=tuple(entries))
+    assert log.rests() == [Rest("floor", 0.3, 2), Rest("floor", 0.8, 1)]
+    assert str(Rest("floor", 4.06371276890123, 132)) == (
+        "`floor` came to rest at t = 4.0637127689 s after 132 impacts"
+    )
+    assert str(log.rests()[1]).endswith("after 1 impact")
+    assert log.counts() == {"floor": {"impact": 3, "rest": 2, "opens": 1}}
+    assert log.instants("floor", "impact").tolist() == [0.1, 0.2, 0.7]
+
+
+def test_sentences() -> None:
+    log = dataclasses.replace(
+        make_log(), loss=np.full(6, 0.5), supplied=np.zeros(6), work=np.array([0.0] * 5 + [2.0])
+    )
+    counts, note, energy = event_sentences(log.to_mapping())
+    assert counts == "floor: impact 2, rest 1; floor.slip: impact 1, slips 1; kick: event 1"
+    assert note == "note: `floor` came to rest at t = 0.25 s after 2 impacts"
+    assert energy == "impacts took 3 J, events did work of 2 J"
+    assert event_sentences(make_log(entries=()).to_mapping()) == [
+        "nothing happened at contacts and events"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"time": np.array([0.2, 0.1] + [0.3] * 4)}, "decrease"),
+        ({"time": np.array([0.1] * 5 + [np.nan])}, "finite"),
+        ({"kinds": ("impact",) * 5 + ("crash",)}, "'crash'"),
+        ({"start": np.array([0, 4])}, "mode"),
+        ({"modes": np.full((6, 2), -1)}, "mode"),
+        ({"rows": ("floor", "floor")}, "twice"),
+    ],
+)
+def test_a_log_without_sense_is_refused(change: dict[str, object], message: str) -> None:
+    make_log().check()
+    log: EventLog = dataclasses.replace(make_log(), **change)
+    with pytest.raises(ValueError, match=message):
+        log.check()
+
+
+def test_xarray() -> None:
+    pytest.importorskip("xarray")
+    run = make_with_log()
+    dataset = run.to_xarray()
+    assert dataset["mode"].sel(row="floor").dims == ("time",)
+    assert dataset["mode"].values.tolist() == run.modes.tolist()
+    assert dataset["event_impulse"].sel(constraint="floor").values.tolist() == (
+        run.events.impulse[:, 1].tolist()
+    )
+    assert dataset["event_name"].values.tolist() == list(run.events.names)
+    assert "mode" not in dataclasses.replace(run, events=None).to_xarray()
