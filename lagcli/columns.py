@@ -123,12 +123,14 @@ class Columns:
     power_applied : (nt,) array
         Power of Q and D, W.
     power_constraint : (nt,) array
-        Σ λ_β b_β·v, W: rheonomic constraints do work.
+        Σ λ_β b_β·v without power_friction, W: rheonomic constraints do work.
     power_time : (nt,) array
         −∂L/∂t, W: what enters by the explicit time in T or V.
+    power_friction : (nt,) array
+        Σ λ_β ψ_β of the rows with a limit, friction among them, W: what slip takes.
     energy_balance : (nt,) array
-        energy_total minus its first value minus the integral of the three powers; zero for an
-        exact run.
+        energy_total minus its first value, minus the powers' integral and what impacts and events
+        change it by; zero for an exact run.
     residual_position, residual_velocity : (nt, nc) arrays
         φ and ψ at the written state; NaN where the constraint does not hold, as an open contact
         or a row that slips, and φ of a nonholonomic constraint.
@@ -185,9 +187,8 @@ class Columns:
     power_constraint: Array = _column(
         "power of the constraint forces", "W", "powers", "constraints"
     )
-    power_time: Array = _column(
-        "power by the explicit time in T or V", "W", "powers", "explicit time"
-    )
+    power_time: Array = _column("power by explicit time in T or V", "W", "powers", "explicit time")
+    power_friction: Array = _column("power of friction and other limits", "W", "powers", "friction")
     energy_balance: Array = _column(
         "total energy minus its first value minus the integral of the powers",
         "J",
@@ -342,8 +343,7 @@ def unit_of_column(name: ColumnName, units: Mapping[str, str]) -> str | None:
     name : ColumnName
     units : mapping of str to str
         Units of coordinates, and of the columns of constraints (``lambda.guide``) and conserved
-        quantities, as
-        ``Record.units`` has them.
+        quantities, as ``Record.units`` has them.
     """
     quantity = BY_NAME[name.quantity]
     if name.coordinate:

@@ -45,6 +45,8 @@ class DerivedColumns:
         self._terms = Terms.of(order, shape)
         places = {pair: place for place, pair in enumerate(order)}
         self._places = [places[pair] for pair in system.jacobian_pattern]
+        rows = () if system.switching is None else system.switching.rows
+        self._limited = [row.row for row in rows if row.limit is not None]
         self._energy_before = 0.0  # of the system and of what works on it, at the first sample
         self._position_scale = np.zeros(len(system.holonomic))
         self._velocity_scale = np.zeros(len(system.constraints))
@@ -86,6 +88,9 @@ class DerivedColumns:
         power = np.zeros(count)
         for i in range(nc):
             power += multipliers[i] * velocity[i]
+        friction = np.zeros(count)
+        for i in self._limited:
+            friction += multipliers[i] * (velocity[i] + e.drift[i])
         equation, mass_diagonal = np.zeros((2, nq, count))
         for (i, j), entry in zip(system.mass_pattern, e.mass_matrix, strict=True):
             equation[i] += entry * a[j]
@@ -124,7 +129,8 @@ class DerivedColumns:
             a=block.a,
             multipliers=block.multipliers,
             constraint_force_by=by,
-            power_constraint=power,
+            power_constraint=power - friction,
+            power_friction=friction,
             energy_balance=total - self._energy_before - block.work,
             residual_position=np.ascontiguousarray(position.T),
             residual_velocity=np.ascontiguousarray(velocity_residual.T),

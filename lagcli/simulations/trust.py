@@ -56,7 +56,8 @@ class Trust:
         potential = samples.energy_potential
         self._potential = np.fmin(low, potential.min()), np.fmax(high, potential.max())
         power = sum(
-            np.abs(getattr(samples, f"power_{x}")) for x in ("applied", "constraint", "time")
+            np.abs(getattr(samples, f"power_{x}"))
+            for x in ("applied", "constraint", "time", "friction")
         )
         time = samples.time
         if self._last is not None:

@@ -106,7 +106,7 @@ def test_units_follow_from_those_of_the_coordinates(name: str, units: dict[str, 
 def test_files_have_the_columns_that_the_documentation_names() -> None:
     header = (
         "t phi phi_dot phi_ddot lambda.guide Qc.phi Qc.guide.phi energy_kinetic energy_potential"
-        " energy_total power_applied power_constraint power_time energy_balance"
+        " energy_total power_applied power_constraint power_time power_friction energy_balance"
         " residual_position.guide residual_velocity.guide residual_equation conserved.p_phi"
     )
     named = [column_names(q, ["phi"], ["guide"], [("guide", "phi")], ["p_phi"]) for q in SAMPLED]

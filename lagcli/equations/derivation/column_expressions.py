@@ -16,7 +16,7 @@ from lagcli.model.model import multiplier
 WORK, ENERGY_BEFORE = se.Symbol("#work"), se.Symbol("#before")
 
 #: Columns that `lagcli.simulations.derived` computes from the entries of M and B.
-FROM_ENTRIES = ("power_constraint", "energy_balance", "residual_equation")
+FROM_ENTRIES = ("power_constraint", "power_friction", "energy_balance", "residual_equation")
 #: The columns that the engine reports, in the order of its tape.
 REPORTED = tuple(q.name for q in SCALARS if q.name not in FROM_ENTRIES)
 
@@ -62,7 +62,13 @@ def power_free(eq: Equations) -> Basic:
 
 def _power_constraint(eq: Equations) -> Basic:
     forces = ((multiplier(c.constraint.name), c.row) for c in eq.constraints)
-    return se.Add(*[force * b * eq.v[j] for force, row in forces for j, b in row.items()])
+    power = se.Add(*[force * b * eq.v[j] for force, row in forces for j, b in row.items()])
+    return power - _power_friction(eq)
+
+
+def _power_friction(eq: Equations) -> Basic:
+    limited = (c for c in eq.constraints if c.constraint.limit is not None)
+    return se.Add(*[multiplier(c.constraint.name) * c.velocity for c in limited])
 
 
 def _residual_equation(eq: Equations) -> Basic:
@@ -82,6 +88,7 @@ _EXPRESSIONS: Mapping[str, Callable[[Equations], Basic]] = {
     "energy_total": lambda eq: eq.energy,
     "power_applied": power_applied,
     "power_constraint": _power_constraint,
+    "power_friction": _power_friction,
     "power_time": lambda eq: eq.time_power,
     "energy_balance": lambda eq: eq.energy - WORK - ENERGY_BEFORE,
     "residual_equation": _residual_equation,
