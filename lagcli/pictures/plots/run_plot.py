@@ -9,6 +9,7 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.errors import UsageError
+from lagcli.pictures.event_marks import draw_marks, with_jumps
 from lagcli.pictures.plots import style
 from lagcli.pictures.plots.bands import half_widths, read_bands
 from lagcli.pictures.plots.curves import Catalogue, Curve, pretty_unit, read_curves
@@ -178,7 +179,8 @@ class PanelDrawing:
         shown: list[Array] = []
         for number, (panel, values) in enumerate(zip(panels, self.values, strict=True)):
             for place, curve in enumerate(panel.curves):
-                x, y = self.drawn(values, curve, panel.over[place] if panel.over else None)
+                over = panel.over[place] if panel.over else None
+                x, y = self.drawn(self.runs[number], values, curve, over)
                 look = self.look(number, place, count)
                 if panel.log:  # rounding errors jump: a line through them would cover the panel
                     look = {"color": look["color"], **_points(place if count > 1 else number)}
@@ -192,6 +194,8 @@ class PanelDrawing:
                     middle, color = drawable(values[curve.name]), look["color"]
                     ends = middle - width, middle + width
                     ax.fill_between(values["t"], *ends, color=color, alpha=0.25, linewidth=0)
+        if len(self.runs) == 1 and not first.over:
+            draw_marks(ax, self.runs[0], _span(self.values), self.columns)
         plain_ticks(ax.xaxis)
         if first.log:
             decades(ax, shown)
@@ -205,10 +209,13 @@ class PanelDrawing:
             ax.set_xlabel(_axis(first.over))
         ax.set_ylabel(_axis(first.curves))
 
-    def drawn(self, values: Values, curve: Curve, over: Curve | None) -> tuple[Array, Array]:
+    def drawn(
+        self, run: RunFile, values: Values, curve: Curve, over: Curve | None
+    ) -> tuple[Array, Array]:
         """Return what is drawn of a curve."""
         y, time = drawable(values[curve.name]), values["t"]
         if over is None:
+            time, y = with_jumps(run, curve.name, time, y)
             kept = thin(time, y, self.columns)
             return time[kept], y[kept]
         x = drawable(values[over.name])

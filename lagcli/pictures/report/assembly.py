@@ -32,6 +32,7 @@ from lagcli.pictures.report.curves import (
     to_json,
 )
 from lagcli.pictures.report.equations import EquationSystem
+from lagcli.pictures.report.event_table import events_link, events_section
 from lagcli.pictures.report.writing import chosen
 from lagcli.pictures.report.yaml_text import highlighted
 from lagcli.pictures.run_file import RunFile
@@ -110,7 +111,8 @@ def assembled(run: RunFile, title: str | None = None) -> str:
         convention=system.convention(),
         plots=_plots([x for x in found if x.title != RESIDUALS_TITLE], run.count),
         residuals=_residual_plots(found),
-        contents=_contents([x for x in found if x.title != RESIDUALS_TITLE]),
+        contents=_contents([x for x in found if x.title != RESIDUALS_TITLE]) + events_link(run),
+        events=events_section(run),
         extremes=tables.extremes_table(extremes, system),
         moved=tables.moved(run, system),
         solver=tables.solver(run, _residuals(run)),

@@ -52,7 +52,7 @@ def extremes_table(found: Mapping[ReportCurve, Extreme], system: EquationSystem)
             continue
         symbol, shown = _named(curve, system)
         low, high = number(extreme.low), number(extreme.high)
-        times = [_time(extreme.low_time), _time(extreme.high_time)]
+        times = [time_button(extreme.low_time), time_button(extreme.high_time)]
         rows.append([symbol, shown, low, times[0], high, times[1]])
     head = ["Quantity", "Unit", "Least", "at t [s]", "Largest", "at t [s]"]
     if not rows:
@@ -143,9 +143,9 @@ def _named(curve: ReportCurve, system: EquationSystem) -> tuple[str, str]:
     return escape(curve.name), unit(run.record.units.get(curve.name))
 
 
-def _time(time: float) -> str:
-    """Return a time that can be gone to."""
-    shown = number(time)
+def time_button(time: float, digits: int = 6) -> str:
+    """Return a time that can be gone to, in HTML."""
+    shown = number(time, digits)
     title = "Show this time in the animation and the plots"
     return f'<button type="button" data-time="{time!r}" title="{title}">{shown}</button>'
 
