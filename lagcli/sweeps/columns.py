@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from lagcli.columns import (
@@ -23,6 +24,7 @@ from lagcli.model.model import Model
 from lagcli.model.names.expansion import expand
 from lagcli.model.result_units import result_units
 from lagcli.model.sections.measures import REDUCTIONS
+from lagcli.model.sections.switching.event_measures import EventMeasure, event_measures
 from lagcli.results.layout import NOT_STATED
 
 KIND = "sweep"
@@ -79,10 +81,13 @@ def varied_columns(model: Model, names: tuple[str, ...]) -> list[Column]:
 
 def measure_columns(model: Model, measures: tuple[tuple[str, str], ...]) -> list[Column]:
     """Return the columns of measures."""
-    return [
-        Column(name, name, _unit(model, expand(parse(text), model.names)), text)
-        for name, text in measures
-    ]
+    found = []
+    for name, text in measures:
+        plain, of_log = event_measures(model, text)
+        units = {x: _unit_of_log(model, asked) for x, asked in of_log.items()}
+        unit = _unit(model, expand(parse(plain), model.names), units)
+        found.append(Column(name, name, unit, text))
+    return found
 
 
 def named_measure(text: str) -> tuple[str, str]:
@@ -126,11 +131,23 @@ def check_names(columns: list[Column]) -> None:
             )
 
 
-def _unit(model: Model, tree: Tree) -> str:
+def _unit_of_log(model: Model, asked: EventMeasure) -> str:
+    """Return the unit of a number of the log."""
+    if asked.kind == "count":
+        return "1"
+    if asked.kind == "time_of":
+        return "s"
+    force = _unit_of_name(model, str(ColumnName("multipliers", asked.name)))
+    return force if force == NOT_STATED else f"{force}*s"
+
+
+def _unit(model: Model, tree: Tree, of_log: Mapping[str, str]) -> str:
     """Return the unit of a measure, where it follows from its form: that of its signal, or s."""
     if isinstance(tree, SumExpr):
-        units = {_unit(model, term) for _, term in tree.terms}
+        units = {_unit(model, term, of_log) for _, term in tree.terms}
         return units.pop() if len(units) == 1 else NOT_STATED
+    if isinstance(tree, Name) and tree.text in of_log:
+        return of_log[tree.text]
     if not isinstance(tree, CallExpr) or REDUCTIONS.get(tree.function) != len(tree.arguments):
         return NOT_STATED
     if tree.function in ("argmax", "argmin", "time_of"):

@@ -7,7 +7,7 @@ that varies along the run; what stands outside of reductions is the same along i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -33,6 +33,7 @@ from lagcli.model.model import Model
 from lagcli.model.names.expansion import expand, rebuilt
 from lagcli.model.names.scope import ModelScope
 from lagcli.model.names.scoping import Sized
+from lagcli.model.sections.switching.event_measures import EventMeasure, event_measures
 from lagcli.model.symbols import Context
 from lagcli.model.yaml.source import Scalar, Source
 
@@ -59,11 +60,14 @@ class Reduction(NamedTuple):
         1 where the condition holds, and 0 elsewhere.
     time : float, optional
         Of ``at``, s.
+    event : EventMeasure, optional
+        Of a number of the log, which has no signal: 0 stands for it.
     """
 
     kind: str
     signal: Basic
     time: float | None = None
+    event: EventMeasure | None = None
 
 
 class Measure(NamedTuple):
@@ -224,13 +228,18 @@ class _MeasureReader:
         self.signals = _SignalScope(model, Context(where, accelerations=True, multipliers=True))
         self.values = _ValueScope(model, Context(where, accelerations=True, multipliers=True))
         self.reductions: list[Reduction] = []
+        self.events: Mapping[str, EventMeasure] = {}
 
     def read(self) -> Measure:
-        tree = _replaced(expand(parse(self.text), self.model.names), self.reduction)
+        text, self.events = event_measures(self.model, self.text)
+        tree = _replaced(expand(parse(text), self.model.names), self.reduction)
         return Measure(self.name, self.text, self.built(tree, self.values), tuple(self.reductions))
 
     def reduction(self, tree: Tree) -> Tree | None:
         """Return the name that stands for a reduction; None for any other tree."""
+        if isinstance(tree, Name) and tree.text in self.events:
+            event = self.events[tree.text]
+            return self._named(tree, Reduction(event.kind, se.Integer(0), event=event))
         if not isinstance(tree, CallExpr) or tree.function not in REDUCTIONS:
             return None
         kind, count = tree.function, len(tree.arguments)
@@ -257,7 +266,10 @@ class _MeasureReader:
             inner = CallExpr(inner.start, inner.end, "if", (inner, one, zero))
         signal = self.built(inner, self.signals)
         time = self.time(tree.arguments[1]) if kind == "at" else None
-        found = Reduction(kind, signal, time)
+        return self._named(tree, Reduction(kind, signal, time))
+
+    def _named(self, tree: Tree, found: Reduction) -> Name:
+        """Return the name that stands for a reduction from now on."""
         if found not in self.reductions:
             self.reductions.append(found)
         return Name(tree.start, tree.end, f"{_MARK}{self.reductions.index(found)}", 0)

@@ -20,7 +20,7 @@ from lagcli.simulations.sampling import sample_times
 from lagcli.simulations.simulation import Simulation, ready, warnings_of
 from lagcli.simulations.start import undefined_at
 from lagcli.simulations.variants import Values, Variants
-from lagcli.sweeps.rows.reductions import Grid, Measuring
+from lagcli.sweeps.rows.reductions import Grid, Measuring, of_log
 from lagcli.sweeps.rows.signals import Signals, kept_signals
 
 if TYPE_CHECKING:
@@ -134,7 +134,8 @@ class RowGroup:
         split = len(self.measuring.reductions)
         measures = np.full((runs, self.measuring.count), np.nan)
         if reached == len(self.grid.all):
-            measures = self.measuring(signals[:, :split], parameters, self.grid)
+            happened = self._happened(ended)
+            measures = self.measuring(signals[:, :split], parameters, self.grid, happened)
         if not self.kept_names:
             return measures, np.empty((runs, 0, 0))
         rows = np.concatenate(
@@ -145,6 +146,21 @@ class RowGroup:
             axis=2,
         )
         return measures, rows[:, self.grid.samples[self.grid.samples < reached]]
+
+    def _happened(self, ended: FinishedRuns) -> Array | None:
+        """Return what measures ask of the logs of runs, (k, asked); None where they do not."""
+        asked = self.measuring.of_events
+        if not asked:
+            return None
+        from lagcli.simulations.switching.event_logs import event_log
+
+        system = self.variants.system
+        found = np.full((len(ended.runs), len(asked)), np.nan)
+        for i, run in enumerate(ended.runs):
+            log = event_log(system, run) if isinstance(run, Outcome) else None
+            if log is not None:
+                found[i] = [of_log(log, x, system.constraints) for x in asked]
+        return found
 
     def warnings(self, ended: FinishedRuns, i: int) -> tuple[str, ...]:
         """Return why the i-th of some runs, a completed one, cannot be trusted."""
@@ -169,7 +185,7 @@ class RowGroup:
 
     def _prepare(self, check_cancelled: Callable[[], None]) -> IntegrationRequest | Literal[False]:
         variants = self.variants
-        if variants.settings.engine != "compiled":
+        if variants.settings.engine != "compiled" or variants.system.switching is not None:
             return False
         from lagcli.engine.integrate.batch import prepare_batch
 

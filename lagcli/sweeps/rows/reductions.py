@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +12,8 @@ from lagcli.arrays import Array
 from lagcli.engine.tape.compiler import compile_tape
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.model.sections.measures import Measure, Reduction, reduced
+from lagcli.model.sections.switching.event_measures import EventMeasure
+from lagcli.trajectory.event_log import EventLog
 
 
 class Grid:
@@ -86,7 +89,14 @@ class Measuring:
         """The times at which ``at`` looks."""
         return [r.time for r in self.reductions if r.time is not None]
 
-    def __call__(self, signals: Array, parameters: Array, grid: Grid) -> Array:
+    @property
+    def of_events(self) -> list[EventMeasure]:
+        """What is asked of the logs."""
+        return [r.event for r in self.reductions if r.event is not None]
+
+    def __call__(
+        self, signals: Array, parameters: Array, grid: Grid, happened: Array | None = None
+    ) -> Array:
         """Return the measures, (runs, m).
 
         Parameters
@@ -94,11 +104,33 @@ class Measuring:
         signals : (runs, reductions, times of the grid) array
         parameters : (runs, np) array
         grid : Grid
+        happened : (runs, len(of_events)) array, optional
+            Where the logs are asked for something.
         """
+        logged = iter(() if happened is None else happened.T)
         found = [
-            _number(reduction, signals[:, i], grid) for i, reduction in enumerate(self.reductions)
+            next(logged) if reduction.event else _number(reduction, signals[:, i], grid)
+            for i, reduction in enumerate(self.reductions)
         ]
         return run_arrays(self._tape, [*found, *parameters.T], len(signals)).T
+
+
+def of_log(log: EventLog, asked: EventMeasure, constraints: Sequence[str]) -> float:
+    """Return what a log says; NaN for the time of what did not happen.
+
+    Parameters
+    ----------
+    log : EventLog
+    asked : EventMeasure
+    constraints : sequence of str
+        In the order of the impulses.
+    """
+    if asked.kind == "impulse":
+        return float(log.total_impulse()[constraints.index(asked.name)])
+    times = log.instants(asked.name, asked.occurrence)
+    if asked.kind == "count":
+        return float(len(times))
+    return float(times[0]) if len(times) else math.nan
 
 
 def _number(reduction: Reduction, signal: Array, grid: Grid) -> Array:

@@ -73,6 +73,7 @@ MEASURES = {
     "mean(power_applied)": lambda r: np.trapezoid(r.power_applied, r.time) / r.time[-1],
     "max(power_constraint)": lambda r: r.power_constraint.max(),
     "max(power_time)": lambda r: 0.0,
+    "max(power_friction)": lambda r: 0.0,
     "max(t)": lambda r: 1.0,
     "max(max(phi, 10*psi))": lambda r: np.maximum(r.q[:, 0], 10 * r.q[:, 1]).max(),
     "max(if(psi > 0, phi, 0))": lambda r: np.where(r.q[:, 1] > 0, r.q[:, 0], 0).max(),

@@ -1,0 +1,74 @@
+"""Measures of the logs of rows: counts, first times, impulses."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.engine.contract import EventEntry, Outcome
+from lagcli.errors import NumericalError
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.simulations.variants import Variants
+from lagcli.sweeps.columns import measure_columns
+from lagcli.sweeps.rows.group import FinishedRuns, RowGroup
+
+MODEL = """\
+name: ball
+coordinates: {x: m, y: m}
+parameters: {m: 2 kg, g: 9.81 m/s^2}
+T: m/2*(x'^2 + y'^2)
+V: m*g*y
+constraints:
+  wall: x = 0
+  floor: {expr: y >= 0, restitution: 0.8}
+events:
+  late: {when: t >= 1, set: {y': 0}}
+initial: {x: 0, y: 1, x': 0, y': 0}
+"""
+MEASURES = (
+    *("count(floor impacts)", "time_of(floor impacts)", "time_of(floor opens)", "impulse.floor"),
+    *("impulse.wall", "count(late)", "impulse.floor/m + max(y)"),
+)
+
+
+def entry(time: float, occurrence: str, which: int, impulse: tuple[float, float]) -> EventEntry:
+    v = np.zeros(2)
+    return EventEntry(
+        time, occurrence, which, v, v, v, np.array(impulse), 0.0, 0.0, 0.0, np.array([0])
+    )
+
+
+def test_measures_of_logs() -> None:
+    settings = SettingsOverrides(t_end=1.0, samples=3)
+    variants = Variants(lagcli.load_text(MODEL), settings)
+    group = RowGroup(variants, [], [(x, x) for x in MEASURES], kept=False)
+    events = [
+        entry(0.2, "impact", 1, (0.5, 3.0)),
+        entry(0.2, "closes", 1, (0.5, 3.0)),  # of the same impact
+        entry(0.6, "impact", 1, (-0.25, 2.0)),
+        entry(0.9, "event", 0, (0.0, 0.0)),
+    ]
+    runs = [Outcome("completed", events=events, modes=(0,)), NumericalError("no start")]
+    width = variants.system.sample_layout.size
+    samples = np.zeros((2, 3, width))
+    samples[:, :, 2] = [1.0, 7.0, 3.0]  # t, x, y
+    p = np.array([[2.0, 9.81]] * 2)
+    ended = FinishedRuns(np.arange(2), samples, runs, p, 1)
+    measures, _ = group.measured(ended)
+    assert measures[0] == pytest.approx([2, 0.2, math.nan, 5.0, 0.25, 1, 5 / 2 + 7], nan_ok=True)
+    assert np.isnan(measures[1]).all()
+
+
+def test_models_that_switch_are_run_one_by_one() -> None:
+    variants = Variants(lagcli.load_text(MODEL), SettingsOverrides(t_end=1.0, samples=3))
+    group = RowGroup(variants, [], [], kept=False)
+    assert group._common(lambda: None) is None
+
+
+def test_units_of_measures() -> None:
+    columns = measure_columns(lagcli.load_text(MODEL), tuple((x, x) for x in MEASURES))
+    assert [c.unit for c in columns[:6]] == ["1", "s", "s", "N*s", "N*s", "1"]
+    assert [c.name for c in columns] == list(MEASURES)
