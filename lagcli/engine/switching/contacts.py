@@ -194,7 +194,10 @@ class _Normalized:
         return None
 
     def _linear(self, modes: Indices) -> tuple[Array, Array]:
-        """Return the least forces of modes, and the directions in which they are free, (n, k)."""
+        """Return the forces of modes of least norm, and the directions of more of them, (n, k).
+
+        The norm is that of the problem's own units, as it is of redundant bilateral constraints.
+        """
         held = np.flatnonzero((modes == RowMode.HOLDS) | (modes == _NEGATIVE))
         slips = np.flatnonzero((modes == RowMode.FORWARD) | (modes == RowMode.BACKWARD))
         # x = known + follows x_held
@@ -221,7 +224,11 @@ class _Normalized:
         rank = int((s > _REDUNDANT * max(s[0], _REDUNDANT)).sum())
         rhs = -(self.offset[held] + rows @ known)
         forces = vt[:rank].T @ ((u[:, :rank].T @ rhs) / s[:rank])
-        return known + follows @ forces, follows @ vt[rank:].T
+        x, free = known + follows @ forces, follows @ vt[rank:].T
+        if free.shape[1]:
+            across = np.linalg.lstsq(self.unit[:, None] * free, self.unit * x, rcond=None)[0]
+            x = x - free @ across
+        return x, free
 
     def _accept(self, modes: Indices, x: Array, free: Array) -> ContactSolution | None:
         """Return the solution with the forces of modes, if they obey the laws."""
@@ -265,7 +272,11 @@ class _Normalized:
                 side = -1.0 if modes[i] == RowMode.BACKWARD else 1.0
                 rows.append(side * motions[i])
                 bounds.append(-side * y[i])
-        return least_norm_within(x, free, np.array(rows), np.array(bounds) - 0.1 * allowed)
+        u = self.unit
+        found = least_norm_within(
+            u * x, u[:, None] * free, np.array(rows), np.array(bounds) - 0.1 * allowed
+        )
+        return None if found is None else found / u
 
     def _violation(self, x: Array, y: Array) -> float:
         """Return by how much forces and motions violate the laws, at most."""

@@ -18,6 +18,8 @@ ImpactLaw = Literal["poisson", "newton", "sequential"]
 
 #: Impacts of a sequence, by contact, after which all that are left happen at once.
 _SEQUENCE = 200
+#: Of the energy: approaches of a sequence that do not differ.
+_EQUAL = 2e-12
 #: Of the velocities: an approach that is rounding.
 _RESTS = 1e-12
 
@@ -138,7 +140,8 @@ def _sequence(impact: ImpactProblem) -> ImpactResult | None:
         approach[approach > -rest] = 0.0
         if not approach.any():
             return total._replace(after=velocity)
-        chosen = int(np.argmax(weight * approach**2))
+        energy = weight * approach**2
+        chosen = int(np.argmax(energy >= (1 - _EQUAL) * energy.max()))  # of equal ones the first
         others = np.arange(len(contacts)) != chosen
         taking = ~on_others[:, others].any(axis=1)
         taking[contacts[others]] = False
