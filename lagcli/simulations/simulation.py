@@ -320,9 +320,8 @@ class Simulation:
             columns.p = trust.p = p
 
         request = replace(self.request, on_parameters=change_parameters)
-        engine = engine_named(
-            self.settings.engine
-        )  # loads what it needs before threads are limited
+        # loads what it needs before threads are limited
+        engine = engine_named(self.settings.engine)
         with one_thread():
             if self.sensitivity is None:
                 run = engine(self.system, request, take, check_cancelled)
@@ -341,9 +340,8 @@ class Simulation:
                 del options[name]
         if run.methods:
             options["method"] = ", ".join(run.methods)  # what `auto` was
-        tolerances: dict[str, float] = {}
-        if run.tolerances is not None:
-            tolerances = dict(zip(self.initial, run.tolerances[:-1].tolist(), strict=True))
+        reached = [] if run.tolerances is None else run.tolerances[:-1].tolist()
+        tolerances = dict(zip(self.initial, reached, strict=bool(reached)))
         log = None
         if self.system.switching is not None:
             from lagcli.simulations.switching.event_logs import event_log
