@@ -56,7 +56,7 @@ class BuildWithModels(build_py):
         if not self.editable_mode:
             folder = Path(self.build_lib) / "lagcli" / "models"
             self.mkpath(str(folder))
-            files = (path for kind in ("yaml", "csv") for path in Path("models").glob(f"*.{kind}"))
+            files = (path for kind in ("yaml", "csv") for path in Path("models").rglob(f"*.{kind}"))
             for path in sorted(files):
                 self.copy_file(str(path), str(folder / path.name))
 

@@ -19,7 +19,8 @@ _NAME = re.compile(r"\w+")
 def shipped_models() -> dict[str, Path]:
     """Return the files of the shipped models by name, sorted."""
     folder = next((f for f in _FOLDERS if f.is_dir()), None)
-    return {} if folder is None else {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+    found = () if folder is None else folder.rglob("*.yaml")
+    return {path.stem: path for path in sorted(found, key=lambda path: path.stem)}
 
 
 def shipped_model(name: str) -> Path:

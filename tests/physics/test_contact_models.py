@@ -1,0 +1,144 @@
+"""The shipped models with contacts, friction and events, against closed forms.
+
+The values are those of the textbooks and papers that the models name: see also the cases of
+`tests/physics/test_switching.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.equations.render import render
+from lagcli.trajectory.trajectory import Trajectory
+
+MODELS = Path(__file__).parents[2] / "models" / "contact"
+NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
+
+
+@cache
+def run(name: str) -> Trajectory:
+    return lagcli.simulate(lagcli.load(MODELS / f"{name}.yaml"))
+
+
+def last(name: str, column: str) -> float:
+    trajectory = run(name)
+    names = list(trajectory.coordinates)
+    values = trajectory.v if column.endswith("'") else trajectory.q
+    return float(values[-1, names.index(column.rstrip("'"))])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_contact_model_says_what_it_is(name: str) -> None:
+    text = (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
+    model = lagcli.load(name)
+    head = text.split("\nname:")[0]
+    assert all(line.startswith("#") for line in head.splitlines())
+    for part in ("# Shows:", "# lambda.", "# Try:"):
+        assert part in head
+    assert model.name == name
+    assert model.description
+    assert model.view
+    assert model.settings.rtol == 1e-9
+    assert model.units.throughout
+    assert model.units.findings == ()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_contact_model_is_derived_in_all_formats(name: str) -> None:
+    equations = lagcli.derive(lagcli.load(name))
+    for format_ in ("text", "latex", "markdown", "json"):
+        assert render(equations, format_)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_contact_model_completes_and_its_energy_balances(name: str) -> None:
+    trajectory = run(name)
+    expected = "stopped-by-event" if name == "sliding_ladder" else "completed"
+    assert trajectory.status == expected, trajectory.message
+    # energies of potentials are known up to a constant
+    size = max(np.abs(trajectory.energy_total).max(), np.ptp(trajectory.energy_kinetic))
+    assert np.abs(trajectory.energy_balance).max() <= 1e-8 * size
+
+
+# tolerances: rtol 1e-9, amplified by impacts and the run's length
+
+
+def test_the_ball_rests_at_the_end() -> None:
+    assert last("bouncing_ball", "y") == pytest.approx(0, abs=1e-9)
+    assert run("bouncing_ball").multipliers[-1, 0] == pytest.approx(2 * 9.81)
+
+
+def test_the_block_stands_at_the_end() -> None:
+    assert last("rocking_block", "phi") == pytest.approx(0, abs=1e-7)
+    # 2.786038987 s: the series of half swings
+    trajectory = run("rocking_block")
+    before = trajectory.time < 2.78
+    assert np.abs(trajectory.v[~before & (trajectory.time > 2.79), 2]).max() < 1e-6
+
+
+def test_the_belt_lets_go_at_static_friction() -> None:
+    model = lagcli.load("stick_slip_belt")
+    trajectory = lagcli.simulate(model, times=[0, 0.39, 0.4])
+    np.testing.assert_allclose(trajectory.q[:, 0], [0, 0.078, 0.08], atol=1e-9)
+    assert run("stick_slip_belt").multipliers.max() <= 8 * (1 + 1e-9)
+
+
+def test_only_the_last_ball_leaves() -> None:
+    np.testing.assert_allclose(run("newtons_cradle").v[-1], [0, 0, 1], atol=1e-12)
+
+
+def test_the_block_on_the_incline_sticks_and_slips() -> None:
+    # roots of closed forms in 40 digits
+    times = [0, 0.020635854861870856, 0.036910866090545188, 0.20231267409693817]
+    trajectory = lagcli.simulate(lagcli.load("block_on_incline"), times=times)
+    expected = [0, 0.0044949802502367365, 0.0057985247511570226, -0.014629593083626859]
+    np.testing.assert_allclose(trajectory.q[:, 0], expected, rtol=1e-7)
+
+
+def test_the_rope_catches_the_mass() -> None:
+    assert last("rope_pendulum", "x") == pytest.approx(0.71352661477900480, abs=1e-7)
+    assert last("rope_pendulum", "y") == pytest.approx(-0.70062812532898912, abs=1e-7)
+
+
+def test_the_ladder_leaves_the_wall_and_falls_flat() -> None:
+    trajectory = run("sliding_ladder")
+    names = list(trajectory.coordinates)
+    # afterwards x' is constant
+    assert last("sliding_ladder", "x'") == pytest.approx(1.6472237712215788, rel=1e-8)
+    leaves = np.arcsin(2 / 3 * np.sin(np.radians(70)))
+    held = trajectory.multipliers[:, 1] > 0
+    theta = trajectory.q[:, names.index("theta")]
+    assert (held == (theta > leaves)).all()
+
+
+def test_the_crank_stops_by_friction() -> None:
+    # two independent codes
+    assert last("slider_crank_friction", "phi") == pytest.approx(4.6630185461, abs=1e-8)
+    assert last("slider_crank_friction", "phi'") == pytest.approx(-1.046725578, abs=1e-7)
+
+
+def test_the_clutch_locks_and_is_released() -> None:
+    assert last("clutch", "a'") == pytest.approx(76.293631367682813, rel=1e-9)
+    assert last("clutch", "b'") == pytest.approx(31.238218011892221, rel=1e-9)
+
+
+def test_appell_and_hamels_particle() -> None:
+    expected = {"x": 1.4772, "y": 1.9696, "z": -2.924, "x'": 2.6544, "z'": -8.848}
+    for column, value in expected.items():
+        assert last("appell_hamel", column) == pytest.approx(value, rel=1e-9)
+    assert run("appell_hamel").multipliers[-1, 0] == pytest.approx(0.44349005424954792)
+
+
+def test_the_woodpecker_comes_down_step_by_step() -> None:
+    trajectory = run("woodpecker")
+    # 19.445 mm in each period of 0.145976 s, Glocker's limit cycle
+    t, y = trajectory.time, trajectory.q[:, 0]
+    period = 0.145976065144
+    fall = np.interp(0.3 + period, t, y) - np.interp(0.3, t, y)
+    assert math.isclose(fall, -0.019445379, rel_tol=1e-2)
