@@ -64,11 +64,12 @@ class InstantResolution:
         """Do what the functions that fell through zero ask for."""
         before = self._energy()
         ended, pinned, touched, fired = self._causes(numbers)
-        for _ in range(_ROUNDS):
+        for k in range(_ROUNDS):
             previous, first = self.modes.copy(), len(self.entries)
             for rule in sorted(fired):
                 self._act(rule)
-            self._settle(touched, ended, pinned)
+            if not k or any(map(self._interferes, fired)):
+                self._settle(touched, ended, pinned)
             if started:
                 self._log_changes(previous, pinned)
             self.entries[first:] = [x._replace(modes=self.modes) for x in self.entries[first:]]
@@ -109,6 +110,11 @@ class InstantResolution:
         return ended, pinned, touched, fired
 
     # actions
+
+    def _interferes(self, number: int) -> bool:
+        """Return whether the actions of an event change the state or what holds."""
+        rule = self.run.switching.events[number]
+        return bool(rule.targets or rule.impulses or rule.release or rule.engage)
 
     def _act(self, number: int) -> None:
         """Do the actions of an event."""

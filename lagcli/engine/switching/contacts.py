@@ -151,7 +151,9 @@ class _Normalized:
         hold[self.laws == ContactLaw.FORWARD] = RowMode.FORWARD
         hold[self.laws == ContactLaw.BACKWARD] = RowMode.BACKWARD
         if present is not None:
-            yield np.where(self.bounded & ~self.limited, hold, present)
+            # a limited row that was open, or not there, begins by sticking
+            absent = ~self.unilateral & (present == RowMode.OPEN)
+            yield np.where(absent | (self.bounded & ~self.limited), hold, present)
         yield hold
         yield np.where(self.unilateral, int(RowMode.OPEN), hold)
         slips = np.where(self.offset > 0, int(RowMode.FORWARD), int(RowMode.BACKWARD))

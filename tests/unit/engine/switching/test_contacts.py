@@ -149,3 +149,11 @@ def test_no_rows_no_forces() -> None:
     nothing = solve_contacts(problem(np.zeros((0, 0)), [], [], {}))
     assert nothing is not None
     assert nothing.force.shape == (0,)
+
+
+def test_a_limited_row_that_was_open_sticks_where_no_force_is_needed() -> None:
+    one, none = np.ones((1, 1)), np.zeros((1, 1))
+    limits = np.array([8.0]), np.array([4.0]), none, none
+    problem = ContactProblem(one, np.zeros(1), np.array([int(ContactLaw.LIMITED)]), *limits)
+    (motion,) = contact_motions(problem, np.array([int(RowMode.OPEN)]))
+    assert motion.modes.tolist() == [RowMode.HOLDS]
