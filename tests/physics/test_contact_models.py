@@ -60,7 +60,8 @@ def test_contact_model_is_derived_in_all_formats(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_contact_model_completes_and_its_energy_balances(name: str) -> None:
     trajectory = run(name)
-    expected = "stopped-by-event" if name == "sliding_ladder" else "completed"
+    stopped = name in ("sliding_ladder", "sphere_departure")
+    expected = "stopped-by-event" if stopped else "completed"
     assert trajectory.status == expected, trajectory.message
     # energies of potentials are known up to a constant
     size = max(np.abs(trajectory.energy_total).max(), np.ptp(trajectory.energy_kinetic))
@@ -143,3 +144,19 @@ def test_the_woodpecker_comes_down_step_by_step() -> None:
     period = 0.145976065144
     fall = np.interp(0.3 + period, t, y) - np.interp(0.3, t, y)
     assert math.isclose(fall, -0.019445379, rel_tol=1e-2)
+
+
+def test_the_particle_leaves_the_sphere_at_two_thirds() -> None:
+    trajectory = run("sphere_departure")
+    (r, theta), t = trajectory.q.T, trajectory.time
+    touches = trajectory.multipliers[:, 0] > 0
+    assert (touches == (np.cos(theta) > 2 / 3)).all()
+    start = math.tan(math.radians(5) / 4)
+    left = math.log(math.tan(math.acos(2 / 3) / 4) / start) / math.sqrt(9.81)
+    assert t[touches][-1] < left < t[~touches][0]
+    # then a parabola, from x = √5/3 and z = 2/3 with v² = 2/3 g R
+    speed = math.sqrt(9.81 * 2 / 3)
+    x = math.sqrt(5) / 3 + speed * 2 / 3 * (t - left)
+    z = 2 / 3 - speed * math.sqrt(5) / 3 * (t - left) - 9.81 / 2 * (t - left) ** 2
+    np.testing.assert_allclose((r * np.sin(theta))[~touches], x[~touches], atol=1e-7)
+    np.testing.assert_allclose((r * np.cos(theta))[~touches], z[~touches], atol=1e-7)
