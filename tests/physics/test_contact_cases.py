@@ -415,3 +415,58 @@ def test_many_bounces(engine: str, count: int) -> None:
     # each impact adds the rounding of its time
     np.testing.assert_allclose(impacts, times, rtol=1e-11)
     check_balance(found, 2 * g)
+
+
+TABLE = """
+coordinates: {y: m}
+parameters: {m: 1 kg, g: 9.81 m/s^2, A: 0.05 m, w: 20 rad/s}
+T: m/2*y'^2
+V: m*g*y
+constraints:
+  table: {expr: y - A*sin(w*t) >= 0, restitution: 0.3}
+initial: {y: 0, y': 1}
+simulation: {t_end: 3, samples: 31}
+"""
+
+
+def test_a_ball_on_a_shaken_table(engine: str) -> None:
+    """It is thrown where A w² sin(w t) = g, and what the table supplies and takes is its energy."""
+    found = run_contact(load_text(TABLE), engine)
+    assert found.outcome.status == "completed", found.outcome.message
+    opens = found.entries("opens")[0]
+    assert opens.time == pytest.approx(np.arcsin(9.81 / 20) / 20, abs=1e-11)
+    impact = found.entries("impact")[0]
+    table = 0.05 * 20 * np.cos(20 * impact.time)
+    before, after = (found.value(impact, "y'", before=x) for x in (True, False))
+    assert after - table == pytest.approx(-0.3 * (before - table), rel=1e-9)
+    gained = 0.5 * (after**2 - before**2)
+    assert impact.supplied - impact.loss == pytest.approx(gained, rel=1e-9)
+    assert found.entries("rest")
+    check_balance(found, 1)
+
+
+SNAP = """
+coordinates: {x: m, y: m}
+parameters: {m: 1 kg, g: 9.81 m/s^2, l: 1 m, F: 20}
+T: m/2*(x'^2 + y'^2)
+V: m*g*y
+constraints:
+  rod: x^2 + y^2 = l^2
+events:
+  snap: {when: -2*l*lambda.rod >= F, release: rod}
+initial: {x: l, y: 0, x': 0, y': 0}
+simulation: {times: [0, 1]}
+"""
+
+
+def test_a_rod_that_snaps(engine: str) -> None:
+    """The tension is 3 m g sin, so it is F where y = -F/(3 m g); then a parabola."""
+    found = run_contact(load_text(SNAP), engine)
+    (snap,) = found.entries("event", "snap")
+    depth = 20 / (3 * 9.81)
+    assert found.value(snap, "y") == pytest.approx(-depth, rel=1e-10)
+    left = 1 - snap.time
+    x = found.value(snap, "x") + left * found.value(snap, "x'")
+    assert found.at(1.0, "x") == pytest.approx(x, rel=1e-10)
+    assert found.at(1.0, "lambda.rod") == 0
+    check_balance(found, 9.81)

@@ -103,13 +103,11 @@ def _root(
         if lowest is None or value(lowest) >= -noise:
             return None
         end = lowest
-    elif values[0] <= 0 and not slopes[0] > 0:
-        return begin
     width = end - begin
-    if value(begin) <= 0:
+    if value(begin) <= noise:  # it rises first, if only for a moment, or falls at once
         for _ in range(_HALVINGS):
             width /= 2
-            if value(begin + width) > 0:
+            if value(begin + width) > noise:
                 break
         else:
             return begin

@@ -52,6 +52,9 @@ def test_what_begins_counts_as_positive() -> None:
     found = find(lambda t: t * (3.0 - t) - 1e-17)
     assert found is not None
     assert found.time == pytest.approx(3.0, abs=1e-12)
+    short = find(lambda t: t * (1e-9 - t))
+    assert short is not None
+    assert short.time == pytest.approx(1e-9, rel=1e-6)
     falling = find(lambda t: -t)
     assert falling is not None
     assert falling.time == 0.0
