@@ -5,43 +5,12 @@ import numpy as np
 
 from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.engine.program.program import assemble
+from lagcli.engine.tape.tape import Tape
 
 from libc.stdint cimport int32_t, int64_t
 from libc.stdlib cimport free, malloc
 
 from lagcli.engine.core.lagcore cimport *
-
-
-cdef extern from "tape/tape.h":
-    void lag_stream_run(const int32_t *stream, double *registers) nogil
-
-
-cdef extern from "linear/ldl.h":
-    void lag_ldl_factor(
-        const lag_elimination *plan, double *diagonal, double *beside, double *lower,
-        double *product, double *work,
-    ) nogil
-    void lag_ldl_solve(
-        const lag_elimination *plan, const double *diagonal, const double *beside,
-        const double *lower, double *work, double *x,
-    ) nogil
-
-
-cdef extern from "methods/rodas5p_tableau.h":
-    const double rodas_gamma
-    const double rodas_c[8]
-    const double rodas_d[8]
-    const double rodas_a[8][7]
-    const double rodas_C[8][7]
-    const double rodas_h[3][8]
-
-
-cdef extern from "methods/radau5_tableau.h":
-    const double radau_c[3]
-    const double radau_t[3][3]
-    const double radau_t_inverse[3][3]
-    const double radau_real, radau_re, radau_im
-    const double radau_error[3]
 
 
 def _methods():
@@ -52,78 +21,6 @@ def _methods():
 
 
 METHODS = tuple(_methods())
-
-
-def rodas5p_coefficients():
-    """Return γ, c, d, a, C and h of Rodas5P; see core/rodas5p_tableau.h."""
-    lists = [list(rodas_c), list(rodas_d), list(rodas_a), list(rodas_C), list(rodas_h)]
-    return rodas_gamma, *map(np.array, lists)
-
-
-def radau5_coefficients():
-    """Return c, T, T⁻¹, the eigenvalues and the error's weights; see core/radau5_tableau.h."""
-    lists = [list(radau_c), list(radau_t), list(radau_t_inverse)]
-    eigenvalues = radau_real, complex(radau_re, radau_im)
-    return *map(np.array, lists), eigenvalues, np.array(list(radau_error))
-
-
-def run_tape(tape, inputs, families=(), output_subset=-1):
-    """Run a tape once, with all that is asked for apart, as the engine does.
-
-    Parameters
-    ----------
-    tape : Tape
-    inputs : sequence of float
-    families : sequence of str or None
-        Labels of the inputs.
-    output_subset : int
-        Which of the subsets of outputs to evaluate, if any; other outputs have no meaning
-        then.
-
-    Returns
-    -------
-    (outputs,) array
-    """
-    program = assemble(tape, families)
-    registers = program.registers
-    registers[: tape.inputs] = inputs
-    cdef double[::1] r = registers
-    cdef int32_t[::1] prelude = program.prelude
-    cdef int32_t[::1] main = program.main if output_subset < 0 else program.output_subsets[output_subset]
-    lag_stream_run(&prelude[0], &r[0])
-    lag_stream_run(&main[0], &r[0])
-    for stream in program.deferred:
-        main = stream
-        lag_stream_run(&main[0], &r[0])
-    return registers[program.outputs]
-
-
-def solve_ldl(plan, places, values, right):
-    """Factor a sparse symmetric matrix and solve with it, as the engine does for large models.
-
-    Parameters
-    ----------
-    plan : Elimination
-    places : sequence of (row, column)
-        Of the nonzero entries, both triangles.
-    values : sequence of float
-    right : (n,) array
-
-    Returns
-    -------
-    (n,) array
-    """
-    cdef _Arguments arguments = _Arguments()
-    cdef lag_elimination ldl = arguments.elimination(plan)
-    cdef int n = ldl.n, count = ldl.start[n]
-    cdef double[::1] factors = np.zeros(2 * n + count + 1), product = np.zeros(count + 1)
-    cdef double[::1] work = np.zeros(2 * n), x = np.array(right, dtype=float)
-    for target, value in zip(plan.targets(places), values, strict=True):
-        if target >= 0:
-            factors[<int>target] = value
-    lag_ldl_factor(&ldl, &factors[0], &factors[n], &factors[2 * n], &product[0], &work[0])
-    lag_ldl_solve(&ldl, &factors[0], &factors[n], &factors[2 * n], &work[0], &x[0])
-    return np.asarray(x)
 
 
 cdef void *_allocate(void *context, size_t size) noexcept nogil:
@@ -143,79 +40,7 @@ def _checked(failed):
         raise MemoryError
 
 
-cdef class _Arguments:
-    """What the core is given for the time of a call: structures that point into arrays."""
-
-    cdef list arrays
-
-    def __cinit__(self):
-        self.arrays = []
-
-    # a pointer is never NULL, also to nothing: C forbids that even for copies of no bytes
-
-    cdef const double *doubles(self, values) except NULL:
-        array = np.ascontiguousarray(values, dtype=float).reshape(-1)
-        array = array if array.size else np.zeros(1)
-        self.arrays.append(array)
-        cdef const double[::1] view = array
-        return &view[0]
-
-    cdef const int32_t *integers(self, values) except NULL:
-        array = np.ascontiguousarray(values, dtype=np.int32).reshape(-1)
-        array = array if array.size else np.zeros(1, dtype=np.int32)
-        self.arrays.append(array)
-        cdef const int32_t[::1] view = array
-        return &view[0]
-
-    cdef lag_stream stream(self, code):
-        return lag_stream(self.integers(code), len(code))
-
-    cdef lag_program program(self, program):
-        cdef lag_program p
-        cdef int i
-        p.prelude, p.main = self.stream(program.prelude), self.stream(program.main)
-        for i in range(3):
-            p.deferred[i] = lag_stream(NULL, 0)
-        for i in range(2):
-            p.output_subsets[i] = lag_stream(NULL, 0)
-        for i, code in enumerate(program.deferred):
-            p.deferred[i] = self.stream(code)
-        for i, code in enumerate(program.output_subsets):
-            p.output_subsets[i] = self.stream(code)
-        p.inputs = program.inputs
-        p.registers, p.register_count = self.doubles(program.registers), len(program.registers)
-        p.outputs, p.output_count = self.integers(program.outputs), len(program.outputs)
-        return p
-
-    cdef lag_equations equations(self, system, constraint):
-        cdef lag_equations e
-        e.nq, e.nc = len(system.coordinates), len(system.constraints)
-        e.nh, e.np = len(system.holonomic), system.held
-        e.nm, e.nb = len(system.mass_pattern), len(system.jacobian_pattern)
-        e.holonomic = self.integers(system.holonomic)
-        e.mass_row = self.integers([i for i, _ in system.mass_pattern])
-        e.mass_column = self.integers([j for _, j in system.mass_pattern])
-        e.jacobian_row = self.integers([i for i, _ in system.jacobian_pattern])
-        e.jacobian_column = self.integers([j for _, j in system.jacobian_pattern])
-        first = {j: group[0] for group in system.same_unit for j in group}
-        e.unit = self.integers([first.get(j, j) for j in range(e.nq)])
-        e.constraint = self.program(constraint)
-        return e
-
-    cdef lag_elimination elimination(self, plan):
-        cdef lag_elimination e
-        starts, columns, entries = plan.left
-        e.n = len(plan.order)
-        e.order, e.paired = self.integers(plan.order), self.integers(plan.paired)
-        e.start = self.integers(plan.starts)
-        e.row = self.integers([i for column in plan.columns for i in column])
-        e.left_start, e.left_column = self.integers(starts), self.integers(columns)
-        e.left_entry = self.integers(entries)
-        e.mass_targets = e.jacobian_targets = NULL
-        return e
-
-    cdef lag_block block(self, places):
-        return lag_block(len(places), self.integers(places))
+include "arguments.pxi"
 
 
 cdef _copy(const double *values, long count):
@@ -252,6 +77,8 @@ cdef class Integrator:
         As in core/run.h; alpha negative means "from the step", beta "as alpha".
     block_rows : int
         Samples kept before they are passed on.
+    extra : int
+        Numbers at the end of each sample: multipliers of rows that switch.
     """
 
     cdef lag_run *run
@@ -264,7 +91,7 @@ cdef class Integrator:
         self, system, constraint, state, double t_end, times, sizes, lengths,
         plain_lengths, int rank, double rtol, atol, kinds, double h_max, bint projecting,
         int watching, double alpha, double beta, bint baumgarte, bint detecting, bint refinable,
-        long block_rows,
+        long block_rows, int extra=0,
     ):
         cdef _Arguments arguments = _Arguments()
         cdef lag_equations equations = arguments.equations(system, constraint)
@@ -281,9 +108,9 @@ cdef class Integrator:
         s.baumgarte, s.alpha, s.beta = baumgarte, alpha, beta
         s.detecting, s.refinable = detecting, refinable
         s.times, s.times_count = arguments.doubles(times), len(times)
-        self.block = np.empty((block_rows, SampleLayout(Counts(self.nq, self.nc)).size))
+        self.block = np.empty((block_rows, SampleLayout(Counts(self.nq, self.nc)).size + extra))
         cdef double[:, ::1] block = self.block
-        s.block, s.block_rows = &block[0, 0], block_rows
+        s.block, s.block_rows, s.extra = &block[0, 0], block_rows, extra
         self.run = lag_create(&_MEMORY, &equations, &s)
         _checked(self.run == NULL)
         self.use_functions(system)
@@ -531,5 +358,7 @@ cdef class Integrator:
         return _copy(lag_report_of(self.run).y_bad, self.n)
 
 
+include "coefficients.pxi"
+include "switching.pxi"
 include "batch.pxi"
 include "contact.pxi"

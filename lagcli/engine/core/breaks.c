@@ -29,19 +29,26 @@ static void take_piece(const lag_function *f, double t, double *piece)
     memcpy(piece + 1, f->coefficients + low * (f->degree + 1), (size_t)(f->degree + 1) * sizeof(double));
 }
 
+void lag_renew_tapes(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    lag_tape *tapes[] = {&run->system.dynamics, &run->system.constraint, &run->events.tape, &run->series.values,
+                         run->implicit ? &run->implicit->variation : NULL, &sw->functions, &sw->limits, &sw->impact,
+                         &sw->forces, &sw->condition_tape, &sw->force_condition_tape};
+    for (size_t i = 0; i < sizeof tapes / sizeof *tapes; ++i)
+        if (tapes[i] && tapes[i]->registers)
+            lag_tape_set(tapes[i], run->np, run->parameters);
+    if (run->series.order)
+        lag_series_invariant(&run->series);
+}
+
 /* Give all tapes the pieces of the functions from here on. */
 static void take_pieces(lag_run *run)
 {
     const lag_breaks *b = &run->breaks;
     for (int i = 0; i < b->function_count; ++i)
         take_piece(b->functions + i, run->step.t, run->parameters + b->functions[i].first);
-    lag_tape *tapes[] = {&run->system.dynamics, &run->system.constraint, &run->events.tape, &run->series.values,
-                         run->implicit ? &run->implicit->variation : NULL};
-    for (size_t i = 0; i < sizeof tapes / sizeof *tapes; ++i)
-        if (tapes[i] && tapes[i]->registers)
-            lag_tape_set(tapes[i], run->np, run->parameters);
-    if (run->series.order)
-        lag_series_invariant(&run->series);
+    lag_renew_tapes(run);
 }
 
 void lag_breaks_start(lag_run *run)

@@ -7,6 +7,9 @@
 /* Begin, or go on, at run->step.t: find the next break, where steps must end. */
 void lag_breaks_start(lag_run *run);
 
+/* Give all tapes the parameters of the run. */
+void lag_renew_tapes(lag_run *run);
+
 /* Whether the last step ended at a break that is not passed yet. */
 int lag_at_break(const lag_run *run);
 

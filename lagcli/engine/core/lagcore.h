@@ -77,6 +77,7 @@ typedef struct {
     long times_count;
     double *block;                     /* block_rows rows of t, q, v, a, lambda, W */
     long block_rows;
+    int extra;                         /* numbers at the end of each row: the multipliers of rows that switch */
 } lag_settings;
 
 /* An order of elimination of [[M, B'], [B, 0]] = L D L' (engine/linear/elimination.py). Places are
@@ -148,6 +149,52 @@ typedef struct {
     const double *coefficients;        /* count rows of degree + 1 */
     double period;                     /* 0: none */
 } lag_function;
+/* Rows of constraints that do not always hold, beside those of lag_equations, and what else switches:
+ * core/switching/switching.h and engine/switching/switching.py. Numbers of constraints are among all, those of
+ * lag_equations and the rows, nc of them. */
+typedef struct {
+    int rows, exported, nc;            /* modes of the first rows, `exported` of them, are part of the log */
+    const int32_t *constraint, *base;  /* rows, and those of lag_equations: their numbers among all */
+    const int32_t *law;                /* rows: of core/contact/contact.h: unilateral, limited, free */
+    const int32_t *limit, *normal;     /* rows: which limit, which row limits it; -1 */
+    const int32_t *place;              /* rows: which phi; -1 */
+    const double *sign;                /* rows: -1 where phi <= 0 */
+    const int32_t *active;             /* rows */
+    const int32_t *friction, *restitution; /* rows: which output of `impact`; -1 */
+    int nb, nh;
+    const int32_t *row, *column;       /* nb */
+    lag_program functions;             /* of (t, q, v, p): phi (nh), B (nb), b_0, gamma, scale of psi (rows
+                                        * each), scale of phi (nh) */
+    /* of (t, q, v, a, lambda, p): static and kinetic limits (nl each), their derivatives by pattern */
+    lag_program limits;
+    int nl, pattern_count;
+    const int32_t *pattern_limit, *pattern_row;
+    lag_program impact;                /* of (t, q, v, p): coefficients of restitution and friction */
+    int nf, force_count;               /* forces that depend on lambda, and their derivatives */
+    const int32_t *force_coordinate, *force_row, *force_constraint;
+    lag_program forces;                /* of (t, q, v, a, lambda, p) */
+    int conditions, force_conditions;
+    lag_program condition_functions;   /* of (t, q, v, p) */
+    lag_program force_condition_functions; /* of (t, q, v, a, lambda, p) */
+    const int32_t *either, *time;      /* of all conditions: whether they happen either way, depend on t alone */
+    const int32_t *reported;           /* 5 rows: closes, opens, slips, sticks, impact: whether to return at it */
+    int law_of_impact;                 /* of core/contact/contact.h */
+    double closed;                     /* of the size of phi: a gap that counts as none */
+    double *log;                       /* log_rows entries: core/switching/log.c */
+    long log_rows;
+} lag_switching_rules;
+
+typedef struct {
+    double t;
+    const double *y;                   /* 2 nq + 1 */
+    const int *mode, *active;          /* rows */
+    const double *gap, *speed, *force; /* rows: phi, psi, z, each by the row's sign */
+    double gained;                     /* energy by the last impact */
+    int found;                         /* what the last contact problem has: core/contact/contact.h */
+    int begun;                         /* whether the modes at the start are known ... */
+    const int *first_mode;             /* ... which are these */
+    const double *a, *multipliers;     /* nq, nc (all constraints): as the instant begins */
+} lag_instant_report;
 
 typedef struct {
     int which, direction;              /* which function; 1 where it rises, -1 where it falls */
@@ -211,6 +258,24 @@ int lag_use_breaks(lag_run *run, const double *times, long count);
 
 /* Keep the pieces of known functions of time up to date; their knots must be among the breaks. */
 int lag_use_functions(lag_run *run, const lag_function *functions, int count);
+/*
+ * Let rows switch, and look for conditions. Where lag_start or lag_advance returns LAG_HAPPENED, the
+ * instant waits: conditions that have happened are asked for once, the state, rows and parameters may be changed by
+ * the functions below, and the next call goes on with the instant.
+ */
+int lag_use_switching(lag_run *run, const lag_switching_rules *rules);
+lag_instant_report lag_instant_of(lag_run *run);
+int lag_condition_happened(lag_run *run, int which);
+int lag_condition_holds(const lag_run *run, int which);
+void lag_place(lag_run *run, const double *y);
+void lag_activate(lag_run *run, int row, int active);
+void lag_set_parameters(lag_run *run, const double *parameters);
+
+/* Apply a generalized impulse (nq). Returns LAG_RUNNING or LAG_UNDEFINED. */
+int lag_push(lag_run *run, const double *impulse);
+
+/* The entries of the log, which is empty from now on. */
+long lag_take_log(lag_run *run);
 
 /* Continue with another method from here. Returns LAG_RUNNING or LAG_UNDEFINED. */
 int lag_switch(lag_run *run, const lag_method *method);

@@ -52,6 +52,7 @@ cdef extern from "lagcore.h" nogil:
         long times_count
         double *block
         long block_rows
+        int extra
 
     ctypedef struct lag_elimination:
         int n
@@ -134,6 +135,64 @@ cdef extern from "lagcore.h" nogil:
     int lag_allow_dense(lag_run *run, long steps)
     int lag_use_series(lag_run *run, const lag_series_program *program)
     int lag_use_jacobians(lag_run *run, const lag_jacobians *jacobians)
+    ctypedef struct lag_switching_rules:
+        int rows, exported, nc
+        const int32_t *constraint
+        const int32_t *base
+        const int32_t *law
+        const int32_t *limit
+        const int32_t *normal
+        const int32_t *place
+        const double *sign
+        const int32_t *active
+        const int32_t *friction
+        const int32_t *restitution
+        int nb, nh
+        const int32_t *row
+        const int32_t *column
+        lag_program functions, limits
+        int nl, pattern_count
+        const int32_t *pattern_limit
+        const int32_t *pattern_row
+        lag_program impact
+        int nf, force_count
+        const int32_t *force_coordinate
+        const int32_t *force_row
+        const int32_t *force_constraint
+        lag_program forces
+        int conditions, force_conditions
+        lag_program condition_functions, force_condition_functions
+        const int32_t *either
+        const int32_t *time
+        const int32_t *reported
+        int law_of_impact
+        double closed
+        double *log
+        long log_rows
+
+    ctypedef struct lag_instant_report:
+        double t
+        const double *y
+        const int *mode
+        const int *active
+        const double *gap
+        const double *speed
+        const double *force
+        double gained
+        int found, begun
+        const int *first_mode
+        const double *a
+        const double *multipliers
+
+    int lag_use_switching(lag_run *run, const lag_switching_rules *rules)
+    lag_instant_report lag_instant_of(lag_run *run)
+    int lag_condition_happened(lag_run *run, int which)
+    int lag_condition_holds(const lag_run *run, int which)
+    void lag_place(lag_run *run, const double *y)
+    void lag_activate(lag_run *run, int row, int active)
+    void lag_set_parameters(lag_run *run, const double *parameters)
+    int lag_push(lag_run *run, const double *impulse)
+    long lag_take_log(lag_run *run)
     const double *lag_matrix(const lag_run *run)
     int lag_use_pivots(lag_run *run, const lag_pivots *pivots)
     int lag_use_events(lag_run *run, const lag_program *functions)

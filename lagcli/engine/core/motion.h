@@ -2,7 +2,7 @@
 #ifndef LAGCLI_MOTION_H
 #define LAGCLI_MOTION_H
 
-#include "run.h"
+#include "solution.h"
 
 #define ACCURATE 0.1        /* of rtol: what the residual of the equations may be, row by row */
 #define LEAST_ACCURATE 1e-9 /* the largest and the smallest residual that is asked for */
@@ -30,24 +30,12 @@ int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first);
 void lag_row_squares(const lag_system *system, const lag_tape *tape, int first, const double *sizes,
                      double *sum);
 
-/* How a and lambda are found now: as run->solver.by says, or densely (0). */
-enum lag_solution lag_solving_by(const lag_run *run);
-
-/* Make [[M, B'], [B, 0]] at a state ready to solve with. Returns 0, or 1 if it is singular; of the
- * unrolled factors it does not say so: the solutions are not finite then. */
-int lag_factor(lag_run *run, double t, const double *y);
-
-/* The least change x (nq), in terms of M, with B x = rhs (nc), by the last factors. Returns a number
- * that is finite if x is. */
-double lag_correction(lag_run *run, const double *rhs, double *x);
-
-/* (B M^-1 B')^-1 x (nc) in place of x, by the last factors of the static elimination: the multipliers
- * that go with constraints' accelerations. */
-void lag_oppose(lag_run *run, double *x);
-
 /* a, lambda (in run->solver.a, run->solver.multipliers) and the power at a state. Returns 0, or 1 where they are
  * undefined. */
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power);
+
+/* The same without the forces of rows that switch. */
+int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, double *power);
 
 /* y' at a state. Returns 0, or 1 where it is undefined. */
 int lag_derivative(lag_run *run, double t, const double *y, double *f);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "motion.h"
+#include "switching/hold.h"
 #include "tape/vectors.h"
 
 
@@ -41,7 +42,7 @@ static void raise_scales(lag_run *run, double t, const double *y)
     }
 }
 
-int lag_project(lag_run *run, double t, double *y)
+int lag_project_system(lag_run *run, double t, double *y)
 {
     const lag_system *s = &run->system;
     const lag_tape *c = &s->constraint;
@@ -107,6 +108,12 @@ int lag_project(lag_run *run, double t, double *y)
             y[nq + i] += x[i];
     }
     return LAG_RUNNING;
+}
+
+int lag_project(lag_run *run, double t, double *y)
+{
+    const int status = lag_project_system(run, t, y);
+    return status == LAG_RUNNING && run->switching.acting ? lag_hold(run, t, y) : status;
 }
 
 int lag_return(lag_run *run, double t, double *y)

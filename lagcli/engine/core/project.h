@@ -23,6 +23,9 @@
 /* Bring y at t to the constraints. Returns LAG_RUNNING, LAG_UNDEFINED or LAG_OFF. */
 int lag_project(lag_run *run, double t, double *y);
 
+/* Onto the constraints of the system alone, without rows that switch. */
+int lag_project_system(lag_run *run, double t, double *y);
+
 /* Do so within or after a step; LAG_JUMPED where that moves a coordinate far further than the step's
  * error does: a constraint jumps, or the motion would go on elsewhere. */
 int lag_return(lag_run *run, double t, double *y);

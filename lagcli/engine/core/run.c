@@ -13,6 +13,8 @@
 #include "sample.h"
 #include "sizes.h"
 #include "step.h"
+#include "switching/instant.h"
+#include "switching/watched.h"
 #include "watch.h"
 
 #define SHORTER 0.3         /* of a step that went over a singular configuration to be passed */
@@ -34,6 +36,9 @@ static int damp(lag_run *run)
 
 int lag_switch(lag_run *run, const lag_method *method)
 {
+    run->switching.chosen = method;
+    if (run->switching.acting)
+        method = &lag_dop853; /* which alone knows of forces of rows that switch */
     run->method = run->stepped = method;
     run->step.error_old = LEAST_ERROR;
     run->stiffness.stiff = run->stiffness.not_stiff = 0;
@@ -48,7 +53,12 @@ int lag_start(lag_run *run)
         if (status != LAG_RUNNING)
             return status;
     }
-    if (lag_switch(run, run->method) != LAG_RUNNING)
+    if (run->switching.used) {
+        const int status = lag_begin_modes(run);
+        if (status != LAG_RUNNING)
+            return status;
+    }
+    if (lag_switch(run, run->switching.used ? run->switching.chosen : run->method) != LAG_RUNNING)
         return LAG_UNDEFINED;
     run->watch.pivot = lag_least_pivot(run, run->step.t, run->step.y);
     run->watch.largest_pivot = fmax(run->watch.largest_pivot, run->watch.pivot);
@@ -59,6 +69,8 @@ int lag_start(lag_run *run)
     lag_events_start(run);
     lag_sizes_start(run);
     lag_first_step(run, run->method->order);
+    if (run->switching.used && lag_watch_modes(run, run->step.t, run->step.y, run->step.f) != LAG_RUNNING)
+        return LAG_UNDEFINED;
     const int damped = damp(run);
     return damped == LAG_RUNNING ? lag_sample_until(run, run->step.t) : damped;
 }
@@ -79,7 +91,7 @@ static int finish(lag_run *run)
         if (damped != LAG_RUNNING)
             return damped;
     }
-    if (run->projection.active && run->system.nc) {
+    if (run->projection.active && (run->system.nc || run->switching.acting)) {
         const int off = lag_return(run, run->step.t, run->step.y);
         if (off != LAG_RUNNING)
             return off;
@@ -145,20 +157,24 @@ int lag_advance(lag_run *run, long slice)
     for (;;) {
         if (run->step.finishing) {
             int status = run->events.count ? lag_events_look(run) : LAG_RUNNING;
-            if (status == LAG_RUNNING)
+            if (status == LAG_RUNNING && run->switching.used)
+                status = lag_look_for_instant(run);
+            if (status == LAG_RUNNING && !run->switching.due)
                 status = finish(run);
             if (status != LAG_RUNNING)
                 return status;
-            if (run->watch.mode && lag_approaches(run))
+            if (run->watch.mode && !run->switching.due && lag_approaches(run))
                 return LAG_NEAR;
             if (run->rows.contradicted)
                 return LAG_CONTRADICTED;
-            if (run->stiffness.stiff >= STIFF && run->step.t < run->step.t_end) {
+            if (run->stiffness.stiff >= STIFF && run->step.t < run->step.t_end && !run->switching.acting) {
                 run->stiffness.stiff = 0;
                 return LAG_STIFF;
             }
         }
         int status = LAG_RUNNING;
+        if (run->switching.due && (status = lag_do_instant(run)) != LAG_RUNNING)
+            return status;
         if (lag_at_break(run) && (status = lag_pass_break(run)) == LAG_RUNNING)
             status = damp(run);
         if (status == LAG_RUNNING)

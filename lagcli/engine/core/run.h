@@ -9,6 +9,7 @@
 
 #include "memory.h"
 #include "methods/series.h"
+#include "switching/switching.h"
 #include "system.h"
 
 /* step.c, and the methods: the state and the last step. */
@@ -127,8 +128,9 @@ typedef struct {
 typedef struct {
     const double *times;
     long count, next;                  /* of times; the next one */
-    double *block;                     /* rows of t, q, v, a, lambda, W */
+    double *block;                     /* rows of t, q, v, a, lambda, W, and `extra` numbers */
     long rows, used;
+    int extra;                         /* multipliers of rows that switch */
     double *y;                         /* n: scratch */
 } lag_samples;
 
@@ -178,6 +180,7 @@ struct lag_run {
     lag_samples samples;
     lag_events events;
     lag_breaks breaks;
+    lag_switching switching;
     lag_series series;                 /* what Taylor's method needs */
     struct lag_implicit *implicit;     /* what implicit methods need; NULL until they are allowed */
     lag_failure failure;

@@ -14,7 +14,7 @@ static int sample(lag_run *run, double t, double *y)
 {
     const lag_system *s = &run->system;
     const int nq = s->nq, nc = s->nc;
-    double power, *row = run->samples.block + run->samples.used * lag_sample_size(s);
+    double power, *row = run->samples.block + run->samples.used * (lag_sample_size(s) + run->samples.extra);
     if (run->projection.active) {
         const int status = lag_return(run, t, y);
         if (status != LAG_RUNNING)
@@ -29,6 +29,10 @@ static int sample(lag_run *run, double t, double *y)
     memcpy(row + lag_sample_a(s), run->solver.a, (size_t)nq * sizeof(double));
     memcpy(row + lag_sample_multipliers(s), run->solver.multipliers, (size_t)nc * sizeof(double));
     row[lag_sample_work(s)] = y[2 * nq];
+    for (int i = 0; i < run->samples.extra; ++i) { /* the multipliers of rows that switch */
+        const lag_switching *sw = &run->switching;
+        row[lag_sample_size(s) + i] = sw->mode[i] == LAG_OPEN ? 0.0 : sw->sign[i] * sw->force[i];
+    }
     ++run->samples.used;
     ++run->samples.next;
     return LAG_RUNNING;

@@ -3,35 +3,11 @@
 #include <string.h>
 
 #include "methods/implicit.h"
+#include "bind.h"
 #include "memory.h"
 #include "methods/method.h"
 #include "run.h"
 #include "tape/tape.h"
-
-static const int32_t *copy_stream(lag_pool *pool, const lag_stream *stream)
-{
-    return lag_copy_integers(pool, stream->code, stream->length);
-}
-
-/* Bind a program to a register file of its own, with the run's parameters. Returns 0, or 1 where there
- * is no memory. */
-static int bind(lag_run *run, lag_pool *pool, lag_tape *tape, const lag_program *program)
-{
-    tape->registers = lag_copy_doubles(pool, program->registers, program->register_count);
-    tape->prelude = copy_stream(pool, &program->prelude);
-    tape->stream = copy_stream(pool, &program->main);
-    for (int i = 0; i < 3; ++i)
-        tape->deferred[i] = copy_stream(pool, &program->deferred[i]);
-    for (int i = 0; i < 2; ++i)
-        tape->output_subsets[i] = program->output_subsets[i].code ? copy_stream(pool, &program->output_subsets[i]) : NULL;
-    tape->held = lag_copy_integers(pool, NULL, 2);
-    tape->outputs = lag_copy_integers(pool, program->outputs, program->output_count);
-    if (pool->failed)
-        return 1;
-    tape->parameters = tape->registers + program->inputs - run->np;
-    lag_tape_set(tape, run->np, run->parameters);
-    return 0;
-}
 
 static void copy_equations(lag_run *run, const lag_equations *given)
 {
@@ -93,6 +69,7 @@ static void copy_settings(lag_run *run, const lag_settings *given)
     run->samples.count = given->times_count;
     run->samples.block = given->block;
     run->samples.rows = given->block_rows;
+    run->samples.extra = given->extra;
 }
 
 static void allocate(lag_run *run)
@@ -147,7 +124,7 @@ lag_run *lag_create(const lag_memory *memory, const lag_equations *equations,
     copy_settings(run, settings);
     allocate(run);
     if (run->pool.failed
-        || bind(run, &run->pool, &run->system.constraint, &equations->constraint)) {
+        || lag_bind(run, &run->pool, &run->system.constraint, &equations->constraint)) {
         lag_destroy(run);
         return NULL;
     }
@@ -170,7 +147,7 @@ static int replace_dynamics(lag_run *run, const lag_program *dynamics, enum lag_
     run->series = (lag_series){0};
     run->solver.by = by;
     run->factors.plan.n = run->system.nq + run->system.nc;
-    return bind(run, &run->dynamics_pool, &run->system.dynamics, dynamics);
+    return lag_bind(run, &run->dynamics_pool, &run->system.dynamics, dynamics);
 }
 
 int lag_use_dense(lag_run *run, const lag_program *dynamics)
@@ -229,7 +206,7 @@ int lag_use_series(lag_run *run, const lag_series_program *given)
     lag_pool *pool = &run->dynamics_pool;
     lag_series *series = &run->series;
     *series = (lag_series){
-        .stream = copy_stream(pool, &given->stream),
+        .stream = lag_copy_stream(pool, &given->stream),
         .known = lag_doubles(pool, given->convolutions),
         .count = given->convolutions,
         .file = lag_doubles(pool, given->size),
@@ -242,7 +219,7 @@ int lag_use_series(lag_run *run, const lag_series_program *given)
         .layer = given->layer,
         .state = lag_copy_integers(pool, given->state, 2 * run->system.nq + 2),
     };
-    if (bind(run, pool, &series->values, &given->values))
+    if (lag_bind(run, pool, &series->values, &given->values))
         return 1;
     lag_series_invariant(series);
     return 0;
@@ -293,7 +270,7 @@ int lag_use_jacobians(lag_run *run, const lag_jacobians *given)
     m->ordered = -1;
     m->pivots_pool.from = pool->from;
     run->implicit = m;
-    return bind(run, pool, &m->variation, &given->program);
+    return lag_bind(run, pool, &m->variation, &given->program);
 }
 
 int lag_use_pivots(lag_run *run, const lag_pivots *given)
@@ -328,7 +305,7 @@ int lag_use_events(lag_run *run, const lag_program *functions)
     events->sign = lag_copy_integers(&run->pool, NULL, events->count);
     events->after = lag_copy_integers(&run->pool, NULL, events->count);
     events->y = lag_doubles(&run->pool, 2 * run->system.nq + 1);
-    return bind(run, &run->pool, &events->tape, functions);
+    return lag_bind(run, &run->pool, &events->tape, functions);
 }
 
 int lag_use_breaks(lag_run *run, const double *times, long count)

@@ -34,6 +34,13 @@ class Status(_Described):
     EVENT = "an event happened inside the last step"
     CONTRADICTED = "redundant constraints may contradict each other after the last step"
     JUMPED = "the constraints at t_bad are met only far from y_bad"
+    HAPPENED = "events happened at an instant, which waits for what they do"
+    ENDLESS = "what happens at an instant does not end"
+    NO_MODE = "no motion of the contacts is possible"
+    TWO_MODES = "more than one motion of the contacts is possible"
+    NO_IMPACT = "an impact has no solution"
+    GAINS = "an impact would gain energy"
+    JAMMED = "a contact force grows without bound while its contact slides"
 
 
 class LaneStatus(_Described):

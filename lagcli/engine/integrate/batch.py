@@ -23,6 +23,7 @@ from lagcli.engine.contract import Block, IntegrationRequest, Interrupted, Outco
 from lagcli.engine.core import binding
 from lagcli.engine.core.status import LaneStatus, Status
 from lagcli.engine.integrate import compiled_engine
+from lagcli.engine.integrate.compiled_run import Integration
 from lagcli.engine.integrate.prepared import Prepared, unrolled
 from lagcli.engine.program.program import assemble
 from lagcli.engine.state import State
@@ -71,7 +72,7 @@ def prepare_batch(
     """
     check_cancelled = progress or (lambda: None)
     request = dataclasses.replace(request, times=np.empty(0))
-    integration = compiled_engine.Integration(
+    integration = Integration(
         system, request, lambda block: None, lambda t: check_cancelled(), for_batch=True
     )
     if integration.run().status == "interrupted":
@@ -135,6 +136,7 @@ def suits_batch(system: System, request: IntegrationRequest) -> bool:
         and request.settings.formulation == "projection"
         and request.rank == len(system.constraints)
         and request.on_event is None
+        and system.switching is None
         and not len(request.breaks)
         and not (system.switching or system.nonlinear)
         and not system.functions.functions
@@ -154,7 +156,7 @@ class _BatchRuns:
         first = _of_row(request, parameters, q, v, 0)
         # in the order of all, whatever that of the first one is
         first = dataclasses.replace(first, elimination=prepared.elimination)
-        single = compiled_engine.Integration(system, first, lambda block: None, None)
+        single = Integration(system, first, lambda block: None, None)
         width = system.sample_layout.size
         held = min(_HELD, _MOST_NUMBERS // (width * max(1, len(request.times))) - binding.LANES)
         self.core = binding.Batch(

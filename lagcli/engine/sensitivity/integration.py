@@ -147,7 +147,7 @@ class TangentProblem:
         progress: Callable[[float], None] | None,
     ) -> Outcome:
         """Run the compiled engine, and go on with another order where one does not suit."""
-        from lagcli.engine.integrate.compiled_engine import Integration
+        from lagcli.engine.integrate.compiled_run import Integration
 
         class AugmentedTangent(Integration):
             """A run that stops where the order of elimination in the tape does not suit."""

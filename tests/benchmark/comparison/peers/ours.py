@@ -12,7 +12,7 @@ from comparison.cases import Case
 from comparison.methods import Method, decades, stiff_only
 from lagcli.engine.contract import Block, IntegrationRequest, Outcome
 from lagcli.engine.evaluator import Evaluator
-from lagcli.engine.integrate.compiled_engine import Integration
+from lagcli.engine.integrate.compiled_run import Integration
 from lagcli.engine.integrate.prepared import find_elimination, prepare, unrolled
 from lagcli.engine.system import System
 from lagcli.settings.methods import methods_of

@@ -15,7 +15,8 @@ binding = pytest.importorskip("lagcli.engine.core.binding")
 FOLDER = Path(binding.__file__).parent
 STUB = ast.parse((FOLDER / "binding.pyi").read_text(encoding="utf-8"))
 SOURCE = "\n".join(
-    (FOLDER / name).read_text("utf-8") for name in ("binding.pyx", "batch.pxi", "contact.pxi")
+    (FOLDER / name).read_text("utf-8")
+    for name in ("binding.pyx", "batch.pxi", "contact.pxi", "switching.pxi")
 )
 
 #: name → default, None without one
@@ -41,7 +42,7 @@ def in_source(kind: str, method: str) -> Parameters:
     out: Parameters = {}
     for parameter in found[1].split(","):
         name, _, default = parameter.partition("=")
-        if name.strip():
+        if name.strip() and not name.strip().startswith("*"):
             out[name.split()[-1]] = ast.literal_eval(default) if default else None
     return out
 

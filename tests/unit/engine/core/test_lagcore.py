@@ -25,7 +25,7 @@ from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
 
 binding = pytest.importorskip("lagcli.engine.core.binding")
-compiled_engine = pytest.importorskip("lagcli.engine.integrate.compiled_engine")
+compiled_run = pytest.importorskip("lagcli.engine.integrate.compiled_run")
 
 ROOT = Path(__file__).parents[4]
 CORE = ROOT / "lagcli" / "engine" / "core"
@@ -202,7 +202,7 @@ def test_a_c_program_integrates_as_the_binding_does(
 
     monkeypatch.setattr(binding, "Integrator", recorded)
     blocks: list[Block] = []
-    integration = compiled_engine.Integration(system, request, blocks.append, None)
+    integration = compiled_run.Integration(system, request, blocks.append, None)
     assert integration.run().status == "completed"
     [block] = blocks
     parts = [block.time, block.q, block.v, block.a, block.multipliers, block.work]

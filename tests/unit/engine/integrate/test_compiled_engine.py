@@ -1,248 +1,28 @@
-"""The compiled engine: what it has beyond the contract that both engines keep."""
+"""The compiled engine takes what runs a System: with switching, or without."""
 
 from __future__ import annotations
 
-import dataclasses
-import math
-import time
-from pathlib import Path
-
-import numpy as np
 import pytest
 
 import lagcli
-from lagcli.errors import UsageError
-from lagcli.settings import resolve
-from lagcli.simulations.simulation import prepare as prepare_simulation
+from lagcli.engine.contract import Block
+from lagcli.engine.integrate import compiled_engine
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.simulations import simulation
 
-FOUND = Path(__file__).parents[3] / "found"
-MODELS = sorted((Path(__file__).parents[4] / "models").glob("*.yaml"))
-PENDULUM = lagcli.load_text("""
-coordinates: [x, y]
-T: (x'^2 + y'^2)/2
-V: 9.81*y
-constraints: {rod: x^2 + y^2 = 1}
-initial: {x: 1, y: 0, x': 0, y': 0}
-""")
+FALL = """
+coordinates: [y]
+T: y'^2/2
+V: 2*y
+initial: {y: 1, y': 0}
+"""
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_engines_agree_on_every_shipped_model(path):
-    model = lagcli.load(path)
-    # a tenth of the model's own time: what differs is the error of the tolerance, not its growth
-    end = 0.1 * model.settings.t_end
-    runs = [
-        lagcli.simulate(model, engine=e, t_end=end, samples=21, rtol=1e-11, atol=1e-12)
-        for e in ("compiled", "scipy")
-    ]
-    assert [r.status for r in runs] == ["completed", "completed"]
-    for name in ("q", "v", "a", "multipliers"):
-        one, other = (getattr(r, name) for r in runs)
-        size = np.abs(other).max(axis=0, initial=0.0).max(initial=0.0)
-        # 1e-11 per step, over some hundred steps, and once more in λ and a
-        np.testing.assert_allclose(one, other, rtol=0, atol=3e-8 * (size + 1e-3), err_msg=name)
-    for name in ("residual_position", "residual_velocity"):
-        scale = getattr(runs[0], name.replace("residual", "scale"))
-        relative = np.abs(getattr(runs[0], name)) / scale
-        assert np.nanmax(relative, initial=0.0) <= 1e-12
-
-
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_ways_to_eliminate_agree(path, monkeypatch):
-    """Unrolled into the tape, in a loop on the same order, and densely."""
-    from lagcli.engine.constraints import initial
-    from lagcli.engine.integrate import prepared
-    from lagcli.engine.linear import elimination
-
-    def none(*_):
-        raise elimination.NoElimination
-
-    model = lagcli.load(path)
-    options = {"t_end": 0.05 * model.settings.t_end, "samples": 6, "rtol": 1e-11, "atol": 1e-12}
-    monkeypatch.setattr(prepared, "SHORT", math.inf)
-    runs = [lagcli.simulate(model, engine="compiled", **options)]
-    monkeypatch.setattr(prepared, "MOST_UNROLLED", -1)
-    runs.append(lagcli.simulate(model, engine="compiled", **options))
-    for module in (initial, prepared):
-        monkeypatch.setattr(module, "order_at", none)
-    runs.append(lagcli.simulate(model, engine="compiled", **options))
-    for other in runs[1:]:
-        assert other.status == "completed", other.message
-        for name in ("q", "v", "multipliers"):
-            one, two = getattr(runs[0], name), getattr(other, name)
-            size = np.abs(one).max(initial=0.0)
-            np.testing.assert_allclose(two, one, rtol=0, atol=3e-8 * (size + 1e-3), err_msg=name)
-
-
-@pytest.mark.parametrize("entry", [0.0, 1e-14])
-def test_an_order_that_does_not_suit_is_replaced(entry, monkeypatch):
-    """An order that begins with a multiplier, whose pivot is zero or nearly so."""
-    from lagcli.engine.integrate import prepared
-    from lagcli.engine.linear import elimination
-
-    asked = []
-    find = prepared.order_at
-
-    def unsuitable(system, states):
-        asked.append(len(states))
-        if len(asked) > 1:
-            return find(system, states)
-        return elimination.Elimination(
-            order=(0, 1, 2), paired=(False,) * 3, columns=((1, 2), (2,), ()), smallest=1.0
-        )
-
-    # z has next to no inertia, and is eliminated first
-    model = lagcli.load_text(f"""
-coordinates: [z, x]
-T: (x'^2 + {entry!r}*z'^2)/2
-V: 9.81*z
-constraints: {{rod: x^2 + z^2 = 1}}
-initial: {{x: 0.6, z: -0.8, x': 0, z': 0}}
-""")
-    expected = lagcli.simulate(model, t_end=1, samples=5, engine="scipy", rtol=1e-11)
-    monkeypatch.setattr(prepared, "order_at", unsuitable)
-    found = lagcli.simulate(model, t_end=1, samples=5, engine="compiled", rtol=1e-11)
-    assert found.status == "completed", found.message
-    assert len(asked) > 1
-    np.testing.assert_allclose(found.q, expected.q, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(found.multipliers, expected.multipliers, rtol=1e-6)
-
-
-@pytest.fixture
-def counted(count_calls):
-    """Count the searches for an order, the orders written out, and the programs assembled."""
-    from lagcli.engine.constraints import initial
-    from lagcli.engine.integrate import prepared
-
-    return count_calls(
-        (initial, "order_at"),
-        (prepared, "order_at"),
-        (prepared, "unroll"),
-        (prepared, "assemble"),
-    )
-
-
-def test_what_a_long_elimination_lacks_is_refined(counted):
-    """Rounding in a chain of 150 masses is more than a tight tolerance allows."""
-    chain = next(p for p in MODELS if p.stem == "chain")
-    model = lagcli.load(chain, set={"N": 150})
-    options = {"t_end": 0.01, "samples": 3, "method": "DOP853"}
-    tight = lagcli.simulate(model, rtol=1e-12, atol=1e-13, **options)
-    assert counted["order_at"] == 1  # refined, not in a new order
-    usual = lagcli.simulate(model, **options)
-    assert tight.status == "completed", tight.message
-    np.testing.assert_allclose(tight.q, usual.q, rtol=0, atol=1e-10)
-    size = np.abs(tight.constraint_force).max()
-    assert tight.residual_equation.max() <= 1e-12 * size
-
-
-def test_a_net_of_rods_keeps_its_order(counted):
-    """An order found for a flat net loses digits where it is folded: refinement regains them."""
-    model = lagcli.load(FOUND / "net_rods.yaml", set={"N": 3})
-    found = lagcli.simulate(model, engine="compiled")
-    assert found.status == "completed", found.message
-    assert counted == {"order_at": 1, "assemble": 2}
-    expected = lagcli.simulate(model, engine="scipy", rtol=1e-10)
-    np.testing.assert_allclose(found.q, expected.q, rtol=0, atol=1e-7)
-    size = np.abs(expected.multipliers).max()
-    np.testing.assert_allclose(found.multipliers, expected.multipliers, rtol=0, atol=1e-5 * size)
-
-
-def test_a_long_run_unrolls_its_elimination(counted, monkeypatch):
-    from lagcli.engine.integrate import compiled_engine, prepared
-
-    monkeypatch.setattr(prepared, "SHORT", 0)
-    model = lagcli.load(MODELS[0].parent / "andrews_squeezer.yaml")
-    looped = lagcli.simulate(model, method="DOP853", samples=11)
-    assert not counted["unroll"]
-    monkeypatch.setattr(compiled_engine, "STEPS_TO_UNROLL", 10)
-    changed = [lagcli.simulate(model, method="DOP853", samples=11) for _ in range(2)]
-    assert counted["unroll"] == 2
-    np.testing.assert_allclose(changed[0].q, looped.q, rtol=0, atol=1e-7)
-    # it is a number of steps that decides, not a time
-    np.testing.assert_array_equal(changed[0].multipliers, changed[1].multipliers)
-
-
-def test_a_new_order_takes_over_the_other_programs(counted):
-    from lagcli.engine.integrate.prepared import prepare
-
-    chain = next(p for p in MODELS if p.stem == "chain")
-    simulation = prepare_simulation(lagcli.load(chain, set={"N": 60}))
-    order = simulation.start.elimination
-    first = prepare(simulation.system, order)
-    again = prepare(simulation.system, dataclasses.replace(order, order=order.order[::-1]), first)
-    assert not again.unrolled
-    assert again.dynamics is first.dynamics
-    assert again.constraint is first.constraint
-
-
-def test_samples_come_in_blocks():
-    dense = lagcli.simulate(PENDULUM, t_end=3, samples=30001, engine="compiled")
-    sparse = lagcli.simulate(PENDULUM, t_end=3, samples=31, engine="compiled")
-    np.testing.assert_array_equal(dense.time, np.linspace(0, 3, 30001))
-    # the steps do not depend on the samples: what differs is the rounding of the sample times
-    np.testing.assert_allclose(dense.q[::1000], sparse.q, rtol=0, atol=1e-14)
-
-
-def test_ten_to_the_fifth_samples_take_moments():
-    began = time.perf_counter()
-    trajectory = lagcli.simulate(PENDULUM, t_end=10, samples=100_001, engine="compiled")
-    assert len(trajectory.time) == 100_001
-    assert time.perf_counter() - began < 20  # ten times what a slow machine takes
-
-
-def test_redundant_constraints_get_the_least_multipliers():
-    twice = lagcli.load_text("""
-coordinates: [x, y]
-T: (x'^2 + y'^2)/2
-V: 9.81*y
-constraints: {rod: x^2 + y^2 = 1, again: 3*(x^2 + y^2) = 3}
-initial: {x: 1, y: 0, x': 0, y': 0}
-""")
-    one = lagcli.simulate(PENDULUM, t_end=2, engine="compiled")
-    two = lagcli.simulate(twice, t_end=2, engine="compiled")
-    np.testing.assert_allclose(two.q, one.q, atol=1e-8)
-    rod = one.multipliers[:, 0]
-    # λ₁ + 3 λ₂ = λ with λ₁² + λ₂² least: λ₁ = λ/10, λ₂ = 3 λ/10
-    np.testing.assert_allclose(two.multipliers, np.outer(rod, [0.1, 0.3]), atol=1e-6)
-    np.testing.assert_allclose(two.constraint_force, one.constraint_force, atol=1e-6)
-
-
-def test_a_method_that_the_compiled_engine_lacks():
-    assert lagcli.simulate(PENDULUM, t_end=0.1, method="BDF").options["engine"] == "scipy"
-    with pytest.raises(UsageError, match="no method BDF"):
-        lagcli.simulate(PENDULUM, method="BDF", engine="compiled")
-
-
-def test_without_the_extension_the_reference_engine_runs(monkeypatch):
-    monkeypatch.setattr(resolve, "compiled_available", lambda: False)
-    assert lagcli.simulate(PENDULUM, t_end=0.1).options["engine"] == "scipy"
-    with pytest.raises(UsageError, match="was not built"):
-        lagcli.simulate(PENDULUM, engine="compiled")
-
-
-def test_a_given_beta_is_used_when_alpha_comes_from_the_step():
-    options = {"t_end": 1, "samples": 11, "formulation": "baumgarte", "engine": "compiled"}
-    followed = lagcli.simulate(PENDULUM, **options)
-    given = lagcli.simulate(PENDULUM, **options, beta=50.0)
-    assert not np.array_equal(followed.q, given.q)
-
-
-def test_damping_from_the_step_agrees_with_the_reference_engine():
-    options = {"t_end": 2, "samples": 21, "formulation": "baumgarte", "rtol": 1e-10}
-    one, other = (
-        lagcli.simulate(PENDULUM, engine=e, beta=20.0, **options) for e in ("compiled", "scipy")
-    )
-    # both are the motion up to the drift that damping leaves
-    np.testing.assert_allclose(one.q, other.q, rtol=0, atol=1e-7)
-
-
-@pytest.mark.parametrize(("method", "other"), [("Taylor", "DOP853"), ("Rodas5P", "Radau")])
-def test_methods_of_the_compiled_engine_say_what_they_lack(monkeypatch, method, other):
-    with pytest.raises(UsageError, match=rf"has {method}; give --engine compiled, .* {other}"):
-        lagcli.simulate(PENDULUM, method=method, engine="scipy")
-    with pytest.raises(UsageError, match=f"{method} has no Baumgarte stab.*--method {other}"):
-        lagcli.simulate(PENDULUM, method=method, formulation="baumgarte")
-    monkeypatch.setattr(resolve, "compiled_available", lambda: False)
-    with pytest.raises(UsageError, match=f"{method} needs the compiled engine, which was not buil"):
-        lagcli.simulate(PENDULUM, method=method)
+@pytest.mark.parametrize(("floor", "end"), [("", -3.0), ("constraints: {floor: y >= 0}", 0.0)])
+def test_what_runs_a_system(floor: str, end: float) -> None:
+    prepared = simulation.prepare(lagcli.load_text(FALL + floor), SettingsOverrides(t_end=2))
+    blocks: list[Block] = []
+    outcome = compiled_engine.run(prepared.system, prepared.request, blocks.append)
+    assert outcome.status == "completed"
+    assert blocks[-1].q[-1] == pytest.approx([end], abs=1e-9)
+    assert bool(outcome.events) == bool(floor)

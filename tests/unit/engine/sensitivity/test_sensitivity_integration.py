@@ -69,7 +69,7 @@ def test_blocks_hold_the_motion_and_derivatives_by_parameter() -> None:
 
 def test_a_run_goes_on_with_another_order_of_elimination(monkeypatch: pytest.MonkeyPatch) -> None:
     """As where a pivot vanishes on the way: the run stops there and continues from its state."""
-    from lagcli.engine.integrate.compiled_engine import Integration
+    from lagcli.engine.integrate.compiled_run import Integration
 
     whole, _ = run(simulation())
     prepared = simulation()
@@ -82,7 +82,7 @@ def test_a_run_goes_on_with_another_order_of_elimination(monkeypatch: pytest.Mon
             self.reorder()
         return done
 
-    monkeypatch.setattr("lagcli.engine.integrate.compiled_engine._SLICE", 1e-5)
+    monkeypatch.setattr("lagcli.engine.integrate.compiled_run._SLICE", 1e-5)
     monkeypatch.setattr(Integration, "handle_status", interrupted)
     found, _ = run(prepared)
     assert len(steps) > 3

@@ -1,0 +1,13 @@
+/* Programs are bound to register files. */
+#ifndef LAGCLI_BIND_H
+#define LAGCLI_BIND_H
+
+#include "run.h"
+
+const int32_t *lag_copy_stream(lag_pool *pool, const lag_stream *stream);
+
+/* Bind a program to a register file of its own, with the run's parameters. Returns 0, or 1 where there
+ * is no memory. */
+int lag_bind(lag_run *run, lag_pool *pool, lag_tape *tape, const lag_program *program);
+
+#endif

@@ -1,0 +1,41 @@
+/* The linear system [[M, B'], [B, 0]]: its factors at a state, and solutions for right sides. */
+#ifndef LAGCLI_SOLUTION_H
+#define LAGCLI_SOLUTION_H
+
+#include "run.h"
+
+/* Which factors of the matrix are at hand for the state that the dynamics tape holds. */
+enum lag_factored { LAG_NOT_FACTORED, LAG_FACTORED, LAG_FACTORED_DENSE };
+
+/* How a and lambda are found now: as run->solver.by says, or densely (0). */
+enum lag_solution lag_solving_by(const lag_run *run);
+
+/* Make [[M, B'], [B, 0]] at a state ready to solve with. Returns 0, or 1 if it is singular; of the
+ * unrolled factors it does not say so: the solutions are not finite then. */
+int lag_factor(lag_run *run, double t, const double *y);
+
+/* The least change x (nq), in terms of M, with B x = rhs (nc), by the last factors. Returns a number
+ * that is finite if x is. */
+double lag_correction(lag_run *run, const double *rhs, double *x);
+
+/* (B M^-1 B')^-1 x (nc) in place of x, by the last factors of the static elimination: the multipliers
+ * that go with constraints' accelerations. */
+void lag_oppose(lag_run *run, double *x);
+
+/* Solve [[M, B'], [B, 0]] x = right with the last factors; both have nq + nc entries. `refined` by
+ * one step of iterative refinement. right is destroyed. */
+void lag_solve(lag_run *run, double *right, double *x, int refined);
+
+/* a and lambda (nq + nc) that generalized forces (nq) add, by the last factors. */
+void lag_respond(lag_run *run, const double *forces, double *x);
+
+/* One step of iterative refinement of a solution x; not of the dense one. */
+void lag_refine(lag_run *run, const double *right, double *x);
+
+/* right less the matrix times x, to r; the sums of the magnitudes to size, where it is given. */
+void lag_residual(const lag_run *run, const double *right, const double *x, double *r, double *size);
+
+/* The multipliers from the unknowns beside a, which are their negatives, or back. */
+void lag_turn(double *x, int n);
+
+#endif

@@ -1,0 +1,160 @@
+"""Runs whose constraints switch; engine/switching/switching.py."""
+
+from lagcli.engine.switching.problem import ContactLaw
+
+
+cdef class SwitchingIntegrator(Integrator):
+    """Steps with projection on a System whose rows switch.
+
+    Parameters
+    ----------
+    split : SplitSystem
+    impacts : int
+        The law of impacts, counted as in core/contact/contact.h.
+    closed : float
+        The gap that counts as none.
+    log_rows : int
+        Entries of the log that are kept before they are passed on.
+    arguments
+        Of `Integrator`, for ``split.fixed``.
+    """
+
+    cdef object split, log
+    cdef int rows, conditions
+
+    def __init__(self, split, int impacts, double closed, long log_rows, *arguments):
+        super().__init__(*arguments, len(split.rows))
+        cdef _Arguments given = _Arguments()
+        cdef lag_switching_rules r
+        system, switching, pattern = split.system, split.switching, split.pattern
+        nothing = Tape(system.dynamics.inputs, (), (), (), system.dynamics.parameters)
+        rows, extra = switching.rows, len(split.rows) - len(switching.rows)
+        place = {constraint: i for i, constraint in enumerate(split.rows)}
+        self.split, self.rows = split, len(split.rows)
+        r.rows, r.exported, r.nc = self.rows, len(rows), len(system.constraints)
+        r.constraint, r.base = given.integers(split.rows), given.integers(split.base)
+        laws = [
+            ContactLaw.UNILATERAL if row.sign
+            else ContactLaw.FREE if row.limit is None
+            else ContactLaw.LIMITED
+            for row in rows
+        ]
+        r.law = given.integers([*laws, *[ContactLaw.FREE] * extra])
+        r.limit = given.integers([*(-1 if x.limit is None else x.limit for x in rows), *[-1] * extra])
+        normals = [-1 if x.normal is None else place[x.normal] for x in rows]
+        r.normal = given.integers([*normals, *[-1] * extra])
+        r.place = given.integers(split.places)
+        r.sign = given.doubles([*(x.sign or 1 for x in rows), *[1.0] * extra])
+        r.active = given.integers([*(x.active for x in rows), *[1] * extra])
+        contacts = [i for i, x in enumerate(rows) if x.sign]
+        limited = [i for i, x in enumerate(rows) if x.limit is not None]
+        r.restitution = given.integers(
+            [contacts.index(i) if i in contacts else -1 for i in range(self.rows)]
+        )
+        r.friction = given.integers(
+            [len(contacts) + limited.index(i) if i in limited else -1 for i in range(self.rows)]
+        )
+        r.nb, r.nh = len(pattern), sum(i >= 0 for i in split.places)
+        r.row = given.integers([i for i, _ in pattern])
+        r.column = given.integers([j for _, j in pattern])
+        r.functions = given.program(assemble(split.functions))
+        r.limits = given.program(assemble(switching.limits))
+        r.pattern_count = len(switching.limit_pattern)
+        r.nl = (len(switching.limits.outputs) - 2 * r.pattern_count) // 2
+        r.pattern_limit = given.integers([i for i, _ in switching.limit_pattern])
+        r.pattern_row = given.integers([place[j] for _, j in switching.limit_pattern])
+        r.impact = given.program(assemble(switching.impact))
+        r.nf, r.force_count = len(switching.force_coordinates), len(switching.force_pattern)
+        r.force_coordinate = given.integers(switching.force_coordinates)
+        r.force_row = given.integers([i for i, _ in switching.force_pattern])
+        r.force_constraint = given.integers([j for _, j in switching.force_pattern])
+        r.forces = given.program(assemble(switching.forces or nothing))
+        conditions = system.events or nothing
+        force_conditions = switching.force_conditions or nothing
+        r.conditions, r.force_conditions = len(conditions.outputs), len(force_conditions.outputs)
+        self.conditions = r.conditions + r.force_conditions
+        r.condition_functions = given.program(assemble(conditions))
+        r.force_condition_functions = given.program(assemble(force_conditions))
+        either = {rule.condition for rule in switching.events if rule.either}
+        r.either = given.integers([i in either for i in range(self.conditions)])
+        times = [*switching.condition_times, *[False] * self.conditions]
+        r.time = given.integers(times[: self.conditions])
+        changes = ("closes", "opens", "slips", "sticks", "impacts")
+        reported = np.zeros((self.rows, len(changes)), dtype=np.int32)
+        for rule in switching.events:
+            if rule.change is not None:
+                reported[place[rule.change[0]], changes.index(rule.change[1])] = 1
+        r.reported = given.integers(reported)
+        r.law_of_impact, r.closed = impacts, closed
+        width = 6 + r.exported + 3 * self.nq + r.nc
+        self.log = np.empty((max(log_rows, 8 * self.rows + 8), width))
+        cdef double[:, ::1] log = self.log
+        r.log, r.log_rows = &log[0, 0], len(self.log)
+        _checked(lag_use_switching(self.run, &r))
+
+    def take_log(self):
+        """Return the entries of the log since the last call: core/switching/log.c."""
+        return self.log[: lag_take_log(self.run)].copy()
+
+    def happened(self):
+        """Return the conditions that have happened at this instant and were not asked for yet."""
+        return [i for i in range(self.conditions) if lag_condition_happened(self.run, i)]
+
+    def holding(self):
+        """Return the conditions that hold."""
+        return [i for i in range(self.conditions) if lag_condition_holds(self.run, i)]
+
+    @property
+    def modes(self):
+        """Modes of the rows, `RowMode`."""
+        cdef lag_instant_report report = lag_instant_of(self.run)
+        return [report.mode[i] for i in range(self.rows)]
+
+    @property
+    def contacts(self):
+        """φ, ψ and the forces of the rows, by their signs, at the last contact problem: (3, rows)."""
+        cdef lag_instant_report report = lag_instant_of(self.run)
+        return np.array([
+            _copy(report.gap, self.rows), _copy(report.speed, self.rows), _copy(report.force, self.rows)
+        ])
+
+    @property
+    def gained(self):
+        """Energy that the last impact would gain, J."""
+        return lag_instant_of(self.run).gained
+
+    def place(self, y):
+        """Set the state at an instant."""
+        cdef double[::1] view = np.ascontiguousarray(y, dtype=float)
+        lag_place(self.run, &view[0])
+
+    def activate(self, int row, bint active):
+        """Let a row take part, or leave."""
+        lag_activate(self.run, row, active)
+
+    def set_parameters(self, p):
+        """Set the values of all parameters."""
+        cdef _Arguments given = _Arguments()
+        lag_set_parameters(self.run, given.doubles(p))
+
+    def push(self, impulse):
+        """Apply a generalized impulse."""
+        cdef _Arguments given = _Arguments()
+        return lag_push(self.run, given.doubles(impulse))
+
+    @property
+    def begun(self):
+        """Whether the modes at the start are known."""
+        return bool(lag_instant_of(self.run).begun)
+
+    @property
+    def first_modes(self):
+        """Modes of the rows at the start."""
+        cdef lag_instant_report report = lag_instant_of(self.run)
+        return [report.first_mode[i] for i in range(self.rows)]
+
+    @property
+    def motion(self):
+        """a and λ of all constraints as the instant begins."""
+        cdef lag_instant_report report = lag_instant_of(self.run)
+        return _copy(report.a, self.nq), _copy(report.multipliers, len(self.split.system.constraints))

@@ -1,0 +1,110 @@
+#include "switching/crossing.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "linear/dense.h"
+
+#define DEGREE (NODES - 1)
+#define HALF_TURN 3.14159265358979323846
+#define RESOLVED 1e-9       /* of the largest value: the last coefficients of a function that is resolved */
+#define NARROW 1e-10        /* of the interval: brackets of more than one root are not halved further */
+
+double lag_node(int k)
+{
+    return 0.5 - 0.5 * cos(HALF_TURN * k / DEGREE);
+}
+
+void lag_bernstein_matrix(double *matrix)
+{
+    double values[NODES * NODES], column[NODES];
+    int pivots[NODES];
+    for (int i = 0; i < NODES; ++i) {
+        const double x = lag_node(i);
+        double binomial = 1.0;
+        for (int k = 0; k < NODES; ++k) {
+            values[i * NODES + k] = binomial * pow(x, k) * pow(1.0 - x, DEGREE - k);
+            binomial *= (double)(DEGREE - k) / (k + 1);
+        }
+    }
+    lag_lu(values, pivots, NODES);
+    for (int j = 0; j < NODES; ++j) {
+        memset(column, 0, sizeof column);
+        column[j] = 1.0;
+        lag_lu_solve(values, pivots, NODES, column);
+        for (int i = 0; i < NODES; ++i)
+            matrix[i * NODES + j] = column[i];
+    }
+}
+
+int lag_resolved(const double *values)
+{
+    double last = 0.0, largest = 0.0;
+    for (int m = DEGREE - 1; m <= DEGREE; ++m) {
+        double sum = 0.0;
+        for (int k = 0; k < NODES; ++k) {
+            const double weight = k == 0 || k == DEGREE ? 0.5 : 1.0;
+            sum += weight * values[k] * cos(HALF_TURN * m * (DEGREE - k) / DEGREE);
+        }
+        last = fmax(last, fabs(sum) / (m == DEGREE ? DEGREE : 0.5 * DEGREE));
+    }
+    for (int k = 0; k < NODES; ++k)
+        largest = fmax(largest, fabs(values[k]));
+    return last <= RESOLVED * largest;
+}
+
+/* Changes of sign among coefficients; zeros count as what is before them. */
+static int changes(const double *b)
+{
+    int count = 0, before = 1;
+    for (int i = 0; i < NODES; ++i) {
+        const int now = b[i] > 0.0 ? 1 : b[i] < 0.0 ? -1 : before;
+        count += now != before;
+        before = now;
+    }
+    return count;
+}
+
+/* Halve a polynomial of Bernstein coefficients: de Casteljau. */
+static void halve(const double *b, double *left, double *right)
+{
+    double work[NODES];
+    memcpy(work, b, sizeof work);
+    for (int i = 0; i < NODES; ++i) {
+        left[i] = work[0];
+        right[DEGREE - i] = work[DEGREE - i];
+        for (int k = 0; k < DEGREE - i; ++k)
+            work[k] = 0.5 * (work[k] + work[k + 1]);
+    }
+}
+
+static int search(const double *b, double begin, double end, double from, double *low, double *high)
+{
+    double left[NODES], right[NODES];
+    if (end <= from || changes(b) == 0)
+        return 0;
+    if (b[0] < 0.0) { /* it is negative from a rounding error before this part on */
+        *low = begin;
+        *high = begin + 0.5 * fmin(end - begin, NARROW);
+        return *high > from;
+    }
+    if ((changes(b) == 1 && begin >= from) || end - begin < NARROW) {
+        *low = fmax(begin, from);
+        *high = end;
+        return 1;
+    }
+    const double middle = 0.5 * (begin + end);
+    halve(b, left, right);
+    if (search(left, begin, middle, from, low, high))
+        return 1;
+    /* zero at the middle, or rounded to less: the left part has not changed its sign before */
+    return search(right, middle, end, from, low, high);
+}
+
+int lag_first_change(const double *bernstein, double from, double *low, double *high)
+{
+    double b[NODES];
+    memcpy(b, bernstein, sizeof b);
+    b[0] = fmax(b[0], 0.0);
+    return search(b, 0.0, 1.0, from, low, high);
+}

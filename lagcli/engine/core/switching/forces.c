@@ -1,0 +1,244 @@
+/* The forces of rows that act, in the flow. */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "linear/dense.h"
+#include "motion.h"
+#include "switching/rows.h"
+
+#define ITERATIONS 20       /* of Newton's method; one suffices where laws are affine in multipliers */
+#define EXACT 1e-14         /* of the forces: the change at which it ends */
+
+/* Forces that act at a state. The lists are of rows, then of forces that depend on multipliers. */
+typedef struct {
+    int n;                  /* that act */
+    const int *acts;        /* their numbers */
+    const double *free;     /* a and lambda without them */
+    const double *offset;   /* n: B a_0 - gamma, of rows that hold */
+    double *z, *residual;   /* n */
+    double *a, *multipliers;    /* with them; lambda of all constraints */
+    double *all;            /* rows + nf: z by its number */
+} acting_forces;
+
+static const double *response_of(const lag_run *run, int k)
+{
+    return run->switching.response + k * (run->system.nq + run->system.nc);
+}
+
+/* How constraint `which` of all answers to force k, d lambda / d z. */
+static double answer(const lag_run *run, int which, int k)
+{
+    const lag_switching *sw = &run->switching;
+    if (k < sw->rows && sw->constraint[k] == which)
+        return sw->sign[k];
+    for (int i = 0; i < run->system.nc; ++i)
+        if (sw->base[i] == which)
+            return response_of(run, k)[run->system.nq + i];
+    return 0.0;
+}
+
+/* a and lambda with the forces z. */
+static void superpose(const lag_run *run, const acting_forces *f)
+{
+    const lag_switching *sw = &run->switching;
+    const int nq = run->system.nq, n = nq + run->system.nc;
+    memset(f->all, 0, (size_t)(sw->rows + sw->nf) * sizeof(double));
+    memcpy(f->a, f->free, (size_t)n * sizeof(double));
+    for (int k = 0; k < f->n; ++k) {
+        const double *u = response_of(run, f->acts[k]);
+        f->all[f->acts[k]] = f->z[k];
+        for (int i = 0; i < n; ++i)
+            f->a[i] += u[i] * f->z[k];
+    }
+    lag_gather_multipliers(run, f->a + nq, f->all, f->multipliers);
+}
+
+/* The laws' residual at z, and its derivatives to the LU matrix. */
+static void linearize(lag_run *run, double t, const double *y, const acting_forces *f)
+{
+    lag_switching *sw = &run->switching;
+    const int n = f->n;
+    double *jacobian = sw->lu;
+    int slips = 0;
+    superpose(run, f);
+    memset(jacobian, 0, (size_t)n * n * sizeof(double));
+    for (int i = 0; i < n; ++i)
+        slips |= f->acts[i] < sw->rows && lag_row_slips(sw, f->acts[i]);
+    if (slips)
+        lag_evaluate_forces(run, &sw->limits, t, y, f->a, f->multipliers);
+    if (sw->nf)
+        lag_evaluate_forces(run, &sw->forces, t, y, f->a, f->multipliers);
+    for (int i = 0; i < n; ++i) {
+        const int k = f->acts[i];
+        double *row = jacobian + i * n;
+        if (k >= sw->rows) {
+            f->residual[i] = f->z[i] - OUT(&sw->forces, k - sw->rows);
+            row[i] += 1.0;
+            for (int p = 0; p < sw->force_count; ++p)
+                if (sw->force_row[p] == k - sw->rows)
+                    for (int j = 0; j < n; ++j)
+                        row[j] -= OUT(&sw->forces, sw->nf + p)
+                                  * answer(run, sw->force_constraint[p], f->acts[j]);
+        } else if (lag_row_slips(sw, k)) {
+            const double direction = lag_row_slips(sw, k);
+            const int kinetic = sw->nl + sw->limit[k], slopes = 2 * sw->nl + sw->pattern_count;
+            f->residual[i] = f->z[i] + direction * OUT(&sw->limits, kinetic);
+            row[i] += 1.0;
+            for (int p = 0; p < sw->pattern_count; ++p)
+                if (sw->pattern_limit[p] == sw->limit[k])
+                    for (int j = 0; j < n; ++j)
+                        row[j] += direction * OUT(&sw->limits, slopes + p)
+                                  * answer(run, sw->constraint[sw->pattern_row[p]], f->acts[j]);
+        } else {
+            f->residual[i] = f->offset[i];
+            for (int j = 0; j < n; ++j) {
+                row[j] = lag_along(run, k, response_of(run, f->acts[j]));
+                f->residual[i] += row[j] * f->z[j];
+            }
+        }
+    }
+}
+
+/* The determinant of a matrix by its LU factors. */
+static double determinant(const double *lu, const int *pivots, int n)
+{
+    double product = 1.0;
+    for (int i = 0; i < n; ++i)
+        product *= pivots[i] == i ? lu[i * n + i] : -lu[i * n + i];
+    return product;
+}
+
+/* Solve J x = residual in its place: by the factors, or with the least norm where rows that hold depend
+ * on each other. Returns 0, or 1. memory: 5 n n + 4 n. */
+static int solve_step(lag_switching *sw, int n, double *residual, int redundant, double *memory)
+{
+    if (!redundant) {
+        if (lag_lu(sw->lu, sw->pivots, n))
+            return 1;
+        lag_lu_solve(sw->lu, sw->pivots, n, residual);
+        return 0;
+    }
+    double *square = memory, *x = square + n * n, *rest = x + n;
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j) {
+            square[i * n + j] = 0.0;
+            for (int k = 0; k < n; ++k)
+                square[i * n + j] += sw->lu[i * n + k] * sw->lu[j * n + k];
+        }
+    lag_least_norm(n, square, residual, x, rest);
+    for (int j = 0; j < n; ++j) {
+        residual[j] = 0.0;
+        for (int i = 0; i < n; ++i)
+            residual[j] += sw->lu[i * n + j] * x[i];
+    }
+    return 0;
+}
+
+/* Newton's method on the laws. `held` is the determinant of the rows that hold alone, 0 where they
+ * depend on each other. */
+static int solve_laws(lag_run *run, double t, const double *y, const acting_forces *f, double held,
+                      double *memory)
+{
+    lag_switching *sw = &run->switching;
+    for (int iteration = 0; iteration < ITERATIONS; ++iteration) {
+        double change = 0.0, size = 0.0, part = 0.0, terms = 0.0;
+        linearize(run, t, y, f);
+        if (iteration) {
+            for (int i = 0; i < f->n; ++i) {
+                part = fmax(part, fabs(f->residual[i]));
+                terms = fmax(terms, fmax(fabs(f->offset[i]), fabs(f->z[i])));
+            }
+            if (part <= 4.0 * DBL_EPSILON * terms)
+                return 0;
+        }
+        if (solve_step(sw, f->n, f->residual, held == 0.0, memory))
+            return 1;
+        sw->margin = held != 0.0 ? determinant(sw->lu, sw->pivots, f->n) / held : 1.0;
+        for (int i = 0; i < f->n; ++i) {
+            f->z[i] -= f->residual[i];
+            change = fmax(change, fabs(f->residual[i]));
+            size = fmax(size, fabs(f->z[i]));
+        }
+        if (!isfinite(size))
+            return 1;
+        if (change <= EXACT * size)
+            break;
+    }
+    superpose(run, f);
+    return 0;
+}
+
+/* The matrix of rows that hold, n of them listed by their place among those that act. */
+static void matrix_of(const lag_run *run, const acting_forces *f, const int *held, int n, double *matrix)
+{
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j)
+            matrix[i * n + j] = lag_along(run, f->acts[held[i]], response_of(run, f->acts[held[j]]));
+}
+
+int lag_add_forces(lag_run *run, double t, const double *y, double *power)
+{
+    lag_switching *sw = &run->switching;
+    const lag_system *s = &run->system;
+    const int nq = s->nq, all = sw->rows + sw->nf;
+    double *work = sw->work, *found = run->solver.a;
+    double *free = work, *a = free + nq + s->nc, *offset = a + nq + s->nc, *z = offset + all;
+    double *residual = z + all, *memory = residual + all;
+    int *acts = sw->acts, *held = sw->acts + all, n = 0, holds = 0, laws = 0;
+    if (lag_find_rows(run, t, y) || lag_factor(run, t, y))
+        return 1;
+    for (int k = 0; k < all; ++k) {
+        if (k < sw->rows && !lag_row_acts(sw, k))
+            continue;
+        if (k < sw->rows && !lag_row_slips(sw, k))
+            held[holds++] = n;
+        else
+            laws = 1;
+        acts[n++] = k;
+        lag_row_response(run, k);
+    }
+    memcpy(free, found, (size_t)(nq + s->nc) * sizeof(double));
+    acting_forces f = {.n = n, .acts = acts, .free = free, .offset = offset, .z = z, .residual = residual,
+                       .a = a, .multipliers = sw->multipliers, .all = sw->force};
+    for (int i = 0; i < n; ++i) {
+        const int k = acts[i];
+        z[i] = sw->force[k]; /* those of the state before */
+        offset[i] = 0.0;
+        if (k >= sw->rows || lag_row_slips(sw, k))
+            continue;
+        offset[i] = lag_along(run, k, free) - sw->gamma[k];
+        if (run->baumgarte.active) {
+            const double beta = run->baumgarte.beta;
+            offset[i] += run->baumgarte.alpha * sw->psi[k] + beta * beta * sw->phi[k];
+        }
+    }
+    sw->margin = 1.0;
+    matrix_of(run, &f, held, holds, sw->matrix);
+    if (laws) {
+        double factor = 1.0;
+        memcpy(sw->lu, sw->matrix, (size_t)holds * holds * sizeof(double));
+        if (holds > 1 && lag_least_norm(holds, sw->matrix, offset, residual, memory) < holds)
+            factor = 0.0;
+        else if (holds)
+            factor = lag_lu(sw->lu, sw->pivots, holds) ? 0.0 : determinant(sw->lu, sw->pivots, holds);
+        if (solve_laws(run, t, y, &f, factor, memory))
+            return 1;
+    } else {
+        for (int i = 0; i < n; ++i)
+            residual[i] = -offset[i];
+        lag_least_norm(n, sw->matrix, residual, z, memory);
+        superpose(run, &f);
+    }
+    double sum = 0.0;
+    for (int i = 0; i < nq + s->nc; ++i)
+        sum += found[i] = a[i];
+    for (int i = 0; i < n; ++i)
+        *power += z[i] * (acts[i] < sw->rows ? lag_along(run, acts[i], y + nq)
+                                             : y[nq + sw->force_coordinate[acts[i] - sw->rows]]);
+    /* the power of the system's own constraints that the forces add to */
+    for (int i = 0; i < s->nb; ++i)
+        *power += (a[nq + s->jacobian_row[i]] - free[nq + s->jacobian_row[i]])
+                  * OUT(&s->dynamics, lag_first_jacobian(s) + i) * y[nq + s->jacobian_column[i]];
+    return !isfinite(sum + *power);
+}

@@ -1,0 +1,374 @@
+#include "switching/instant.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "methods/control.h"
+#include "methods/method.h"
+#include "motion.h"
+#include "project.h"
+#include "sample.h"
+#include "sizes.h"
+#include "step.h"
+#include "switching/log.h"
+#include "switching/rows.h"
+#include "switching/settle.h"
+#include "switching/watched.h"
+
+#define ROUNDS 100          /* at one instant without an end: there is none */
+#define SAME_INSTANT 1e-13  /* of the time, or of the step: an instant that is no later than the last one */
+#define FALLS_BACK 1e-9     /* of the acceleration's terms: a contact that has opened and closes again */
+
+/* What a row has ended at this instant, which does not begin again at it. */
+enum { NOTHING_ENDED, FORCE_ENDED, STICKING_ENDED_FORWARD, STICKING_ENDED_BACKWARD, SLIPPING_ENDED };
+
+static double *velocities(lag_run *run)
+{
+    return run->step.y + run->system.nq;
+}
+
+/* The limit of the last three times of a row's impacts: Aitken's extrapolation. */
+static double rest_time(const double *times)
+{
+    const double first = times[1] - times[0], second = times[2] - times[1];
+    return isnan(times[0]) || !(second < first) ? times[2] : times[2] + second * second / (first - second);
+}
+
+/* Note what ends a mode: the watched functions that cross zero. Returns LAG_RUNNING, or LAG_JAMMED. */
+static int note_ends(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    for (int k = 0; k < sw->watched_count; ++k) {
+        const lag_watched_function *w = sw->watched + k;
+        if (!w->hit)
+            continue;
+        if (w->what == LAG_WATCH_FORCE)
+            sw->ended[w->which] = FORCE_ENDED;
+        else if (w->what == LAG_WATCH_STICK)
+            sw->ended[w->which] = sw->force[w->which] < 0.0 ? STICKING_ENDED_FORWARD : STICKING_ENDED_BACKWARD;
+        else if (w->what == LAG_WATCH_SLIP)
+            sw->ended[w->which] = SLIPPING_ENDED;
+        else if (w->what == LAG_WATCH_MARGIN)
+            return LAG_JAMMED;
+        else if (w->what >= LAG_WATCH_CONDITION) {
+            lag_condition *c = sw->condition + w->which;
+            c->holds = !c->holds;
+            c->happened = 1;
+            sw->report = 1;
+        }
+    }
+    return LAG_RUNNING;
+}
+
+int lag_look_for_instant(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    const size_t n = (size_t)lag_size(&run->system);
+    if (!sw->located) {
+        const int found = lag_find_instant(run);
+        if (found <= 0) {
+            if (found < 0) {
+                run->failure.t = run->step.t;
+                memcpy(run->failure.y, run->step.y_new, n * sizeof(double));
+            }
+            return found < 0 ? LAG_UNDEFINED : LAG_RUNNING;
+        }
+        sw->located = 1;
+    }
+    int status = lag_sample_until(run, nextafter(sw->instant, -INFINITY));
+    if (status != LAG_RUNNING)
+        return status;
+    lag_dense(run, sw->instant, sw->before);
+    if (run->projection.active && (status = lag_return(run, sw->instant, sw->before)) != LAG_RUNNING)
+        return status;
+    if (lag_all_forces(run, sw->instant, sw->before)) /* as the mode ends */
+        return LAG_UNDEFINED;
+    memcpy(sw->begin, run->solver.a, (size_t)run->system.nq * sizeof(double));
+    memcpy(sw->begin + run->system.nq, sw->multipliers, (size_t)sw->nc * sizeof(double));
+    sw->located = 0;
+    run->step.finishing = 0;
+    run->step.t = sw->instant;
+    memcpy(run->step.y, sw->before, n * sizeof(double));
+    for (int c = 0; c < sw->conditions + sw->force_conditions; ++c)
+        sw->condition[c].happened = 0;
+    memset(sw->ended, 0, (size_t)sw->rows * sizeof(int));
+    memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
+    memcpy(sw->before, run->step.y, n * sizeof(double));
+    if (sw->instant > sw->last + SAME_INSTANT * fmax(fabs(sw->instant), run->step.h_old))
+        sw->rounds = 0;
+    sw->last = sw->instant;
+    sw->due = 1;
+    return note_ends(run);
+}
+
+/* Whether something approaches, or is engaged while it moves. */
+static int collides(const lag_run *run)
+{
+    const lag_switching *sw = &run->switching;
+    for (int i = 0; i < sw->rows; ++i) {
+        const double speed = lag_no_speed(sw, i);
+        if (!sw->active[i])
+            continue;
+        if (sw->law[i] == LAG_UNILATERAL && (sw->phi[i] <= lag_no_gap(sw, i) || sw->mode[i] == LAG_HOLDS)
+            && sw->psi[i] < -speed)
+            return 1;
+        if (sw->law[i] == LAG_FREE && fabs(sw->psi[i]) > speed)
+            return 1;
+    }
+    return 0;
+}
+
+/* What is known of the rows before the accelerations: those that are closed and do not separate rest. */
+static void states_of(const lag_run *run, int *state)
+{
+    const lag_switching *sw = &run->switching;
+    for (int i = 0; i < sw->rows; ++i) {
+        state[i] = LAG_AT_REST;
+        if (sw->law[i] == LAG_UNILATERAL && (sw->ended[i] == FORCE_ENDED || sw->psi[i] > lag_no_speed(sw, i)
+                                             || (sw->phi[i] > lag_no_gap(sw, i) && sw->mode[i] != LAG_HOLDS)))
+            state[i] = LAG_APART;
+        if (sw->ended[i] == STICKING_ENDED_FORWARD)
+            state[i] = LAG_GOES_FORWARD;
+        if (sw->ended[i] == STICKING_ENDED_BACKWARD)
+            state[i] = LAG_GOES_BACKWARD;
+        if (sw->ended[i] == SLIPPING_ENDED)
+            state[i] = LAG_STOPS;
+    }
+}
+
+/* After an impact: which rows would bounce no higher than a gap that counts as none. Returns whether there
+ * are any. */
+static int falls_back(lag_run *run, const lag_impact_report *report, int *rests)
+{
+    lag_switching *sw = &run->switching;
+    const double t = run->step.t, *y = run->step.y;
+    int *mode = sw->trial_mode, any = 0;
+    memset(rests, 0, (size_t)sw->rows * sizeof(int));
+    if (lag_find_rows(run, t, y))
+        return 0;
+    states_of(run, sw->state);
+    memcpy(mode, sw->mode, (size_t)sw->rows * sizeof(int));
+    if (lag_settle(run, t, y, sw->state, mode, sw->trial_force, sw->acceleration) != LAG_ONE_MOTION)
+        return 0;
+    for (int i = 0; i < sw->rows; ++i) {
+        if (sw->law[i] != LAG_UNILATERAL || !report->takes_part[i] || sw->psi[i] <= lag_no_speed(sw, i))
+            continue;
+        const double a = lag_along(run, i, sw->acceleration) - sw->gamma[i];
+        rests[i] = a < 0.0 && sw->psi[i] * sw->psi[i] <= 2.0 * -a * lag_no_gap(sw, i);
+        any |= rests[i];
+    }
+    return any;
+}
+
+/* The impact that is due. */
+static int collide(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    const int nq = run->system.nq;
+    const double t = run->step.t;
+    double *y = run->step.y, *before = sw->start;
+    lag_impact_report report = {sw->takes_part, sw->impulse, sw->impulse + sw->rows, sw->impulse + 2 * sw->rows,
+                                0.0, 0.0, 0.0};
+    memcpy(before, y, (size_t)lag_size(&run->system) * sizeof(double));
+    memset(sw->rests, 0, (size_t)sw->rows * sizeof(int));
+    int found = lag_collide(run, t, y, sw->rests, &report), rest = 0;
+    if (found >= 0 && found != LAG_NO_MOTION && falls_back(run, &report, sw->rests)) {
+        rest = 1;
+        memcpy(y, before, (size_t)lag_size(&run->system) * sizeof(double));
+        found = lag_collide(run, t, y, sw->rests, &report);
+    }
+    if (found < 0)
+        return LAG_UNDEFINED;
+    if (found == LAG_NO_MOTION)
+        return LAG_NO_IMPACT;
+    sw->gained = report.gained;
+    if (report.gained > 0.0)
+        return LAG_GAINS;
+    double supplied = report.supplied;
+    for (int i = 0; i < sw->rows; ++i) {
+        sw->ended[i] = NOTHING_ENDED; /* the impact begins something new */
+        if (sw->law[i] != LAG_UNILATERAL || report.impulse[i] == 0.0)
+            continue;
+        double loss = report.loss[i], *times = sw->recent + 3 * i;
+        for (int j = 0; j < sw->rows; ++j)
+            if (sw->normal[j] == i)
+                loss += report.loss[j];
+        lag_log(run, t, LAG_IMPACT, i, before + nq, y + nq, report.all, loss, supplied);
+        supplied = 0.0;
+        times[0] = times[1];
+        times[1] = times[2];
+        times[2] = t;
+        sw->report |= sw->reported[5 * i + 4];
+        sw->came_to_rest[i] |= rest;
+    }
+    return LAG_RUNNING;
+}
+
+/* Log the changes of modes since the instant began. */
+static void log_changes(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    const double *v = velocities(run);
+    for (int i = 0; i < sw->exported; ++i) {
+        const int now = sw->mode[i], old = sw->mode_before[i];
+        int what = -1;
+        double at = run->step.t;
+        if (now == old || (sw->law[i] == LAG_FREE))
+            continue;
+        if (sw->law[i] == LAG_UNILATERAL)
+            what = now == LAG_OPEN ? LAG_OPENS : LAG_CLOSES;
+        else if (old != LAG_OPEN && now != LAG_OPEN)
+            what = now == LAG_HOLDS ? LAG_STICKS : LAG_SLIPS;
+        if (what < 0)
+            continue;
+        sw->report |= sw->reported[5 * i + what];
+        if (what == LAG_CLOSES && sw->came_to_rest[i]) {
+            what = LAG_REST;
+            at = rest_time(sw->recent + 3 * i);
+        }
+        lag_log(run, at, what, i, v, v, NULL, 0.0, 0.0);
+    }
+    memset(sw->came_to_rest, 0, (size_t)sw->rows * sizeof(int));
+    memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
+}
+
+/* The modes that follow from the accelerations; a contact that has just opened and would close at once
+ * stays closed. */
+static int choose_modes(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    const double t = run->step.t, *y = run->step.y;
+    for (int again = 0;; ++again) {
+        states_of(run, sw->state);
+        memcpy(sw->trial_mode, sw->mode, (size_t)sw->rows * sizeof(int));
+        sw->found = lag_settle(run, t, y, sw->state, sw->trial_mode, sw->trial_force, sw->acceleration);
+        if (sw->found < 0)
+            return LAG_UNDEFINED;
+        if (sw->found != LAG_ONE_MOTION)
+            return sw->found == LAG_NO_MOTION ? LAG_NO_MODE : LAG_TWO_MODES;
+        int closes = 0;
+        for (int i = 0; i < sw->rows; ++i) {
+            const double a = lag_along(run, i, sw->acceleration);
+            if (sw->ended[i] == FORCE_ENDED && a - sw->gamma[i] < -FALLS_BACK * (fabs(a) + fabs(sw->gamma[i]))) {
+                sw->ended[i] = NOTHING_ENDED;
+                closes = 1;
+            }
+        }
+        if (!closes || again)
+            break;
+    }
+    memcpy(sw->mode, sw->trial_mode, (size_t)sw->rows * sizeof(int));
+    memcpy(sw->force, sw->trial_force, (size_t)sw->rows * sizeof(double));
+    sw->acting = sw->nf > 0;
+    for (int i = 0; i < sw->rows; ++i)
+        sw->acting |= sw->mode[i] != LAG_OPEN;
+    return LAG_RUNNING;
+}
+
+/* Take the state at which conditions are, but for those that have just changed. */
+static int update_conditions(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    for (int c = 0; c < sw->conditions + sw->force_conditions; ++c) {
+        lag_condition *condition = sw->condition + c;
+        const double value = lag_condition_value(run, c, run->step.t, run->step.y);
+        if (isnan(value))
+            return LAG_UNDEFINED;
+        const int holds = value >= 0.0;
+        if (holds == condition->holds || (condition->happened && !(sw->moved && !holds)))
+            continue;
+        if (sw->begun && sw->moved && holds) { /* an action has made it true */
+            condition->happened = 1;
+            sw->report = 1;
+        }
+        condition->holds = holds;
+    }
+    sw->moved = 0;
+    return LAG_RUNNING;
+}
+
+/* Begin anew in the modes found. The step goes on with its size unless the accelerations jump. */
+static int restart(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    const int nq = run->system.nq, n = lag_size(&run->system);
+    double *change = run->step.trial;
+    run->method = run->stepped = sw->acting ? &lag_dop853 : sw->chosen;
+    run->step.error_old = LEAST_ERROR;
+    run->stiffness.stiff = run->stiffness.not_stiff = 0;
+    run->watch.cancellation.last = 0.0;
+    lag_restart(run);
+    memset(change, 0, (size_t)n * sizeof(double));
+    for (int i = 0; i < nq; ++i)
+        change[nq + i] = -run->step.f[nq + i];
+    if (lag_derivative(run, run->step.t, run->step.y, run->step.f))
+        return LAG_UNDEFINED;
+    lag_sizes_update(run);
+    for (int i = 0; i < nq; ++i)
+        change[nq + i] = run->step.h * (change[nq + i] + run->step.f[nq + i]);
+    if (lag_scaled_norm(run, change, run->step.y, run->step.y) > 1.0 && run->step.t < run->step.t_end)
+        lag_first_step(run, run->method->order);
+    return lag_watch_modes(run, run->step.t, run->step.y, run->step.f);
+}
+
+int lag_do_instant(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    const double t = run->step.t;
+    double *y = run->step.y;
+    int status = LAG_RUNNING;
+    if (sw->report) { /* the user's actions come first */
+        sw->report = 0;
+        return LAG_HAPPENED;
+    }
+    for (;;) {
+        if (!lag_log_has_room(run))
+            return LAG_BLOCK_FULL;
+        if (++sw->rounds > ROUNDS)
+            return LAG_ENDLESS;
+        if (lag_find_rows(run, t, y))
+            return LAG_UNDEFINED;
+        if (collides(run)) {
+            status = collide(run);
+            if (status != LAG_RUNNING)
+                return status;
+            continue;
+        }
+        status = choose_modes(run);
+        if (status == LAG_RUNNING && run->projection.active)
+            status = lag_project(run, t, y);
+        if (status != LAG_RUNNING)
+            return status;
+        if (sw->begun)
+            log_changes(run);
+        if ((status = update_conditions(run)) != LAG_RUNNING)
+            return status;
+        lag_log_modes(run);
+        if (!sw->report)
+            break;
+        sw->report = 0;
+        return LAG_HAPPENED;
+    }
+    sw->due = 0;
+    if (!sw->begun) {
+        sw->begun = 1;
+        memcpy(sw->first_mode, sw->mode, (size_t)sw->rows * sizeof(int));
+        memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
+        return LAG_RUNNING; /* lag_start does the rest */
+    }
+    status = restart(run);
+    return status == LAG_RUNNING ? lag_sample_until(run, t) : status;
+}
+
+int lag_begin_modes(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    if (!sw->begun && !sw->due) {
+        sw->due = 1;
+        sw->rounds = 0;
+        memcpy(sw->before, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
+        for (int i = 0; i < 3 * sw->rows; ++i)
+            sw->recent[i] = NAN;
+    }
+    return sw->due ? lag_do_instant(run) : LAG_RUNNING;
+}

@@ -1,0 +1,18 @@
+/* Instants: what happens where a mode ends. */
+#ifndef LAGCLI_INSTANT_H
+#define LAGCLI_INSTANT_H
+
+#include "run.h"
+
+/* Find the modes at the start of a run. Returns a lag_status. */
+int lag_begin_modes(lag_run *run);
+
+/* After an accepted step: end it at the first instant in it, if there is one, with the samples before.
+ * Returns LAG_RUNNING; sw->due says whether an instant is to be done; or another status. */
+int lag_look_for_instant(lag_run *run);
+
+/* Do what is due at (run->step.t, run->step.y), and begin anew there. Returns LAG_RUNNING; LAG_HAPPENED where the
+ * program that drives the run has something to do before; or what went wrong. */
+int lag_do_instant(lag_run *run);
+
+#endif

@@ -1,0 +1,38 @@
+#include "switching/log.h"
+
+#include <string.h>
+
+#define HEAD 6 /* numbers before the modes: time, occurrence, row, loss, supplied, work */
+
+int lag_log_has_room(const lag_run *run)
+{
+    const lag_switching *sw = &run->switching;
+    return sw->log_used + 4 * sw->rows + 1 <= sw->log_rows;
+}
+
+void lag_log(lag_run *run, double t, enum lag_occurrence what, int row, const double *before,
+             const double *after, const double *impulse, double loss, double supplied)
+{
+    lag_switching *sw = &run->switching;
+    const size_t nq = (size_t)run->system.nq, nc = (size_t)sw->nc, modes = (size_t)sw->exported;
+    double *entry = sw->log + (size_t)sw->log_used++ * (HEAD + modes + 3 * nq + nc);
+    const double head[HEAD] = {t, what, sw->constraint[row], loss, supplied, 0.0};
+    memcpy(entry, head, sizeof head);
+    entry += HEAD + modes;
+    memcpy(entry, run->step.y, nq * sizeof(double));
+    memcpy(entry + nq, before, nq * sizeof(double));
+    memcpy(entry + 2 * nq, after, nq * sizeof(double));
+    if (impulse)
+        memcpy(entry + 3 * nq, impulse, nc * sizeof(double));
+    else
+        memset(entry + 3 * nq, 0, nc * sizeof(double));
+}
+
+void lag_log_modes(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    const int width = HEAD + sw->exported + 3 * run->system.nq + sw->nc;
+    for (; sw->log_open < sw->log_used; ++sw->log_open)
+        for (int i = 0; i < sw->exported; ++i)
+            sw->log[sw->log_open * width + HEAD + i] = sw->mode[i];
+}

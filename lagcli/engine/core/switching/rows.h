@@ -1,0 +1,37 @@
+/* Rows at a state, and the forces by which they act. */
+#ifndef LAGCLI_ROWS_H
+#define LAGCLI_ROWS_H
+
+#include "run.h"
+
+/* Whether a row acts: it holds or slips. */
+int lag_row_acts(const lag_switching *sw, int row);
+
+/* The direction in which a row slips: 1, -1, or 0. */
+int lag_row_slips(const lag_switching *sw, int row);
+
+/* phi, psi, gamma and B of all rows. Returns 0, or 1 where they are not finite. */
+int lag_find_rows(lag_run *run, double t, const double *y);
+
+/* B x of a row, x (nq). */
+double lag_along(const lag_run *run, int row, const double *x);
+
+/* U of a row, or of a force (rows + number), by the factors at hand, to its place; returns that. */
+const double *lag_row_response(lag_run *run, int k);
+
+/* Evaluate a tape of (t, q, v, a, lambda, p), lambda of all constraints. */
+void lag_evaluate_forces(const lag_run *run, const lag_tape *tape, double t, const double *y,
+                         const double *a, const double *multipliers);
+
+/* lambda of all constraints, from those of the system and the rows' forces z. */
+void lag_gather_multipliers(const lag_run *run, const double *of_system, const double *z, double *out);
+
+/* x of least norm with A x = b as well as possible, A positive semidefinite, n by n. memory: 3 n n + 3 n.
+ * Returns A's rank. */
+int lag_least_norm(int n, const double *matrix, const double *b, double *x, double *memory);
+
+/* Add what the rows that act and the forces that depend on multipliers do to a and lambda, as they have
+ * been found without; and to the power. Returns 0, or 1 where that is undefined. */
+int lag_add_forces(lag_run *run, double t, const double *y, double *power);
+
+#endif

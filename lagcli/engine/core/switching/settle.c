@@ -1,0 +1,279 @@
+#include "switching/settle.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "motion.h"
+#include "switching/rows.h"
+
+#define NO_SPEED 1e-11      /* of the largest terms of psi so far: what counts as no velocity ... */
+#define NO_SPEED_OF_GAP 1e-3 /* ... and of the gap that counts as none, a second */
+#define GAINED 1e-9         /* of the terms of the energy: what an impact may gain by rounding */
+#define ROUNDING_ERROR 4e-15 /* of the terms of accelerations and velocities of rows */
+#define FORCE_STEPS 50      /* iterations for forces that depend on multipliers */
+#define FORCE_EXACT 1e-13
+
+double lag_no_gap(const lag_switching *sw, int row)
+{
+    return sw->closed * sw->size[row];
+}
+
+double lag_no_speed(const lag_switching *sw, int row)
+{
+    return NO_SPEED * sw->speed[row] + NO_SPEED_OF_GAP * lag_no_gap(sw, row);
+}
+
+/* Arrays for a problem of rows + nf at most, in sw->contacts. */
+typedef struct {
+    double *matrix, *offset, *rounding, *limit[2], *slope[2], *force[2], *motion[2], *extra;
+    int *law, *mode[2], *rows;
+} problem_arrays;
+
+static problem_arrays arrays_of(lag_switching *sw)
+{
+    problem_arrays p;
+    const int n = sw->rows + sw->nf;
+    double *next = sw->contacts;
+    int *integers = sw->integers;
+    p.matrix = next, next += n * n;
+    for (int i = 0; i < 2; ++i) {
+        p.slope[i] = next, next += n * n;
+        p.limit[i] = next, next += n;
+        p.force[i] = next, next += n;
+        p.motion[i] = next, next += n;
+        p.mode[i] = integers, integers += n;
+    }
+    p.offset = next, next += n;
+    p.rounding = next, next += n;
+    p.extra = next;
+    p.law = integers, integers += n;
+    p.rows = integers;
+    return p;
+}
+
+/* Limits as functions of the multipliers' magnitudes: constants, and slopes by the rows listed. */
+static void limits_of(lag_run *run, double t, const double *y, const double *a, int n, problem_arrays *p)
+{
+    lag_switching *sw = &run->switching;
+    const lag_tape *tape = &sw->limits;
+    for (int part = 0; part < 2; ++part)
+        memset(p->slope[part], 0, (size_t)n * n * sizeof(double));
+    if (!sw->nl)
+        return;
+    memset(sw->multipliers, 0, (size_t)sw->nc * sizeof(double));
+    lag_evaluate_forces(run, tape, t, y, a, sw->multipliers);
+    for (int i = 0; i < n; ++i)
+        for (int part = 0; part < 2; ++part)
+            if (sw->limit[p->rows[i]] >= 0)
+                p->limit[part][i] = OUT(tape, part * sw->nl + sw->limit[p->rows[i]]);
+    for (int i = 0; i < sw->rows; ++i)
+        sw->multipliers[sw->constraint[i]] = sw->sign[i];
+    lag_evaluate_forces(run, tape, t, y, a, sw->multipliers);
+    for (int k = 0; k < sw->pattern_count; ++k)
+        for (int i = 0; i < n; ++i)
+            for (int j = 0; j < n; ++j)
+                if (sw->limit[p->rows[i]] == sw->pattern_limit[k] && p->rows[j] == sw->pattern_row[k])
+                    for (int part = 0; part < 2; ++part)
+                        p->slope[part][i * n + j] =
+                            sw->sign[p->rows[j]]
+                            * OUT(tape, 2 * sw->nl + part * sw->pattern_count + k);
+}
+
+/* A of the rows listed; their responses are at hand afterwards. */
+static void matrix_of(lag_run *run, int n, const int *rows, double *matrix)
+{
+    for (int j = 0; j < n; ++j) {
+        const double *u = lag_row_response(run, rows[j]);
+        for (int i = 0; i < n; ++i)
+            matrix[i * n + j] = lag_along(run, rows[i], u);
+    }
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < i; ++j)
+            matrix[i * n + j] = matrix[j * n + i] = 0.5 * (matrix[i * n + j] + matrix[j * n + i]);
+}
+
+/* Rows that take part in an acceleration problem. */
+static int list(const lag_switching *sw, const int *state, int *rows, int *law)
+{
+    int n = 0;
+    for (int i = 0; i < sw->rows; ++i) {
+        if (!sw->active[i] || (sw->law[i] == LAG_UNILATERAL && state[i] == LAG_APART))
+            continue;
+        law[n] = sw->law[i];
+        if (sw->law[i] == LAG_LIMITED) {
+            const int normal = sw->normal[i];
+            if (normal >= 0 && (!sw->active[normal]
+                                || (sw->law[normal] == LAG_UNILATERAL && state[normal] == LAG_APART)))
+                continue;
+            const double speed = lag_no_speed(sw, i);
+            if (state[i] == LAG_GOES_FORWARD || (state[i] == LAG_AT_REST && sw->psi[i] > speed))
+                law[n] = LAG_FORWARD;
+            else if (state[i] == LAG_GOES_BACKWARD || (state[i] == LAG_AT_REST && sw->psi[i] < -speed))
+                law[n] = LAG_BACKWARD;
+        }
+        rows[n++] = i;
+    }
+    return n;
+}
+
+int lag_settle(lag_run *run, double t, const double *y, const int *state, int *mode, double *force, double *a)
+{
+    lag_switching *sw = &run->switching;
+    const int nq = run->system.nq, size = nq + run->system.nc;
+    problem_arrays p = arrays_of(sw);
+    double power, *free = p.extra, *present = sw->force + sw->rows;
+    if (lag_find_rows(run, t, y) || lag_accelerate_system(run, t, y, 0, &power) || lag_factor(run, t, y))
+        return -1;
+    --run->step.evaluations;
+    memcpy(free, run->solver.a, (size_t)size * sizeof(double));
+    const int n = list(sw, state, p.rows, p.law);
+    matrix_of(run, n, p.rows, p.matrix);
+    for (int k = 0; k < sw->nf; ++k)
+        lag_row_response(run, sw->rows + k);
+    limits_of(run, t, y, free, n, &p);
+    const lag_contacts problem = {
+        .n = n, .matrix = p.matrix, .offset = p.offset, .law = p.law,
+        .static_limit = p.limit[0], .static_slope = p.slope[0],
+        .kinetic_limit = p.limit[1], .kinetic_slope = p.slope[1], .rounding = p.rounding,
+    };
+    lag_contact_motion first = {p.force[0], p.motion[0], p.mode[0]};
+    lag_contact_motion second = {p.force[1], p.motion[1], p.mode[1]};
+    int found = LAG_ONE_MOTION, guess = 1;
+    for (int i = 0; i < n; ++i)
+        p.mode[0][i] = p.law[i] == LAG_FORWARD    ? LAG_SLIPS_FORWARD
+                       : p.law[i] == LAG_BACKWARD ? LAG_SLIPS_BACKWARD
+                       : p.law[i] == LAG_FREE     ? LAG_HOLDS
+                                                  : mode[p.rows[i]];
+    for (int iteration = 0; iteration < FORCE_STEPS; ++iteration) {
+        memcpy(a, free, (size_t)nq * sizeof(double));
+        memcpy(run->solver.a, free, (size_t)size * sizeof(double));
+        for (int k = 0; k < sw->nf; ++k) {
+            const double *u = sw->response + (sw->rows + k) * size;
+            for (int i = 0; i < size; ++i)
+                run->solver.a[i] += present[k] * u[i];
+        }
+        for (int i = 0; i < n; ++i) {
+            const int row = p.rows[i];
+            p.offset[i] = lag_along(run, row, run->solver.a) - sw->gamma[row];
+            p.rounding[i] = fabs(sw->gamma[row]);
+            for (int j = 0; j < nq; ++j)
+                p.rounding[i] += fabs(sw->jacobian[row * nq + j] * run->solver.a[j]);
+            p.rounding[i] *= ROUNDING_ERROR;
+        }
+        int *before = p.rows + n; /* room for the present modes */
+        memcpy(before, p.mode[0], (size_t)n * sizeof(int));
+        if (n)
+            found = lag_solve_contacts(&problem, guess ? before : NULL, sw->memory, &first, &second);
+        if (n && found != LAG_ONE_MOTION)
+            break;
+        memset(force, 0, (size_t)sw->rows * sizeof(double));
+        for (int j = 0; j < n; ++j) {
+            const double *u = sw->response + p.rows[j] * size;
+            force[p.rows[j]] = first.force[j];
+            for (int i = 0; i < size; ++i)
+                run->solver.a[i] += first.force[j] * u[i];
+        }
+        memcpy(a, run->solver.a, (size_t)nq * sizeof(double));
+        if (!sw->nf)
+            break;
+        double change = 0.0, largest = 0.0;
+        lag_gather_multipliers(run, run->solver.a + nq, force, sw->multipliers);
+        lag_evaluate_forces(run, &sw->forces, t, y, a, sw->multipliers);
+        for (int k = 0; k < sw->nf; ++k) {
+            const double now = OUT(&sw->forces, k);
+            change = fmax(change, fabs(now - present[k]));
+            largest = fmax(largest, fabs(now));
+            present[k] = now;
+        }
+        if (change <= FORCE_EXACT * largest)
+            break;
+    }
+    for (int i = 0; i < sw->rows; ++i)
+        mode[i] = LAG_OPEN;
+    for (int i = 0; i < n; ++i)
+        mode[p.rows[i]] = first.mode[i];
+    return found;
+}
+
+int lag_collide(lag_run *run, double t, double *y, const int *plastic, lag_impact_report *report)
+{
+    lag_switching *sw = &run->switching;
+    const lag_system *s = &run->system;
+    const int nq = s->nq, size = nq + s->nc;
+    problem_arrays p = arrays_of(sw);
+    double *restitution = p.limit[0], *friction = p.slope[0], *added = p.extra;
+    int n = 0;
+    lag_evaluate(&s->dynamics, s, t, y, LAG_ALL);
+    if (lag_find_rows(run, t, y) || lag_factor(run, t, y))
+        return -1;
+    lag_evaluate(&sw->impact, s, t, y, LAG_ALL);
+    for (int i = 0; i < sw->rows; ++i) {
+        const int normal = sw->normal[i];
+        const double coefficient = sw->friction[i] < 0 ? 0.0 : OUT(&sw->impact, sw->friction[i]);
+        report->impulse[i] = report->loss[i] = 0.0;
+        if (sw->law[i] == LAG_UNILATERAL)
+            report->takes_part[i] = sw->active[i] && (sw->phi[i] <= lag_no_gap(sw, i) || sw->mode[i] == LAG_HOLDS)
+                                    && sw->psi[i] <= lag_no_speed(sw, i);
+        else if (sw->law[i] == LAG_FREE)
+            report->takes_part[i] = sw->active[i];
+        else
+            report->takes_part[i] = sw->active[i] && coefficient > 0.0 && normal >= 0;
+    }
+    for (int i = 0; i < sw->rows; ++i) {
+        if (sw->law[i] == LAG_LIMITED && report->takes_part[i])
+            report->takes_part[i] = report->takes_part[sw->normal[i]];
+        if (report->takes_part[i])
+            p.rows[n++] = i;
+    }
+    matrix_of(run, n, p.rows, p.matrix);
+    memset(friction, 0, (size_t)n * n * sizeof(double));
+    for (int i = 0; i < n; ++i) {
+        const int row = p.rows[i];
+        p.law[i] = plastic[row] ? LAG_FREE : sw->law[row];
+        p.offset[i] = sw->psi[row];
+        p.rounding[i] = ROUNDING_ERROR * sw->speed[row];
+        restitution[i] = sw->restitution[row] < 0 ? 0.0 : OUT(&sw->impact, sw->restitution[row]);
+        for (int j = 0; j < n; ++j)
+            if (sw->law[row] == LAG_LIMITED && p.rows[j] == sw->normal[row])
+                friction[i * n + j] = OUT(&sw->impact, sw->friction[row]);
+    }
+    const lag_impact impact = {.n = n, .matrix = p.matrix, .before = p.offset, .law = p.law,
+                               .restitution = restitution, .friction = friction, .rounding = p.rounding};
+    lag_impact_result result = {p.force[0], p.motion[0], p.force[1]};
+    const int found = lag_solve_impact(&impact, sw->law_of_impact, sw->memory, &result);
+    if (found == LAG_NO_MOTION)
+        return found;
+    memset(added, 0, (size_t)size * sizeof(double));
+    double lost = 0.0, terms = 0.0;
+    for (int j = 0; j < n; ++j) {
+        const int row = p.rows[j];
+        const double *u = sw->response + row * size;
+        report->impulse[row] = result.impulse[j];
+        report->loss[row] = result.loss[j];
+        lost += result.loss[j];
+        terms += fabs(result.impulse[j]) * (fabs(p.offset[j]) + fabs(result.after[j]));
+        for (int i = 0; i < size; ++i)
+            added[i] += u[i] * result.impulse[j];
+    }
+    report->gained = lost < -GAINED * terms ? -lost : 0.0;
+    lag_gather_multipliers(run, added + nq, report->impulse, report->all);
+    /* the power of an impulse is that of the mean velocity */
+    report->supplied = report->work = 0.0;
+    for (int j = 0; j < n; ++j) {
+        const int row = p.rows[j];
+        const double along = lag_along(run, row, y + nq) + 0.5 * lag_along(run, row, added);
+        report->supplied -= report->impulse[row] * sw->drift[row];
+        report->work += report->impulse[row] * along;
+    }
+    for (int i = 0; i < s->nb; ++i) {
+        const int column = s->jacobian_column[i];
+        const double part = added[nq + s->jacobian_row[i]] * OUT(&s->dynamics, lag_first_jacobian(s) + i)
+                            * (y[nq + column] + 0.5 * added[column]);
+        report->supplied += part;
+        report->work += part;
+    }
+    for (int i = 0; i < nq; ++i)
+        y[nq + i] += added[i];
+    y[2 * nq] += report->work;
+    return found;
+}

@@ -1,0 +1,37 @@
+/* Contact problems of a run: which rows hold, and impacts. */
+#ifndef LAGCLI_SETTLE_H
+#define LAGCLI_SETTLE_H
+
+#include "run.h"
+
+/* What is known of a row at an instant before the problem is solved. */
+enum lag_row_state {
+    LAG_APART,              /* it takes no part */
+    LAG_AT_REST,            /* it may hold */
+    LAG_GOES_FORWARD,       /* it begins to slip */
+    LAG_GOES_BACKWARD,
+    LAG_STOPS,              /* it has slipped until now */
+};
+
+/* Solve for the modes at (t, y): to `mode` (rows), the forces z to `force`, and the accelerations to a (nq).
+ * Returns what lag_solve_contacts does, or -1 where something is undefined. */
+int lag_settle(lag_run *run, double t, const double *y, const int *state, int *mode, double *force, double *a);
+
+/* What an impact has done; rows each. */
+typedef struct {
+    int *takes_part;
+    double *impulse, *loss;
+    double *all;            /* of all constraints */
+    double supplied, work;  /* by moving constraints; all that changes the energy */
+    double gained;          /* more energy than there was, beyond rounding; else 0 */
+} lag_impact_report;
+
+/* The impact at (t, y) of rows that take part; those that are `plastic` end
+ * at rest. Changes the velocities in y. */
+int lag_collide(lag_run *run, double t, double *y, const int *plastic, lag_impact_report *report);
+
+/* The gap and the velocity of a row that count as none. */
+double lag_no_gap(const lag_switching *sw, int row);
+double lag_no_speed(const lag_switching *sw, int row);
+
+#endif

@@ -1,0 +1,183 @@
+/* What a run switches is made ready. */
+#include <math.h>
+#include <string.h>
+
+#include "bind.h"
+#include "breaks.h"
+#include "motion.h"
+#include "switching/crossing.h"
+#include "switching/log.h"
+#include "switching/rows.h"
+
+static void allocate(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    lag_pool *pool = &run->pool;
+    const int rows = sw->rows, all = rows + sw->nf, nq = run->system.nq, n = 2 * nq + 1;
+    const int size = nq + run->system.nc, conditions = sw->conditions + sw->force_conditions;
+    const int watched = 2 * rows + 2 + conditions;
+    int **lists[] = {&sw->mode, &sw->active, &sw->mode_before, &sw->ended, &sw->state, &sw->trial_mode,
+                     &sw->takes_part, &sw->rests, &sw->came_to_rest, &sw->first_mode};
+    double **by_row[] = {&sw->phi, &sw->psi, &sw->drift, &sw->gamma, &sw->size, &sw->speed,
+                          &sw->trial_force};
+    double **by_state[] = {&sw->saved, &sw->direction, &sw->y, &sw->slope, &sw->before, &sw->start,
+                           &sw->acceleration};
+    for (size_t i = 0; i < sizeof lists / sizeof *lists; ++i)
+        *lists[i] = lag_get(pool, (size_t)rows, sizeof(int));
+    for (size_t i = 0; i < sizeof by_row / sizeof *by_row; ++i)
+        *by_row[i] = lag_doubles(pool, rows);
+    for (size_t i = 0; i < sizeof by_state / sizeof *by_state; ++i)
+        *by_state[i] = lag_doubles(pool, n);
+    sw->jacobian = lag_doubles(pool, (long)rows * nq);
+    sw->response = lag_doubles(pool, (long)all * size);
+    sw->force = lag_doubles(pool, all);
+    sw->matrix = lag_doubles(pool, (long)all * all);
+    sw->lu = lag_doubles(pool, (long)all * all);
+    sw->multipliers = lag_doubles(pool, sw->nc);
+    sw->work = lag_doubles(pool, 2L * size + 7L * all + 5L * all * all);
+    sw->pivots = lag_get(pool, (size_t)all, sizeof(int));
+    sw->acts = lag_get(pool, 2 * (size_t)all, sizeof(int));
+    sw->watched = lag_get(pool, (size_t)watched, sizeof *sw->watched);
+    sw->condition = lag_get(pool, (size_t)conditions, sizeof *sw->condition);
+    sw->values = lag_doubles(pool, watched);
+    sw->times = lag_doubles(pool, watched);
+    sw->node_values = lag_doubles(pool, (long)NODES * watched);
+    sw->impulse = lag_doubles(pool, 2L * rows + sw->nc);
+    sw->contacts = lag_doubles(pool, 3L * all * all + 8L * all + size);
+    sw->integers = lag_get(pool, 5 * (size_t)all, sizeof(int));
+    const size_t one = lag_contact_memory(rows), other = lag_impact_memory(rows);
+    sw->memory = lag_get(pool, one > other ? one : other, 1);
+    sw->recent = lag_doubles(pool, 3L * rows);
+    sw->begin = lag_doubles(pool, nq + sw->nc);
+}
+
+int lag_use_switching(lag_run *run, const lag_switching_rules *given)
+{
+    lag_switching *sw = &run->switching;
+    lag_pool *pool = &run->pool;
+    const int rows = given->rows;
+    *sw = (lag_switching){
+        .rows = rows,
+        .exported = given->exported,
+        .nc = given->nc,
+        .constraint = lag_copy_integers(pool, given->constraint, rows),
+        .base = lag_copy_integers(pool, given->base, run->system.nc),
+        .law = lag_copy_integers(pool, given->law, rows),
+        .limit = lag_copy_integers(pool, given->limit, rows),
+        .normal = lag_copy_integers(pool, given->normal, rows),
+        .place = lag_copy_integers(pool, given->place, rows),
+        .sign = lag_copy_doubles(pool, given->sign, rows),
+        .nb = given->nb,
+        .nh = given->nh,
+        .row = lag_copy_integers(pool, given->row, given->nb),
+        .column = lag_copy_integers(pool, given->column, given->nb),
+        .nl = given->nl,
+        .pattern_count = given->pattern_count,
+        .pattern_limit = lag_copy_integers(pool, given->pattern_limit, given->pattern_count),
+        .pattern_row = lag_copy_integers(pool, given->pattern_row, given->pattern_count),
+        .friction = lag_copy_integers(pool, given->friction, rows),
+        .restitution = lag_copy_integers(pool, given->restitution, rows),
+        .nf = given->nf,
+        .force_count = given->force_count,
+        .force_coordinate = lag_copy_integers(pool, given->force_coordinate, given->nf),
+        .force_row = lag_copy_integers(pool, given->force_row, given->force_count),
+        .force_constraint = lag_copy_integers(pool, given->force_constraint, given->force_count),
+        .conditions = given->conditions,
+        .force_conditions = given->force_conditions,
+        .reported = lag_copy_integers(pool, given->reported, 5L * rows),
+        .law_of_impact = given->law_of_impact,
+        .closed = given->closed,
+        .chosen = run->method,
+        .log = given->log,
+        .log_rows = given->log_rows,
+        .used = 1,
+    };
+    allocate(run);
+    if (pool->failed || lag_bind(run, pool, &sw->functions, &given->functions)
+        || lag_bind(run, pool, &sw->limits, &given->limits) || lag_bind(run, pool, &sw->impact, &given->impact)
+        || lag_bind(run, pool, &sw->forces, &given->forces)
+        || lag_bind(run, pool, &sw->condition_tape, &given->condition_functions)
+        || lag_bind(run, pool, &sw->force_condition_tape, &given->force_condition_functions))
+        return 1;
+    lag_bernstein_matrix(sw->to_bernstein);
+    sw->acting = sw->nf > 0;
+    for (int i = 0; i < rows; ++i)
+        sw->active[i] = given->active[i];
+    for (int i = 0; i < sw->conditions + sw->force_conditions; ++i) {
+        sw->condition[i].either = given->either[i];
+        sw->condition[i].time = given->time[i];
+    }
+    return 0;
+}
+
+void lag_set_parameters(lag_run *run, const double *parameters)
+{
+    memcpy(run->parameters, parameters, (size_t)run->np * sizeof(double));
+    lag_renew_tapes(run);
+    run->switching.moved = 1;
+}
+
+void lag_place(lag_run *run, const double *y)
+{
+    memcpy(run->step.y, y, (2 * (size_t)run->system.nq + 1) * sizeof(double));
+    memset(run->switching.ended, 0, (size_t)run->switching.rows * sizeof(int));
+    run->switching.moved = 1;
+}
+
+void lag_activate(lag_run *run, int row, int active)
+{
+    lag_switching *sw = &run->switching;
+    sw->active[row] = active;
+    sw->ended[row] = 0;
+    if (!active)
+        sw->mode[row] = sw->mode_before[row] = LAG_OPEN;
+}
+
+int lag_push(lag_run *run, const double *impulse)
+{
+    const int nq = run->system.nq;
+    double *y = run->step.y, *work = run->switching.response, sum = 0.0;
+    if (run->switching.rows + run->switching.nf == 0)
+        work = run->switching.work;
+    if (lag_factor(run, run->step.t, y))
+        return LAG_UNDEFINED;
+    lag_respond(run, impulse, work);
+    for (int i = 0; i < nq; ++i)
+        sum += impulse[i] * (y[nq + i] + 0.5 * work[i]);
+    for (int i = 0; i < nq; ++i)
+        y[nq + i] += work[i];
+    y[2 * nq] += sum;
+    run->switching.moved = 1;
+    return LAG_RUNNING;
+}
+
+lag_instant_report lag_instant_of(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    return (lag_instant_report){run->step.t, run->step.y, sw->mode, sw->active, sw->phi, sw->psi,
+                                sw->trial_force, sw->gained, sw->found, sw->begun, sw->first_mode,
+                                sw->begin, sw->begin + run->system.nq};
+}
+
+int lag_condition_happened(lag_run *run, int which)
+{
+    lag_condition *c = run->switching.condition + which;
+    const int now = c->happened == 1;
+    if (now)
+        c->happened = 2;
+    return now;
+}
+
+int lag_condition_holds(const lag_run *run, int which)
+{
+    return run->switching.condition[which].holds;
+}
+
+long lag_take_log(lag_run *run)
+{
+    lag_switching *sw = &run->switching;
+    lag_log_modes(run);
+    const long used = sw->log_used;
+    sw->log_used = sw->log_open = 0;
+    return used;
+}

@@ -1,0 +1,416 @@
+"""A run of the compiled engine: steps with projection in C, driven from here.
+
+The core runs in slices and comes back when it is done, when its sample block is full, when a slice
+is over (for interrupts, progress and limits), and when something needs a decision: a singular
+configuration ahead or inside the last step, a state without finite values, a step size at its
+floor. What is then done is the same code as the reference engine's.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.engine.contract import (
+    Block,
+    Event,
+    IntegrationRequest,
+    Limits,
+    Outcome,
+    Stop,
+    Stopped,
+    Undefined,
+    breaks_of,
+    outcome,
+)
+from lagcli.engine.core import binding
+from lagcli.engine.core.status import Status
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.integrate.methods import Methods
+from lagcli.engine.integrate.prepared import (
+    STEPS_TO_UNROLL,
+    Prepared,
+    find_elimination,
+    prepare,
+    unrolled,
+)
+from lagcli.engine.linear.unrolling import unroll
+from lagcli.engine.state import State
+from lagcli.engine.system import System
+
+if TYPE_CHECKING:
+    from lagcli.engine.constraints.index1 import Index1
+    from lagcli.engine.constraints.projection import Projection
+    from lagcli.engine.constraints.singular import RankWatch
+    from lagcli.engine.linear.elimination import Elimination
+
+
+#: Seconds that a slice of steps should take: what an interrupt waits for.
+_SLICE = 0.03
+#: Seconds that a step takes at most for each operation of the equations, before it is known.
+_MOST_SECONDS = 1e-6
+#: How many times longer than the last a slice may become: the first steps are no measure of others.
+_GROWTH = 16
+#: States for an order of elimination, beyond which the dense solution helps where it fails.
+_MOST_STATES = 20
+
+
+class Integration:
+    """One run: the core, made ready for it, where its samples go, and what decides for it.
+
+    Parameters
+    ----------
+    system, request, sink, progress
+        As in the contract.
+    for_batch : bool
+        Whether what is in use after the run is for lanes, which refine no solutions.
+
+    Attributes
+    ----------
+    in_use : Prepared
+        How a and λ are solved for; after the run, what has sufficed for the last of it.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        request: IntegrationRequest,
+        sink: Callable[[Block], None],
+        progress: Callable[[float], None] | None,
+        *,
+        for_batch: bool = False,
+    ):
+        self.system, self.request, self.sink = system, request, sink
+        self.settings = request.settings
+        self.progress = progress or (lambda t: None)
+        self.evaluator = Evaluator(system, request.state.p)
+        self.nq = len(system.coordinates)
+        self.redundant = request.rank < len(system.constraints)
+        self.last_near = -1
+        self.states: list[State] = [request.state]
+        prepared = self.prepared()
+        projecting = self.settings.formulation == "projection"
+        start = request.state
+        c = self.evaluator.constraints(start.t, start.q, start.v)
+        sizes = self.evaluator.sizes(start.t, start.q, start.v)
+        # a negative damping asks the core for that of the step
+        alpha = -1.0 if self.settings.alpha is None else self.settings.alpha
+        self.core = self.integrator(
+            system,
+            prepared.constraint,
+            start,
+            self.settings.t_end,
+            request.times,
+            sizes,
+            self.evaluator.row_lengths(c, start.q, start.v, sizes),
+            self.evaluator.row_lengths(c, start.q, start.v, np.ones(self.nq)),
+            request.rank,
+            self.settings.rtol,
+            request.tolerances,
+            request.kind_of,
+            self.settings.max_step,
+            projecting,
+            0 if not request.rank else 1 if self.settings.through_singular else 2,
+            alpha,
+            alpha if self.settings.beta is None else self.settings.beta,
+            self.settings.formulation == "baumgarte",
+            self.settings.method == "auto" and system.variation is not None,
+            not for_batch,
+            max(1, min(request.block_rows, len(request.times))),
+        )
+        self.use(prepared)
+        self.reordered = math.nan
+        self.methods = Methods(self.core, system, request, self.no_series)
+        if request.on_event is not None and system.events is not None:
+            self.core.watch_events(system.events)
+        breaks = breaks_of(system, request)
+        if len(breaks):
+            self.core.end_steps_at(breaks)
+
+    def integrator(self, *arguments: Any) -> binding.Integrator:
+        """Return the core for the arguments of `binding.Integrator`."""
+        return binding.Integrator(*arguments)
+
+    def prepared(self) -> Prepared:
+        """Return the programs to begin with; redundant constraints have no order of elimination."""
+        order = self.request.elimination
+        if self.redundant:
+            order = None
+        elif order is None:
+            order = find_elimination(self.evaluator, self.states)
+        return self.ready(order, self.request.prepared)
+
+    def ready(self, order: Elimination | None, known: Prepared | None) -> Prepared:
+        """Return the programs for an order, or for none; what is known of others is taken over."""
+        prepared = prepare(self.system, order, known)
+        # power series are those of the unrolled operations
+        return unrolled(self.system, prepared) if self.settings.method == "Taylor" else prepared
+
+    def use(self, prepared: Prepared) -> None:
+        """Solve for a and λ in a way."""
+        self.in_use = prepared
+        if prepared.elimination is None:
+            self.core.use_dense(prepared.dynamics)
+        else:
+            self.core.use_elimination(prepared.dynamics, prepared.elimination, prepared.unrolled)
+        # a step count, not a time: runs are the same on every machine
+        self.unroll_at = math.inf
+        if prepared.worth_unrolling:
+            self.unroll_at = self.core.counts[0] + STEPS_TO_UNROLL
+        self.no_series = self.expand(prepared) if self.settings.method == "Taylor" else ""
+
+    def expand(self, prepared: Prepared) -> str:
+        """Make Taylor's method ready; return why there are no power series, if there are none."""
+        from lagcli.engine.taylor.expansion import NotAnalytic
+        from lagcli.engine.taylor.series import depending_on_time, expand, order_for
+
+        system = self.system
+        if prepared.elimination is None:
+            return "their linear system is solved densely"
+        if not prepared.unrolled:
+            return "they are too long"
+        staying = self.settings.formulation == "projection"
+        working = depending_on_time(system) if staying else range(len(system.constraints))
+        tape = unroll(system, prepared.elimination)
+        try:
+            self.core.use_series(expand(system, tape, order_for(self.settings.rtol), working))
+        except NotAnalytic:
+            return "functions with kinks or jumps have no power series"
+        return ""
+
+    def reorder(self) -> None:
+        """Find an order that suits the end of the step that failed too; else take it densely.
+
+        It comes to this only where refined solutions are not accurate enough either.
+        """
+        core = self.core
+        again, self.reordered = self.reordered == core.t, core.t
+        if not again and len(self.states) <= _MOST_STATES:
+            self.states.append(self.evaluator.state(core.t, *self.split(core.state)))
+            self.states.append(self.evaluator.state(core.t_bad, *self.split(core.y_bad)))
+            found = find_elimination(self.evaluator, self.states)
+            if not self.in_use.serves(found):
+                self.use(self.ready(found, self.in_use))
+                core.size_again()
+                return
+        core.allow_dense(1)
+        core.size_again()
+
+    # made when needed: most runs need none of it
+
+    @cached_property
+    def motion(self) -> Index1:
+        """The right-hand side in Python, for what is rare."""
+        from lagcli.engine.constraints.index1 import Index1
+
+        motion = Index1(self.evaluator, self.request.rank)
+        start = self.request.state
+        motion.measure(start.t, start.q, start.v)
+        return motion
+
+    @cached_property
+    def projection(self) -> Projection:
+        """The projection in Python, for what is rare."""
+        from lagcli.engine.constraints.projection import Projection
+
+        return Projection(self.evaluator, self.request.rank)
+
+    @cached_property
+    def watch(self) -> RankWatch:
+        """What decides whether a configuration is singular."""
+        from lagcli.engine.constraints.singular import RankWatch
+
+        watch = RankWatch(self.motion)
+        watch.add(self.request.state.t, self.request.state.y)
+        return watch
+
+    def split(self, y: Array) -> tuple[Array, Array]:
+        """Return q and v."""
+        return y[: self.nq], y[self.nq : 2 * self.nq]
+
+    # the run
+
+    def run(self) -> Outcome:
+        """Integrate, once."""
+        run = outcome(self.integrate)
+        run.message = "; ".join(filter(None, [run.message, self.methods.message()]))
+        self.collect()
+        run.steps, run.rejected, run.evaluations = self.core.counts
+        run.methods, run.tolerances = self.methods.used, self.core.absolute_tolerances
+        return run
+
+    def integrate(self) -> None:
+        """Integrate; a run that cannot be completed raises `Stop`."""
+        request, core = self.request, self.core
+        limits = Limits(self.settings)
+        if self.redundant:
+            start = request.state
+            self.watch.check_start(start.t, start.q, start.v, self.projection)
+            self.check_redundancy()
+        self.handle_status(core.start())
+        # a step of a large model may take as long as a slice should
+        most_seconds = _MOST_SECONDS * (1 + len(self.system.dynamics.code))
+        slice_ = min(max(1, int(_SLICE / most_seconds)), _GROWTH)
+        while True:
+            steps = core.counts[0]
+            limits.check(core.t, steps)
+            started = time.monotonic()
+            until = min(self.settings.max_steps, self.unroll_at) - steps
+            most = int(min(slice_, until, self.methods.most_steps()))
+            status = core.advance(most)
+            taken = time.monotonic() - started
+            self.methods.count()
+            if self.handle_status(status):
+                return
+            if status == Status.RUNNING:
+                slice_ = max(1, min(_GROWTH * slice_, int(most * _SLICE / max(taken, 1e-6))))
+                self.methods.review()
+                if core.counts[0] >= self.unroll_at:
+                    self.use(unrolled(self.system, self.in_use))
+            elif status == Status.NEAR:
+                slice_ = 1
+            self.progress(core.t)
+
+    def handle_status(self, status: int) -> bool:
+        """Do what a status of the core asks for; return whether the run is complete."""
+        core = self.core
+        if status == Status.UNDEFINED:
+            state = self.evaluator.state(core.t_bad, *self.split(core.y_bad))
+            defined = self.evaluator.dynamics(state.t, state.q, state.v).finite
+            if self.reordered != core.t and defined:
+                # the equations are defined: a pivot of the static order vanished
+                self.reorder()
+                return self.handle_status(core.start())
+            raise Undefined(state)
+        if status == Status.OFF:
+            self.projection(core.t_bad, *self.split(core.y_bad))
+            raise Stop(
+                f"the motion cannot be brought back onto the constraints at t = {core.t_bad:.9g} s;"
+                " try a smaller --rtol or --max-step, or --engine scipy"
+            )
+        if status == Status.JUMPED:
+            from lagcli.engine.constraints.projection import jumped
+
+            q, v = self.split(core.y_bad)
+            raise jumped(self.system, core.t_bad, q, self.projection(core.t_bad, q, v)[0])
+        if status == Status.FLOOR:
+            if self.methods.may_help() and not self.watch.near(core.t, core.state):
+                self.methods.stiff(forced=True)
+                return False
+            raise self.watch.floor(core.t, core.state, self.settings.method)
+        if status == Status.BLOCK_FULL:
+            self.collect()
+            return False  # in the midst of a step: nothing else changes
+        if status == Status.NEAR:
+            return self.check_ahead()
+        if status == Status.OVER:
+            self.check_stepped_over()
+        elif status == Status.INACCURATE:
+            self.reorder()
+        elif status == Status.CONTRADICTED:
+            self.check_redundancy()
+        elif status == Status.STIFF:
+            self.methods.stiff()
+        elif status == Status.ORDER:
+            self.methods.order()
+        elif status == Status.EVENT:
+            return self.react()
+        core.limit(self.settings.max_step)
+        return bool(status == Status.DONE)
+
+    def check_ahead(self) -> bool:
+        """Look along the path of the last steps, which go towards a singular configuration."""
+        core, watch = self.core, self.watch
+        t, y, steps = core.t, core.state, core.counts[0]
+        self.measure()
+        if steps != self.last_near + 1:
+            watch.restart()
+            since, _ = core.step
+            for at in (since, (since + t) / 2):
+                before = core.dense(at)
+                q, v = self.projection(at, *self.split(before))
+                watch.add(at, np.concatenate([q, v, before[-1:]]))
+        self.last_near = steps
+        watch.add(t, y)
+        ahead = watch.ahead()
+        if ahead is None:
+            core.limit(min(self.settings.max_step, watch.largest_step()))
+            return False
+        if not self.settings.through_singular:
+            raise watch.stop(ahead.time, *ahead.path(ahead.time))
+        from lagcli.engine.constraints.passage import Crossing
+
+        crossing = Crossing(self.motion, self.projection, ahead.before, ahead.time, ahead.path)
+        self.collect()
+        times = self.request.times
+        upto = int(np.searchsorted(times, crossing.end, side="right"))
+        due = times[core.times_next : upto]
+        for first in range(0, len(due), self.request.block_rows):
+            rows = []
+            for at in due[first : first + self.request.block_rows]:
+                q, v, a, multipliers, work = crossing(at)
+                rows.append(np.concatenate([[at], q, v, a, multipliers, [work]]))
+            self.emit(np.array(rows))
+            self.progress(float(rows[-1][0]))
+        watch.restart()
+        core.limit(self.settings.max_step)
+        core.move(crossing.end, crossing.state, upto)
+        return crossing.end >= self.settings.t_end or self.handle_status(core.start())
+
+    def measure(self) -> None:
+        """Measure B here, and take over the largest lengths of its rows from the core."""
+        self.motion.measure(self.core.t, *self.split(self.core.state))
+        self.motion.lengths = np.maximum(self.motion.lengths, self.core.lengths)
+
+    def react(self) -> bool:
+        """Do what an event asks for; return whether the end of the run is reached."""
+        core = self.core
+        number, direction, at, y = core.event
+        q, v = self.split(y)
+        assert self.request.on_event is not None
+        event = Event(number, direction, at, q.copy(), v.copy())
+        reaction = self.request.on_event(event)
+        if reaction == "stop":
+            raise Stopped(event)
+        if reaction != "go on":
+            core.move(at, np.concatenate([*reaction, y[-1:]]), core.times_next)
+            return self.handle_status(core.start())
+        return False
+
+    def check_stepped_over(self) -> None:
+        """Stop where the last step went over a singular configuration."""
+        core = self.core
+        t_old, t = core.step
+        self.measure()
+        found = self.watch.singular_time(core.dense, t_old, t)
+        if found is not None:
+            while (status := core.sample_until(found)) == Status.BLOCK_FULL:
+                self.collect()
+                self.progress(core.t)
+            self.handle_status(status)
+            raise self.watch.stop(found, *self.split(core.dense(found)))
+
+    def check_redundancy(self) -> None:
+        """Stop if redundant constraints contradict each other."""
+        t, y = self.core.t, self.core.state
+        self.measure()
+        if self.settings.formulation == "projection":
+            self.watch.check_redundancy(t, y)
+
+    # samples
+
+    def collect(self) -> None:
+        """Emit the samples that the core holds."""
+        rows = self.core.take()
+        if len(rows):
+            self.emit(rows)
+
+    def emit(self, rows: Array) -> None:
+        """Emit samples: t, q, v, a, λ, W by row."""
+        self.sink(Block.of_rows(rows, self.system.sample_layout))

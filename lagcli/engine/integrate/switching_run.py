@@ -1,0 +1,163 @@
+"""Runs with contacts, friction and events on the compiled engine.
+
+The core finds the instants, their impacts and the modes that follow. It comes back where an event
+of the model has actions: they are done here, and the core goes on with the instant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.engine.contract import (
+    Block,
+    EventEntry,
+    IntegrationRequest,
+    Occurrence,
+    Outcome,
+    Stop,
+)
+from lagcli.engine.core import binding
+from lagcli.engine.core.status import Status
+from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.integrate.compiled_run import Integration
+from lagcli.engine.integrate.switching_actions import Actions
+from lagcli.engine.linear import dense
+from lagcli.engine.switching.messages import no_end, refusal
+from lagcli.engine.switching.splitting import SplitSystem
+from lagcli.engine.switching.switching import ContactChange
+from lagcli.engine.system import System
+
+#: Entries of the log that the core keeps.
+_LOG_ROWS = 512
+_OCCURRENCES: tuple[Occurrence, ...] = ("closes", "opens", "slips", "sticks", "impact", "rest")
+#: What an occurrence is as a change of a contact that events name.
+_CHANGES: dict[Occurrence, ContactChange] = {
+    "closes": "closes",
+    "rest": "closes",
+    "opens": "opens",
+    "slips": "slips",
+    "sticks": "sticks",
+    "impact": "impacts",
+}
+#: What ends a run at a contact.
+_REFUSED = (Status.NO_MODE, Status.TWO_MODES, Status.NO_IMPACT, Status.GAINS, Status.JAMMED)
+_IMPACTS = ("poisson", "newton", "sequential")
+
+
+class SwitchingIntegration(Integration):
+    """One run of a System that switches.
+
+    While a row holds or slips, DOP853 takes the steps, whatever the method: the power series and
+    the derivatives of implicit methods are those of the constraints that always hold.
+
+    Parameters
+    ----------
+    system, request, sink, progress
+        As in the contract.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        request: IntegrationRequest,
+        sink: Callable[[Block], None],
+        progress: Callable[[float], None] | None,
+    ):
+        self.split_system = split = SplitSystem(system)
+        self.whole, start = system, request.state
+        evaluator = Evaluator(split.fixed, start.p)
+        found = evaluator.dynamics(start.t, start.q, start.v)
+        sizes = evaluator.sizes(start.t, start.q, start.v)
+        rank = dense.count_rank(found.jacobian, sizes=sizes) if len(split.base) else 0
+        self.log: list[EventEntry] = []
+        self.waiting: list[EventEntry] = []
+        self.stopped = ""
+        self.core: binding.SwitchingIntegrator
+        super().__init__(
+            split.fixed,
+            replace(request, rank=rank, elimination=None, prepared=None, on_event=None),
+            sink,
+            progress,
+        )
+        self.actions = Actions(system, request, self.core)
+
+    def integrator(self, *arguments: Any) -> binding.SwitchingIntegrator:
+        """Return a core whose rows switch."""
+        settings = self.settings
+        law = _IMPACTS.index(settings.impacts)
+        return binding.SwitchingIntegrator(
+            self.split_system, law, settings.closed, _LOG_ROWS, *arguments
+        )
+
+    def run(self) -> Outcome:
+        """Integrate, once."""
+        run = super().run()
+        if self.stopped:
+            run.status, run.message = "stopped-by-event", self.stopped
+        run.events = self.log
+        run.modes = self.actions.first_modes
+        return run
+
+    def handle_status(self, status: int) -> bool:
+        """Do what a status of the core asks for; return whether the run is complete."""
+        core = self.core
+        if status == Status.HAPPENED:
+            self.collect()
+            since, self.waiting = self.waiting, []
+            changes = [(e.which, _CHANGES[e.occurrence]) for e in since]
+            self.log += self.actions.react(changes)
+            self.stopped = self.actions.stopped
+            if self.stopped:
+                return True
+            # before the first step, `start` goes on with the instant; else the next slice
+            return False if core.begun else self.handle_status(core.start())
+        if status == Status.ENDLESS:
+            self.collect()
+            raise Stop(no_end(self.whole, core.t, self.log))
+        if status in _REFUSED:
+            self.collect()
+            raise Stop(refusal(self.split_system, status, core, self.settings.impacts))
+        return super().handle_status(status)
+
+    # samples
+
+    def collect(self) -> None:
+        """Emit the samples that the core holds, and take over its log."""
+        entries = [self.entry(row) for row in self.core.take_log()]
+        self.log += entries
+        self.waiting += entries
+        super().collect()
+
+    def entry(self, row: Array) -> EventEntry:
+        """Return an entry of the core's log."""
+        ns, nq = len(self.split_system.switching.rows), self.nq
+        q, before, after, impulse = np.split(row[6 + ns :], [nq, 2 * nq, 3 * nq])
+        return EventEntry(
+            time=float(row[0]),
+            occurrence=_OCCURRENCES[int(row[1])],
+            which=int(row[2]),
+            q=q,
+            before=before,
+            after=after,
+            impulse=impulse,
+            loss=float(row[3]),
+            supplied=float(row[4]),
+            work=float(row[5]),
+            modes=row[6 : 6 + ns].astype(int),
+        )
+
+    def emit(self, rows: Array) -> None:
+        """Emit samples: λ of the core's constraints and of the rows in the System's order."""
+        fixed, whole = self.system.sample_layout, self.whole.sample_layout
+        out = np.empty((len(rows), whole.size))
+        out[:, : whole.multipliers.start] = rows[:, : fixed.multipliers.start]
+        multipliers = out[:, whole.multipliers]
+        multipliers[:, list(self.split_system.base)] = rows[:, fixed.multipliers]
+        multipliers[:, list(self.split_system.rows)] = rows[:, fixed.size :]
+        out[:, whole.work] = rows[:, fixed.work]
+        self.sink(Block.of_rows(out, whole))

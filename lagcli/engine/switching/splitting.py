@@ -1,0 +1,169 @@
+"""A System in two: what always holds, and a layer of rows that switch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+from lagcli.engine.layout import ConstraintLayout, DynamicsLayout, SampleLayout
+from lagcli.engine.system import JacobianTapes, System
+from lagcli.engine.tape.tape import Builder, Tape
+
+
+class SplitSystem:
+    """A System without its rows that switch, and these.
+
+    Parameters
+    ----------
+    system : System
+        With ``switching``.
+
+    Attributes
+    ----------
+    rows : tuple of int
+        The constraints that switch, as in ``Switching.rows``, then those that always hold and
+        limit friction: they are solved for together with it.
+    base : tuple of int
+        The other constraints.
+    """
+
+    def __init__(self, system: System):
+        assert system.switching is not None
+        self.system, self.switching = system, system.switching
+        switched = [row.row for row in self.switching.rows]
+        limiting = {constraint for _, constraint in self.switching.limit_pattern}
+        limiting |= {row.normal for row in self.switching.rows if row.normal is not None}
+        self.rows = (*switched, *sorted(limiting.difference(switched)))
+        left = set(range(len(system.constraints))).difference(self.rows)
+        self.base = tuple(sorted(left))
+
+    @cached_property
+    def fixed(self) -> System:
+        """The System of the constraints that always hold; it has no events and no switching."""
+        system, base = self.system, self.base
+        number = {constraint: i for i, constraint in enumerate(base)}
+        holonomic = [k for k in system.holonomic if k in number]
+        variation = system.variation
+        return replace(
+            system,
+            constraints=tuple(system.constraints[k] for k in base),
+            holonomic=tuple(number[k] for k in holonomic),
+            jacobian_pattern=tuple(
+                (number[i], j) for i, j in system.jacobian_pattern if i in number
+            ),
+            dynamics=self._dynamics(base),
+            constraint=self._constraint(base, holonomic),
+            report=self._without_multipliers(system.report, range(len(system.report.outputs))),
+            nonlinear=tuple(number[k] for k in system.nonlinear if k in number),
+            events=None,
+            switching=None,
+            parameter_variation=None,
+            variation=None if variation is None else lambda: self._variation(variation()),
+        )
+
+    @property
+    def pattern(self) -> list[tuple[int, int]]:
+        """Places (row, coordinate) of the nonzero entries of the rows' B."""
+        number = {constraint: i for i, constraint in enumerate(self.rows)}
+        return [(number[i], j) for i, j in self.system.jacobian_pattern if i in number]
+
+    @property
+    def places(self) -> list[int]:
+        """Which φ of `functions` belongs to each row; −1 where it has none."""
+        holonomic = [k for k in self.system.holonomic if k in self.rows]
+        return [holonomic.index(k) if k in holonomic else -1 for k in self.rows]
+
+    @cached_property
+    def functions(self) -> Tape:
+        """(t, q, v, p) → φ, B entries, b_0, γ, the scales of ψ and of φ, of the rows."""
+        system, rows = self.system, self.rows
+        builder = Builder(system.dynamics.inputs, system.dynamics.parameters)
+        inputs = range(builder.inputs)
+        c, d = ConstraintLayout(system.counts), DynamicsLayout(system.counts)
+        positions = [n for n, k in enumerate(system.holonomic) if k in rows]
+        own = [
+            *_places(c.position, positions),
+            *_places(c.jacobian, self._entries(rows)),
+            *_places(c.drift, rows),
+        ]
+        outputs = builder.splice(system.constraint, inputs, own)
+        outputs += builder.splice(system.dynamics, inputs, _places(d.rhs, rows))
+        scales = [*_places(c.velocity_scale, rows), *_places(c.position_scale, positions)]
+        outputs += builder.splice(system.constraint, inputs, scales)
+        return builder.finish(outputs)
+
+    def _entries(self, constraints: Sequence[int]) -> list[int]:
+        return [n for n, (i, _) in enumerate(self.system.jacobian_pattern) if i in constraints]
+
+    def _dynamics(self, base: Sequence[int]) -> Tape:
+        layout, given = DynamicsLayout(self.system.counts), self.system.dynamics
+        outputs = [
+            *range(layout.forcing.stop),
+            *_places(layout.jacobian, self._entries(base)),
+            *_places(layout.rhs, base),
+            layout.power.start,
+        ]
+        return _selected(given, outputs)
+
+    def _constraint(self, base: Sequence[int], holonomic: Sequence[int]) -> Tape:
+        layout = ConstraintLayout(self.system.counts)
+        positions = [self.system.holonomic.index(k) for k in holonomic]
+        outputs = [
+            *_places(layout.position, positions),
+            *_places(layout.jacobian, self._entries(base)),
+            *_places(layout.drift, base),
+            *_places(layout.position_scale, positions),
+            *_places(layout.velocity_scale, base),
+        ]
+        return _selected(self.system.constraint, outputs)
+
+    def _without_multipliers(self, tape: Tape, outputs: Sequence[int]) -> Tape:
+        """Return a tape of (t, q, v, a, λ, p) at λ = 0 of the rows."""
+        layout, n = SampleLayout(self.system.counts), len(self.base)
+        first, parameters = layout.multipliers.start, tape.inputs - layout.multipliers.stop
+        builder = Builder(first + n + parameters, tape.parameters)
+        inputs = [*range(first)] + [builder.constant(0.0)] * len(self.system.constraints)
+        for i, constraint in enumerate(self.base):
+            inputs[first + constraint] = first + i
+        inputs += range(first + n, builder.inputs)
+        return builder.finish(builder.splice(tape, inputs, outputs))
+
+    def _variation(self, given: JacobianTapes) -> JacobianTapes:
+        number = {constraint: i for i, constraint in enumerate(self.base)}
+        counts, outputs, first = self.system.counts, list[int](), 0
+        kept: list[tuple[tuple[int, int], ...]] = []
+        for pattern, is_row in (
+            (given.force_position, False),
+            (given.force_velocity, False),
+            (given.rhs_position, True),
+            (given.rhs_velocity, True),
+        ):
+            wanted = [n for n, (i, _) in enumerate(pattern) if not is_row or i in number]
+            kept.append(
+                tuple((number[i], j) if is_row else (i, j) for i, j in (pattern[n] for n in wanted))
+            )
+            outputs += [first + n for n in wanted]
+            first += len(pattern)
+        power = len(given.power_position) + len(given.power_velocity) + counts.nq
+        outputs += range(first, first + power)
+        first += power
+        outputs += [*(first + k for k in self.base), first + counts.nc]
+        return replace(
+            given,
+            force_position=kept[0],
+            force_velocity=kept[1],
+            rhs_position=kept[2],
+            rhs_velocity=kept[3],
+            tape=self._without_multipliers(given.tape, outputs),
+        )
+
+
+def _places(part: slice, numbers: Sequence[int]) -> list[int]:
+    return [part.start + n for n in numbers]
+
+
+def _selected(tape: Tape, outputs: Sequence[int]) -> Tape:
+    """Return a tape with some of the outputs, and no operation that these do not need."""
+    builder = Builder(tape.inputs, tape.parameters)
+    return builder.finish(builder.splice(tape, range(tape.inputs), outputs))
