@@ -108,7 +108,7 @@ def _poisson(impact: ImpactProblem) -> ImpactResult | None:
     compression = _solve(impact, impact.before, nothing)
     if compression is None:
         return None
-    returned = np.where(_unilateral(impact), impact.restitution * compression.force, 0.0)
+    returned = np.where(_unilateral(impact), impact.restitution * compression.force, 0.0).clip(0)
     if not returned.any():
         return _result(impact, compression.force)
     # rows that hold have exactly y = 0: what follows is then larger than rounding, or zero

@@ -134,3 +134,13 @@ def test_other_laws_on_many_impacts(law: ImpactLaw, count: int) -> None:
     many, none = gained(law, count, 3, same=True)
     if law == "sequential":
         assert (many, none) == (0, 0)
+
+
+def test_an_impulse_that_is_zero_but_for_rounding_is_not_returned() -> None:
+    """A contact twice, of which least norm leaves −3e-10 to one that another one relieves."""
+    rng = np.random.default_rng(0)
+    for _ in range(4512):
+        impact = random_impact(rng, float(rng.choice([0.0, 0.3, 0.7, 1.0])))
+    loss = check(impact, "poisson")
+    assert loss is not None
+    assert loss >= 0
