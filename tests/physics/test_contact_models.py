@@ -19,7 +19,7 @@ from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[2] / "models" / "contact"
 NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
-ENGINE = "scipy"
+ENGINE = "compiled"
 
 
 @cache
