@@ -69,7 +69,7 @@ class Actions:
             self.times[number] += 1
             entries += self._act(number, rule)
             if rule.stop:
-                self.stopped = f"{rule.name} stopped the run at t = {self.core.t:.9g} s"
+                self.stopped = f"`{rule.name}` stopped the run at t = {self.core.t:.9g} s"
         return entries
 
     def _act(self, number: int, rule: EventRule) -> list[EventEntry]:

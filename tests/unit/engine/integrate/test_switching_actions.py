@@ -82,4 +82,4 @@ def test_rows_are_released_and_the_run_stops() -> None:
     doing, core = actions([1.0, 0.0, 0.0], [2])
     assert [e.occurrence for e in doing.react([])] == ["event", "releases"]
     assert core.active == {0: False}
-    assert doing.stopped == "free stopped the run at t = 0.5 s"
+    assert doing.stopped == "`free` stopped the run at t = 0.5 s"
