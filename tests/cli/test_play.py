@@ -210,7 +210,7 @@ def test_a_client_is_told_what_can_be_moved_and_gets_the_numbers_of_simulate(
         return hello, await heard(ws)
 
     hello, answer = talked(program, talk)
-    assert hello["name"] == "slider_crank"
+    assert hello["name"] == "Slider-crank"
     assert [c["name"] for c in hello["controls"]][:3] == ["m", "r", "l"]
     model = lagcli.load(CRANK, set={"m": "2.5"})
     trajectory = lagcli.simulate(model)

@@ -88,7 +88,16 @@ def test_the_belt_lets_go_at_static_friction() -> None:
     model = lagcli.load("stick_slip_belt")
     trajectory = lagcli.simulate(model, times=[0, 0.39, 0.4], engine=ENGINE)
     np.testing.assert_allclose(trajectory.q[:, 0], [0, 0.078, 0.08], atol=1e-9)
-    assert run("stick_slip_belt").multipliers.max() <= 8 * (1 + 1e-9)
+    found = run("stick_slip_belt")
+    assert found.multipliers.max() <= 8 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "scipy"])
+def test_an_event_that_only_records_lets_the_belt_slip_on(engine: str) -> None:
+    found = lagcli.simulate(lagcli.load("stick_slip_belt"), t_end=1.0, engine=engine)
+    assert found.status == "completed"
+    counts = found.events.counts()
+    assert counts["belt"]["slips"] == counts["slips"]["event"] == 1
 
 
 def test_only_the_last_ball_leaves() -> None:

@@ -95,9 +95,11 @@ class Actions:
                 if core.push(push) != Status.RUNNING:
                     raise Stop(f"{rule.name}: the impulse is not defined at t = {core.t:.9g} s")
                 after = core.state
-        work = self._energy(after) - energy
-        after[-1] = y[-1] + work
-        core.place(after)
+        work = 0.0
+        if rule.targets or rule.impulses:
+            work = self._energy(after) - energy
+            after[-1] = y[-1] + work
+            core.place(after)
         entries = [self._entry("event", number, y, after, work)]
         rows = [row.row for row in self.switching.rows]
         for constraint in rule.release:

@@ -46,6 +46,8 @@ _CHANGES: dict[Occurrence, ContactChange] = {
 }
 #: What ends a run at a contact.
 _REFUSED = (Status.NO_MODE, Status.TWO_MODES, Status.NO_IMPACT, Status.GAINS, Status.JAMMED)
+#: What takes the steps while a row holds or slips, or a force depends on λ.
+_ACTING = "DOP853"
 _IMPACTS = ("poisson", "newton", "sequential")
 
 
@@ -101,6 +103,9 @@ class SwitchingIntegration(Integration):
             run.status, run.message = "stopped-by-event", self.stopped
         run.events = self.log
         run.modes = self.actions.first_modes
+        acting = any(run.modes) or any(entry.modes.any() for entry in run.events)
+        if acting or self.split_system.switching.force_coordinates:
+            run.methods = tuple(dict.fromkeys([*(run.methods or (self.settings.method,)), _ACTING]))
         return run
 
     def handle_status(self, status: int) -> bool:

@@ -98,6 +98,7 @@ int lag_look_for_instant(lag_run *run)
         sw->rounds = 0;
     sw->last = sw->instant;
     sw->due = 1;
+    sw->settled = 0;
     return note_ends(run);
 }
 
@@ -321,7 +322,8 @@ int lag_do_instant(lag_run *run)
         sw->report = 0;
         return LAG_HAPPENED;
     }
-    for (;;) {
+    while (!sw->settled || sw->moved) { /* actions that change nothing do not ask for modes again */
+        sw->settled = 0;
         if (!lag_log_has_room(run))
             return LAG_BLOCK_FULL;
         if (++sw->rounds > ROUNDS)
@@ -344,6 +346,7 @@ int lag_do_instant(lag_run *run)
         if ((status = update_conditions(run)) != LAG_RUNNING)
             return status;
         lag_log_modes(run);
+        sw->settled = 1;
         if (!sw->report)
             break;
         sw->report = 0;
