@@ -23,7 +23,7 @@ initial: {{{initial}}}
 """)
     )
     state = State(0.0, np.array([0.5, 1.0, 2.0, 3.0]), np.zeros(4), p)
-    return dependent_sets(system, state, rank)
+    return dependent_sets(system, state, rank, range(len(system.constraints)))
 
 
 def test_constraints_are_grouped_by_what_they_depend_on() -> None:
