@@ -30,6 +30,7 @@ def test_all_keys_that_fit_together_are_shown():
     text = new_model("swing") + new_model("springs", ["a", "b"])
     assert [key for key in keys_of(MODEL) if f"{key}:" not in text] == [
         "functions",
+        "inputs",
         "L",
         "D",
         "events",
