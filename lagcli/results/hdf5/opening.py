@@ -155,7 +155,12 @@ def _copy_of(path: str, version: str) -> str:
         while _copies:
             _copies.popitem()[1].cleanup()
         folder = tempfile.TemporaryDirectory(prefix="lagcli-")
-        _copy(path, os.path.join(folder.name, "copy.h5"), version, _SECONDS + found.st_size / _RATE)
+        copy = os.path.join(folder.name, "copy.h5")
+        try:
+            _copy(path, copy, version, _SECONDS + found.st_size / _RATE)
+        except BaseException:
+            folder.cleanup()
+            raise
         _copies[key] = folder
     return os.path.join(_copies[key].name, "copy.h5")
 

@@ -23,7 +23,7 @@ constraints:
   belt: {expr: x' = v, limit: F, active: false}
 events:
   pull: {when: t >= 1 and not x > 3*r, engage: belt, times: 2}
-  kick: {when: x' = 0, set: {x': 2*x', F: F/2}, impulse: {phi: m*r}}
+  kick: {when: x' = 0, set: {x': 2*x', F: F/2}, impulse: {phi: m*r*v}}
   end: {when: lane slips, stop: true}
 initial: {x: 0, y: r, phi: 0, x': 8, y': 0, phi': -20}
 """
@@ -57,7 +57,7 @@ def test_laws_of_friction_and_limits(equations: Equations) -> None:
 def test_table_of_events(equations: Equations) -> None:
     text = text_of(equations)
     assert "pull: t ≥ 1 and [not (x > 3 r)] engages belt, at most 2 times" in text
-    assert "kick: ẋ = 0 ẋ = 2 ẋ set F = ½ F set Λ_phi = m r impulse on phi" in text
+    assert "kick: ẋ = 0 ẋ = 2 ẋ set F = ½ F set Λ_phi = m r v impulse on phi" in text
     assert "end: lane slips stops the run" in text
 
 
