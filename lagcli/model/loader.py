@@ -15,9 +15,9 @@ from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
 from lagcli.model.draft import Draft
 from lagcli.model.first_order import first_order_constraints
-from lagcli.model.inputs import InputData
+from lagcli.model.inputs import Input, InputData
 from lagcli.model.keys import MODEL, keys_of
-from lagcli.model.model import Model
+from lagcli.model.model import Model, ModelEvent
 from lagcli.model.names.families import Declaration, declarations
 from lagcli.model.names.functions import check_functions, read_functions
 from lagcli.model.sections.constraints import declare_constraints, read_constraints
@@ -31,12 +31,9 @@ from lagcli.model.sections.coordinates import (
 from lagcli.model.sections.definitions import expand_definitions, read_definitions
 from lagcli.model.sections.energies import read_energies, read_forces, read_scalar
 from lagcli.model.sections.initial import read_closed, read_initial
-from lagcli.model.sections.input_uses import InputUses
-from lagcli.model.sections.inputs import read_inputs
 from lagcli.model.sections.outputs import read_outputs
 from lagcli.model.sections.parameters import read_parameters, structural
 from lagcli.model.sections.simulation import read_settings
-from lagcli.model.sections.switching.events import EventNames, read_events
 from lagcli.model.sections.view import read_view
 from lagcli.model.vectors.kinds import constraints_of, definitions_of
 from lagcli.model.yaml.composing import compose
@@ -111,6 +108,16 @@ def _without_gc() -> Iterator[None]:
             gc.enable()
 
 
+def _read_inputs(
+    draft: Draft, declared: list[Declaration], data: Mapping[str, InputData]
+) -> dict[str, Input]:
+    if not declared:
+        return {}
+    from lagcli.model.sections.inputs import read_inputs
+
+    return read_inputs(draft, declared, data)
+
+
 def _model(
     draft: Draft,
     overrides: Mapping[str, object],
@@ -137,7 +144,7 @@ def _model(
         input_entries,
     )
     parameters, constants = read_parameters(draft, parameter_entries, overrides)
-    inputs = read_inputs(draft, input_entries, data)
+    inputs = _read_inputs(draft, input_entries, data)
     coordinates = expand_coordinates(
         draft, coordinate_entries, constants, any(p.unit for p in parameters.values())
     )
@@ -156,14 +163,21 @@ def _model(
             draft, coordinates, lagrangian, dissipation, forces, constraints
         )
     closed = read_closed(draft, constraints)
-    energies = [("L", [potential], 1)] if kinetic is None else []
-    energies = energies or [("T", [kinetic], 1), ("V", [potential], 1)]
-    used = [*energies, ("D", [dissipation], 0), ("Q", forces.values(), 0)]
-    InputUses(draft, inputs).check(constraints, used)
+    if inputs:
+        from lagcli.model.sections.input_uses import InputUses
+
+        energies = [("L", [potential], 1)] if kinetic is None else []
+        energies = energies or [("T", [kinetic], 1), ("V", [potential], 1)]
+        used = [*energies, ("D", [dissipation], 0), ("Q", forces.values(), 0)]
+        InputUses(draft, inputs).check(constraints, used)
     positions, velocities = read_initial(draft, constants, initial_overrides)
     outputs, output_units = read_outputs(draft, constants)
-    known = EventNames(constants, parameters, definitions, constraints, outputs)
-    events = read_events(draft, known)
+    events: tuple[ModelEvent, ...] = ()
+    if draft.get("events") is not None or not all(c.active for c in constraints):
+        from lagcli.model.sections.switching.events import EventNames, read_events
+
+        known = EventNames(constants, parameters, definitions, constraints, outputs)
+        events = read_events(draft, known)
     settings, settings_need = read_settings(draft, constants)
     view = read_view(draft, constants, definitions, constraints)
     fit = None
