@@ -28,7 +28,6 @@ def lower(equations: Equations) -> System:
     -------
     System
     """
-    from lagcli.engine.switching.symbolic import lower_switching
     from lagcli.equations.derivation.column_expressions import power_free, reported
     from lagcli.model.model import TIME
 
@@ -44,7 +43,11 @@ def lower(equations: Equations) -> System:
     jacobian = [rows[i][j] for i, j in jacobian_pattern]
 
     positions = [eq.constraints[i].position for i in holonomic]
-    switching, conditions = lower_switching(eq)
+    switching, conditions = None, None
+    if eq.switches:
+        from lagcli.engine.switching.symbolic import lower_switching
+
+        switching, conditions = lower_switching(eq)
     return System(
         coordinates=model.coordinate_names,
         constraints=model.constraint_names,

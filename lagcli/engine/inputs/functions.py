@@ -20,7 +20,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.engine.inputs.spline import spline_slopes
 
 #: Of |t|: times that are nearer than this are one; core/breaks.c has the same.
 RESOLUTION = 16 * float(np.finfo(float).eps)
@@ -111,6 +110,8 @@ def interpolated(
         if interpolation == "linear":
             columns.append(slope)
         else:
+            from lagcli.engine.inputs.spline import spline_slopes
+
             ends = {"hold": "clamped", "periodic": "periodic"}.get(extend or "", "not-a-knot")
             s = spline_slopes(times, values, ends)  # type: ignore[arg-type]
             bend = (s[:-1] + s[1:] - 2 * slope) / h

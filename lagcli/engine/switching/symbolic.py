@@ -39,11 +39,7 @@ def lower_switching(equations: Equations) -> LoweredSwitching:
     Returns
     -------
     LoweredSwitching
-        Without tapes for a model of which nothing switches.
     """
-    reactive = any(x != ZERO for x in equations.reactive_forces)
-    if not (equations.model.switches or reactive):
-        return LoweredSwitching()
     return _Lowering(equations).lowered()
 
 

@@ -116,6 +116,11 @@ class Equations:
     def _motion(self) -> Motion:
         return Motion.of(self.model)
 
+    @property
+    def switches(self) -> bool:
+        """Whether constraints come and go, events happen, or forces depend on multipliers."""
+        return self.model.switches or any(x != ZERO for x in self.reactive_forces)
+
     @cached_property
     def momenta(self) -> tuple[Basic, ...]:
         """The k momenta p_i = ∂L/∂v_i."""

@@ -24,7 +24,6 @@ from lagcli.model.dimensions.model_units import (
     text_of,
 )
 from lagcli.model.dimensions.named import NamedDimensions
-from lagcli.model.dimensions.switching import check_switching
 from lagcli.model.dimensions.tensor_dimension import TensorDimension, Value, rate_of
 from lagcli.model.expression.trees import (
     IndexedSumExpr,
@@ -108,7 +107,10 @@ class _Statements:
         self.energies()
         self.forces()
         self.constrained()
-        check_switching(model, known, self.terms)
+        if model.switches:
+            from lagcli.model.dimensions.switching import check_switching
+
+            check_switching(model, known, self.terms)
         self.initial()
         self.reported()
 

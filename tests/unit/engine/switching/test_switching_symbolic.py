@@ -6,7 +6,7 @@ import pytest
 
 from lagcli.engine.lowering import lower
 from lagcli.engine.switching.switching import SwitchedRow, Switching
-from lagcli.engine.switching.symbolic import LoweredSwitching, lower_switching
+from lagcli.engine.switching.symbolic import lower_switching
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.equations.derivation.lagrange import derive
@@ -136,8 +136,20 @@ def test_actions(switching: Switching) -> None:
 def test_a_model_without_contacts_has_none() -> None:
     text = "coordinates: [x]\nT: x'^2\ninitial: {x: 0, x': 1}\n"
     equations = derive(load_text(text))
-    assert lower_switching(equations) == LoweredSwitching(None, None)
+    assert not equations.switches
     assert lower(equations).switching is None
+    assert lower(equations).events is None
+
+
+def test_a_force_that_depends_on_a_multiplier_alone_switches() -> None:
+    text = (
+        "coordinates: [x, y]\nT: x'^2 + y'^2\nV: y\nQ: {x: -0.1*abs(lambda.c)}\n"
+        "constraints: {c: y = 0}\ninitial: {x: 0, y: 0, x': 1, y': 0}\n"
+    )
+    equations = derive(load_text(text))
+    assert equations.switches
+    assert not equations.model.switches
+    assert lower_switching(equations).switching is not None
 
 
 def test_forces_alone_switch_nothing() -> None:
