@@ -172,7 +172,8 @@ class InputFunctions:
     def breaks(self, start: float, end: float, others: Sequence[float] | Array = ()) -> Array:
         """Return the knots after a time, up to another, and other times, without repetitions."""
         every = [f.breaks(start, end) for f in self.functions]
-        found = np.unique(np.concatenate([np.asarray(others, dtype=float), *every]))
+        # not np.unique, which imports masked arrays: a tenth of the start of a short run
+        found = np.sort(np.concatenate([np.asarray(others, dtype=float), *every]))
         apart = np.diff(found, prepend=-math.inf) > RESOLUTION * np.abs(found)
         return found[apart]
 
