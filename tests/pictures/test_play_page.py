@@ -261,8 +261,9 @@ def test_a_run_is_kept_for_comparison(crank):
 
 def test_phase_plane_and_equations(crank):
     crank.page.locator(".phase summary").click()
-    crank.settled()
-    canvas = crank.page.locator(".phase canvas")
+    # it asks for its curves once the browser says that it is open
+    canvas = crank.page.locator(".phase canvas[aria-label]")
+    canvas.wait_for()
     assert canvas.get_attribute("aria-label") == "Phase plane: φ̇ [rad/s] over φ [rad]"
     first = canvas.evaluate("c => c.toDataURL()")
     crank.page.get_by_label("Coordinate of the phase plane").select_option("1")

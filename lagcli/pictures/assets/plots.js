@@ -114,6 +114,7 @@ class TimePlot {
     this.container = container;
     this.data = data;
     this.link = link;
+    this.held = false; // a mouse button is down on it
     this.palette = palette;
     this.height = height;
     this.hidden = new Set(data.series.filter((s) => s.hidden).map((s) => s.name));
@@ -165,7 +166,8 @@ class TimePlot {
     const { chart } = this;
     const { min, max } = chart.scales.x;
     const seen = time !== null && min !== null && time >= min && time <= max;
-    chart.setCursor({ left: seen ? chart.valToPos(time, "x") : -10, top: 0 }, false);
+    // uPlot takes a cursor that moves under a held button for a drag, and drops the click
+    if (!this.held) chart.setCursor({ left: seen ? chart.valToPos(time, "x") : -10, top: 0 }, false);
     const at = time === null ? null : chart.valToIdx(time);
     for (const [i, series] of this.data.series.entries()) {
       this.values[i].textContent = at === null ? "" : PlotNumbers.value(series.values[at]);
@@ -382,6 +384,8 @@ class TimePlot {
     let pressed = null;
     over.addEventListener("mousedown", (event) => {
       pressed = event.clientX;
+      this.held = true;
+      document.addEventListener("mouseup", () => (this.held = false), { once: true });
     });
     over.addEventListener("mousemove", (event) => {
       if (link.free && !event.buttons) go(at(event));
