@@ -93,6 +93,27 @@ class EventEntry(NamedTuple):
     modes: Indices
 
 
+class OneSidedLimits(NamedTuple):
+    """The limits of the motion at an instant at which one of the model's events happens.
+
+    Parameters
+    ----------
+    entry : int
+        Of the event in ``Outcome.events``.
+    left, right : (width,) arrays
+        Sample rows before anything happens at the instant, and after all has: `SampleLayout`. a
+        and λ are NaN on the left of the start, and where the run ends in the midst of the instant.
+    left_p, right_p : tuples of float
+        Values of the parameters.
+    """
+
+    entry: int
+    left: Array
+    right: Array
+    left_p: tuple[float, ...]
+    right_p: tuple[float, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class IntegrationRequest:
     """What to integrate.
@@ -200,7 +221,8 @@ class Outcome:
     ended the run. ``methods`` are those that took steps, where the engine chose. ``tolerances``
     are the absolute ones on q, v and the work at the end, (2 nq + 1,). ``events`` is what happened
     at contacts and events, in order, and ``modes`` the modes of the switched rows at the start:
-    those at a sample are those after the last entry up to its time.
+    those at a sample are those after the last entry up to its time. ``limits`` are those of the
+    events of the model that record something.
     """
 
     status: Status
@@ -213,6 +235,7 @@ class Outcome:
     tolerances: Array | None = None
     events: list[EventEntry] = field(default_factory=list)
     modes: tuple[int, ...] = ()
+    limits: list[OneSidedLimits] = field(default_factory=list)
 
 
 class Stop(Exception):

@@ -346,7 +346,7 @@ class Simulation:
         if self.system.switching is not None:
             from lagcli.simulations.switching.event_logs import event_log
 
-            log = event_log(self.system, run)
+            log = event_log(self.system, run, columns)
         return Record(
             events=log,
             tolerances=tolerances,

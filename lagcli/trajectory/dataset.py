@@ -60,6 +60,8 @@ def to_dataset(trajectory: Trajectory) -> Any:
     if trajectory.events is not None:
         variables |= _events(trajectory.events, trajectory.time)
         axes["row"] = list(trajectory.events.rows)
+        if trajectory.events.records.columns:
+            axes["column"] = list(trajectory.events.records.columns)
     described = ("status", "message", "model", "model_sha256", "lagcli_version")
     attributes = {name: getattr(trajectory, name) for name in described}
     return xarray.Dataset(variables, axes, attributes)
@@ -67,7 +69,15 @@ def to_dataset(trajectory: Trajectory) -> Any:
 
 def _events(log: EventLog, time: Array) -> dict[str, Any]:
     """Return the log's variables, and the modes of the rows that switch at each sample."""
-    return {
+    records = log.records
+    recorded = {
+        "recorded_entry": (("recorded",), records.entry),
+        "recorded_time": (("recorded",), log.time[records.entry], {"units": "s"}),
+        "recorded_name": (("recorded",), [log.names[i] for i in records.entry]),
+        "recorded_before": (("recorded", "column"), records.before),
+        "recorded_after": (("recorded", "column"), records.after),
+    }
+    return (recorded if records.columns else {}) | {
         "mode": (("time", "row"), log.modes_at(time), {"flag_meanings": " ".join(MODES)}),
         "event_time": (("event",), log.time, {"units": "s"}),
         "event_name": (("event",), list(log.names)),

@@ -19,6 +19,9 @@ KINDS = (
     *("releases", "engages", "event"),
 )
 
+#: Columns of an event of which the last values are listed.
+_LISTED = 8
+
 
 class Rest(NamedTuple):
     """The end of a sequence of impacts that has a limit in time.
@@ -40,6 +43,57 @@ class Rest(NamedTuple):
     def __str__(self) -> str:
         impacts = f"{self.impacts} impact{'s' * (self.impacts != 1)}"
         return f"`{self.name}` came to rest at t = {self.time:.11g} s after {impacts}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EventRecords:
+    """Columns of results at the instants of events, from both sides.
+
+    nr entries of the log record something, of nn columns.
+
+    Parameters
+    ----------
+    columns : tuple of nn str
+        As CSV files name them.
+    entry : (nr,) array of int
+        Which entry of the log, increasing.
+    before, after : (nr, nn) arrays
+        The limits at the instant: before anything happens there, and after all has. NaN where
+        the entry does not record the column, and where there is no limit: accelerations and
+        forces before the start.
+    """
+
+    columns: tuple[str, ...]
+    entry: Indices
+    before: Array
+    after: Array
+
+    def check(self, entries: int) -> None:
+        """Raise ValueError unless they are of a log with so many entries."""
+        shape = (len(self.entry), len(self.columns))
+        if len(set(self.columns)) < len(self.columns):
+            raise ValueError("a column is recorded twice")
+        if any(x.shape != shape for x in (self.before, self.after)):
+            raise ValueError("what is recorded does not have one number for each column")
+        if len(self.entry) and (
+            self.entry[0] < 0 or self.entry[-1] >= entries or (np.diff(self.entry) <= 0).any()
+        ):
+            raise ValueError("what is recorded is of entries that there are not")
+
+    def of(self, place: int) -> dict[str, tuple[float, float]]:
+        """Return what one of them records: the values before and after, by column."""
+        both = zip(self.before[place].tolist(), self.after[place].tolist(), strict=True)
+        known = ~np.isnan(self.before[place]) | ~np.isnan(self.after[place])
+        named = zip(self.columns, both, known.tolist(), strict=True)
+        return {column: values for column, values, recorded in named if recorded}
+
+
+NOTHING_RECORDED = EventRecords(
+    columns=(),
+    entry=np.empty(0, dtype=np.intp),
+    before=np.empty((0, 0)),
+    after=np.empty((0, 0)),
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,6 +126,8 @@ class EventLog:
         Work of the event's actions, J.
     modes : (ne, ns) array of int
         Modes of the switched rows after the entry.
+    records : EventRecords
+        What the events record.
     """
 
     rows: tuple[str, ...]
@@ -87,6 +143,7 @@ class EventLog:
     supplied: Array
     work: Array
     modes: Indices
+    records: EventRecords = NOTHING_RECORDED
 
     def __len__(self) -> int:
         return len(self.time)
@@ -103,6 +160,32 @@ class EventLog:
                 raise ValueError("there is a mode that is none")
         if len(set(self.rows)) < len(self.rows):
             raise ValueError("a row switches twice")
+        self.records.check(len(self))
+
+    def recorded(self, column: str) -> tuple[Array, Array]:
+        """Return a column that events record, right before and right after each entry.
+
+        Parameters
+        ----------
+        column : str
+            As CSV files name it.
+
+        Returns
+        -------
+        before, after : (ne,) arrays
+            NaN where the entry does not record it.
+
+        Raises
+        ------
+        KeyError
+            No event has recorded it.
+        """
+        records = self.records
+        if column not in records.columns:
+            raise KeyError(column)
+        place, sides = records.columns.index(column), np.full((2, len(self)), np.nan)
+        sides[:, records.entry] = records.before[:, place], records.after[:, place]
+        return sides[0], sides[1]
 
     def modes_at(self, time: Array) -> Indices:
         """Return the modes at given times, after what happens there.
@@ -152,7 +235,9 @@ class EventLog:
         """Return what happened in short, as JSON values.
 
         ``entries``, their number; ``counts`` by name and kind; ``rests`` (name, time, impacts);
-        ``loss``, ``supplied`` and ``work``, the sums.
+        ``loss``, ``supplied`` and ``work``, the sums; ``recorded`` by event: how many ``times``,
+        how many ``columns``, and the ``last`` time and values, as {``time``, ``values``: column →
+        [before, after]}, None for NaN; ``last`` is None where the columns are more than 8.
         """
         return {
             "entries": len(self),
@@ -161,7 +246,24 @@ class EventLog:
             "loss": float(self.loss.sum()),
             "supplied": float(self.supplied.sum()),
             "work": float(self.work.sum()),
+            "recorded": self._last_records(),
         }
+
+    def _last_records(self) -> dict[str, Any]:
+        names = [self.names[entry] for entry in self.records.entry.tolist()]
+        times, found = Counter(names), dict[str, Any]()
+        for name, place in {name: place for place, name in enumerate(names)}.items():
+            values = {
+                column: [None if np.isnan(x) else x for x in both]
+                for column, both in self.records.of(place).items()
+            }
+            last = {"time": float(self.time[self.records.entry[place]]), "values": values}
+            found[name] = {
+                "times": times[name],
+                "columns": len(values),
+                "last": last if len(values) <= _LISTED else None,
+            }
+        return found
 
     def instants(self, name: str, kind: str) -> Array:
         """Return the times of entries of a name and kind, s."""
@@ -184,6 +286,7 @@ def event_sentences(found: Mapping[str, Any]) -> list[str]:
     )
     sentences = ["; ".join(counts)]
     sentences += [f"note: {Rest(**rest)}" for rest in found["rests"]]
+    sentences += [_recorded(name, of) for name, of in found["recorded"].items()]
     energy = [
         f"{what} {found[name]:.6g} J"
         for name, what in (
@@ -194,3 +297,18 @@ def event_sentences(found: Mapping[str, Any]) -> list[str]:
         if found[name]
     ]
     return sentences + [", ".join(energy)] * bool(energy)
+
+
+def _recorded(name: str, found: Mapping[str, Any]) -> str:
+    times, count, last = found["times"], found["columns"], found["last"]
+    if last is None or times > 1:
+        columns = f"{count} column{'s' * (count != 1)}"
+        return f"`{name}` recorded {columns} {times} time{'s' * (times != 1)}"
+    values = (f"{column} = {_jump(*both)}" for column, both in last["values"].items())
+    return f"`{name}` recorded at t = {last['time']:.9g} s: " + ", ".join(values)
+
+
+def _jump(before: float | None, after: float | None) -> str:
+    """Return the two limits of a number, or the one that both are."""
+    shown = ["nan" if x is None else f"{x:.6g}" for x in (before, after)]
+    return " → ".join(dict.fromkeys(shown))

@@ -13,7 +13,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from lagcli.columns import QUANTITIES
-from lagcli.trajectory.event_log import EventLog
+from lagcli.trajectory.event_log import EventLog, EventRecords
 from lagcli.trajectory.samples import Terms
 from lagcli.trajectory.trajectory import Trajectory
 
@@ -177,6 +177,10 @@ def make_log(
     random = np.random.default_rng(seed)
     count, rows = len(entries), ("floor", "floor.slip")
     time, names, kinds = zip(*entries, strict=True) if entries else ((), (), ())
+    recording = [i for i, kind in enumerate(kinds) if kind == "event"]
+    columns = ("y_dot", "lambda.guide") if recording else ()
+    sides = random.normal(size=(2, len(recording), len(columns)))
+    sides[:, 1:, :1] = np.nan  # another event records fewer columns
     return EventLog(
         rows=rows,
         start=np.zeros(len(rows), dtype=np.intp),
@@ -191,6 +195,12 @@ def make_log(
         supplied=random.normal(size=count),
         work=random.normal(size=count),
         modes=random.integers(0, 4, size=(count, len(rows))),
+        records=EventRecords(
+            columns=columns,
+            entry=np.array(recording, dtype=np.intp),
+            before=sides[0],
+            after=sides[1],
+        ),
     )
 
 
@@ -203,8 +213,14 @@ def assert_same_logs(one: EventLog | None, other: EventLog | None) -> None:
     """Compare every field, numbers by their bits."""
     assert one is not None
     assert other is not None
-    for field in dataclasses.fields(EventLog):
-        a, b = getattr(one, field.name), getattr(other, field.name)
+    both = ((getattr(one, f.name), getattr(other, f.name), f) for f in dataclasses.fields(EventLog))
+    parts = (
+        (getattr(one.records, f.name), getattr(other.records, f.name), f)
+        for f in dataclasses.fields(EventRecords)
+    )
+    for a, b, field in (*both, *parts):
+        if isinstance(a, EventRecords):
+            continue
         if isinstance(a, np.ndarray):
             assert a.dtype == b.dtype, field.name
             np.testing.assert_array_equal(a, b, err_msg=field.name)

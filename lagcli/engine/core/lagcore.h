@@ -193,7 +193,8 @@ typedef struct {
     int found;                         /* what the last contact problem has: core/contact/contact.h */
     int begun;                         /* whether the modes at the start are known ... */
     const int *first_mode;             /* ... which are these */
-    const double *a, *multipliers;     /* nq, nc (all constraints): as the instant begins */
+    const double *before;              /* n: the state as the instant begins ... */
+    const double *a, *multipliers;     /* ... nq, nc (all constraints): which are 0 at the start */
 } lag_instant_report;
 
 typedef struct {
@@ -288,6 +289,9 @@ int lag_advance(lag_run *run, long slice);
 
 /* Sample the last accepted step, or the start, up to a time. Returns a lag_status. */
 int lag_sample_until(lag_run *run, double end);
+
+/* Write the sample row of the present state, which is not kept. Returns a lag_status. */
+int lag_sample_here(lag_run *run, double *row);
 
 /* The rows of the block that are filled, which is empty from now on. */
 long lag_take(lag_run *run);

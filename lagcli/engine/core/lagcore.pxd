@@ -181,6 +181,7 @@ cdef extern from "lagcore.h" nogil:
         double gained
         int found, begun
         const int *first_mode
+        const double *before
         const double *a
         const double *multipliers
 
@@ -202,6 +203,7 @@ cdef extern from "lagcore.h" nogil:
     int lag_start(lag_run *run)
     int lag_advance(lag_run *run, long slice)
     int lag_sample_until(lag_run *run, double end)
+    int lag_sample_here(lag_run *run, double *row)
     long lag_take(lag_run *run)
     void lag_dense(lag_run *run, double t, double *y)
     void lag_limit(lag_run *run, double h_max)

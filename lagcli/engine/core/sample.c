@@ -9,12 +9,12 @@
 
 #define FINE 1e-5           /* of rtol: a residual of the equations that samples may have */
 
-/* Write the consistent state at a sample time, with its a and lambda. */
-static int sample(lag_run *run, double t, double *y)
+/* Write the consistent state next to y, with its a and lambda. */
+static int write_row(lag_run *run, double t, double *y, double *row)
 {
     const lag_system *s = &run->system;
     const int nq = s->nq, nc = s->nc;
-    double power, *row = run->samples.block + run->samples.used * (lag_sample_size(s) + run->samples.extra);
+    double power;
     if (run->projection.active) {
         const int status = lag_return(run, t, y);
         if (status != LAG_RUNNING)
@@ -33,9 +33,26 @@ static int sample(lag_run *run, double t, double *y)
         const lag_switching *sw = &run->switching;
         row[lag_sample_size(s) + i] = sw->mode[i] == LAG_OPEN ? 0.0 : sw->sign[i] * sw->force[i];
     }
+    return LAG_RUNNING;
+}
+
+/* Keep the sample at a time. */
+static int sample(lag_run *run, double t, double *y)
+{
+    const long width = lag_sample_size(&run->system) + run->samples.extra;
+    const int status = write_row(run, t, y, run->samples.block + run->samples.used * width);
+    if (status != LAG_RUNNING)
+        return status;
     ++run->samples.used;
     ++run->samples.next;
     return LAG_RUNNING;
+}
+
+int lag_sample_here(lag_run *run, double *row)
+{
+    double *y = run->samples.y;
+    memcpy(y, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
+    return write_row(run, run->step.t, y, row);
 }
 
 int lag_sample_until(lag_run *run, double end)

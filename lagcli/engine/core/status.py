@@ -35,6 +35,7 @@ class Status(_Described):
     CONTRADICTED = "redundant constraints may contradict each other after the last step"
     JUMPED = "the constraints at t_bad are met only far from y_bad"
     HAPPENED = "events happened at an instant, which waits for what they do"
+    RESOLVED = "an instant at which events happened is over, and its state is that after it"
     ENDLESS = "what happens at an instant does not end"
     NO_MODE = "no motion of the contacts is possible"
     TWO_MODES = "more than one motion of the contacts is possible"

@@ -155,6 +155,13 @@ cdef class SwitchingIntegrator(Integrator):
 
     @property
     def motion(self):
-        """a and λ of all constraints as the instant begins."""
+        """The state as the instant begins, and a and λ of all constraints there."""
         cdef lag_instant_report report = lag_instant_of(self.run)
-        return _copy(report.a, self.nq), _copy(report.multipliers, len(self.split.system.constraints))
+        constraints = len(self.split.system.constraints)
+        return _copy(report.before, self.n), _copy(report.a, self.nq), _copy(report.multipliers, constraints)
+
+    def sample_here(self):
+        """Return a status, and the sample row of the present state, as in the block."""
+        row = np.empty(self.block.shape[1])
+        cdef double[::1] view = row
+        return lag_sample_here(self.run, &view[0]), row

@@ -29,6 +29,7 @@ def run(
         found = outcome(integration.integrate)
         integration.emit()
     found.events, found.modes = integration.entries, integration.start_modes
+    found.limits = integration.limits_of_events
     found.steps, found.rejected = integration.steps, integration.rejected
     found.evaluations = integration.motion.evaluations
     found.tolerances = integration.sizes.tolerances if integration.sizes else None

@@ -24,6 +24,7 @@ from lagcli.engine.contract import (
     EventEntry,
     IntegrationRequest,
     Limits,
+    OneSidedLimits,
     Stopped,
     Undefined,
     breaks_of,
@@ -65,6 +66,7 @@ class ScipyIntegration:
         self.sampled = 0
         self.limits = Limits(self.settings)
         self.entries: list[EventEntry] = []
+        self.limits_of_events: list[OneSidedLimits] = []
         self.start_modes: tuple[int, ...] = ()
         self.breaks = breaks_of(system, request)
         if self.settings.formulation == "baumgarte":

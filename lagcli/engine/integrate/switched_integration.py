@@ -19,6 +19,7 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.instants import InstantResolution
 from lagcli.engine.integrate.phases import Phases
 from lagcli.engine.integrate.scipy_integration import ScipyIntegration
+from lagcli.engine.switching.recorded_instants import RecordedInstants
 from lagcli.engine.switching.reference.crossings import Crossings, first_crossings
 from lagcli.engine.switching.reference.stops import endless
 from lagcli.engine.system import System
@@ -42,8 +43,20 @@ class SwitchedIntegration(ScipyIntegration):
         super().__init__(system, request, sink, progress)
         self.entries = self.phases.entries
         self.phases.on_parameters = self._tell_parameters
+        self.instants = RecordedInstants(self.phases.switching.events)
+        self.limits_of_events = self.instants.limits
         self._last, self._rounds = -math.inf, 0
         self._landing: Crossings | None = None
+
+    def row(self, t: float, y: Array, moving: bool = True) -> Array:
+        """Return the sample row of a state; a and λ are NaN where nothing moves yet."""
+        q, v = self.motion.split(y)
+        a, multipliers, _ = self.motion.accelerations(t, q, v)
+        row = np.concatenate([[t], q, v, a, multipliers, y[-1:]])
+        if not moving:
+            layout = self.system.sample_layout
+            row[layout.a] = row[layout.multipliers] = np.nan
+        return row
 
     def _tell_parameters(self, p: tuple[float, ...]) -> None:
         """Emit the samples before parameters change, and tell the values from now on."""
@@ -141,9 +154,15 @@ class SwitchedIntegration(ScipyIntegration):
 
     def resolve(self, t: float, y: Array, numbers: Sequence[int], started: bool) -> Array:
         """Do what happens at an instant; return the state afterwards, in its new modes."""
+        logged, records = len(self.phases.entries), self.instants.records
+        if records:
+            self.instants.begin(self.row(t, y, moving=started), self.phases.full.p)
         found = InstantResolution(self.phases, t, y).resolve(numbers, started)
         self.phases.enter(found.modes, t, *self.motion.split(found.y))
         self._take_phase()
+        if records:
+            self.instants.add(logged, self.phases.entries[logged:])
+            self.instants.end(self.row(t, found.y), self.phases.full.p)
         if self.sizes is not None:
             self.sizes.restart(t, found.y)
         if found.stop is not None:

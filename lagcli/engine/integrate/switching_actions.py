@@ -135,7 +135,7 @@ class Actions:
 
     def _inputs(self, y: Array) -> tuple[float, ...]:
         """Return (t, q, v, a, λ, p)."""
-        a, multipliers = self.core.motion
+        _, a, multipliers = self.core.motion
         return (self.core.t, *y[:-1].tolist(), *a.tolist(), *multipliers.tolist(), *self._held)
 
     def _energy(self, y: Array) -> float:

@@ -28,6 +28,7 @@ from lagcli.engine.integrate.compiled_run import Integration
 from lagcli.engine.integrate.switching_actions import Actions
 from lagcli.engine.linear import dense
 from lagcli.engine.switching.messages import lets_go_undecided, no_end, refusal
+from lagcli.engine.switching.recorded_instants import RecordedInstants
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.switching.switching import ContactChange
 from lagcli.engine.switching.undecided import undecided
@@ -45,6 +46,8 @@ _CHANGES: dict[Occurrence, ContactChange] = {
     "sticks": "sticks",
     "impact": "impacts",
 }
+#: What events of the model do.
+_OF_EVENTS: tuple[Occurrence, ...] = ("event", "releases", "engages")
 #: What ends a run at a contact.
 _REFUSED = (Status.NO_MODE, Status.TWO_MODES, Status.NO_IMPACT, Status.GAINS, Status.JAMMED)
 #: What takes the steps while a row holds or slips, or a force depends on λ.
@@ -88,6 +91,7 @@ class SwitchingIntegration(Integration):
             progress,
         )
         self.actions = Actions(system, request, self.core)
+        self.instants = RecordedInstants(self.split_system.switching.events)
 
     def integrator(self, *arguments: Any) -> binding.SwitchingIntegrator:
         """Return a core whose rows switch."""
@@ -102,7 +106,7 @@ class SwitchingIntegration(Integration):
         run = super().run()
         if self.stopped:
             run.status, run.message = "stopped-by-event", self.stopped
-        run.events = self.log
+        run.events, run.limits = self.log, self.instants.limits
         run.modes = self.actions.first_modes
         acting = any(run.modes) or any(entry.modes.any() for entry in run.events)
         if acting or self.split_system.switching.force_coordinates:
@@ -118,15 +122,10 @@ class SwitchingIntegration(Integration):
         """Do what a status of the core asks for; return whether the run is complete."""
         core = self.core
         if status == Status.HAPPENED:
-            self.collect()
-            since, self.waiting = self.waiting, []
-            changes = [(e.which, _CHANGES[e.occurrence]) for e in since]
-            self.log += self.actions.react(changes)
-            self.stopped = self.actions.stopped
-            if self.stopped:
-                return True
-            # before the first step, `start` goes on with the instant; else the next slice
-            return False if core.begun else self.handle_status(core.start())
+            return self.happen()
+        if status == Status.RESOLVED:
+            self.resolve()
+            return False
         if status == Status.ENDLESS:
             self.collect()
             raise Stop(no_end(self.whole, core.t, self.log))
@@ -134,6 +133,62 @@ class SwitchingIntegration(Integration):
             self.collect()
             raise Stop(refusal(self.split_system, status, core, self.settings.impacts))
         return super().handle_status(status)
+
+    # events
+
+    def happen(self) -> bool:
+        """Do what events of the model ask for; return whether the run is complete."""
+        core = self.core
+        self.collect()
+        since, self.waiting = self.waiting, []
+        changes = [(e.which, _CHANGES[e.occurrence]) for e in since]
+        if not self.instants.open:
+            y, a, multipliers = core.motion
+            if not core.begun:  # nothing has moved yet
+                a, multipliers = np.full_like(a, np.nan), np.full_like(multipliers, np.nan)
+            left = np.concatenate([[core.t], y[:-1], a, multipliers, y[-1:]])
+            self.instants.begin(left, tuple(self.actions.p))
+        p = list(self.actions.p)
+        entries = self.actions.react(changes)
+        if self.actions.p != p and self.request.on_parameters is not None:
+            self.request.on_parameters(tuple(self.actions.p))
+        self.instants.add(len(self.log), entries)
+        self.log += entries
+        self.stopped = self.actions.stopped
+        if self.stopped:
+            self.settle()
+            return True
+        if core.begun:
+            return False
+        # before the first step, `start` goes on with the instant; else the next slice
+        complete = self.handle_status(core.start())
+        if self.instants.open:
+            self.resolve()
+        return complete
+
+    def settle(self) -> None:
+        """Complete the instant at which the run stops, and sample it."""
+        core = self.core
+        while (status := core.advance(0) if core.begun else core.start()) == Status.BLOCK_FULL:
+            self.collect()
+        if status in (Status.RUNNING, Status.RESOLVED, Status.HAPPENED):
+            self.resolve()
+            while core.sample_until(core.t) == Status.BLOCK_FULL:
+                self.collect()
+        else:
+            self.instants.end(None, tuple(self.actions.p))
+        self.collect()
+
+    def resolve(self) -> None:
+        """Complete the entries of an instant of which all is done."""
+        self.collect()
+        modes = np.array(self.core.modes[: len(self.split_system.switching.rows)], dtype=int)
+        for entry in range(self.instants.first, len(self.log)):
+            if self.log[entry].occurrence in _OF_EVENTS:
+                self.log[entry] = self.log[entry]._replace(modes=modes)
+        status, row = self.core.sample_here()
+        right = self.whole_rows(row[None])[0] if status == Status.RUNNING else None
+        self.instants.end(right, tuple(self.actions.p))
 
     # samples
 
@@ -163,7 +218,11 @@ class SwitchingIntegration(Integration):
         )
 
     def emit(self, rows: Array) -> None:
-        """Emit samples: λ of the core's constraints and of the rows in the System's order."""
+        """Emit samples."""
+        self.sink(Block.of_rows(self.whole_rows(rows), self.whole.sample_layout))
+
+    def whole_rows(self, rows: Array) -> Array:
+        """Return sample rows of the System: λ of the core's constraints and of rows that switch."""
         fixed, whole = self.system.sample_layout, self.whole.sample_layout
         out = np.empty((len(rows), whole.size))
         out[:, : whole.multipliers.start] = rows[:, : fixed.multipliers.start]
@@ -171,4 +230,4 @@ class SwitchingIntegration(Integration):
         multipliers[:, list(self.split_system.base)] = rows[:, fixed.multipliers]
         multipliers[:, list(self.split_system.rows)] = rows[:, fixed.size :]
         out[:, whole.work] = rows[:, fixed.work]
-        self.sink(Block.of_rows(out, whole))
+        return out

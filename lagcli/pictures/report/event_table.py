@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from html import escape
 
+from lagcli.columns import read_column_name, unit_of_column
 from lagcli.pictures.report.tables import time_button
 from lagcli.pictures.report.writing import number, table
 from lagcli.pictures.run_file import RunFile
-from lagcli.trajectory.event_log import MODES, EventLog, event_sentences
+from lagcli.trajectory.event_log import MODES, EventLog, EventRecords, event_sentences
 
 #: Entries that are listed: of more, the first ones and the last.
 _FIRST, _LAST = 60, 20
+#: Columns that events record, of which a table is made.
+_COLUMNS = 8
 
 
 def events_section(run: RunFile) -> str:
@@ -20,7 +23,10 @@ def events_section(run: RunFile) -> str:
         return ""
     sentences = "".join(f"<p>{escape(text)}.</p>" for text in event_sentences(log.to_mapping()))
     entries = _entries(run, log) if len(log) else ""
-    return f'<section id="events"><h2>Contacts and events</h2>{sentences}{entries}</section>'
+    recorded = _recorded(run, log.records, log) if 0 < len(log.records.columns) <= _COLUMNS else ""
+    return (
+        f'<section id="events"><h2>Contacts and events</h2>{sentences}{entries}{recorded}</section>'
+    )
 
 
 def events_link(run: RunFile) -> str:
@@ -28,10 +34,45 @@ def events_link(run: RunFile) -> str:
     return "" if run.record.events is None else '<li><a href="#events">Contacts and events</a></li>'
 
 
+def _recorded(run: RunFile, records: EventRecords, log: EventLog) -> str:
+    """Return the table of what events record."""
+    places = _listed(len(records.entry))
+    rows = []
+    for place in places:
+        entry, values = int(records.entry[place]), records.of(place)
+        cells = [_limits(values[name]) if name in values else "" for name in records.columns]
+        rows.append([time_button(float(log.time[entry]), 9), escape(log.names[entry]), *cells])
+    head = ["t [s]", "Event", *(_headed(run, name) for name in records.columns)]
+    caption = "What events recorded, before → after"
+    numeric = (0, *range(2, len(head)))
+    return table(caption, head, rows, numeric=numeric, kind="extremes") + _left_out(
+        len(records.entry) - len(places)
+    )
+
+
+def _limits(both: tuple[float, float]) -> str:
+    """Return the values before and after an event, or the one that both are."""
+    return " → ".join(dict.fromkeys(number(x) for x in both))
+
+
+def _headed(run: RunFile, name: str) -> str:
+    column, units = read_column_name(name, run.coordinates, run.constraints), run.record.units
+    unit = units.get(name) if column is None else unit_of_column(column, units)
+    return f"{name} [{unit}]" if unit else name
+
+
+def _listed(count: int) -> list[int]:
+    """Return which of so many entries are listed."""
+    places = list(range(count))
+    return places if count <= _FIRST + _LAST else places[:_FIRST] + places[-_LAST:]
+
+
+def _left_out(count: int) -> str:
+    return f"<p class='note'>And {count} more between them.</p>" if count else ""
+
+
 def _entries(run: RunFile, log: EventLog) -> str:
-    places = list(range(len(log)))
-    if len(places) > _FIRST + _LAST:
-        places = places[:_FIRST] + places[-_LAST:]
+    places = _listed(len(log))
     rows = []
     for i in places:
         name, impulse, mode = log.names[i], "", ""
@@ -44,7 +85,7 @@ def _entries(run: RunFile, log: EventLog) -> str:
         rows.append([time, escape(name), log.kinds[i], mode, impulse, *amounts])
     head = ["t [s]", "Name", "What", "Mode after", "Impulse [J s/unit]"]
     head += ["Loss [J]", "Supplied [J]", "Work [J]"]
-    left = len(log) - len(places)
-    note = f"<p class='note'>And {left} more between them.</p>" if left else ""
     caption = "What happened, in order"
-    return table(caption, head, rows, numeric=(0, 4, 5, 6, 7), kind="extremes") + note
+    return table(caption, head, rows, numeric=(0, 4, 5, 6, 7), kind="extremes") + _left_out(
+        len(log) - len(places)
+    )

@@ -19,10 +19,11 @@ from lagcli.arrays import Array
 from lagcli.errors import FileError
 from lagcli.files import read_failure
 from lagcli.results.reasons import check_readable
-from lagcli.trajectory.event_log import MODES, EventLog
+from lagcli.trajectory.event_log import MODES, NOTHING_RECORDED, EventLog, EventRecords
 
 _FIXED = ("t", "name", "kind", "loss", "supplied", "work")
-_START, _MODE = "start", "mode."
+_START, _MODE, _RECORDED = "start", "mode.", "recorded."
+_SIDES = (".before", ".after")
 
 
 def events_path(path: str) -> str:
@@ -45,15 +46,23 @@ def events_text(
     """
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow([*_header(coordinates, constraints), *(_MODE + row for row in log.rows)])
+    records = log.records
+    modes = (_MODE + row for row in log.rows)
+    recorded = (_RECORDED + name + side for name in records.columns for side in _SIDES)
+    table.writerow([*_header(coordinates, constraints), *modes, *recorded])
     blank = ["nan"] * (3 + 3 * len(coordinates) + len(constraints))
-    table.writerow([_number(t_start), "", _START, *blank, *_words(log.start)])
+    nothing = [""] * (2 * len(records.columns))
+    table.writerow([_number(t_start), "", _START, *blank, *_words(log.start), *nothing])
+    both = np.stack([records.before, records.after], axis=2)
+    both = both.reshape(len(records.entry), 2 * len(records.columns))
+    written = dict(zip(records.entry.tolist(), both.tolist(), strict=True))
     energies = np.column_stack([log.loss, log.supplied, log.work])
     numbers = np.hstack([energies, log.q, log.before, log.after, log.impulse])
-    for time, name, kind, values, modes in zip(
-        log.time.tolist(), log.names, log.kinds, numbers.tolist(), log.modes, strict=True
+    for i, (time, name, kind, values, after) in enumerate(
+        zip(log.time.tolist(), log.names, log.kinds, numbers.tolist(), log.modes, strict=True)
     ):
-        table.writerow([_number(time), name, kind, *map(_number, values), *_words(modes)])
+        limits = map(_number, written[i]) if i in written else nothing
+        table.writerow([_number(time), name, kind, *map(_number, values), *_words(after), *limits])
     return text.getvalue().encode()
 
 
@@ -121,8 +130,11 @@ def _log(
     constraints: Sequence[str],
 ) -> EventLog:
     known = _header(coordinates, constraints)
-    rest = header[len(known) :]
-    if header[: len(known)] != known or not all(x.startswith(_MODE) for x in rest):
+    rest = [x for x in header[len(known) :] if x.startswith(_MODE)]
+    recorded = header[len(known) + len(rest) :]
+    columns = [x.removeprefix(_RECORDED).removesuffix(_SIDES[0]) for x in recorded[::2]]
+    sides = [_RECORDED + name + side for name in columns for side in _SIDES]
+    if header != [*known, *rest, *sides]:
         raise ValueError("its columns are not those of this model")
     for number, line in enumerate(lines, 2):
         if len(line) != len(header):
@@ -133,7 +145,8 @@ def _log(
     nq, nc = len(coordinates), len(constraints)
     values = _numbers(chain.from_iterable([x[0], *x[3 : len(known)]] for x in entries))
     values = values.reshape(len(entries), 4 + 3 * nq + nc)
-    modes = np.array([_places(x[len(known) :]) for x in lines], dtype=np.intp)
+    first = len(known) + len(rest)
+    modes = np.array([_places(x[len(known) : first]) for x in lines], dtype=np.intp)
     modes = modes.reshape(len(lines), len(rest))
     time, loss, supplied, work = values[:, :4].T.copy()
     q, before, after, impulse = np.split(values[:, 4:], [nq, 2 * nq, 3 * nq], axis=1)
@@ -151,9 +164,25 @@ def _log(
         supplied=supplied,
         work=work,
         modes=modes[1:],
+        records=_records(columns, [x[first:] for x in entries]),
     )
     log.check()
     return log
+
+
+def _records(columns: list[str], lines: list[list[str]]) -> EventRecords:
+    """Return what events record: the ends of the lines, which are empty where there is nothing."""
+    if not columns:
+        return NOTHING_RECORDED
+    places = [i for i, line in enumerate(lines) if any(line)]
+    both = _numbers(chain.from_iterable(lines[i] for i in places))
+    both = both.reshape(len(places), len(columns), 2)
+    return EventRecords(
+        columns=tuple(columns),
+        entry=np.array(places, dtype=np.intp),
+        before=both[:, :, 0].copy(),
+        after=both[:, :, 1].copy(),
+    )
 
 
 def _number(value: float) -> str:

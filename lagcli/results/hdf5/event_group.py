@@ -19,7 +19,7 @@ from lagcli.results.hdf5.container import (
     set_text,
 )
 from lagcli.results.hdf5.structure import group, numbers, read_texts
-from lagcli.trajectory.event_log import MODES, EventLog
+from lagcli.trajectory.event_log import MODES, NOTHING_RECORDED, EventLog, EventRecords
 
 GROUP = "events"
 _MODES = ", ".join(f"{number} {name}" for number, name in enumerate(MODES))
@@ -79,6 +79,33 @@ def write_events(
     ):
         described(name, add_indices(place, name, modes), along, f"modes of the rows: {_MODES}", "1")
 
+    if log.records.columns:
+        _write_records(place, log, event)
+
+
+def _write_records(place: h5py.Group, log: EventLog, event: Any) -> None:
+    """Write what events record."""
+    records = log.records
+    column = add_texts(place, "column", records.columns)
+    entry = add_indices(place, "recorded_entry", records.entry)
+    make_axis(column, "column")
+    make_axis(entry, "recorded")
+    for dataset, what, unit in (
+        (column, "columns that events record", "none"),
+        (entry, "number of the entry that records, from 0", "1"),
+        *(
+            (add_array(place, f"recorded_{side}", getattr(records, side)), what, "those of columns")
+            for side, what in (
+                ("before", "columns right before the event"),
+                ("after", "columns right after the event"),
+            )
+        ),
+    ):
+        set_text(dataset, "long_name", what)
+        set_text(dataset, "units", unit)
+        if dataset not in (column, entry):
+            attach_axes(dataset, [entry, column])
+
 
 def read_events(root: h5py.Group, coordinates: int, constraints: int) -> EventLog:
     """Return the log of a file with so many coordinates and constraints.
@@ -106,10 +133,23 @@ def read_events(root: h5py.Group, coordinates: int, constraints: int) -> EventLo
         names=names,
         kinds=kinds,
         modes=_modes(place, "mode_after", (count, len(rows))),
+        records=_records(place) if "column" in place else NOTHING_RECORDED,
         **arrays,
     )
     log.check()
     return log
+
+
+def _records(place: h5py.Group) -> EventRecords:
+    columns = read_texts(place, "column")
+    entry = np.asarray(numbers(place, "recorded_entry", "<i4")[()], dtype=np.intp)
+    sides = {}
+    for side in ("before", "after"):
+        dataset = numbers(place, f"recorded_{side}")
+        if dataset.shape != (*entry.shape, len(columns)):
+            raise ValueError(f"{GROUP}/recorded_{side} has shape {dataset.shape}")
+        sides[side] = np.asarray(dataset[()], dtype=np.float64)
+    return EventRecords(columns=columns, entry=entry, **sides)
 
 
 def _modes(place: h5py.Group, name: str, shape: tuple[int, ...]) -> Indices:

@@ -6,15 +6,36 @@ import numpy as np
 
 from lagcli.engine.contract import Outcome
 from lagcli.engine.system import System
-from lagcli.trajectory.event_log import EventLog
+from lagcli.simulations.derived import DerivedColumns
+from lagcli.trajectory.event_log import NOTHING_RECORDED, EventLog
 
 
-def event_log(system: System, outcome: Outcome) -> EventLog | None:
-    """Return the log of a run; None of a System in which nothing switches."""
+def event_log(
+    system: System, outcome: Outcome, derived: DerivedColumns | None = None
+) -> EventLog | None:
+    """Return the log of a run; None of a System in which nothing switches.
+
+    Parameters
+    ----------
+    system : System
+    outcome : Outcome
+    derived : DerivedColumns, optional
+        That has completed the samples; without it, the log lacks what events record.
+    """
     switching = system.switching
     if switching is None:
         return None
-    entries, count = outcome.events, len(outcome.events)
+    # a sequence of impacts ends a little later than the instant at which that is known
+    order = sorted(range(len(outcome.events)), key=lambda i: outcome.events[i].time)
+    entries, count = [outcome.events[i] for i in order], len(order)
+    records = NOTHING_RECORDED
+    if derived is not None and outcome.limits:
+        from lagcli.simulations.switching.event_records import event_records
+
+        place = {entry: i for i, entry in enumerate(order)}
+        limits = [x._replace(entry=place[x.entry]) for x in outcome.limits]
+        rules = [switching.events[entries[x.entry].which] for x in limits]
+        records = event_records(system, derived, limits, rules)
     nq, nc, ns = len(system.coordinates), len(system.constraints), len(switching.rows)
     return EventLog(
         rows=tuple(system.constraints[row.row] for row in switching.rows),
@@ -35,4 +56,5 @@ def event_log(system: System, outcome: Outcome) -> EventLog | None:
         supplied=np.array([e.supplied for e in entries], dtype=float),
         work=np.array([e.work for e in entries], dtype=float),
         modes=np.array([e.modes for e in entries], dtype=np.intp).reshape(count, ns),
+        records=records,
     )

@@ -76,6 +76,9 @@ def test_hdf5_for_other_programs(tmp_path: Path) -> None:
         ("kind", lambda x: np.array([b"crash"] * len(x))),
         ("name", lambda x: x[:2]),
         ("impulse", lambda x: x[:, :1]),
+        ("column", lambda x: x[:1]),
+        ("recorded_entry", lambda x: x + 9),
+        ("recorded_before", lambda x: x[:, :1]),
         ("row", lambda x: x.astype(float) if x.dtype.kind != "S" else np.zeros(len(x))),
     ],
 )
@@ -107,6 +110,7 @@ def test_layout_1_has_no_log() -> None:
         ("impulse.guide", "impulse.rod", "its columns are not those of this model"),
         (",start,", ",begin,", "no modes at the start"),
         (",impact,", ",crash,", "crash"),
+        ("recorded.y_dot.after", "recorded.x_dot.after", "its columns are not those of this model"),
         ("open", "ajar", "'ajar' is not a mode"),
         ("0.25,floor,rest,", "0.25,floor,rest,x", "could not convert"),
         ("0.25,floor,rest,", "0.25,floor,rest,,,", "line 6 has"),

@@ -57,9 +57,11 @@ def test_sentences() -> None:
     log = dataclasses.replace(
         make_log(), loss=np.full(6, 0.5), supplied=np.zeros(6), work=np.array([0.0] * 5 + [2.0])
     )
-    counts, note, energy = event_sentences(log.to_mapping())
+    counts, note, recorded, energy = event_sentences(log.to_mapping())
     assert counts == "floor: impact 2, rest 1; floor.slip: impact 1, slips 1; kick: event 1"
     assert note == "note: `floor` came to rest at t = 0.25 s after 2 impacts"
+    assert recorded.startswith("`kick` recorded at t = 0.4 s: y_dot = ")
+    assert " → " in recorded
     assert energy == "impacts took 3 J, events did work of 2 J"
     assert event_sentences(make_log(entries=()).to_mapping()) == [
         "nothing happened at contacts and events"
@@ -84,6 +86,39 @@ def test_a_log_without_sense_is_refused(change: dict[str, object], message: str)
         log.check()
 
 
+def test_recorded_columns() -> None:
+    entries = ((0.1, "kick", "event"), (0.2, "floor", "impact"), (0.3, "kick", "event"))
+    log = make_log(entries=entries)
+    records = log.records
+    before, after = log.recorded("lambda.guide")
+    assert np.isnan(before).tolist() == [False, True, False]
+    assert before[2] == records.before[1, 1]
+    assert after[0] == records.after[0, 1]
+    assert list(records.of(1)) == ["lambda.guide"]  # the second records no more
+    with pytest.raises(KeyError):
+        log.recorded("x")
+    found = log.to_mapping()["recorded"]["kick"]
+    assert (found["times"], found["columns"], found["last"]["time"]) == (2, 1, 0.3)
+    assert found["last"]["values"] == {"lambda.guide": [before[2], after[2]]}
+    assert "`kick` recorded 1 column 2 times" in event_sentences(log.to_mapping())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"entry": np.array([6])}, "that there are not"),
+        ({"entry": np.array([-1])}, "that there are not"),
+        ({"before": np.zeros((2, 2))}, "one number for each column"),
+        ({"columns": ("y_dot", "y_dot")}, "twice"),
+    ],
+)
+def test_records_without_sense_are_refused(change: dict[str, object], message: str) -> None:
+    log = make_log()
+    log = dataclasses.replace(log, records=dataclasses.replace(log.records, **change))
+    with pytest.raises(ValueError, match=message):
+        log.check()
+
+
 def test_xarray() -> None:
     pytest.importorskip("xarray")
     run = make_with_log()
@@ -94,4 +129,9 @@ def test_xarray() -> None:
         run.events.impulse[:, 1].tolist()
     )
     assert dataset["event_name"].values.tolist() == list(run.events.names)
+    assert run.events is not None
+    assert dataset["recorded_after"].sel(column="y_dot").values.tolist() == (
+        run.events.records.after[:, 0].tolist()
+    )
+    assert dataset["recorded_time"].values.tolist() == [0.4]
     assert "mode" not in dataclasses.replace(run, events=None).to_xarray()

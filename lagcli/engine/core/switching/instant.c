@@ -22,6 +22,9 @@
 /* What a row has ended at this instant, which does not begin again at it. */
 enum { NOTHING_ENDED, FORCE_ENDED, STICKING_ENDED_FORWARD, STICKING_ENDED_BACKWARD, SLIPPING_ENDED };
 
+/* What the program that drives the run knows of an instant. */
+enum { NOTHING_TOLD, HAPPENED_TOLD, RESOLVED_TOLD };
+
 static double *velocities(lag_run *run)
 {
     return run->step.y + run->system.nq;
@@ -99,6 +102,7 @@ int lag_look_for_instant(lag_run *run)
     sw->last = sw->instant;
     sw->due = 1;
     sw->settled = 0;
+    sw->told = NOTHING_TOLD;
     return note_ends(run);
 }
 
@@ -320,6 +324,7 @@ int lag_do_instant(lag_run *run)
     int status = LAG_RUNNING;
     if (sw->report) { /* the user's actions come first */
         sw->report = 0;
+        sw->told = HAPPENED_TOLD;
         return LAG_HAPPENED;
     }
     while (!sw->settled || sw->moved) { /* actions that change nothing do not ask for modes again */
@@ -350,17 +355,25 @@ int lag_do_instant(lag_run *run)
         if (!sw->report)
             break;
         sw->report = 0;
+        sw->told = HAPPENED_TOLD;
         return LAG_HAPPENED;
     }
     sw->due = 0;
     if (!sw->begun) {
         sw->begun = 1;
+        sw->told = NOTHING_TOLD;
         memcpy(sw->first_mode, sw->mode, (size_t)sw->rows * sizeof(int));
         memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
         return LAG_RUNNING; /* lag_start does the rest */
     }
-    status = restart(run);
-    return status == LAG_RUNNING ? lag_sample_until(run, t) : status;
+    if (sw->told != RESOLVED_TOLD && (status = restart(run)) != LAG_RUNNING)
+        return status;
+    if (sw->told == HAPPENED_TOLD) {
+        sw->told = RESOLVED_TOLD;
+        sw->due = 1;
+        return LAG_RESOLVED;
+    }
+    return lag_sample_until(run, t);
 }
 
 int lag_begin_modes(lag_run *run)
@@ -368,6 +381,7 @@ int lag_begin_modes(lag_run *run)
     lag_switching *sw = &run->switching;
     if (!sw->begun && !sw->due) {
         sw->due = 1;
+        sw->told = NOTHING_TOLD;
         sw->rounds = 0;
         memcpy(sw->before, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
         for (int i = 0; i < 3 * sw->rows; ++i)

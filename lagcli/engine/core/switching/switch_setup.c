@@ -156,7 +156,7 @@ lag_instant_report lag_instant_of(lag_run *run)
     lag_switching *sw = &run->switching;
     return (lag_instant_report){run->step.t, run->step.y, sw->mode, sw->active, sw->phi, sw->psi,
                                 sw->trial_force, sw->gained, sw->found, sw->begun, sw->first_mode,
-                                sw->begin, sw->begin + run->system.nq};
+                                sw->before, sw->begin, sw->begin + run->system.nq};
 }
 
 int lag_condition_happened(lag_run *run, int which)

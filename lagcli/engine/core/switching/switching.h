@@ -112,6 +112,7 @@ typedef struct {
     int begun, due, located;           /* modes are known; an instant is to be done; samples come first */
     int report;                        /* whether the program that drives the run has something to do */
     int moved;                         /* whether it has changed the state */
+    int told;                          /* whether it knows of the instant, and of its end: instant.c */
     int settled;                       /* whether the modes after this instant are found */
     int rounds;
     int found;                         /* of the last contact problem: what lag_solve_contacts returned */

@@ -20,7 +20,7 @@ class NotingCore:
         self.t, self.state, self._happened = 0.5, np.array(state), happened
         self.modes = [0]
         self.active: dict[int, bool] = {}
-        self.motion = np.array([1.0]), np.array([0.0])
+        self.motion = np.zeros(3), np.array([1.0]), np.array([0.0])
         self.p: list[float] = []
 
     def happened(self) -> list[int]:

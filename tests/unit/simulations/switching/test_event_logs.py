@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 import lagcli
-from lagcli.engine.contract import EventEntry, Outcome
+from lagcli.engine.contract import EventEntry, OneSidedLimits, Outcome
 from lagcli.engine.lowering import lower
 from lagcli.equations.derivation.lagrange import derive
+from lagcli.simulations.derived import DerivedColumns
 from lagcli.simulations.switching.event_logs import event_log
 
 MODEL = """\
@@ -41,7 +42,11 @@ def test_entries_become_a_log() -> None:
         entry("sticks", 2, time=0.6, modes=[1, 1]),
         entry("event", 0, time=1.0, work=2.0, modes=[1, 1]),
     ]
-    log = event_log(system, Outcome("stopped-by-event", events=entries, modes=(0, 0)))
+    log = event_log(
+        system,
+        Outcome("stopped-by-event", events=entries, modes=(0, 0)),
+        DerivedColumns(system, ()),
+    )
     assert log is not None
     log.check()
     assert log.rows == ("floor", "floor.slip")
@@ -52,6 +57,20 @@ def test_entries_become_a_log() -> None:
     assert log.impulse[0].tolist() == [0.0, 3.6, 0.0]
     assert (log.loss.sum(), log.work.sum()) == (0.36, 2.0)
     assert log.modes.tolist() == [[0, 0], [1, 1], [1, 1]]
+
+
+def test_entries_are_in_the_order_of_time() -> None:
+    """A sequence of impacts ends later than the instant at which an event answers its last one."""
+    system = lower(derive(lagcli.load_text(MODEL)))
+    entries = [entry("impact", 1), entry("rest", 1, time=0.5 + 1e-9), entry("event", 0)]
+    row = np.zeros(system.sample_layout.size)
+    limits = [OneSidedLimits(2, row, row, (2.0, 9.81), (2.0, 9.81))]
+    outcome = Outcome("completed", events=entries, modes=(0, 0), limits=limits)
+    log = event_log(system, outcome, DerivedColumns(system, (2.0, 9.81)))
+    assert log is not None
+    log.check()
+    assert log.kinds == ("impact", "event", "rest")
+    assert log.records.entry.tolist() == [1]
 
 
 def test_a_run_without_events_has_an_empty_log() -> None:

@@ -1,0 +1,60 @@
+"""The limits of the motion at the instants of events that record something."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.engine.contract import EventEntry, OneSidedLimits
+from lagcli.engine.switching.switching import EventRule
+
+
+class RecordedInstants:
+    """Gathers the limits of a run, instant by instant.
+
+    Parameters
+    ----------
+    rules : sequence of EventRule
+
+    Attributes
+    ----------
+    records : bool
+        Whether there is such an event.
+    limits : list of OneSidedLimits
+        Of the instants that have ended.
+    open : bool
+        Whether an instant has begun and not ended.
+    first : int
+        The first entry of the log at this instant that is of an event.
+    """
+
+    def __init__(self, rules: Sequence[EventRule]):
+        self.rules = rules
+        self.records = any(rule.record != () for rule in rules)
+        self.limits: list[OneSidedLimits] = []
+        self.open, self.first = False, 0
+        self._entries: list[int] = []
+
+    def begin(self, left: Array, p: tuple[float, ...]) -> None:
+        """Begin an instant, with its limit from the left."""
+        self.open, self._left, self._p, self._entries = True, left, p, []
+
+    def add(self, count: int, entries: Sequence[EventEntry]) -> None:
+        """Add entries that follow the first ``count`` ones of the log."""
+        if not self._entries:
+            self.first = count
+        self._entries += [
+            k
+            for k, entry in enumerate(entries, count)
+            if entry.occurrence == "event" and self.rules[entry.which].record != ()
+        ]
+
+    def end(self, right: Array | None, p: tuple[float, ...]) -> None:
+        """End the instant, with its limit from the right; None where there is none."""
+        if right is None:
+            right = np.full_like(self._left, np.nan)
+            right[0] = self._left[0]
+        self.limits += [OneSidedLimits(k, self._left, right, self._p, p) for k in self._entries]
+        self.open = False

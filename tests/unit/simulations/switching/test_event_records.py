@@ -1,0 +1,168 @@
+"""What events record, from both sides of their instants: against closed forms, on both engines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.trajectory.event_log import EventLog
+from lagcli.trajectory.trajectory import Trajectory
+
+BALL = """
+coordinates: {x: m, y: m}
+parameters: {m: 2 kg, g: 10 m/s^2, e: 0.5, k: 3 N/m}
+T: m/2*(x'^2 + y'^2)
+V: m*g*y + k/2*x^2
+constraints:
+  floor: {expr: y >= 0, restitution: e}
+outputs: {height: y + x}
+events:
+  hit: {when: floor impacts, record: [y', lambda.floor, height, energy_total, y_ddot]}
+  stiffer: {when: t >= 0.7, set: {k: 2*k}}
+  quiet: {when: t >= 0.75, record: false, set: {x': 0}}
+  end: {when: t >= 1.2, stop: true, record: [y]}
+initial: {x: 1, y: 1, x': 0, y': 0}
+simulation: {t_end: 2, times: [0, 0.7, 0.8, 1.2, 1.5, 2]}
+"""
+
+ROD = """
+coordinates: {x: m, y: m}
+parameters: {m: 2 kg, g: 10 m/s^2, l: 5 m}
+T: m/2*(x'^2 + y'^2)
+V: m*g*y
+constraints:
+  rod: x^2 + y^2 = l^2
+events:
+  cut: {when: t >= 0.5, release: rod}
+  tie: {when: x' >= 100, engage: rod}
+initial: {x: 0, y: -5, x': 2, y': 0}
+simulation: {t_end: 1, samples: 3}
+"""
+
+
+@pytest.fixture(params=["compiled", "scipy"])
+def engine(request: Any) -> str:
+    return str(request.param)
+
+
+def run(text: str, engine: str) -> tuple[Trajectory, EventLog]:
+    settings = SettingsOverrides(engine=engine, rtol=1e-11)
+    found = lagcli.simulate(lagcli.load_text(text), settings)
+    assert found.events is not None
+    found.events.check()
+    return found, found.events
+
+
+def values(log: EventLog, column: str, event: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return a column before and after the instants of an event."""
+    of = [name == event for name in log.names]
+    before, after = log.recorded(column)
+    return before[of], after[of]
+
+
+def test_a_ball_that_bounces(engine: str) -> None:
+    """Speeds halve at t = √(2h/g), 2 of these and 5/2 of these, and energy is lost with them."""
+    found, log = run(BALL, engine)
+    fall = np.sqrt(0.2)
+    np.testing.assert_allclose(
+        log.time[[n == "hit" for n in log.names]], fall * np.array([1, 2, 2.5]), rtol=1e-9
+    )
+    before, after = values(log, "y_dot", "hit")
+    speeds = 10 * fall * 0.5 ** np.arange(4)
+    np.testing.assert_allclose(before, -speeds[:3], rtol=1e-9)
+    np.testing.assert_allclose(after, speeds[1:], rtol=1e-9)
+    before, after = values(log, "energy_total", "hit")
+    np.testing.assert_allclose(before - after, 0.75 * speeds[:3] ** 2, rtol=1e-9)
+    assert values(log, "lambda.floor", "hit")[0].tolist() == [0, 0, 0]
+    assert values(log, "y_ddot", "hit")[1] == pytest.approx([-10] * 3)
+    before, after = values(log, "height", "hit")
+    omega = np.sqrt(1.5)
+    assert before[0] == after[0] == pytest.approx(np.cos(omega * fall), rel=1e-9)
+    assert found.status == "stopped-by-event"
+    assert found.time[-1] == 1.2
+
+
+def test_an_event_without_the_key_records_all_columns(engine: str) -> None:
+    _, log = run(BALL, engine)
+    records = log.records
+    kept = {log.names[entry]: records.of(i) for i, entry in enumerate(records.entry)}
+    assert set(kept) == {"hit", "stiffer", "end"}
+    assert list(kept["end"]) == ["y"]
+    assert {"x", "x_dot", "x_ddot", "lambda.floor", "Qc.floor.y", "energy_total", "height"} <= set(
+        kept["stiffer"]
+    )
+    # k = 3 N/m becomes 6 N/m: a and V double at the same x
+    before, after = kept["stiffer"]["x_ddot"]
+    x = kept["stiffer"]["x"][0]
+    assert (before, after) == (pytest.approx(-1.5 * x), pytest.approx(-3 * x))
+    before, after = kept["stiffer"]["energy_potential"]
+    assert after - before == pytest.approx(1.5 * x**2, rel=1e-9)
+
+
+def test_columns_follow_parameters_that_events_set(engine: str) -> None:
+    """The energies of samples after `set` are those of the new values."""
+    found, log = run(BALL, engine)
+    assert np.abs(found.energy_balance).max() < 1e-8 * 21.5
+    np.testing.assert_allclose(
+        np.diff(values(log, "energy_total", "stiffer"), axis=0).ravel(),
+        log.work[[n == "stiffer" for n in log.names]],
+        rtol=1e-12,
+    )
+
+
+def test_a_sample_at_the_instant_is_the_limit_from_the_right(engine: str) -> None:
+    found, log = run(BALL, engine)
+    at = int(np.flatnonzero(found.time == 0.7)[0])
+    assert values(log, "x_ddot", "stiffer")[1] == pytest.approx(found.a[at, :1], rel=1e-12)
+
+
+def test_a_rod_that_is_cut(engine: str) -> None:
+    """λ = −m (g cos θ + v²/l)/(2 l) before it is cut, 0 after; no impulse."""
+    _, log = run(ROD, engine)
+    before, after = values(log, "lambda.rod", "cut")
+    y, vx, vy = (values(log, name, "cut")[0] for name in ("y", "x_dot", "y_dot"))
+    assert before == pytest.approx((10 * y / 5 - (vx**2 + vy**2) / 5) / 5, rel=1e-9)
+    assert after.tolist() == [0]
+    assert values(log, "y_ddot", "cut")[1] == pytest.approx([-10])
+    assert values(log, "x_dot", "cut")[1] == pytest.approx(vx, rel=1e-13)
+    (cut,) = (i for i, name in enumerate(log.names) if name == "cut")
+    assert log.modes[cut].tolist() == [0]  # right after the instant
+
+
+def test_both_engines_record_the_same() -> None:
+    for text in (BALL, ROD):
+        one, other = (run(text, engine)[1] for engine in ("compiled", "scipy"))
+        assert one.names == other.names
+        assert one.kinds == other.kinds
+        assert one.modes.tolist() == other.modes.tolist()
+        assert one.records.columns == other.records.columns
+        for side in ("before", "after"):
+            for i, column in enumerate(one.records.columns):
+                if not column.startswith(("residual", "energy_balance")):
+                    a, b = (getattr(log.records, side)[:, i] for log in (one, other))
+                    np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-8, err_msg=column)
+
+
+def test_an_impact_at_the_start_has_no_forces_before(engine: str) -> None:
+    text = BALL.replace("y: 1,", "y: 0,").replace("y': 0}", "y': -1}")
+    _, log = run(text, engine)
+    before, after = values(log, "y_dot", "hit")
+    assert (before[0], after[0]) == (-1, 0.5)
+    before, after = values(log, "y_ddot", "hit")
+    assert np.isnan(before[0])
+    assert after[0] == pytest.approx(-10)
+
+
+def test_records_go_round_in_every_format(tmp_path: Path) -> None:
+    found, log = run(BALL, "compiled")
+    for name in ("run.h5", "run.csv"):
+        lagcli.write(found, tmp_path / name)
+        read = lagcli.read(tmp_path / name).events
+        assert read is not None
+        for column in log.records.columns:
+            np.testing.assert_array_equal(read.recorded(column), log.recorded(column))
