@@ -16,10 +16,12 @@ from lagcli.model.model import Model
 from lagcli.model.spelling import shorten
 from lagcli.model.yaml.rewriting import rewrite
 from lagcli.pictures.scene.automatic_view import with_view
+from lagcli.pictures.scene.drag import places
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
 from lagcli.play.controls import Control, controls, family_label
 from lagcli.play.curves import Curves
+from lagcli.play.drags import DragRequest, Drags
 from lagcli.play.equations import equations_html
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
@@ -54,6 +56,8 @@ class PlayRequest:
         Groups of curves.
     members : str
         The numbers of members that the page has controls for; see `Played.members`.
+    drag : DragRequest, optional
+        A body is moved: the answer has initial values in place of a run.
     """
 
     number: int = 0
@@ -62,6 +66,7 @@ class PlayRequest:
     t_end: str = ""
     plots: tuple[str, ...] = ()
     members: str = ""
+    drag: DragRequest | None = None
 
     @classmethod
     def parsed(cls, message: Mapping[str, Any]) -> PlayRequest:
@@ -81,7 +86,8 @@ class PlayRequest:
         texts = [message.get(key, "") for key in ("t_end", "members")]
         if not _texts(texts):
             raise ValueError("t_end and members are texts")
-        return cls(number, tables[0], tables[1], texts[0], tuple(plots), texts[1])
+        drag = DragRequest.parsed(message.get("drag"))
+        return cls(number, tables[0], tables[1], texts[0], tuple(plots), texts[1], drag)
 
 
 class Played:
@@ -120,6 +126,7 @@ class Played:
         structural = (model.parameters[name] for name in model.structural_parameters)
         self.members = " ".join(f"{p.name}={p.value:g}" for p in structural)
         self._evaluator = ViewEvaluator(model) if model.view is not None else None
+        self._drags = Drags(model, self._evaluator) if self._evaluator is not None else None
 
     def check(self) -> None:
         """Raise what is wrong with the values that the program was started with.
@@ -147,6 +154,8 @@ class Played:
         ModelError, UsageError, NumericalError
             There is something wrong with the values.
         """
+        if request.drag is not None:
+            return self._dragged(request, request.drag)
         self._adapt(request.set)
         request = self._fitting(request)
         simulation = self._variants.varied(request.set, request.set_initial)
@@ -157,15 +166,43 @@ class Played:
         simulation = dataclasses.replace(simulation, settings=settings)
         blocks: list[Samples] = []
         record = simulation.run(blocks.append, None, interruption)
-        answer = self._answer(request, simulation, joined(blocks), record)
+        samples = joined(blocks)
+        if self._drags is not None:
+            self._drags.take(samples)
+        answer = self._answer(request, simulation, samples, record)
         return answer if request.members == self.members else answer | self.description()
+
+    def _dragged(self, request: PlayRequest, drag: DragRequest) -> dict[str, Any]:
+        """Answer a request to move a body."""
+        if self._drags is None or not self._drags.fits(drag):
+            raise UsageError("what is moved is no body of this model")
+        asked = self._fitting(request)
+        found = self._drags.drag(drag, lambda: self._variants.varied(asked.set, asked.set_initial))
+        values = {name: self.controls[name].shown(x) for name, x in found["initial"].items()}
+        initial = {**asked.set_initial, **self._written(values, asked.set_initial)}
+        command = self.command(dataclasses.replace(asked, set_initial=initial))
+        return {"number": request.number, **found, "initial": values, "command": command}
+
+    def _written(self, values: Mapping[str, float], given: Mapping[str, str]) -> dict[str, str]:
+        """Return initial values as the command line takes them; guesses stay guesses."""
+        found = {}
+        for name, value in values.items():
+            control = self.controls[name]
+            text = f"{value!r}{control.suffix}"
+            free = given[name].startswith("{") if name in given else control.free
+            found[name] = f"{{guess: {text}}}" if free else text
+        return found
 
     def description(self) -> dict[str, Any]:
         """Return what the page is to know of the model, before the first run."""
+        view = self.model.view
         return {
             "members": self.members,
             "controls": [c.to_json() for c in self.controls.values()],
             "groups": self.curves.groups(),
+            "draggable": [name for name, moves in places(self.model, view).items() if moves]
+            if view is not None
+            else [],
             "equations": equations_html(self._variants.equations),
         }
 

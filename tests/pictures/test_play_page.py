@@ -10,6 +10,7 @@ import statistics
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -392,3 +393,116 @@ def test_every_control_has_a_name_that_is_spoken(crank):
     assert unnamed == []
     assert p.slider("r").get_attribute("aria-label") == "r, crank OA"
     assert p.slider("r").get_attribute("aria-valuetext") == "0.1 m"
+
+
+def on_screen(played, point):
+    """Return where a point of the scene is on the page."""
+    return played.page.evaluate(
+        f"""(() => {{
+          const {{ canvas, camera, motion }} = page.pictures.player.stage;
+          const {{ left, top }} = canvas.getBoundingClientRect();
+          const [right, down] = camera.project(motion.point("{point}"));
+          return [left + right, top + down];
+        }})()"""
+    )
+
+
+def dragged(played, point, right, down, steps=4):
+    """Drag a point with the mouse, by CSS pixels; stop before its release."""
+    x, y = on_screen(played, point)
+    mouse = played.page.mouse
+    mouse.move(x, y)
+    mouse.down()
+    for i in range(1, steps + 1):
+        mouse.move(x + right * i / steps, y + down * i / steps)
+        played.settled()
+    return x + right, y + down
+
+
+def test_a_body_is_dragged_and_the_initial_values_follow(crank):
+    p = crank
+    where = dragged(p, "A", -40, -30)
+    # the crank's end turns towards the mouse, on its circle, and nothing is simulated yet
+    command = p.command()
+    phi = float(p.field("phi").input_value())
+    assert phi > 0.6
+    assert f"--set-initial phi={phi}" in command
+    O = on_screen(p, "O")
+    for x, y in (where, on_screen(p, "A")):
+        assert math.atan2(O[1] - y, x - O[0]) == pytest.approx(phi, abs=1e-3)
+    assert p.page.evaluate("page.pictures.player.stage.motion.time.length") == 1
+    p.page.mouse.up()
+    p.settled()
+    assert p.command() == command
+    t = simulated(set_initial={"phi": phi, "psi": "{guess: 0.2}", "psi'": "{guess: 0}"})
+    assert p.curve(0, 0) == pytest.approx(t.q[:, 0], abs=1e-7)
+    assert p.page.evaluate("page.pictures.player.time") == 0
+    # the fixed velocity is kept; the angle of the rod is still a guess
+    assert "phi'=" not in command
+    assert "psi={guess:" in command
+    p.page.locator('.control[data-name="phi"] .control-reset').click()
+    p.settled()
+    assert p.field("phi").input_value() == "0.5"
+
+
+def test_a_drag_is_taken_back_with_escape(crank):
+    p = crank
+    before = p.command()
+    dragged(p, "A", 30, 60)
+    assert p.command() != before
+    p.page.keyboard.press("Escape")
+    p.page.mouse.up()
+    p.settled()
+    assert p.command() == before
+    assert p.field("phi").input_value() == "0.5"
+    assert p.page.evaluate("page.pictures.player.stage.motion.time.length") == 601
+    # a click moves nothing
+    p.page.mouse.click(*on_screen(p, "A"))
+    p.settled()
+    assert p.command() == before
+
+
+def test_a_place_on_a_rod_is_dragged_with_a_finger(opened, served):
+    p = opened(served, has_touch=True, viewport={"width": 390, "height": 800})
+    (ax, ay), (bx, by) = on_screen(p, "A"), on_screen(p, "B")
+    touches = p.page.context.new_cdp_session(p.page)
+
+    def touch(kind, *points):
+        listed = [{"x": x, "y": y} for x, y in points]
+        touches.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": listed})
+        p.settled()
+
+    middle = ((ax + bx) / 2, (ay + by) / 2)
+    touch("touchStart", middle)
+    for i in range(1, 4):
+        touch("touchMove", (middle[0] - 5 * i, middle[1] - 10 * i))
+    (ax, ay), (bx, by) = on_screen(p, "A"), on_screen(p, "B")
+    moved = ((ax + bx) / 2, (ay + by) / 2)
+    touch("touchEnd")
+    assert "--set-initial phi=" in p.command()
+    assert moved[1] < middle[1] - 5
+    assert p.page.evaluate("scrollY") == 0, "the page stays where it is"
+
+
+def test_a_top_is_dragged_in_the_plane_of_the_screen(opened):
+    server = serving(MODELS / "heavy_top.yaml", "--t-end", "0.2")
+    p = opened(next(server))
+    where = dragged(p, "C", 25, -20)
+    # it is under the mouse, and on its constraints
+    assert on_screen(p, "C") == pytest.approx(where, abs=0.5)
+    words = shlex.split(p.command())
+    initial = dict(w.split("=", 1) for flag, w in pairwise(words) if flag == "--set-initial")
+    X, Y, Z = (float(initial[name].removesuffix(" m")) for name in "XYZ")
+    assert math.sqrt(X * X + Y * Y + Z * Z) == pytest.approx(1, rel=1e-9)
+    p.page.mouse.up()
+    p.settled()
+    assert p.page.locator("#notice").is_hidden()
+    # beside the top, dragging turns the scene
+    turned = p.page.evaluate("page.pictures.player.stage.camera.azimuth")
+    box = p.page.locator(".player-stage canvas").bounding_box()
+    p.page.mouse.move(box["x"] + 8, box["y"] + 8)
+    p.page.mouse.down()
+    p.page.mouse.move(box["x"] + 60, box["y"] + 8)
+    p.page.mouse.up()
+    assert p.page.evaluate("page.pictures.player.stage.camera.azimuth") != turned
+    next(server, None)

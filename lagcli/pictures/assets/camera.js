@@ -6,6 +6,7 @@
  * Both have fit(width, height), which takes the size of the canvas in CSS pixels, and
  * project([x, y, z]), which returns [right, down, depth] in CSS pixels; what has the greater depth is
  * farther away. `scale` is the number of pixels per unit of length, in the middle of the scene.
+ * place([right, down], depth) returns the point that is seen there.
  */
 
 /** Two dimensions: x to the right, y up, both to one scale. */
@@ -37,6 +38,13 @@ class PlaneCamera {
       this.centre[0] + (x - this.middle[0]) * this.scale,
       this.centre[1] - (y - this.middle[1]) * this.scale,
       0,
+    ];
+  }
+
+  place([right, down]) {
+    return [
+      this.middle[0] + (right - this.centre[0]) / this.scale,
+      this.middle[1] - (down - this.centre[1]) / this.scale,
     ];
   }
 }
@@ -104,8 +112,27 @@ class OrbitCamera {
 
   project(point) {
     const [right, up, near] = this.components(point.map((c, axis) => c - this.middle[axis]));
-    const eye = OrbitCamera.DISTANCE * this.radius;
-    const scale = (this.scale * eye) / (eye - near);
+    const scale = this.#scaleAt(near);
     return [this.centre[0] + right * scale, this.centre[1] - up * scale, -near];
+  }
+
+  place([right, down], depth) {
+    const scale = this.#scaleAt(-depth);
+    const [across, up] = [(right - this.centre[0]) / scale, (this.centre[1] - down) / scale];
+    return this.middle.map(
+      (c, i) => c + across * this.right[i] + up * this.up[i] - depth * this.towards[i],
+    );
+  }
+
+  /** The point from which the scene is seen. */
+  get eye() {
+    const distance = OrbitCamera.DISTANCE * this.radius;
+    return this.middle.map((c, axis) => c + distance * this.towards[axis]);
+  }
+
+  /** Return the pixels per unit of length so much nearer than the middle. */
+  #scaleAt(near) {
+    const distance = OrbitCamera.DISTANCE * this.radius;
+    return (this.scale * distance) / (distance - near);
   }
 }

@@ -61,6 +61,28 @@ class Controls {
     return found;
   }
 
+  /** Take initial values from the picture, where a body is held. */
+  place(initial) {
+    for (const [name, value] of Object.entries(initial)) {
+      const free = this.given.get(name)?.free ?? this.list.get(name).free;
+      this.given.set(name, { free, text: String(value) });
+      this.start[name] = value;
+      const row = this.rows.get(name);
+      if (row) this.#show(row);
+    }
+  }
+
+  /** Keep the reader's changes as they are now. */
+  remember() {
+    this.remembered = new Map(this.given);
+  }
+
+  /** Go back to the changes that were kept. */
+  recall() {
+    this.given = new Map(this.remembered);
+    for (const row of this.rows.values()) this.#restore(row);
+  }
+
   /** Take back all changes. */
   reset(event) {
     this.given.clear();

@@ -3,9 +3,11 @@
 /*
  * Pictures of the run: the animation and the plots, which share their time.
  *
- *   const pictures = new Pictures(stage, plots, hello, () => ask());
+ *   const pictures = new Pictures(stage, plots, hello, calls);
+ *   pictures.draggable = ["A", "B"];  // points that the initial values move
  *   pictures.groups();      // the groups of curves that are wanted
  *   pictures.draw(answer);
+ *   pictures.pose(scene);   // while a body is held, the start alone
  */
 
 class Pictures {
@@ -16,10 +18,12 @@ class Pictures {
    * @param {HTMLElement} stage  of the player
    * @param {HTMLElement} plots
    * @param {object} hello  name, palette and groups of the model
-   * @param {function} wanted  called when other curves are wanted
+   * @param {object} calls
+   * @param {function} calls.wanted  called when other curves are wanted
+   * @param {object} calls.drag  see Dragging
    */
-  constructor(stage, plots, { name, palette, groups }, wanted) {
-    [this.stage, this.name, this.palette] = [stage, name, palette];
+  constructor(stage, plots, { name, palette, groups }, { wanted, drag }) {
+    [this.stage, this.name, this.palette, this.drag] = [stage, name, palette, drag];
     this.link = new TimeLink();
     this.player = null;
     const usual = Pictures.USUAL.map((group) => (group in groups ? group : Pictures.INSTEAD));
@@ -84,7 +88,10 @@ class Pictures {
       const onTime = (time) => this.link.setTime(time, this.player);
       const options = { label: this.name, onTime, speed, autoplay: true };
       this.player = new Player(this.stage, scene, options);
+      this.#makeDraggable();
     }
+    if (this.dragging) this.dragging.points = this.draggable;
+    if (this.held) this.#goOn();
     for (const slot of this.slots) {
       const group = slot.select.value;
       if (!plots[group]) continue; // chosen a moment ago: another answer has it
@@ -96,6 +103,42 @@ class Pictures {
       slot.more.textContent = [data.unit && `[${data.unit}]`, some].filter(Boolean).join(" ");
     }
     this.phase.draw(plots, this.kept === answer ? null : this.kept?.plots);
+  }
+
+  /** Show the start alone, seen from where the run was, its arrows at the same scale. */
+  pose(scene) {
+    this.held = true;
+    const { bounds, shapes } = this.shown.scene;
+    const scales = new Map(
+      shapes.filter(({ kind }) => kind === "vector").map((shape) => [shape.name, shape.scale]),
+    );
+    const scaled = scene.shapes.map((shape) => ({
+      ...shape,
+      scale: scales.get(shape.name) ?? shape.scale,
+    }));
+    this.player.setScene({ ...scene, bounds, shapes: scaled });
+  }
+
+  /** Play the run of a body that was released, from its start. */
+  #goOn() {
+    this.held = false;
+    this.player.setTime(this.player.start);
+    this.link.setTime(this.player.start, this.player);
+    if (!matchMedia("(prefers-reduced-motion: reduce)").matches) this.player.play();
+  }
+
+  #makeDraggable() {
+    const { begun } = this.drag;
+    this.dragging = new Dragging(this.player.frame, this.player.stage, {
+      ...this.drag,
+      begun: () => {
+        this.player.pause();
+        begun();
+      },
+    });
+    this.hint = Row.text("p", "drag-hint", "Drag a body to move it at the start.");
+    this.hint.hidden = !this.draggable.length;
+    this.stage.append(this.hint);
   }
 
   /** A plot and the choice of what it shows. */

@@ -66,8 +66,28 @@ class Page {
     elements.description.textContent = hello.description;
     this.#build(hello);
     const [player, plots] = ["player", "plots"].map((id) => document.getElementById(id));
-    this.pictures = new Pictures(player, plots, hello, () => this.ask());
+    this.pictures = new Pictures(player, plots, hello, {
+      wanted: () => this.ask(),
+      drag: {
+        ask: (drag) => this.#send({ drag }),
+        begun: () => this.controls.remember(),
+        moved: (answer) => this.#drag(answer),
+        released: (event) => this.ask(event),
+        cancelled: () => {
+          this.controls.recall();
+          this.ask();
+        },
+      },
+    });
+    this.pictures.draggable = hello.draggable;
     this.ask();
+  }
+
+  /** Show a configuration in which a body is held. */
+  #drag(answer) {
+    this.controls.place(answer.initial);
+    this.elements.command.textContent = answer.command;
+    this.pictures.pose(answer.scene);
   }
 
   /** Show the controls of a model with these numbers of members. */
@@ -86,15 +106,23 @@ class Page {
       clearTimeout(this.waiting);
       this.waiting = undefined;
     }
+    const { dragging } = this.pictures;
+    if ("gesture" in answer) {
+      dragging.answered(answer);
+      return;
+    }
+    if (dragging?.active && !("error" in answer)) return; // its release asks for another run
     this.elements.command.textContent = answer.command;
     this.elements.pictures.classList.toggle("stale", "error" in answer);
     if ("error" in answer) {
+      dragging?.drop();
       this.#notice(answer.error, "error");
       this.#say("");
       return;
     }
     this.answer = answer;
     if ("controls" in answer) this.#build(answer);
+    if ("draggable" in answer) this.pictures.draggable = answer.draggable;
     this.controls.follow(answer);
     this.pictures.draw(answer);
     this.#notice(answer.message, "warning");
