@@ -12,6 +12,8 @@ import symengine as se
 
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.equations.presentation import typeset as t
+from lagcli.equations.presentation.assembly import Contents, shown_steps
+from lagcli.equations.presentation.formulas import Formulas, Step
 from lagcli.model.inputs import as_symbols
 from lagcli.model.loader import load, load_text
 
@@ -39,6 +41,12 @@ _OWN = {
 @functools.cache
 def equations_of(path: Path) -> Equations:
     return derive(load(path))
+
+
+@functools.cache
+def steps_of(path: Path, derivation: bool = False, numeric: bool = False) -> tuple[Step, ...]:
+    """Return the steps that are printed, which are the same in every format and width."""
+    return shown_steps(Formulas(equations_of(path), numeric), Contents(steps=derivation))
 
 
 def model_of(coordinates: str, kinetic: str, potential: str = "0", **rest: str) -> Equations:

@@ -7,7 +7,7 @@ import shutil
 import subprocess
 
 import pytest
-from formula_values import MODELS, equations_of, model_of
+from formula_values import MODELS, equations_of, model_of, steps_of
 from pylatexenc.latexwalker import (
     LatexCharsNode,
     LatexEnvironmentNode,
@@ -21,8 +21,10 @@ from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation import typeset as t
 from lagcli.equations.render import render
 from lagcli.equations.render.formula_latex import LatexFormula
-from lagcli.equations.render.latex import TEXT_WIDTH, escape, measure
+from lagcli.equations.render.latex import TEXT_WIDTH, escape, measure, render_latex
+from lagcli.equations.render.markdown import render_markdown
 from lagcli.equations.render.names import Notation
+from lagcli.equations.render.numbers import written_decimals
 from lagcli.model.loader import load_text
 
 ENVIRONMENTS = {"document", "align", "itemize", "pmatrix", "cases", "aligned"}
@@ -77,8 +79,10 @@ def display_rows(latex: str) -> list[str]:
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
 def test_shipped_models(path):
+    model = equations_of(path).model
+    formula = LatexFormula(Notation(model), written_decimals(model))
     for steps in (False, True):
-        latex = render(equations_of(path), "latex", steps)
+        latex = render_latex(model, steps_of(path, steps), formula, numbered=steps, fragment=False)
         check(latex)
         rows = display_rows(latex)
         assert rows
@@ -188,7 +192,9 @@ MEASURED = {
 
 @pytest.mark.parametrize("path", MODELS[1::3], ids=lambda p: p.stem)
 def test_markdown(path):
-    text = render(equations_of(path), "markdown", steps=True)
+    model = equations_of(path).model
+    formula = LatexFormula(Notation(model), written_decimals(model))
+    text = render_markdown(model, steps_of(path, derivation=True), formula, numbered=True)
     assert text.startswith("# ")
     assert text.count("$$") % 2 == 0
     for block in re.findall(r"\$\$\n(.*?)\n\$\$", text, re.DOTALL):

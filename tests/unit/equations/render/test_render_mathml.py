@@ -10,10 +10,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from formula_values import MODELS, equations_of, model_of, point, value
+from formula_values import MODELS, equations_of, model_of, point, steps_of, value
 
 from lagcli.equations.presentation.formulas import Formulas, Line
-from lagcli.equations.presentation.overview import overview
 from lagcli.equations.presentation.typeset import (
     Call,
     Number,
@@ -190,7 +189,7 @@ def test_equations_read_back_have_their_values(path: Path) -> None:
 def test_every_formula_is_well_formed_and_cut_into_whole_pieces(path: Path) -> None:
     e = equations_of(path)
     formula, text = formula_of(e), TextFormula(Notation(e.model))
-    for step in overview(Formulas(e)):
+    for step in steps_of(path):
         for line in step.lines:
             element = html(equation(line, formula, text))
             assert element.attrib["aria-label"] == " = ".join(map(text.text, line.sides))

@@ -6,12 +6,9 @@ import unicodedata
 from fractions import Fraction
 
 import pytest
-from formula_values import MODELS, equations_of, model_of
+from formula_values import MODELS, equations_of, model_of, steps_of
 
 from lagcli.equations.presentation import typeset as t
-from lagcli.equations.presentation.formulas import Formulas
-from lagcli.equations.presentation.overview import overview
-from lagcli.equations.presentation.steps import steps as derivation
 from lagcli.equations.render import render
 from lagcli.equations.render.breaking import Break, lines
 from lagcli.equations.render.formula_text import TextFormula
@@ -101,11 +98,11 @@ def test_brackets_alternate():
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
 @pytest.mark.parametrize("numeric", [False, True], ids=["symbols", "numbers"])
 def test_lines_fit(path, numeric):
-    f = Formulas(equations_of(path), numeric)
-    formula = TextFormula(Notation(f.model), numeric=numeric)
-    for shown in (overview(f), derivation(f)):
+    model = equations_of(path).model
+    formula = TextFormula(Notation(model), numeric=numeric)
+    for shown in (steps_of(path, False, numeric), steps_of(path, True, numeric)):
         for width in (40, 60, 80, 100, 120):
-            text = render_text(f.model, shown, formula, width, numbered=True)
+            text = render_text(model, shown, formula, width, numbered=True)
             assert text.endswith("\n")
             assert not text.endswith("\n\n")
             for line in text.splitlines():
@@ -205,8 +202,11 @@ def brackets_of(text: str) -> list[tuple[int, int]]:
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
 def test_factors_that_fit_on_a_line_are_not_broken(path, width):
     """A bracket that contains a line break is longer than the lines."""
+    model = equations_of(path).model
+    formula = TextFormula(Notation(model), written_decimals(model))
     for steps in (False, True):
-        for block in render(equations_of(path), "text", steps, width=width).split("\n\n"):
+        text = render_text(model, steps_of(path, steps), formula, width, numbered=steps)
+        for block in text.split("\n\n"):
             rows = block.split("\n")
             for first, last in brackets_of(block):
                 inside = block[first : last + 1]
@@ -219,7 +219,7 @@ def test_factors_that_fit_on_a_line_are_not_broken(path, width):
                 )
                 assert display_width(" ".join(inside.split())) > width - margin - 2, inside
         # lines begin with the sign of a term, an equality sign, a bracket or a whole formula
-        for line in render(equations_of(path), "text", steps, width=width).splitlines():
+        for line in text.splitlines():
             assert not line.rstrip().endswith(("+", "−", "=", "(", "[", "{")), line
 
 
