@@ -33,6 +33,9 @@ def solve_ldl(
 def solve_contacts(
     problem: ContactProblem, present: ArrayLike | None = None
 ) -> list[tuple[_Array, _Array, NDArray[np.int32]]]: ...
+def share_contacts(
+    problem: ContactProblem, modes: ArrayLike, force: ArrayLike
+) -> tuple[_Array, _Array, NDArray[np.bool_]]: ...
 def solve_impact(
     matrix: ArrayLike,
     before: ArrayLike,

@@ -35,6 +35,9 @@ cdef extern from "contact/contact.h" nogil:
     int lag_solve_contacts(
         const lag_contacts *problem, const int32_t *present, void *memory, lag_contact_motion *first,
         lag_contact_motion *second)
+    int lag_share_contacts(
+        const lag_contacts *problem, const int32_t *mode, void *memory, double *force, double *slack,
+        int32_t *tight)
     size_t lag_contact_memory(int n)
     int lag_solve_impact(
         const lag_impact *impact, int law, void *memory, lag_impact_result *result)
@@ -53,6 +56,18 @@ cdef class _Memory:
         free(self.start)
 
 
+cdef lag_contacts _contacts(problem, _Arguments arguments):
+    cdef lag_contacts c
+    c.n, c.rounding = len(problem.offset), NULL
+    c.matrix, c.offset = arguments.doubles(problem.matrix), arguments.doubles(problem.offset)
+    c.law = arguments.integers(problem.laws)
+    c.static_limit = arguments.doubles(problem.static)
+    c.static_slope = arguments.doubles(problem.static_slopes)
+    c.kinetic_limit = arguments.doubles(problem.kinetic)
+    c.kinetic_slope = arguments.doubles(problem.kinetic_slopes)
+    return c
+
+
 def solve_contacts(problem, present=None):
     """Return the solutions of a contact problem, two at most: (force, motion, modes) of each.
 
@@ -63,15 +78,8 @@ def solve_contacts(problem, present=None):
         Modes to try first.
     """
     cdef _Arguments arguments = _Arguments()
-    cdef int n = len(problem.offset)
-    cdef lag_contacts c
-    c.n, c.rounding = n, NULL
-    c.matrix, c.offset = arguments.doubles(problem.matrix), arguments.doubles(problem.offset)
-    c.law = arguments.integers(problem.laws)
-    c.static_limit = arguments.doubles(problem.static)
-    c.static_slope = arguments.doubles(problem.static_slopes)
-    c.kinetic_limit = arguments.doubles(problem.kinetic)
-    c.kinetic_slope = arguments.doubles(problem.kinetic_slopes)
+    cdef lag_contacts c = _contacts(problem, arguments)
+    cdef int n = c.n
     cdef const int32_t *modes = NULL
     if present is not None:
         modes = arguments.integers(present)
@@ -84,6 +92,29 @@ def solve_contacts(problem, present=None):
     cdef _Memory memory = _Memory(lag_contact_memory(n))
     found = lag_solve_contacts(&c, modes, memory.start, &first, &second)
     return [(reals[i, 0, :n], reals[i, 1, :n], whole[i, :n]) for i in range(found)]
+
+
+def share_contacts(problem, modes, force):
+    """Return the forces of given modes, the common slack of the laws of redundant rows, and which are tight.
+
+    Where the rows are not redundant, the forces are those given, and no slack is finite.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    modes : (n,) array of int
+    force : (n,) array
+        Forces of the modes.
+    """
+    cdef _Arguments arguments = _Arguments()
+    cdef lag_contacts c = _contacts(problem, arguments)
+    reals, whole = np.full((2, c.n), np.inf), np.zeros(c.n, dtype=np.int32)
+    reals[0] = force
+    cdef double[:, ::1] out = reals
+    cdef int32_t[::1] tight = whole
+    cdef _Memory memory = _Memory(lag_contact_memory(c.n))
+    lag_share_contacts(&c, arguments.integers(modes), memory.start, &out[0, 0], &out[1, 0], &tight[0])
+    return reals[0], reals[1], whole.astype(bool)
 
 
 def solve_impact(matrix, before, laws, restitution, friction, int law):

@@ -6,6 +6,7 @@
 #include "motion.h"
 #include "project.h"
 #include "step.h"
+#include "switching/settle.h"
 
 #define FINE 1e-5           /* of rtol: a residual of the equations that samples may have */
 
@@ -24,6 +25,8 @@ static int write_row(lag_run *run, double t, double *y, double *row)
                         || run->solver.inaccuracy > FINE * run->tolerances.rtol;
     if (lag_accelerate(run, t, y, refined, &power))
         return LAG_UNDEFINED;
+    if (run->switching.acting && run->switching.redundant)
+        lag_share_forces(run, t, y);
     row[0] = t;
     memcpy(row + lag_sample_q(s), y, 2 * (size_t)nq * sizeof(double));
     memcpy(row + lag_sample_a(s), run->solver.a, (size_t)nq * sizeof(double));

@@ -207,7 +207,10 @@ class Phases:
             return {}
         from scipy.optimize import linprog
 
-        free = motion.free_multipliers(motion.held.dynamics(t, q, v))
+        inputs = motion.inputs(t, q, v, a, multipliers)
+        free = motion.free_multipliers(self.full.dynamics(t, q, v), inputs)
+        if not free.shape[1]:
+            return {}
         rows, bounds = motion.cone_rows(t, q, v, a, multipliers)
         along = rows @ free
         shared = np.abs(along).max(axis=1) > _SHARED * np.abs(rows).max(axis=1)

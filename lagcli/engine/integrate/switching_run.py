@@ -27,11 +27,10 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.compiled_run import Integration
 from lagcli.engine.integrate.switching_actions import Actions
 from lagcli.engine.linear import dense
-from lagcli.engine.switching.messages import lets_go_undecided, no_end, refusal
+from lagcli.engine.switching.messages import no_end, refusal
 from lagcli.engine.switching.recorded_instants import RecordedInstants
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.switching.switching import ContactChange
-from lagcli.engine.switching.undecided import undecided
 from lagcli.engine.system import System
 
 #: Entries of the log that the core keeps.
@@ -111,11 +110,6 @@ class SwitchingIntegration(Integration):
         acting = any(run.modes) or any(entry.modes.any() for entry in run.events)
         if acting or self.split_system.switching.force_coordinates:
             run.methods = tuple(dict.fromkeys([*(run.methods or (self.settings.method,)), _ACTING]))
-        evaluator = Evaluator(self.whole, self.request.state.p)
-        entry = undecided(evaluator, self.split_system.switching, run.modes, run.events)
-        if entry is not None and run.status in ("completed", "stopped-by-event"):
-            run.status = "failed"
-            run.message = lets_go_undecided(self.whole, entry)
         return run
 
     def handle_status(self, status: int) -> bool:

@@ -61,12 +61,3 @@ def refusal(split: SplitSystem, status: int, core: Any, impacts: str) -> str:
     if status == Status.NO_MODE:
         return f"no motion is possible at {where} at t = {t:.9g} s (Painlevé)"
     return f"the impact at t = {t:.9g} s has no solution"
-
-
-def lets_go_undecided(system: System, entry: EventEntry) -> str:
-    """Return what ends a run in which a redundant row let go."""
-    return (
-        f"`{system.constraints[entry.which]}` lets go at t = {entry.time:.9g} s by the multipliers"
-        " of least norm, but the contacts that hold are redundant: other multipliers may hold the"
-        " motion longer; give --engine scipy, which considers all of them"
-    )

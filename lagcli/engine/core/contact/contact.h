@@ -55,6 +55,20 @@ int lag_solve_contacts(
     const lag_contacts *problem, const int *present, void *memory, lag_contact_motion *first,
     lag_contact_motion *second);
 
+/*
+ * Share the forces of redundant rows in given modes: of the forces x with the motion of `force`, take those
+ * of least norm within the laws of the rows that hold, or of least norm where none are within them.
+ *
+ * slack: of each row whose law another share could obey by more or by less, the largest s such that some
+ * share obeys all these laws by s: |x| <= limit - s, x >= s; infinity of other rows. tight: which of these
+ * laws do not let s be larger.
+ *
+ * The rows of the problem have the modes `mode`; rows that slip have the laws LAG_FORWARD or LAG_BACKWARD.
+ * Returns whether the rows are redundant; if not, nothing is changed. memory: lag_contact_memory(n) bytes.
+ */
+int lag_share_contacts(
+    const lag_contacts *problem, const int *mode, void *memory, double *force, double *slack, int *tight);
+
 size_t lag_contact_memory(int n);
 
 /* Laws of impact. */

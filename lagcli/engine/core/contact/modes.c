@@ -15,7 +15,7 @@
 size_t lag_contact_memory(int n)
 {
     const size_t reals = 4 * n + 2 * n * n + 6 * n * n + 3 * n + ROOM(n);
-    return reals * sizeof(double) + 10 * (size_t)n * sizeof(int);
+    return reals * sizeof(double) + 13 * (size_t)n * sizeof(int);
 }
 
 static int limited(int law)
@@ -44,6 +44,7 @@ void lag_contact_prepare(lag_contact_work *w, const lag_contacts *problem, void 
     for (size_t i = 0; i < sizeof lists / sizeof *lists; ++i, whole += n)
         *lists[i] = whole;
     w->place = whole;
+    w->owner = w->place + 4 * n;
 
     double largest = 0.0;
     for (int i = 0; i < n; ++i)
@@ -234,16 +235,16 @@ static double size(const lag_contact_work *w)
     return largest;
 }
 
-static double *inequality(lag_contact_work *w, int *count)
+static double *inequality(lag_contact_work *w, int row, int *count)
 {
     double *normal = w->normal + *count * w->n;
     memset(normal, 0, w->n * sizeof *normal);
+    w->owner[*count] = row;
     w->bound[(*count)++] = 0.0;
     return normal;
 }
 
-/* The inequalities of the modes, normal . x >= bound, in the unit of x/d; they are counted. */
-static int inequalities(lag_contact_work *w)
+int lag_contact_inequalities(lag_contact_work *w)
 {
     const lag_contacts *p = w->problem;
     const int n = w->n;
@@ -253,10 +254,10 @@ static int inequalities(lag_contact_work *w)
         const int law = p->law[i], mode = w->mode[i];
         const int judged = law == LAG_UNILATERAL || (law == LAG_LIMITED && mode != LAG_OPEN);
         if (mode == LAG_HOLDS && (law == LAG_UNILATERAL || w->referred[i]))
-            inequality(w, &count)[i] = lag_contact_sign(w, i) / d;
+            inequality(w, i, &count)[i] = lag_contact_sign(w, i) / d;
         if (mode == LAG_HOLDS && law == LAG_LIMITED)
             for (int side = -1; side <= 1; side += 2) {
-                double *normal = inequality(w, &count);
+                double *normal = inequality(w, i, &count);
                 for (int j = 0; j < n; ++j)
                     normal[j] = p->static_slope[i * n + j] * lag_contact_sign(w, j) / d;
                 normal[i] += side / d;
@@ -264,7 +265,7 @@ static int inequalities(lag_contact_work *w)
             }
         if (mode != LAG_HOLDS && judged) {
             const double direction = mode == LAG_SLIPS_BACKWARD ? -d : d;
-            double *normal = inequality(w, &count);
+            double *normal = inequality(w, i, &count);
             for (int j = 0; j < n; ++j)
                 normal[j] = direction * p->matrix[i * n + j];
             w->bound[count - 1] = -direction * p->offset[i];
@@ -375,27 +376,34 @@ static void clean(lag_contact_work *w)
     }
 }
 
-int lag_contact_try(lag_contact_work *w)
+int lag_contact_solve(lag_contact_work *w, double *tolerance)
 {
     equations(w);
     const int rank = lag_contact_reduce(w->equation, w->right, w->n, 1, w->place);
     double disagreement = 0.0;
+    w->freedom = w->n - rank;
     for (int k = rank; k < w->n; ++k)
         disagreement = fmax(disagreement, fabs(w->right[k]));
     least_norm(w, rank, w->place);
-    const double magnitude = size(w), tolerance = TOLERANCE * magnitude + w->floor;
-    if (disagreement <= tolerance) {
-        const int count = inequalities(w);
-        int found = obeyed(w, count, tolerance);
-        if (!found && rank < w->n && least_within(w, w->n - rank, count, magnitude))
-            found = obeyed(w, inequalities(w), tolerance);
-        if (found) {
-            move(w);
-            clean(w);
-            return 1;
-        }
-    }
+    const double magnitude = size(w);
+    *tolerance = TOLERANCE * magnitude + w->floor;
+    if (!(disagreement <= *tolerance))
+        return 0;
+    const int count = lag_contact_inequalities(w);
+    if (obeyed(w, count, *tolerance))
+        return 1;
+    return w->freedom && least_within(w, w->freedom, count, magnitude)
+           && obeyed(w, lag_contact_inequalities(w), *tolerance);
+}
+
+int lag_contact_try(lag_contact_work *w)
+{
+    double tolerance;
+    const int found = lag_contact_solve(w, &tolerance);
     move(w);
-    suggest(w, tolerance);
-    return 0;
+    if (found)
+        clean(w);
+    else
+        suggest(w, tolerance);
+    return found;
 }

@@ -23,6 +23,8 @@ typedef struct lag_contact_work {
     double *bound;    /* 3 n */
     double *room;     /* of lag_least_distance and Lemke's method */
     int *place;       /* 4 n, likewise */
+    int *owner;       /* 3 n: the rows of the inequalities */
+    int freedom;      /* how many vectors `null` has for the last modes that were solved */
     int *sign;        /* n: of x, as assumed where a limit depends on its absolute value */
     int *turned;      /* n: the sign that the last solution asks for */
     int *referred;    /* n: whether one does */
@@ -50,6 +52,17 @@ int lag_contact_sign(const lag_contact_work *work, int j);
  * `rank` variables have the unit matrix, the others what they add to these.
  */
 int lag_contact_reduce(double *matrix, double *right, int n, int width, int *columns);
+
+/* List the inequalities of work->mode and work->sign, normal . x >= bound, each in the unit of x/d of its
+ * row. Returns how many there are. */
+int lag_contact_inequalities(lag_contact_work *work);
+
+/*
+ * Solve the equations of work->mode and work->sign into work->force: of redundant forces those of least
+ * norm that obey the inequalities, or of least norm where none do. Returns whether they do; `tolerance`
+ * is what they were judged with, in the unit of x/d.
+ */
+int lag_contact_solve(lag_contact_work *work, double *tolerance);
 
 /*
  * Solve the equations of work->mode and work->sign into work->force and work->motion. Returns whether

@@ -214,6 +214,7 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
         }
     }
     sw->margin = 1.0;
+    sw->redundant = 0;
     matrix_of(run, &f, held, holds, sw->matrix);
     if (laws) {
         double factor = 1.0;
@@ -222,12 +223,15 @@ int lag_add_forces(lag_run *run, double t, const double *y, double *power)
             factor = 0.0;
         else if (holds)
             factor = lag_lu(sw->lu, sw->pivots, holds) ? 0.0 : determinant(sw->lu, sw->pivots, holds);
+        sw->redundant = factor == 0.0;
+        if (sw->redundant) /* of least norm, whatever they were before */
+            memset(z, 0, (size_t)n * sizeof(double));
         if (solve_laws(run, t, y, &f, factor, memory))
             return 1;
     } else {
         for (int i = 0; i < n; ++i)
             residual[i] = -offset[i];
-        lag_least_norm(n, sw->matrix, residual, z, memory);
+        sw->redundant = lag_least_norm(n, sw->matrix, residual, z, memory) < n;
         superpose(run, &f);
     }
     double sum = 0.0;

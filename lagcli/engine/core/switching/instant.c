@@ -17,7 +17,7 @@
 
 #define ROUNDS 100          /* at one instant without an end: there is none */
 #define SAME_INSTANT 1e-13  /* of the time, or of the step: an instant that is no later than the last one */
-#define FALLS_BACK 1e-9     /* of the acceleration's terms: a contact that has opened and closes again */
+#define FALLS_BACK 1e-9     /* of an acceleration: a contact that has opened and closes again */
 
 /* What a row has ended at this instant, which does not begin again at it. */
 enum { NOTHING_ENDED, FORCE_ENDED, STICKING_ENDED_FORWARD, STICKING_ENDED_BACKWARD, SLIPPING_ENDED };
@@ -37,13 +37,19 @@ static double rest_time(const double *times)
     return isnan(times[0]) || !(second < first) ? times[2] : times[2] + second * second / (first - second);
 }
 
+/* Whether a row that holds shares its force with others, and could obey its law by more than these. */
+static int loose(const lag_switching *sw, int row)
+{
+    return sw->redundant && isfinite(sw->slack[row]) && !sw->tight[row];
+}
+
 /* Note what ends a mode: the watched functions that cross zero. Returns LAG_RUNNING, or LAG_JAMMED. */
 static int note_ends(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     for (int k = 0; k < sw->watched_count; ++k) {
         const lag_watched_function *w = sw->watched + k;
-        if (!w->hit)
+        if (!w->hit || (w->what < LAG_WATCH_SLIP && loose(sw, w->which)))
             continue;
         if (w->what == LAG_WATCH_FORCE)
             sw->ended[w->which] = FORCE_ENDED;
@@ -237,6 +243,16 @@ static void log_changes(lag_run *run)
     memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
 }
 
+/* Whether a contact that has opened would close at once: it approaches, with an acceleration that is no rounding
+ * error next to its terms and to what the largest force so far does. */
+static int returns(lag_run *run, int row)
+{
+    const lag_switching *sw = &run->switching;
+    const double a = lag_along(run, row, sw->acceleration), gamma = sw->gamma[row];
+    const double by_force = sw->strength * lag_along(run, row, lag_row_response(run, row));
+    return a - gamma < -FALLS_BACK * (fabs(a) + fabs(gamma) + by_force);
+}
+
 /* The modes that follow from the accelerations; a contact that has just opened and would close at once
  * stays closed. */
 static int choose_modes(lag_run *run)
@@ -252,13 +268,11 @@ static int choose_modes(lag_run *run)
         if (sw->found != LAG_ONE_MOTION)
             return sw->found == LAG_NO_MOTION ? LAG_NO_MODE : LAG_TWO_MODES;
         int closes = 0;
-        for (int i = 0; i < sw->rows; ++i) {
-            const double a = lag_along(run, i, sw->acceleration);
-            if (sw->ended[i] == FORCE_ENDED && a - sw->gamma[i] < -FALLS_BACK * (fabs(a) + fabs(sw->gamma[i]))) {
+        for (int i = 0; i < sw->rows; ++i)
+            if (sw->ended[i] == FORCE_ENDED && returns(run, i)) {
                 sw->ended[i] = NOTHING_ENDED;
                 closes = 1;
             }
-        }
         if (!closes || again)
             break;
     }

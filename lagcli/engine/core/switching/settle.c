@@ -195,6 +195,49 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
     return found;
 }
 
+void lag_share_forces(lag_run *run, double t, const double *y)
+{
+    lag_switching *sw = &run->switching;
+    const int nq = run->system.nq, size = nq + run->system.nc;
+    problem_arrays p = arrays_of(sw);
+    double *force = p.force[0];
+    int n = 0, *mode = p.mode[0];
+    for (int i = 0; i < sw->rows; ++i) {
+        const int direction = lag_row_slips(sw, i);
+        sw->slack[i] = INFINITY;
+        sw->tight[i] = 0;
+        if (!lag_row_acts(sw, i))
+            continue;
+        p.rows[n] = i;
+        p.law[n] = direction > 0 ? LAG_FORWARD : direction < 0 ? LAG_BACKWARD : sw->law[i];
+        mode[n] = sw->mode[i];
+        force[n++] = sw->force[i];
+    }
+    matrix_of(run, n, p.rows, p.matrix);
+    limits_of(run, t, y, run->solver.a, n, &p);
+    for (int i = 0; i < n; ++i) { /* a share has no other motion than these forces */
+        p.offset[i] = 0.0;
+        for (int j = 0; j < n && mode[i] == LAG_HOLDS; ++j)
+            p.offset[i] -= p.matrix[i * n + j] * force[j];
+    }
+    const lag_contacts problem = {
+        .n = n, .matrix = p.matrix, .offset = p.offset, .law = p.law,
+        .static_limit = p.limit[0], .static_slope = p.slope[0],
+        .kinetic_limit = p.limit[1], .kinetic_slope = p.slope[1],
+    };
+    if (lag_share_contacts(&problem, mode, sw->memory, force, p.motion[0], p.mode[1]))
+        for (int j = 0; j < n; ++j) {
+            const int row = p.rows[j];
+            const double *u = sw->response + row * size, change = force[j] - sw->force[row];
+            for (int i = nq; i < size; ++i)
+                run->solver.a[i] += change * u[i];
+            sw->force[row] = force[j];
+            sw->slack[row] = p.motion[0][j];
+            sw->tight[row] = p.mode[1][j];
+        }
+    lag_gather_multipliers(run, run->solver.multipliers, sw->force, sw->multipliers);
+}
+
 int lag_collide(lag_run *run, double t, double *y, const int *plastic, lag_impact_report *report)
 {
     lag_switching *sw = &run->switching;

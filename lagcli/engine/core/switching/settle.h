@@ -17,6 +17,11 @@ enum lag_row_state {
  * Returns what lag_solve_contacts does, or -1 where something is undefined. */
 int lag_settle(lag_run *run, double t, const double *y, const int *state, int *mode, double *force, double *a);
 
+/* Let redundant rows that hold share their forces within their laws where they can, at the state at which
+ * the forces have been found last: changes `force`, `multipliers`, the lambda of the system, and sets `slack`
+ * and `tight`. */
+void lag_share_forces(lag_run *run, double t, const double *y);
+
 /* What an impact has done; rows each. */
 typedef struct {
     int *takes_part;

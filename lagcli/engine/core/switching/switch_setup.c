@@ -17,9 +17,9 @@ static void allocate(lag_run *run)
     const int size = nq + run->system.nc, conditions = sw->conditions + sw->force_conditions;
     const int watched = 2 * rows + 2 + conditions;
     int **lists[] = {&sw->mode, &sw->active, &sw->mode_before, &sw->ended, &sw->state, &sw->trial_mode,
-                     &sw->takes_part, &sw->rests, &sw->came_to_rest, &sw->first_mode};
+                     &sw->takes_part, &sw->rests, &sw->came_to_rest, &sw->first_mode, &sw->tight};
     double **by_row[] = {&sw->phi, &sw->psi, &sw->drift, &sw->gamma, &sw->size, &sw->speed,
-                          &sw->trial_force};
+                          &sw->trial_force, &sw->slack};
     double **by_state[] = {&sw->saved, &sw->direction, &sw->y, &sw->slope, &sw->before, &sw->start,
                            &sw->acceleration};
     for (size_t i = 0; i < sizeof lists / sizeof *lists; ++i)

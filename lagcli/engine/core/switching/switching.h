@@ -93,6 +93,9 @@ typedef struct {
     double *force;                     /* rows + nf: z */
     double *matrix;                    /* (rows + nf)^2 */
     double *multipliers;               /* nc */
+    int redundant;                     /* whether rows that hold depend on each other */
+    double *slack;                     /* rows: of lag_share_contacts; infinity where nothing is redundant */
+    int *tight;                        /* rows, likewise */
     double margin;
     double strength;                   /* the largest force of a row so far */
     double *work;                      /* scratch of forces.c */

@@ -9,6 +9,7 @@
 #include "step.h"
 #include "switching/crossing.h"
 #include "switching/rows.h"
+#include "switching/settle.h"
 
 #define NOISE 1e-14         /* of the terms of phi and psi: their rounding error */
 #define FORCE_NOISE 1e-13   /* of the largest force so far */
@@ -43,7 +44,10 @@ int lag_all_forces(lag_run *run, double t, const double *y)
     --run->step.evaluations;
     if (!sw->acting) {
         memset(sw->force, 0, (size_t)(sw->rows + sw->nf) * sizeof(double));
+        sw->redundant = 0;
         lag_gather_multipliers(run, run->solver.multipliers, sw->force, sw->multipliers);
+    } else if (sw->redundant) {
+        lag_share_forces(run, t, y);
     }
     return 0;
 }
@@ -66,6 +70,13 @@ static int needs_forces(enum lag_watched what)
 {
     return what == LAG_WATCH_FORCE || what == LAG_WATCH_STICK || what == LAG_WATCH_SIGN
            || what == LAG_WATCH_MARGIN || what == LAG_WATCH_FORCE_CONDITION;
+}
+
+/* Whether a function belongs to a law that redundant rows obey together. */
+static int shared(const lag_switching *sw, const lag_watched_function *w)
+{
+    const int of_row = w->what == LAG_WATCH_FORCE || w->what == LAG_WATCH_STICK || w->what == LAG_WATCH_SIGN;
+    return of_row && sw->redundant && isfinite(sw->slack[w->which]);
 }
 
 int lag_watched_values(lag_run *run, double t, const double *y, double *values)
@@ -113,6 +124,8 @@ int lag_watched_values(lag_run *run, double t, const double *y, double *values)
         default:
             value = condition_output(sw, w->which);
         }
+        if (shared(sw, w)) /* laws that the same forces obey: another share may obey them longer */
+            value = w->sign * sw->slack[w->which];
         values[k] = w->sign * value + w->shift;
     }
     return 0;

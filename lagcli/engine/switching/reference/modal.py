@@ -23,6 +23,8 @@ from lagcli.engine.switching.switching import RowMode, SwitchedRow
 _ITERATIONS = 30
 #: Of the forces: Newton's iteration has converged.
 _CONVERGED = 1e-14
+#: Of its terms: a force that is rounding.
+_NO_FORCE = 1e-9
 
 
 class ModalMotion(Index1):
@@ -130,28 +132,41 @@ class ModalMotion(Index1):
             self.margin = float(np.linalg.det(newton))
             generalized = np.zeros(self.nq)
             generalized[list(switching.force_coordinates)] = forces[ns:]
-            return a, multipliers, generalized
+        else:
+            generalized = np.zeros(self.nq)
         if self.redundant and self.cones:
-            multipliers = self._within_cones(t, q, v, a, multipliers, d)
-        return a, multipliers, np.zeros(self.nq)
+            multipliers = self._within_cones(t, q, v, a, multipliers, full)
+        return a, multipliers, generalized
 
     def _within_cones(
-        self, t: float, q: Array, v: Array, a: Array, multipliers: Array, d: Dynamics
+        self, t: float, q: Array, v: Array, a: Array, multipliers: Array, full: Dynamics
     ) -> Array:
         """Return the multipliers of least norm within the cones, if there are any there."""
         rows, bounds = self.cone_rows(t, q, v, a, multipliers)
         if (bounds <= 0).all():
             return multipliers
-        free = self.free_multipliers(d)
+        free = self.free_multipliers(full, self.inputs(t, q, v, a, multipliers))
+        if not free.shape[1]:
+            return multipliers
         found = least_norm_within(multipliers, free, rows @ free, bounds)
         return multipliers if found is None else found
 
-    def free_multipliers(self, d: Dynamics) -> Array:
-        """Return the directions in which λ may change without a force, (nc, k)."""
-        parts = self.decompose(d.jacobian)
-        free = np.zeros((len(self.full.system.constraints), parts.dependent.shape[1]))
+    def free_multipliers(self, full: Dynamics, inputs: tuple[float, ...]) -> Array:
+        """Return the directions in which λ may change without a force, (nc, k).
+
+        The friction of rows that slip changes with the λ that limit it.
+        """
+        parts = self.decompose(full.jacobian[self.rows])
+        free = np.zeros((len(full.rhs), parts.dependent.shape[1]))
         free[self.rows] = parts.dependent / parts.scale[:, None]
-        return free
+        if not len(self.slipping):
+            return free
+        slopes = self.tapes.limits(inputs).kinetic_slopes[self._limit_of]
+        free[self.slipping] = self._against[:, None] * (slopes @ free)
+        at = full.jacobian[self.slipping]
+        _, s, vt = np.linalg.svd(at.T @ free[self.slipping], full_matrices=True)
+        size = np.abs(at).max() * np.abs(free).max(initial=0.0)
+        return free @ vt[int((s > _NO_FORCE * size).sum()) :].T
 
     def cone_owners(self) -> list[int]:
         """Return the constraint of each row of `cone_rows`."""

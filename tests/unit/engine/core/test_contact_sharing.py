@@ -1,0 +1,127 @@
+"""Forces of redundant contacts in given modes: of least norm within the laws, and their slack."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+from scipy.optimize import linprog
+
+from lagcli.arrays import Array, Indices
+from lagcli.engine.switching.cones import least_norm_within
+from lagcli.engine.switching.problem import ContactLaw, ContactProblem
+from lagcli.engine.switching.switching import RowMode
+
+binding = pytest.importorskip("lagcli.engine.core.binding")
+
+UNILATERAL, LIMITED = ContactLaw.UNILATERAL, ContactLaw.LIMITED
+HOLDS = RowMode.HOLDS
+
+
+def held(jacobian: Array, force: Array, friction: Array) -> ContactProblem:
+    """Return a problem of unit masses whose rows all hold by these forces.
+
+    Rows with coefficients of friction (n, n) are limited.
+    """
+    matrix, nothing = jacobian @ jacobian.T, np.zeros(len(force))
+    laws = np.where(friction.any(axis=1), int(LIMITED), int(UNILATERAL))
+    return ContactProblem(matrix, -matrix @ force, laws, nothing, nothing, friction, friction)
+
+
+def laws_of(problem: ContactProblem) -> tuple[Array, Array, Indices]:
+    """Return rows, constants and owners of the laws rows x + constants ≥ 0."""
+    rows, constants, owners = [], [], []
+    unit = np.eye(len(problem.offset))
+    for k, law in enumerate(problem.laws):
+        sides = [unit[k]] if law == UNILATERAL else [unit[k], -unit[k]]
+        rows += [problem.static_slopes[k] + side for side in sides]
+        constants += [problem.static[k]] * len(sides)
+        owners += [k] * len(sides)
+    return np.array(rows), np.array(constants), np.array(owners)
+
+
+def common_slack(problem: ContactProblem, force: Array) -> tuple[float, Indices]:
+    """Return the largest common slack of the laws that shares change, and the owners of these.
+
+    It is not larger than the largest of the forces.
+    """
+    rows, constants, owners = laws_of(problem)
+    free = null_space(problem.matrix, rcond=1e-9)
+    along = rows @ free
+    some = np.abs(along).max(axis=1) > 1e-9
+    n = free.shape[1]
+    found = linprog(
+        np.append(np.zeros(n), -1.0),
+        A_ub=np.hstack([-along[some], np.ones((int(some.sum()), 1))]),
+        b_ub=(rows @ force + constants)[some],
+        bounds=[(None, None)] * n + [(None, np.abs(force).max())],
+    )
+    return -float(found.fun), np.unique(owners[some])
+
+
+def random_shares(rng: np.random.Generator) -> tuple[ContactProblem, Array]:
+    """Return contacts with friction, some of which depend on others, and forces of them."""
+    contacts = int(rng.integers(2, 6))
+    freedom = int(rng.integers(1, contacts + 2))
+    jacobian = rng.standard_normal((2 * contacts, freedom))
+    normal = rng.uniform(0.1, 2.0, contacts)
+    mu = rng.uniform(0.2, 1.0, contacts)
+    friction = np.zeros((2 * contacts, 2 * contacts))
+    friction[contacts + np.arange(contacts), np.arange(contacts)] = mu
+    tangent = mu * normal * rng.uniform(-1.0, 1.0, contacts)
+    force = np.concatenate([normal, tangent])
+    return held(jacobian, force, friction), force
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_random_shares(seed: int) -> None:
+    """Beside SciPy's linear program, and the forces of least norm of the reference engine."""
+    problem, given = random_shares(np.random.default_rng(seed))
+    force, slack, tight = binding.share_contacts(problem, [HOLDS] * len(given), given)
+    size = np.abs(given).max()
+    np.testing.assert_allclose(problem.matrix @ force, problem.matrix @ given, atol=1e-9 * size)
+    free = null_space(problem.matrix, rcond=1e-9)
+    if not free.shape[1]:
+        assert np.isinf(slack).all()
+        return
+    expected, owners = common_slack(problem, force)
+    shared = np.isfinite(slack)
+    np.testing.assert_array_equal(np.flatnonzero(shared), owners)
+    np.testing.assert_allclose(slack[shared], expected, atol=1e-9 * size)
+    assert tight.any() == (expected < (1 - 1e-9) * np.abs(force).max())
+    assert not tight[~shared].any()
+    rows, constants, _ = laws_of(problem)
+    assert (rows @ force + constants >= -1e-9 * size).all()
+    least = least_norm_within(given, free, rows @ free, -(rows @ given + constants))
+    assert least is not None
+    np.testing.assert_allclose(force, least, atol=1e-6 * size)
+
+
+def test_two_feet_of_one_block() -> None:
+    """Normal forces 1 and 3, friction 0.5 of each: half of 1.6 is too much for the first."""
+    jacobian = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
+    friction = np.zeros((4, 4))
+    friction[2, 0] = friction[3, 1] = 0.5
+    problem = held(jacobian, np.array([1.0, 3.0, 0.8, 0.8]), friction)
+    force, slack, tight = binding.share_contacts(problem, [HOLDS] * 4, np.array([1, 3, 0.8, 0.8]))
+    np.testing.assert_allclose(force, [1, 3, 0.5, 1.1], rtol=1e-12)
+    # 0.5 − x = s, 1.5 − (1.6 − x) = s
+    np.testing.assert_allclose(slack, [np.inf, np.inf, 0.2, 0.2], rtol=1e-12)
+    assert tight.tolist() == [False, False, True, True]
+
+
+def test_forces_beyond_what_all_shares_bear() -> None:
+    """The slack is then negative: by so much each law is broken at best."""
+    problem = held(np.array([[1.0], [1.0]]), np.array([-3.0, 1.0]), np.zeros((2, 2)))
+    force, slack, tight = binding.share_contacts(problem, [HOLDS] * 2, np.array([-3.0, 1.0]))
+    np.testing.assert_allclose(force, [-1, -1], rtol=1e-12)
+    np.testing.assert_allclose(slack, [-1, -1], rtol=1e-12)
+    assert tight.all()
+
+
+def test_forces_that_are_unique_stay() -> None:
+    problem = held(np.eye(2), np.array([2.0, -1.0]), np.zeros((2, 2)))
+    force, slack, tight = binding.share_contacts(problem, [HOLDS] * 2, np.array([2.0, -1.0]))
+    assert force.tolist() == [2.0, -1.0]
+    assert np.isinf(slack).all()
+    assert not tight.any()
