@@ -29,6 +29,11 @@ class SourceLocation(NamedTuple):
     length: int = 1
     text: str = ""
 
+    @property
+    def with_line(self) -> str:
+        """The name of the text, with the line if it has lines."""
+        return f"{self.path}:{self.line}" if self.line else self.path
+
 
 class Diagnostic(NamedTuple):
     """An error or warning: message, location and remedy.
@@ -60,14 +65,14 @@ class Diagnostic(NamedTuple):
         if loc is None:
             lines = [f"{self.severity}[{self.kind}]: {self.message}"]
         else:
-            where = f"{loc.path}:{loc.line}:{loc.column}" if loc.line else loc.path
-            lines = [f"{where}: {self.severity}[{self.kind}]: {self.message}"]
+            column = f":{loc.column}" if loc.line else ""
+            lines = [f"{loc.with_line}{column}: {self.severity}[{self.kind}]: {self.message}"]
             lines += _excerpt(loc)
         for text, elsewhere in self.notes:
             if elsewhere is None:
                 lines.append(f"   note: {text}")
             else:
-                lines.append(f"   note: {text} ({elsewhere.path}:{elsewhere.line})")
+                lines.append(f"   note: {text} ({elsewhere.with_line})")
                 lines += _excerpt(elsewhere)
         if self.help:
             first, *rest = self.help.split("\n")

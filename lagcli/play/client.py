@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from lagcli.errors import LagcliError
+from lagcli.play.messages import on_page
 from lagcli.play.runs import Played, PlayRequest
 from lagcli.simulations.cancellation import Interruption
 
@@ -87,7 +88,7 @@ class Client(threading.Thread):
         try:
             return self._played.run(request, running)
         except LagcliError as error:
-            text = str(error)
+            text = on_page(str(error))
         except Exception as error:
             traceback.print_exception(error, file=sys.stderr)
             text = f"a bug in lagcli: {type(error).__name__}; the terminal shows where"

@@ -23,6 +23,7 @@ from lagcli.play.controls import Control, controls, family_label
 from lagcli.play.curves import Curves
 from lagcli.play.drags import DragRequest, Drags
 from lagcli.play.equations import equations_html
+from lagcli.play.messages import on_page
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
@@ -260,7 +261,7 @@ class Played:
         return {
             "number": request.number,
             "status": record.status,
-            "message": record.message if record.status != "completed" else "",
+            "message": on_page(record.message) if record.status != "completed" else "",
             "values": {name: shown[name](x) for name, x in values.items()},
             "start": {
                 name: shown[name](first[name]) for name, x in model.initial.items() if not x.fixed

@@ -21,6 +21,7 @@ from lagcli.pictures.plots.style import PALETTE
 from lagcli.play.access import HOST, Access
 from lagcli.play.client import Client
 from lagcli.play.frames import encode
+from lagcli.play.messages import on_page
 from lagcli.play.runs import Played, PlayRequest
 
 #: Bytes of a message of the page; all values of a thousand bodies take a tenth.
@@ -189,7 +190,7 @@ def _saved(played: Played, request: PlayRequest) -> dict[str, Any]:
     try:
         return {"number": request.number, "file": played.text(request)}
     except LagcliError as error:
-        return {"number": request.number, "error": str(error)}
+        return {"number": request.number, "error": on_page(str(error))}
 
 
 def _files() -> dict[str, bytes]:

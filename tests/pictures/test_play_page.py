@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import lagcli
 from lagcli.cli.app import run
@@ -124,7 +125,7 @@ def opening(browser):
         page.on("console", lambda message: said.append(message.text))
         page.on("pageerror", lambda error: said.append(str(error)))
         page.on("request", lambda r: None if r.url.startswith(own) else said.append(r.url))
-        own = (address, "blob:", "data:")
+        own = (address.partition("#")[0], "blob:", "data:")
         page.goto(address)
         found = Played(page)
         found.settled()
@@ -513,3 +514,110 @@ def test_a_top_is_dragged_in_the_plane_of_the_screen(opened):
     p.page.mouse.up()
     assert p.page.evaluate("page.pictures.player.stage.camera.azimuth") != turned
     next(server, None)
+
+
+def test_a_slider_is_logarithmic(crank):
+    p = crank
+    box = p.page.locator('.control[data-name="m"]')
+    log = box.get_by_role("button", name="Logarithmic slider of m")
+    before = p.page.evaluate("page.number")
+    log.click()
+    assert p.page.evaluate("page.number") == before, "nothing has changed"
+    assert log.get_attribute("aria-pressed") == "true"
+    low, high = (float(p.slider("m").get_attribute(end)) for end in ("min", "max"))
+    assert (low, high) == (-2, 2)
+    for key, value in (("Home", 0.01), ("End", 100)):
+        p.slider("m").press(key)
+        p.settled()
+        assert p.values()["m"] == value
+        assert p.slider("m").get_attribute("aria-valuetext") == f"{value:g} kg"
+    # each step is the same factor
+    p.enter("m", "20")
+    found = []
+    for _ in range(3):
+        p.slider("m").press("ArrowRight")
+        p.settled()
+        found.append(p.values()["m"])
+    assert found == pytest.approx([20 * 10 ** (0.01 * k) for k in (1, 2, 3)], rel=6e-3)
+    # a value beyond it is in its middle; one that is not positive makes it linear
+    p.enter("m", "5000")
+    assert float(p.slider("m").get_attribute("max")) == pytest.approx(math.log10(5e5))
+    p.enter("m", "-1")
+    assert log.get_attribute("aria-pressed") == "false"
+    p.page.get_by_role("button", name="Reset all").click()
+    p.settled()
+    assert (p.slider("m").get_attribute("min"), p.slider("m").get_attribute("max")) == ("0", "2")
+    # where the value is 0, a whole number, or an initial value, there is no choice
+    for name in ("tau", "phi", "t_end"):
+        other = p.page.locator(f'.control[data-name="{name}"]')
+        assert other.locator(".control-scale").count() == 0
+
+
+def test_scenarios_are_kept_and_come_back(opened, served, tmp_path, monkeypatch):
+    p = opened(served)
+    p.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+
+    def save(name):
+        p.page.get_by_label("Name of the scenario").fill(name)
+        p.page.get_by_label("Name of the scenario").press("Enter")
+
+    def copied(label):
+        p.page.get_by_role("button", name=label).click()
+        p.page.get_by_text("copied").wait_for()
+        return p.page.evaluate("navigator.clipboard.readText()")
+
+    def scenario(name):
+        return p.page.locator(".scenario-name", has_text=name)
+
+    p.page.locator("#scenarios summary").click()
+    p.enter("m", "2.5")
+    p.enter("psi", "0.3")
+    p.enter("t_end", "0.5")
+    save("heavy & slow")
+    p.enter("r", "l/4")
+    save("small <b>crank</b>")
+    assert scenario("small").get_attribute("aria-current") == "true"
+    curve = p.curve(1, 0)
+    scenario("heavy").click()
+    p.settled()
+    assert (p.values()["m"], p.values()["r"]) == (2.5, 0.1)
+    assert scenario("heavy").get_attribute("aria-current") == "true"
+    assert scenario("small").get_attribute("aria-current") == "false"
+    # they survive a reload
+    p.page.reload()
+    p.settled()
+    p.page.locator("#scenarios summary").click()
+    assert p.values()["m"] == 1
+    scenario("small").click()
+    p.settled()
+    assert np.array_equal(p.curve(1, 0), curve)
+    # as command lines
+    lines = copied("Copy as command lines").splitlines()
+    assert [line for line in lines if line.startswith("#")] == [
+        "# heavy & slow",
+        "# small <b>crank</b>",
+    ]
+    words = shlex.split(lines[3])
+    assert words[-2:] == ["-o", "small_b_crank_b_.h5"]
+    monkeypatch.chdir(tmp_path)
+    assert run([*words[1:], "--quiet"]) == 0
+    assert np.array_equal(lagcli.read(words[-1]).multipliers[:, 0], curve)
+    # as blocks of model files
+    blocks = yaml.safe_load(copied("Copy as YAML"))
+    assert blocks["heavy & slow"] == {
+        "parameters": {"m": 2.5},
+        "initial": {"psi": {"guess": 0.3}},
+        "simulation": {"t_end": 0.5},
+    }
+    assert blocks["small <b>crank</b>"]["parameters"] == {"m": 2.5, "r": "l/4"}
+    for name in ("heavy", "small"):
+        p.page.get_by_label(f"Remove {name}").click()
+    assert p.page.locator(".scenario-name").count() == 0
+    assert p.page.evaluate("location.hash") == ""
+
+
+def test_an_address_that_holds_no_scenarios_is_as_good_as_none(opened, served):
+    texts = ("nonsense", "%5B1%5D", "%7B%7D", '[{"name":"a","state":[["q",1]]}]')
+    for text in texts:
+        p = opened(f"{served}#{text}")
+        assert p.page.locator(".scenario-name").count() == 0

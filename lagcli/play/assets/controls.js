@@ -7,6 +7,7 @@
  *   controls.build(list);       // as lagcli/play/controls.py describes them; changes stay
  *   controls.follow(answer);    // values that follow from others, and what the start made of guesses
  *   controls.changes();         // {set, set_initial, t_end}, as the command line takes them
+ *   controls.state();           // the same as a list that controls.goTo(list) takes
  */
 
 class Controls {
@@ -29,6 +30,7 @@ class Controls {
     this.values = {};
     this.start = {};
     this.open = new Set(Object.keys(Controls.HEADINGS));
+    this.logarithmic = new Set(); // names whose sliders are
   }
 
   /** Show these controls. */
@@ -72,22 +74,21 @@ class Controls {
     }
   }
 
-  /** Keep the reader's changes as they are now. */
-  remember() {
-    this.remembered = new Map(this.given);
+  /** Return the reader's changes: [name, {text, free}] of each. */
+  state() {
+    return [...this.given].map(([name, { text, free }]) => [name, { text, free }]);
   }
 
-  /** Go back to the changes that were kept. */
-  recall() {
-    this.given = new Map(this.remembered);
+  /** Go to other changes; what the model does not have is left out. */
+  goTo(state, event) {
+    this.given = new Map(state.filter(([name]) => this.list.get(name) ?? this.#like(name)));
     for (const row of this.rows.values()) this.#restore(row);
+    this.changed(event);
   }
 
   /** Take back all changes. */
   reset(event) {
-    this.given.clear();
-    for (const row of this.rows.values()) this.#restore(row);
-    this.changed(event);
+    this.goTo([], event);
   }
 
   /** Show the value that the program was started with, until a run says what it has become. */
@@ -161,7 +162,12 @@ class Controls {
         this.#restore(row);
         this.changed(event);
       },
+      scaled: (logarithmic) => {
+        this.logarithmic[logarithmic ? "add" : "delete"](name);
+        this.#show(row);
+      },
     });
+    row.setLogarithmic(this.logarithmic.has(name));
     this.rows.set(name, row);
     this.#show(row);
     return row.element;
@@ -198,8 +204,10 @@ class Controls {
 class Row {
   static count = 0;
   static PLACES = 400; // of a slider
+  static DECADES = 2; // to either side of the value, on a logarithmic slider
+  static DIGITS = 3; // of a value on it
 
-  constructor(control, { moved, freed, reset }) {
+  constructor(control, { moved, freed, reset, scaled }) {
     this.control = control;
     const { name, label, unit, description, kind } = control;
     this.element = document.createElement("div");
@@ -211,6 +219,7 @@ class Row {
     title.append(Row.#typeset(label));
     if (unit) title.append(Row.text("span", "control-unit", ` [${unit}]`));
     if (description) title.append(Row.text("span", "control-about", ` ${description}`));
+    if (kind === "parameter" && !control.whole && control.value > 0) this.#addScale(scaled);
     this.slider = this.#add("input", "", { type: "range", id });
     this.slider.setAttribute("aria-label", `${name}${description ? `, ${description}` : ""}`);
     this.field = this.#add("input", "control-value", { type: "text", spellcheck: false });
@@ -225,7 +234,7 @@ class Row {
     this.said = Row.text("span", "", "");
     this.note.append(this.said);
     this.restore();
-    this.slider.addEventListener("input", (event) => moved(event, this.slider.value));
+    this.slider.addEventListener("input", (event) => moved(event, this.#value()));
     this.field.addEventListener("change", (event) => {
       const text = this.field.value.trim();
       if (text) moved(event, text);
@@ -243,9 +252,10 @@ class Row {
   show({ text, value, free, start, source }) {
     const { unit, text: expression } = this.control;
     const number = text === undefined || text === "" || Number.isNaN(Number(text)) ? value : Number(text);
+    if (this.logarithmic && !(number > 0)) this.scale.click(); // a linear one has it
     if (source !== this.slider) {
       this.#reach(number);
-      this.slider.value = String(number);
+      this.slider.value = String(this.logarithmic ? Math.log10(number) : number);
     }
     if (source !== this.field && document.activeElement !== this.field)
       this.field.value = text ?? Row.written(number);
@@ -269,13 +279,36 @@ class Row {
     return Object.assign(document.createElement(tag), { className, textContent });
   }
 
-  #setRange({ low, high, step }) {
+  /** Make the slider logarithmic, or linear as at first. */
+  setLogarithmic(logarithmic) {
+    this.logarithmic = logarithmic;
+    this.scale?.setAttribute("aria-pressed", String(logarithmic));
+    this.restore();
+  }
+
+  /** Return the value at the slider's place, as text. */
+  #value() {
+    if (!this.logarithmic) return this.slider.value;
+    return Row.written(10 ** Number(this.slider.value), Row.DIGITS);
+  }
+
+  #setRange({ low, high, step, value }) {
+    if (this.logarithmic) {
+      const middle = Math.log10(value);
+      [low, high] = [middle - Row.DECADES, middle + Row.DECADES];
+      step = (high - low) / Row.PLACES;
+    }
     [this.low, this.high] = [low, high];
     Object.assign(this.slider, { min: String(low), max: String(high), step: String(step || "any") });
   }
 
-  /** Widen the slider to a value beyond it: to twice the value, as at first. */
+  /** Widen the slider to a value beyond it: as far around the value as at first. */
   #reach(number) {
+    if (this.logarithmic) {
+      const place = Math.log10(number);
+      if (place < this.low || place > this.high) this.#setRange({ value: number });
+      return;
+    }
     if (!Number.isFinite(number) || (number >= this.low && number <= this.high)) return;
     const size = 2 * Math.abs(number);
     const low = number < 0 || this.low < 0 ? -size : this.low;
@@ -283,6 +316,18 @@ class Row {
     const step = this.control.whole ? 1 : roundLength((high - low) / Row.PLACES);
     const grid = (x, round) => Number((round(x / step) * step).toPrecision(12));
     this.#setRange({ low: grid(low, Math.floor), high: grid(high, Math.ceil), step });
+  }
+
+  /** The choice of a logarithmic slider, for a parameter that is positive. */
+  #addScale(scaled) {
+    const { name } = this.control;
+    this.scale = this.#add("button", "control-scale", { type: "button", textContent: "log" });
+    this.scale.title = "Logarithmic slider: from a hundredth of the value to a hundred times it";
+    this.scale.setAttribute("aria-label", `Logarithmic slider of ${name}`);
+    this.scale.addEventListener("click", () => {
+      this.setLogarithmic(!this.logarithmic);
+      scaled(this.logarithmic);
+    });
   }
 
   #addFree(freed) {

@@ -40,6 +40,7 @@ class Page {
   /** Ask for the run of the values as they are. */
   ask(event = null) {
     this.#send({});
+    this.scenarios?.mark();
     if (event) this.asked.set(this.number, event.timeStamp);
     this.waiting ??= setTimeout(() => this.#say("computing …"), Page.PATIENCE);
   }
@@ -70,16 +71,22 @@ class Page {
       wanted: () => this.ask(),
       drag: {
         ask: (drag) => this.#send({ drag }),
-        begun: () => this.controls.remember(),
+        begun: () => (this.before = this.controls.state()),
         moved: (answer) => this.#drag(answer),
         released: (event) => this.ask(event),
-        cancelled: () => {
-          this.controls.recall();
-          this.ask();
-        },
+        cancelled: () => this.controls.goTo(this.before),
       },
     });
     this.pictures.draggable = hello.draggable;
+    this.scenarios = new Scenarios(document.getElementById("scenarios"), {
+      now: () => ({
+        state: this.controls.state(),
+        command: this.elements.command.textContent,
+        changes: this.controls.changes(),
+      }),
+      chosen: (state, event) => this.controls.goTo(state, event),
+      say: (text) => this.#say(text, true),
+    });
     this.ask();
   }
 
@@ -113,6 +120,7 @@ class Page {
     }
     if (dragging?.active && !("error" in answer)) return; // its release asks for another run
     this.elements.command.textContent = answer.command;
+    if (answer.number === this.number) this.scenarios.mark(answer.command);
     this.elements.pictures.classList.toggle("stale", "error" in answer);
     if ("error" in answer) {
       dragging?.drop();
