@@ -17,7 +17,8 @@ LINK = re.compile(r"\]\(([^)#:]+)(?=[)#])")
 
 def on_files(files: Files, config: Any) -> Files:
     """Add the root's pages and the models."""
-    models = sorted(f"models/{path.name}" for path in (ROOT / "models").glob("*.yaml"))
+    files_of_models = (ROOT / "models").rglob("*.yaml")
+    models = sorted(path.relative_to(ROOT).as_posix() for path in files_of_models)
     for source, place in [*PAGES.items(), *zip(models, models, strict=True)]:
         files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
     return files

@@ -15,6 +15,7 @@ from PIL import Image
 import lagcli
 from lagcli.cli.app import run as command
 from lagcli.model.model import Model
+from lagcli.model.shipped import shipped_models
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.drawing import SceneDrawing
 from lagcli.pictures.scene.view_evaluator import scene_of
@@ -31,7 +32,7 @@ SHOWN = "slider_crank"
 
 INTRODUCTION = """# Gallery
 
-The models of `models/`, each at one moment of its run: orange are constraint forces, blue are
+The shipped models, each at one moment of its run: orange are constraint forces, blue are
 velocities, light blue is the path of the recent past. Anybody gets the animation of one by
 
 ```sh
@@ -64,7 +65,7 @@ def main() -> None:
     """Make all of it."""
     PAGES.mkdir(exist_ok=True)
     models: dict[str, Model] = {}
-    for path in sorted(MODELS.glob("*.yaml")):
+    for path in shipped_models().values():
         name = path.stem
         print(name)
         models[name] = lagcli.load(path)
@@ -81,9 +82,11 @@ def main() -> None:
 
 def table(models: dict[str, Model]) -> str:
     """Return the index in Markdown."""
+    place = shipped_models()
     rows = [
         f'| <img src="{name}.png" width="240" alt=""> |'
-        f" [{name}](../../models/{name}.yaml)<br>{model.description} |"
+        f" [{name}](../../models/{place[name].relative_to(MODELS).as_posix()})"
+        f"<br>{model.description} |"
         for name, model in models.items()
     ]
     return "\n".join(["| | |", "|---|---|", *rows, ""])

@@ -24,7 +24,7 @@ from lagcli.model.expression.units import UnknownUnit, to_si
 from lagcli.model.loader import load, load_text
 
 MODELS = Path(__file__).parents[2] / "models"
-TEXTS = [p.read_text(encoding="utf-8") for p in sorted(MODELS.glob("*.yaml"))]
+TEXTS = [p.read_text(encoding="utf-8") for p in sorted(MODELS.rglob("*.yaml"))]
 SECONDS = 2.0  # for the loader, on a machine with other things to do
 
 RELAXED = settings(

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 from scipy.special import ellipj, ellipk
 
 import lagcli
@@ -125,21 +124,6 @@ def test_atwood() -> None:
     assert_close(c["y_2"], p["h"] - a * t**2 / 2, 1e-12)
     assert_close(c["lambda.rope_1"], p["m_1"] * (p["g"] - a), 1e-12)
     assert_close(c["lambda.rope_2"], p["m_2"] * (p["g"] + a), 1e-12)
-
-
-def test_particle_leaves_the_sphere_at_two_thirds() -> None:
-    trajectory = run("particle_on_sphere", 1.2)
-    p, c, t = trajectory.parameters, columns(trajectory), trajectory.time
-    rate = math.sqrt(p["g"] / p["R"])
-    theta = 4 * np.arctan(math.tan(p["theta_0"] / 4) * np.exp(rate * t))
-    assert_close(c["theta"], theta, CLOSE)
-    assert_close(c["lambda.surface"], p["m"] * p["g"] * (3 * np.cos(theta) - 2), CLOSE)
-
-    (left,) = CubicSpline(t, c["lambda.surface"]).roots(extrapolate=False)
-    expected = math.log(math.tan(math.acos(2 / 3) / 4) / math.tan(p["theta_0"] / 4)) / rate
-    # the splines through samples 12 ms apart are good to 1e-6
-    assert left == pytest.approx(expected, abs=1e-6)
-    assert CubicSpline(t, trajectory.outputs["cos_theta"])(left) == pytest.approx(2 / 3, abs=1e-6)
 
 
 @pytest.mark.parametrize("rate", [2.0, 4.0])

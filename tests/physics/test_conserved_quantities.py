@@ -20,14 +20,14 @@ from lagcli.equations.symmetry.proof import Proof
 from lagcli.model.model import TIME, Model
 
 MODELS = Path(__file__).parents[2] / "models"
-SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
+SHIPPED = sorted(path.stem for path in MODELS.rglob("*.yaml"))
 #: Of the size of a quantity along a run with rtol 1e-12: errors add up over some thousand steps.
 DRIFT = 1e-9
 
 
 @cache
 def derived(source: str) -> tuple[Equations, Conserved]:
-    model = lagcli.load(MODELS / f"{source}.yaml") if source in SHIPPED else None
+    model = lagcli.load(source) if source in SHIPPED else None
     equations = lagcli.derive(model or lagcli.load_text(source))
     return equations, conserved_quantities(equations)
 

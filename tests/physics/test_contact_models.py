@@ -60,7 +60,7 @@ def test_contact_model_is_derived_in_all_formats(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_contact_model_completes_and_its_energy_balances(name: str) -> None:
     trajectory = run(name)
-    stopped = name in ("sliding_ladder", "sphere_departure")
+    stopped = name in ("sliding_ladder", "particle_on_sphere")
     expected = "stopped-by-event" if stopped else "completed"
     assert trajectory.status == expected, trajectory.message
     # energies of potentials are known up to a constant
@@ -155,14 +155,29 @@ def test_the_woodpecker_comes_down_step_by_step() -> None:
     assert math.isclose(fall, -0.019445379, rel_tol=1e-2)
 
 
-def test_the_particle_leaves_the_sphere_at_two_thirds() -> None:
-    trajectory = run("sphere_departure")
+@pytest.mark.parametrize("engine", ["compiled", "scipy"])
+def test_the_particle_leaves_the_sphere_at_two_thirds(engine: str) -> None:
+    trajectory = lagcli.simulate(lagcli.load("particle_on_sphere"), engine=engine)
     (r, theta), t = trajectory.q.T, trajectory.time
     touches = trajectory.multipliers[:, 0] > 0
     assert (touches == (np.cos(theta) > 2 / 3)).all()
     start = math.tan(math.radians(5) / 4)
     left = math.log(math.tan(math.acos(2 / 3) / 4) / start) / math.sqrt(9.81)
     assert t[touches][-1] < left < t[~touches][0]
+    # the angle itself, at the instant
+    log = trajectory.events
+    assert log is not None
+    (leaves,) = (i for i, name in enumerate(log.names) if name == "leaves")
+    assert log.time[leaves] == pytest.approx(left, abs=1e-9)
+    for cosine in log.recorded("cos_theta"):
+        assert cosine[leaves] == pytest.approx(2 / 3, abs=1e-9)
+    for force in log.recorded("normal_force"):
+        assert force[leaves] == pytest.approx(0, abs=1e-8)
+    # before, the closed form
+    grows = np.exp(math.sqrt(9.81) * t[touches])
+    np.testing.assert_allclose(theta[touches], 4 * np.arctan(start * grows), atol=1e-8)
+    normal = 9.81 * (3 * np.cos(theta[touches]) - 2)
+    np.testing.assert_allclose(trajectory.multipliers[touches, 0], normal, atol=1e-7)
     # then a parabola, from x = √5/3 and z = 2/3 with v² = 2/3 g R
     speed = math.sqrt(9.81 * 2 / 3)
     x = math.sqrt(5) / 3 + speed * 2 / 3 * (t - left)

@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 import lagcli
 from lagcli.engine.integrate.batch import Finished, prepare_batch, run_batch, suits_batch
 from lagcli.model.model import Model
+from lagcli.model.shipped import shipped_model
 from lagcli.settings.methods import methods_of
 from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.simulation import prepare
@@ -131,7 +132,7 @@ SCALES: list[Mapping[str, float]] = [
 
 def in_other_units(name: str, factors: Mapping[str, float]) -> tuple[Trajectory, Trajectory]:
     """Run a model, and in other units; return both, the second in the units of the first."""
-    path = ROOT / "models" / f"{name}.yaml"
+    path = shipped_model(name)
     plain = lagcli.load(path)
     t_end = 0.2 * (plain.settings.t_end or 10.0)
     ours = completed(plain, t_end=t_end, samples=11)

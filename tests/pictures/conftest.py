@@ -123,7 +123,7 @@ def result(tmp_path_factory):
     def of(name, **settings):
         path = folder / f"{name}{''.join(f'-{k}{v}' for k, v in settings.items())}.h5"
         if not path.exists():
-            trajectory = lagcli.simulate(lagcli.load(MODELS / f"{name}.yaml"), **settings)
+            trajectory = lagcli.simulate(lagcli.load(name), **settings)
             lagcli.write(trajectory, path)
         return path
 

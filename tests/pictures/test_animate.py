@@ -25,7 +25,7 @@ from lagcli.pictures.scene.drawing import SceneDrawing, round_number, three_digi
 from lagcli.pictures.scene.timing import Timing, timing, usual_speed
 from lagcli.pictures.scene.view_evaluator import scene_of
 
-MODELS = sorted(f.stem for f in (Path(__file__).parents[2] / "models").glob("*.yaml"))
+MODELS = sorted(f.stem for f in (Path(__file__).parents[2] / "models").rglob("*.yaml"))
 
 
 # times

@@ -12,7 +12,7 @@ from lagcli.pictures.run_file import RunFile
 
 ROOT = Path(__file__).parents[2]
 GALLERY = ROOT / "docs" / "gallery"
-MODELS = sorted(f.stem for f in (ROOT / "models").glob("*.yaml"))
+MODELS = sorted(f.stem for f in (ROOT / "models").rglob("*.yaml"))
 
 #: Of all pixels, those that may differ by more than soft edges do.
 _TOLERANCE = 3e-4
@@ -49,7 +49,7 @@ def test_another_moment_is_another_picture(build, result, monkeypatch):
 
 
 def test_the_index_has_every_model(build):
-    models = {name: lagcli.load(ROOT / "models" / f"{name}.yaml") for name in MODELS}
+    models = {name: lagcli.load(name) for name in MODELS}
     text = (GALLERY / "README.md").read_text(encoding="utf-8")
     assert text == build.INTRODUCTION + build.table(models)
     page = build.index(models)

@@ -27,7 +27,7 @@ from lagcli.trajectory.samples import Samples
 pytest.importorskip("matplotlib")
 
 MODELS = Path(__file__).parents[2] / "models"
-NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
+NAMES = sorted(path.stem for path in MODELS.rglob("*.yaml"))
 STORED = Path(__file__).parent / "stored"
 #: Of 255, root mean square: fonts may be placed by another fraction of a pixel elsewhere.
 TOLERANCE = 6.0
@@ -38,7 +38,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a short run of every shipped model, and some others."""
     folder = tmp_path_factory.mktemp("results")
     for name in NAMES:
-        model = lagcli.load(MODELS / f"{name}.yaml")
+        model = lagcli.load(name)
         end = (model.settings.t_end or 1.0) / 5
         lagcli.write(lagcli.simulate(model, t_end=end, samples=201), folder / f"{name}.h5")
     for mass in (1, 2, 3):
@@ -80,7 +80,7 @@ def plot(tmp_path: Path, *arguments: str, suffix: str = "svg") -> str:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_shipped_model_is_plotted(name: str, tmp_path: Path) -> None:
     text = plot(tmp_path, f"{name}.h5")
-    title = escape(lagcli.load(MODELS / f"{name}.yaml").title, quote=False)
+    title = escape(lagcli.load(name).title, quote=False)
     for word in (title, "[J]", "[s]"):
         assert word in text
     assert "residuals" not in text

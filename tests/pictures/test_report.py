@@ -91,7 +91,7 @@ def series_of(path, name):
     raise AssertionError(f"there is no curve {name}")
 
 
-@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", sorted(MODELS.rglob("*.yaml")), ids=lambda p: p.stem)
 def test_every_shipped_model(path, tmp_path):
     model = lagcli.load(path)
     trajectory = lagcli.simulate(model, samples=60)

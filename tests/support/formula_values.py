@@ -17,7 +17,7 @@ from lagcli.equations.presentation.formulas import Formulas, Step
 from lagcli.model.inputs import as_symbols
 from lagcli.model.loader import load, load_text
 
-MODELS = sorted((Path(__file__).parents[2] / "models").glob("*.yaml"))
+MODELS = sorted((Path(__file__).parents[2] / "models").rglob("*.yaml"))
 
 _RELATIONS = {
     "<=": operator.le,

@@ -10,7 +10,7 @@ from lagcli.model.keys import MODEL, json_schema, keys_of
 from lagcli.settings.settings import Settings
 
 ROOT = Path(__file__).parents[3]
-MODELS = sorted((ROOT / "models").glob("*.yaml"))
+MODELS = sorted((ROOT / "models").rglob("*.yaml"))
 WRONG = ROOT / "tests" / "cli" / "wrong"
 VALIDATE = fastjsonschema.compile(json_schema())
 

@@ -304,10 +304,10 @@ def test_a_constraint_that_parameters_switch_off_is_left_alone() -> None:
     assert diagnostics(text) == []
 
 
-@pytest.mark.parametrize("name", sorted(p.name for p in MODELS.glob("*.yaml")))
-def test_shipped_models_load(name: str) -> None:
+@pytest.mark.parametrize("path", sorted(MODELS.rglob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_models_load(path: Path) -> None:
     began = time.process_time()
-    model = load(MODELS / name)
+    model = load(path)
     assert time.process_time() - began < 1
     assert model.initial_positions.keys() == set(model.coordinate_names)
     assert model.initial_velocities.keys() == set(model.coordinate_names)

@@ -15,7 +15,7 @@ MODELS = Path(__file__).parents[3] / "models"
 
 
 def made(name: str, **settings: float) -> dict[str, Control]:
-    model = load(MODELS / f"{name}.yaml")
+    model = load(name)
     return controls(model, resolve(SettingsOverrides(**settings), model.settings))
 
 

@@ -24,7 +24,7 @@ from lagcli.settings.settings import SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
 
 MODELS = Path(__file__).parents[3] / "models"
-EVERY = tuple(sorted(MODELS.glob("*.yaml")))
+EVERY = tuple(sorted(MODELS.rglob("*.yaml")))
 ALL_PLOTS = (
     *("coordinates", "velocities", "accelerations", "multipliers", "constraint forces"),
     *("energies", "powers", "energy balance", "velocity residuals", "outputs"),
@@ -32,7 +32,7 @@ ALL_PLOTS = (
 
 
 def play(name: str, **options: Any) -> Played:
-    return Played(load(MODELS / f"{name}.yaml"), SettingsOverrides(**options))
+    return Played(load(name), SettingsOverrides(**options))
 
 
 def run(played: Played, plots: tuple[str, ...] = ("coordinates",), **values: Any) -> dict[str, Any]:
@@ -79,8 +79,8 @@ def test_every_model_can_be_played_with(path: Path) -> None:
     assert answer["values"].keys() == played.controls.keys() - {"t_end"}
     for name, value in answer["values"].items():
         assert value == pytest.approx(played.controls[name].value, rel=1e-14)
-    for plot in answer["plots"].values():
-        assert plot["series"]
+    for name, plot in answer["plots"].items():
+        assert plot["series"] or "residuals" in name  # of contacts that are open
         assert all(len(s["values"]) == len(plot["time"]) for s in plot["series"])
 
 

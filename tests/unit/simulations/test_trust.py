@@ -13,7 +13,7 @@ import lagcli
 from lagcli.results import read
 
 ROOT = Path(__file__).parents[3]
-MODELS = sorted((ROOT / "models").glob("*.yaml"))
+MODELS = sorted((ROOT / "models").rglob("*.yaml"))
 
 FAST = """
 name: a fast oscillator

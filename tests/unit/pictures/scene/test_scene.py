@@ -18,12 +18,12 @@ from lagcli.pictures.scene.view_evaluator import ViewEvaluator, scene_of
 from lagcli.trajectory.trajectory import Trajectory
 
 MODELS = Path(__file__).parents[4] / "models"
-NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
+NAMES = sorted(path.stem for path in MODELS.rglob("*.yaml"))
 
 
 @cache
 def short(name: str) -> Trajectory:
-    model = lagcli.load(MODELS / f"{name}.yaml")
+    model = lagcli.load(name)
     end = (model.settings.t_end or 1.0) / 10
     return lagcli.simulate(model, t_end=end, samples=25)
 
@@ -49,7 +49,9 @@ def test_every_shipped_model_has_a_scene(name: str) -> None:
         assert all(len(x) in (1, count) and np.isfinite(x).all() for x in place)
         for x, (low, high) in zip(place, scene.bounds, strict=True):
             assert low < x.min() <= x.max() < high
-    assert any(len(x) == count for place in scene.points.values() for x in place)
+    moving = [x for place in scene.points.values() for x in place]
+    moving += [d.angle for d in scene.discs if d.angle is not None]
+    assert any(len(x) == count for x in moving)
 
 
 @pytest.mark.parametrize("name", NAMES)
