@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from patience import PATIENCE
 
 from lagcli.cli.app import run as run_here
 from lagcli.results import read
@@ -41,7 +42,12 @@ def environment(**changes: str) -> dict[str, str]:
 
 def lagcli(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
     """Run the program as the shell does."""
-    settings: dict[str, Any] = {"capture_output": True, "text": True, "timeout": 60, "check": False}
+    settings: dict[str, Any] = {
+        "capture_output": True,
+        "text": True,
+        "timeout": PATIENCE,
+        "check": False,
+    }
     settings["env"] = environment(**options.pop("env", {}))
     command = [sys.executable, "-m", "lagcli", *arguments]
     return subprocess.run(command, **{**settings, **options})
@@ -250,10 +256,10 @@ def test_nothing_is_overwritten_without_force(here: Here, tmp_path: Path) -> Non
 
 
 def test_missing_folder_fails_before_the_run(here: Here, tmp_path: Path) -> None:
-    began = time.monotonic()
-    arguments = ("--t-end", "1e6", "--samples", "3")
+    began = time.process_time()
+    arguments = ("--t-end", "1e9", "--samples", "3")
     assert here("simulate", CRANK, *arguments, "-o", str(tmp_path / "no" / "run.h5")) == 4
-    assert time.monotonic() - began < 2
+    assert time.process_time() - began < 2
     assert "mkdir -p" in here.err
 
 
@@ -280,7 +286,13 @@ def test_full_standard_output(command: list[str]) -> None:
 def test_closed_pipe_ends_quietly(command: str) -> None:
     text = f"{sys.executable} -m lagcli {command.format(CRANK)} | head -1"
     done = subprocess.run(
-        text, shell=True, capture_output=True, text=True, env=environment(), timeout=60, check=False
+        text,
+        shell=True,
+        capture_output=True,
+        text=True,
+        env=environment(),
+        timeout=PATIENCE,
+        check=False,
     )
     assert len(done.stdout.splitlines()) == 1
     assert "Traceback" not in done.stderr
@@ -338,7 +350,7 @@ def interrupted(*arguments: str, **place: str) -> subprocess.CompletedProcess[st
         capture_output=True,
         text=True,
         env=environment(),
-        timeout=60,
+        timeout=PATIENCE,
         check=False,
     )
 

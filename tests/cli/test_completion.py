@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE
 
 from lagcli.cli.app import COMMANDS
 from lagcli.cli.completion import candidates
@@ -75,8 +76,8 @@ class Terminal:
     def send(self, text):
         os.write(self.master, text.encode())
 
-    def wait_for(self, pattern, seconds=30):
-        end = time.monotonic() + seconds
+    def wait_for(self, pattern):
+        end = time.monotonic() + PATIENCE
         # shells redraw what they complete: with backspaces and control sequences
         while not re.search(pattern, re.sub(r"\x1b\[[?\d;]*\w|.\x08", "", self.text)):
             ready, _, _ = select.select([self.master], [], [], 0.2)
@@ -146,7 +147,8 @@ def test_in_fish(environment, tmp_path):
     def complete(line):
         done = subprocess.run(
             ["fish", "--no-config", "-c", f"lagcli completion fish | source; complete -C '{line}'"],
-            env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True,
+            env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE,
+            check=True,
         )  # fmt: skip
         return [row.partition("\t")[0] for row in done.stdout.splitlines()]
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import fastjsonschema
 import numpy as np
 import pytest
 
 import lagcli
+from lagcli.cli.app import run
 
 ROOT = Path(__file__).parents[2]
 SLIDER_CRANK = ROOT / "models" / "slider_crank.yaml"
@@ -32,12 +32,29 @@ fit:
 """
 
 
-def lagcli_command(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-m", "lagcli", *words]
-    return subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, check=False, env=environment
-    )
+class Done(NamedTuple):
+    """What a command has said, and its exit status."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+Command = Callable[..., Done]
+
+
+@pytest.fixture
+def command(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Command:
+    """Run the program in the folder, in this process."""
+    monkeypatch.chdir(folder)
+
+    def call(*words: str) -> Done:
+        capsys.readouterr()
+        return Done(run(list(words)), *capsys.readouterr())
+
+    return call
 
 
 @pytest.fixture(scope="module")
@@ -45,17 +62,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("fit")
     (folder / "spring.yaml").write_text(MODEL)
     truth = lagcli.load(folder / "spring.yaml", set={"k": 12, "c": 0.3})
-    run = lagcli.simulate(truth, t_end=3, samples=61)
-    x = 1000 * run.q[:, 0] + 0.1 * np.random.default_rng(4).normal(size=61)
-    lines = [f"{t},{y}" for t, y in zip(run.time.tolist(), x.tolist(), strict=True)]
+    motion = lagcli.simulate(truth, t_end=3, samples=61)
+    x = 1000 * motion.q[:, 0] + 0.1 * np.random.default_rng(4).normal(size=61)
+    lines = [f"{t},{y}" for t, y in zip(motion.time.tolist(), x.tolist(), strict=True)]
     (folder / "run.csv").write_text("t,ruler [mm]\n" + "\n".join(lines) + "\n")
     return folder
 
 
-def test_text_files_and_the_fitted_model(folder: Path) -> None:
-    done = lagcli_command(
-        folder, *("fit", "spring.yaml", "-o", "fit.h5", "--write", "fitted.yaml", "--force")
-    )
+def test_text_files_and_the_fitted_model(folder: Path, command: Command) -> None:
+    done = command(*("fit", "spring.yaml", "-o", "fit.h5", "--write", "fitted.yaml", "--force"))
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert lines[0] == "spring: 3 quantities from 61 measured values in 1 file, fitted"
@@ -69,22 +84,22 @@ def test_text_files_and_the_fitted_model(folder: Path) -> None:
     assert "# the energy of the spring" in text
     assert len(text.splitlines()) == len(MODEL.splitlines())
 
-    shown = lagcli_command(folder, "info", "fit.h5")
+    shown = command("info", "fit.h5")
     assert shown.returncode == 0, shown.stderr
     assert shown.stdout.splitlines()[0] == lines[0]
-    described = json.loads(lagcli_command(folder, "info", "fit.h5", "--json").stdout)
+    described = json.loads(command("info", "fit.h5", "--json").stdout)
     assert described["kind"] == "fit"
     assert described["parameters"]["k"]["value"] == pytest.approx(fitted.parameters["k"].value)
-    drawn = lagcli_command(folder, "plot", "fit.h5", "-o", "fit.svg", "--force")
+    drawn = command("plot", "fit.h5", "-o", "fit.svg", "--force")
     assert drawn.returncode == 0, drawn.stderr
     assert "residual" in (folder / "fit.svg").read_text()
-    again = lagcli_command(folder, "fit", "spring.yaml", "-o", "fit.h5")
+    again = command("fit", "spring.yaml", "-o", "fit.h5")
     assert again.returncode == 4
     assert "--force" in again.stderr
 
 
-def test_json_is_as_its_schema_says(folder: Path) -> None:
-    done = lagcli_command(folder, "fit", "spring.yaml", "--json", "--starts", "2", "--set", "c=0.2")
+def test_json_is_as_its_schema_says(folder: Path, command: Command) -> None:
+    done = command("fit", "spring.yaml", "--json", "--starts", "2", "--set", "c=0.2")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert list(found)[:2] == ["command", "model"]
@@ -108,31 +123,33 @@ def test_json_is_as_its_schema_says(folder: Path) -> None:
         (("plot", "run.h5", "--band", "k=1", "-o", "a.svg"), 2, "simulate with --sensitivity k"),
     ],
 )
-def test_mistakes(folder: Path, words: tuple[str, ...], status: int, said: str) -> None:
+def test_mistakes(
+    folder: Path, command: Command, words: tuple[str, ...], status: int, said: str
+) -> None:
     (folder / "broken.yaml").write_text(MODEL.replace("run.csv", "bad.csv"))
     (folder / "bad.csv").write_text("t,ruler [mm]\n0,1\n1,2O\n")
     if not (folder / "run.h5").exists():
         lagcli.write(lagcli.simulate(lagcli.load(folder / "spring.yaml")), folder / "run.h5")
-    done = lagcli_command(folder, *words)
+    done = command(*words)
     assert done.returncode == status, done.stderr
     assert said in done.stderr
     assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize("suffix", ["h5", "csv"])
-def test_derivatives_in_result_files(folder: Path, suffix: str) -> None:
+def test_derivatives_in_result_files(folder: Path, command: Command, suffix: str) -> None:
     path = folder / f"sensitivity.{suffix}"
     words = ("simulate", str(SLIDER_CRANK), "--sensitivity", "l, phi_dot", "--samples", "5")
-    done = lagcli_command(folder, *words, "-o", path.name, "--json")
+    done = command(*words, "-o", path.name, "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["sensitivity"] == ["l", "phi'"]
     found = lagcli.read(path)
     assert found.sensitivity == ("l", "phi'")
     model = lagcli.load(SLIDER_CRANK)
-    run = lagcli.simulate(model, samples=5, sensitivity=["l", "phi'"])
+    expected = lagcli.simulate(model, samples=5, sensitivity=["l", "phi'"])
     for name in ("dq", "dv", "dmultipliers"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(run, name))
-    told = json.loads(lagcli_command(folder, "info", path.name, "--json").stdout)
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    told = json.loads(command("info", path.name, "--json").stdout)
     assert told["sensitivity"] == ["l", "phi'"]
     if suffix == "csv":
         header = path.read_text().splitlines()[0].split(",")
@@ -146,7 +163,7 @@ def test_derivatives_in_result_files(folder: Path, suffix: str) -> None:
         assert file["dq"].dims[2][0][()].tolist() == [b"l", b"phi'"]
 
 
-def test_the_model_file_can_ask_for_derivatives(folder: Path) -> None:
+def test_the_model_file_can_ask_for_derivatives(folder: Path, command: Command) -> None:
     text = MODEL.replace("fit:\n", "simulation: {sensitivity: [k, c], t_end: 1}\nfit:\n")
     found = lagcli.simulate(lagcli.load_text(text))
     assert found.sensitivity == ("k", "c")
@@ -154,7 +171,5 @@ def test_the_model_file_can_ask_for_derivatives(folder: Path) -> None:
     assert found.dq.shape == (1001, 1, 2)
     plotted = folder / "both.h5"
     lagcli.write(found, plotted, force=True)
-    drawn = lagcli_command(
-        folder, *("plot", "both.h5", "x", "dx/dk", "--band", "k=5%", "-o", "b.svg", "--force")
-    )
+    drawn = command(*("plot", "both.h5", "x", "dx/dk", "--band", "k=5%", "-o", "b.svg", "--force"))
     assert drawn.returncode == 0, drawn.stderr

@@ -13,7 +13,6 @@ import struct
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Awaitable, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -23,6 +22,7 @@ from urllib.parse import urlsplit
 import aiohttp
 import numpy as np
 import pytest
+from patience import PATIENCE, wait_until
 
 import lagcli
 from lagcli.cli.app import run
@@ -49,28 +49,27 @@ class Program:
         place = urlsplit(self.address)
         self.host, self.port, self.path = place.netloc, place.port or 0, place.path
 
-    def end(self, number: int = signal.SIGINT) -> tuple[int, str, float]:
-        """Return the exit status, what was said on standard error, and the seconds it took."""
-        began = time.monotonic()
+    def end(self, number: int = signal.SIGINT) -> tuple[int, str]:
+        """Return the exit status, and what was said on standard error."""
         self.process.send_signal(number)
         try:
-            _, said = self.process.communicate(timeout=10)
+            _, said = self.process.communicate(timeout=PATIENCE)
         except subprocess.TimeoutExpired:
             self.process.kill()
             raise
-        return self.process.returncode, said, time.monotonic() - began
+        return self.process.returncode, said
 
 
 @pytest.fixture(scope="module")
 def program() -> Iterator[Program]:
     running = Program(CRANK, "--no-browser")
     yield running
-    assert running.end()[:2] == (0, "Ctrl-C closes the page\n")
+    assert running.end() == (0, "Ctrl-C closes the page\n")
 
 
 def asked(program: Program, path: str | None = None, **headers: str) -> tuple[int, bytes]:
     """Ask for a path with headers of one's own choice."""
-    connection = http.client.HTTPConnection("127.0.0.1", program.port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", program.port, timeout=PATIENCE)
     connection.putrequest("GET", program.path if path is None else path, skip_host=True)
     for name, value in ({"Host": program.host} | headers).items():
         if value:
@@ -109,7 +108,7 @@ def talked(program: Program, talk: Talk, **headers: str) -> Any:
                 max_msg_size=0,
             ) as ws,
         ):
-            return await asyncio.wait_for(talk(ws), 20)
+            return await asyncio.wait_for(talk(ws), PATIENCE)
 
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(asyncio.run, session()).result()
@@ -125,7 +124,7 @@ async def heard(ws: aiohttp.ClientWebSocketResponse) -> Any:
 def test_the_page_and_its_files_come_with_the_headers_that_keep_it_to_itself(
     program: Program,
 ) -> None:
-    connection = http.client.HTTPConnection("127.0.0.1", program.port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", program.port, timeout=PATIENCE)
     for name in ("", "play.js", "uPlot.iife.min.js", "play.css"):
         connection.request("GET", program.path + name)
         answer = connection.getresponse()
@@ -163,7 +162,7 @@ def test_another_host_is_refused(program: Program, host: str) -> None:
 
 def test_what_is_no_request_is_told_so_and_said_nowhere_else(program: Program) -> None:
     assert asked(program, Host="")[0] == 400
-    with socket.create_connection(("127.0.0.1", program.port), timeout=5) as other:
+    with socket.create_connection(("127.0.0.1", program.port), timeout=PATIENCE) as other:
         other.sendall(b"nonsense\r\n\r\n")
         assert b" 400 " in other.recv(1000)
 
@@ -237,7 +236,7 @@ def test_two_clients_do_not_disturb_each_other(program: Program) -> None:
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(30)
+        thread.join(PATIENCE)
     assert results == {"2": [2.0] * 8, "3": [3.0] * 8}
 
 
@@ -360,24 +359,23 @@ def test_a_chosen_port_is_free_again_at_once_under_another_token() -> None:
         assert running.port == port
         assert asked(running)[0] == 200
         tokens.add(running.path.strip("/"))
-        assert running.end()[:2] == (0, "")
+        assert running.end() == (0, "")
     assert len(tokens) == 2
     assert all(len(token) >= 32 for token in tokens)
 
 
 def test_it_ends_at_once_while_a_client_waits_for_a_long_run() -> None:
-    running = Program(CRANK, "--no-browser", "--timeout", "60")
+    running = Program(CRANK, "--no-browser", "--timeout", "100000")
 
     async def talk(ws: aiohttp.ClientWebSocketResponse) -> Any:
         await heard(ws)
-        await ws.send_json({"number": 1, "t_end": "1000000"})
-        await asyncio.sleep(0.3)
+        await ws.send_json({"number": 1, "t_end": "1e9"})
+        await asyncio.sleep(0.3)  # until it has begun, where little else runs
         ended = await asyncio.to_thread(running.end, signal.SIGTERM)
         return ended, (await ws.receive()).data
 
-    (status, said, seconds), code = talked(running, talk)
-    assert (status, said) == (0, "Ctrl-C closes the page\n")
-    assert seconds < 3  # a fraction of one where nothing else runs
+    ended, code = talked(running, talk)
+    assert ended == (0, "Ctrl-C closes the page\n")
     assert code == aiohttp.WSCloseCode.GOING_AWAY
 
 
@@ -396,8 +394,6 @@ def test_a_model_from_standard_input_in_the_readers_browser(tmp_path: Path) -> N
     answer = talked(running, talk)
     assert answer["values"]["m"] == 4
     assert answer["command"] == "lagcli simulate - --set m=4 --t-end 0.1 -o run.h5"
-    end = time.monotonic() + 10
-    while not (seen.exists() and seen.read_text()) and time.monotonic() < end:
-        time.sleep(0.02)
+    wait_until(lambda: seen.exists() and seen.read_text())
     assert seen.read_text() == running.address
     assert running.end()[0] == 0

@@ -8,11 +8,11 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE, wait_until
 
 from lagcli.cli.app import run as run_here
 from lagcli.results import read
@@ -172,7 +172,7 @@ def test_twelve_processes_in_one_folder(tmp_path: Path) -> None:
         )
         for i, name in enumerate(names, start=1)
     ]
-    said = [process.communicate(timeout=120)[1] for process in began]
+    said = [process.communicate(timeout=PATIENCE)[1] for process in began]
     statuses = [process.returncode for process in began]
     assert statuses[:6] == [0] * 6, said
     assert sorted(statuses[6:]) == [0] + [4] * 5, said
@@ -198,7 +198,7 @@ def test_standard_input_is_the_loops(tmp_path: Path) -> None:
     """A run in a `while read` loop leaves the lines to the loop."""
     script = f"while read m; do {PROGRAM} simulate {PENDULUM} --set m=$m --t-end 0.01 --json; done"
     process = shell(script, tmp_path, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-    out, _ = process.communicate("1\n2\n", timeout=60)
+    out, _ = process.communicate("1\n2\n", timeout=PATIENCE)
     assert [json.loads(line)["parameters"]["m"] for line in out.splitlines()] == [1, 2]
 
 
@@ -215,12 +215,10 @@ def test_an_interrupt_ends_the_loop_too(tmp_path: Path) -> None:
         # a test started in the background ignores SIGINT, and so would all its children
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    first, deadline = tmp_path / "run_1.csv", time.monotonic() + 60
-    while not (first.exists() and first.stat().st_size > 10_000):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    first = tmp_path / "run_1.csv"
+    wait_until(lambda: first.exists() and first.stat().st_size > 10_000)
     os.killpg(process.pid, signal.SIGINT)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == -signal.SIGINT
     assert out == ""  # it did not fail
     assert "kept" in err
@@ -232,4 +230,4 @@ def test_the_shell_calls_it_status_130(tmp_path: Path) -> None:
     endless = f"{PROGRAM} simulate {PENDULUM} --t-end 1e6 --samples 10 --quiet"
     process = shell(f"timeout --preserve-status -s INT 1.5 {endless}; echo $?", tmp_path,
                     stdout=subprocess.PIPE, stderr=subprocess.PIPE)  # fmt: skip
-    assert process.communicate(timeout=30)[0] == "130\n"
+    assert process.communicate(timeout=PATIENCE)[0] == "130\n"

@@ -16,6 +16,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from patience import PATIENCE, wait_until
 
 import lagcli
 from lagcli.cli.app import run as run_here
@@ -51,10 +52,10 @@ class Dask:
         allowed = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": str(failures)}
         self.start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard",
                    "--scheduler-file", str(there), **allowed)  # fmt: skip
-        deadline = time.monotonic() + 30
-        while not (there.exists() and there.read_text().strip()):
-            assert time.monotonic() < deadline, (folder / "scheduler.log").read_text()
-            time.sleep(0.05)
+        wait_until(
+            lambda: there.exists() and there.read_text().strip(),
+            (folder / "scheduler.log").read_text,
+        )
         self.address = json.loads(there.read_text())["address"]
         for options in workers:
             self.start("worker", self.address, "--host", "127.0.0.1", "--no-dashboard",
@@ -77,7 +78,7 @@ class Dask:
         for process in self.processes:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)  # the worker with its nanny
-            process.wait(20)
+            process.wait(PATIENCE)
 
 
 @contextmanager
@@ -86,7 +87,7 @@ def dask(folder: Path, *workers: tuple[str, ...], **options: int) -> Iterator[Da
     try:
         if workers:  # without one that starts, a sweep would wait for ever
             with Cluster(running.address) as there:
-                there._client.wait_for_workers(len(workers), timeout=60)
+                there._client.wait_for_workers(len(workers), timeout=PATIENCE)
         yield running
     finally:
         running.close()
@@ -162,6 +163,16 @@ def test_a_worker_that_is_killed_loses_nothing(two_workers: Dask) -> None:
     assert same(found, spec)
 
 
+def wait_for_rows(process: subprocess.Popen[Any], journal: Path, size: int) -> None:
+    """Wait until the journal has so many bytes, while the process runs."""
+
+    def there() -> bool:
+        assert process.poll() is None
+        return journal.exists() and journal.stat().st_size > size
+
+    wait_until(there)
+
+
 def test_interrupted_and_resumed_the_file_is_that_of_one_machine(
     two_workers: Dask, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -175,11 +186,9 @@ def test_interrupted_and_resumed_the_file_is_that_of_one_machine(
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     journal = tmp_path / "there.h5.journal"
-    while not (journal.exists() and journal.stat().st_size > 1500):  # the first rows are there
-        assert process.poll() is None
-        time.sleep(0.005)
+    wait_for_rows(process, journal, 1500)
     process.send_signal(signal.SIGINT)
-    assert process.wait(20) == -signal.SIGINT  # 130 to a shell
+    assert process.wait(PATIENCE) == -signal.SIGINT  # 130 to a shell
     said = capfd.readouterr().err
     assert "250 rows are kept in" in said
     assert "Traceback" not in said
@@ -266,11 +275,9 @@ def test_workers_here_and_ctrl_c(tmp_path: Path) -> None:
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )  # fmt: skip
     journal = tmp_path / "s.h5.journal"
-    while not (journal.exists() and journal.stat().st_size > 2000):
-        assert process.poll() is None
-        time.sleep(0.05)
+    wait_for_rows(process, journal, 2000)
     os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=20)
+    _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == -signal.SIGINT
     lines = said.strip().splitlines()
     assert lines[0].startswith("error: interrupted; ")

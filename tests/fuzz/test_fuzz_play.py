@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 
 import aiohttp
 import pytest
+from patience import PATIENCE
 
 MODEL = """\
 name: ball
@@ -53,13 +54,13 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     try:
         yield Served(place.netloc, place.port or 0, place.path)
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=20)
+        _, said = process.communicate(timeout=PATIENCE)
     finally:
         process.kill()
     assert (process.returncode, said) == (0, "Ctrl-C closes the page\n")
 
 
-def status(served: Served, request: bytes, patience: float = 10.0) -> int:
+def status(served: Served, request: bytes, patience: float = PATIENCE) -> int:
     """Send bytes and return the status of the answer; 0 where there is none."""
     with socket.create_connection(("127.0.0.1", served.port), timeout=patience) as client:
         try:
@@ -165,7 +166,7 @@ def talk(served: Served, messages: list[str]) -> None:
         ) as ws:
             assert (await ws.receive()).type is aiohttp.WSMsgType.BINARY
             await ws.send_str(text)
-            answer = await asyncio.wait_for(ws.receive(), 20)
+            answer = await asyncio.wait_for(ws.receive(), PATIENCE)
             assert answer.type in (aiohttp.WSMsgType.BINARY, aiohttp.WSMsgType.CLOSE), text
             if answer.type is aiohttp.WSMsgType.BINARY:
                 assert b"a bug in lagcli" not in answer.data, text

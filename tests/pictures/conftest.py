@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE
 
 import lagcli
 
@@ -15,8 +16,6 @@ ARGUMENTS = [
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
 ]
 VIEWPORT = {"width": 800, "height": 640}
-#: Seconds that a page of a machine with much else to do may take; none waits for them to pass.
-PATIENCE = 60
 #: The frames of a page come when a test asks for them, at the times that it says.
 STEPPED = """
 (() => {

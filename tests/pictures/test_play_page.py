@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from patience import PATIENCE
 
 import lagcli
 from lagcli.cli.app import run
@@ -24,8 +25,6 @@ playwright = pytest.importorskip("playwright.sync_api")
 
 MODELS = Path(__file__).parents[2] / "models"
 CRANK = MODELS / "slider_crank.yaml"
-#: Seconds that a page of a machine with much else to do may take; none waits for them to pass.
-PATIENCE = 60
 VIEWPORT = {"width": 1280, "height": 800}
 
 

@@ -279,9 +279,9 @@ def test_a_hundred_thousand_keys() -> None:
 def test_a_constraint_that_is_expensive_to_expand() -> None:
     many = " + ".join(["x", "y", "x'", "y'", "t", "l", "m", "g", "1"])
     text = TEXT.replace("knife: {expr: x'*y", f"knife: {{expr: ({many})^300")
-    began = time.perf_counter()
+    began = time.process_time()
     assert load_text(text).constraints[1].kind == "nonlinear"
-    assert time.perf_counter() - began < 1
+    assert time.process_time() - began < 1
 
 
 def test_hidden_linearity_is_seen() -> None:

@@ -6,13 +6,13 @@ import json
 import shlex
 import struct
 import threading
-import time
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from patience import PATIENCE, wait_until
 
 import lagcli
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
@@ -239,29 +239,32 @@ class Answers:
             self.got.append(answer)
             self.change.notify()
 
-    def wait(self, number: int, seconds: float = 20) -> dict[str, Any]:
+    def wait(self, number: int) -> dict[str, Any]:
         with self.change:
             there = self.change.wait_for(
-                lambda: any(a["number"] == number for a in self.got), seconds
+                lambda: any(a["number"] == number for a in self.got), PATIENCE
             )
         assert there, [a["number"] for a in self.got]
         return next(a for a in self.got if a["number"] == number)
 
 
+#: The end of a run that nobody waits for.
+ENDLESS = "1e9"
+
+
 def test_the_newest_request_wins_and_a_long_run_makes_room_for_it() -> None:
-    answers = Answers(play("slider_crank", timeout=60.0))
-    answers.client.ask(PlayRequest(1, t_end="1000000"))
-    time.sleep(0.1)  # it runs, and would for minutes
-    for number in range(2, 50):
-        answers.client.ask(
-            PlayRequest(number, {"m": str(number)}, plots=("coordinates",), t_end="0.1")
-        )
-    began = time.monotonic()
+    answers = Answers(play("slider_crank"))
+    answers.client.ask(PlayRequest(1, t_end=ENDLESS))
+    wait_until(lambda: answers.client._running)
+    with answers.client._change:  # all of them before it looks for the next one
+        for number in range(2, 50):
+            answers.client.ask(
+                PlayRequest(number, {"m": str(number)}, plots=("coordinates",), t_end="0.1")
+            )
     assert answers.wait(49)["values"]["m"] == 49
-    assert time.monotonic() - began < 5
     assert [a["number"] for a in answers.got] == [49]
     answers.client.close()
-    answers.client.join(5)
+    answers.client.join(PATIENCE)
     assert not answers.client.is_alive()
 
 
@@ -273,13 +276,13 @@ def test_a_short_run_is_drawn_even_if_a_newer_one_waits(monkeypatch: pytest.Monk
 
     def held(request: PlayRequest, interruption: Interruption) -> dict[str, Any]:
         began.set()
-        go_on.wait(20)
+        go_on.wait(PATIENCE)
         return usual(request, interruption)
 
     monkeypatch.setattr(played, "run", held)
     answers = Answers(played)
     answers.client.ask(PlayRequest(1, t_end="0.1"))
-    assert began.wait(20)
+    assert began.wait(PATIENCE)
     for number in range(2, 8):
         answers.client.ask(PlayRequest(number, t_end="0.1"))
     go_on.set()
@@ -289,14 +292,12 @@ def test_a_short_run_is_drawn_even_if_a_newer_one_waits(monkeypatch: pytest.Monk
 
 
 def test_closing_ends_a_run_at_once() -> None:
-    answers = Answers(play("slider_crank", timeout=60.0))
-    answers.client.ask(PlayRequest(1, t_end="1000000"))
-    time.sleep(0.3)
+    answers = Answers(play("slider_crank"))
+    answers.client.ask(PlayRequest(1, t_end=ENDLESS))
+    wait_until(lambda: answers.client._running)
     answers.client.close()
-    began = time.monotonic()
-    answers.client.join(5)
+    answers.client.join(PATIENCE)
     assert not answers.client.is_alive()
-    assert time.monotonic() - began < 3  # not the 60 s that it may take
     assert not answers.got
 
 

@@ -9,12 +9,13 @@ import signal
 import stat
 import subprocess
 import sys
-import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import h5py  # noqa: F401  here, so that the forked writers need not import it
 import pytest
+from patience import children_time
 from trajectories import assert_same_arrays, environment, make, make_for_csv
 
 from lagcli.errors import FileError, UsageError
@@ -55,6 +56,13 @@ def _in_child(action: Callable[[], object]) -> int:
         finally:
             os._exit(status)
     return child
+
+
+def _killed_after(seconds: float, action: Callable[[], object]) -> None:
+    """Run the action in a process that a signal ends after so much time of the processor."""
+    signal.signal(signal.SIGPROF, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    action()
 
 
 def _status(child: int) -> int:
@@ -247,19 +255,17 @@ def test_a_killed_writer_leaves_nothing_or_a_whole_file(tmp_path: Path, suffix: 
     samples = {".h5": 15_000, ".csv": 1_000}[suffix]
     trajectory = make_for_csv(samples, constraints=("rod", "guide", "pin"))
 
-    started = time.perf_counter()
+    before = children_time()
     assert _status(_in_child(lambda: write(trajectory, tmp_path / f"whole{suffix}"))) == 0
-    duration = time.perf_counter() - started
+    duration = children_time() - before
 
     found = []
     for kill in range(20):
         folder = tmp_path / str(kill)
         folder.mkdir()
         path = folder / f"run{suffix}"
-        child = _in_child(lambda path=path: write(trajectory, path))
-        time.sleep(random.Random(kill).uniform(0, duration))
-        os.kill(child, signal.SIGKILL)
-        _status(child)
+        moment = random.Random(kill).uniform(0, duration)
+        _status(_in_child(partial(_killed_after, moment, partial(write, trajectory, path))))
         left = os.listdir(folder)
         assert left in ([], [path.name])
         if left:

@@ -390,11 +390,11 @@ def test_runs_of_too_many_steps_leave(core_statuses):
 def test_runs_of_too_much_time_leave(core_statuses):
     model = lagcli.load_text(PENDULUM)
     runs = Runs(model, ["g"], [[9.81]], t_end=3e3, samples=5)
-    began = time.monotonic()
+    began = time.process_time()
     [(_, run)] = runs(timeout=0.05)
     assert run.status == "failed"
     assert "--timeout" in run.message
-    assert time.monotonic() - began < 5
+    assert time.process_time() - began < 5
     assert core_statuses() == [LaneStatus.LEFT]
 
 
@@ -452,7 +452,7 @@ def test_an_interrupt_acts_at_once(leaving):
     calls = []
 
     def check_cancelled():
-        calls.append(time.monotonic())
+        calls.append(time.process_time())
         if len(calls) > 5:
             raise Interrupted
 

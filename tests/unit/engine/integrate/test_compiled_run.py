@@ -185,10 +185,10 @@ def test_samples_come_in_blocks():
 
 
 def test_ten_to_the_fifth_samples_take_moments():
-    began = time.perf_counter()
+    began = time.process_time()
     trajectory = lagcli.simulate(PENDULUM, t_end=10, samples=100_001, engine="compiled")
     assert len(trajectory.time) == 100_001
-    assert time.perf_counter() - began < 20  # ten times what a slow machine takes
+    assert time.process_time() - began < 20  # ten times what a slow machine takes
 
 
 def test_redundant_constraints_get_the_least_multipliers():

@@ -226,16 +226,16 @@ def test_timeout() -> None:
 
 
 def test_samples_beyond_the_end_of_a_run_cost_nothing() -> None:
-    began = time.monotonic()
+    began = time.process_time()
     failed(PENDULUM, timeout=0.01, t_end=1e6, samples=10**7)
     # the times themselves are 80 MB; a list of them would take seconds
-    assert time.monotonic() - began < 2
+    assert time.process_time() - began < 2
 
 
 def test_timeout_within_one_step() -> None:
-    began = time.monotonic()
+    began = time.process_time()
     trajectory = failed(PENDULUM, timeout=0.2, t_end=0.01, samples=10**6)
-    assert time.monotonic() - began < 3  # all the samples would take minutes
+    assert time.process_time() - began < 3  # all the samples would take minutes
     assert len(trajectory.time) > 1
 
 

@@ -24,13 +24,13 @@ def test_endless_rows_end(method: str) -> None:
     settings = SettingsOverrides(t_end=1e7, method=method)
     plan = make_plan(model, ["m=1:2:0.1"])
     spec = Spec(model.text, CRANK, {}, {}, settings, plan, (("a", "max(phi)"),), "measures")
-    began = time.monotonic()
+    began = time.process_time()
 
     def check_cancelled() -> None:
-        if time.monotonic() - began > 0.3:
+        if time.process_time() - began > 0.3:
             raise Interrupted
 
     with pytest.raises(Interrupted):
         run_rows(spec, np.arange(plan.length), check_cancelled)
-    # several times in 0.1 s are promised; the rest is for a busy machine
-    assert time.monotonic() - began < 5
+    # several times in 0.1 s are promised
+    assert time.process_time() - began < 5
