@@ -14,9 +14,9 @@ from lagcli.equations.presentation.kinds import (
     ABBREVIATIONS,
     ENTRIES,
     MAGGI,
-    PROJECTED,
     SECOND,
     maggi_steps,
+    projected,
     second_kind_steps,
     solved_step,
 )
@@ -178,7 +178,7 @@ def _compared(
             lines += map(f.constraint_line, f.equations.constraints)
         else:
             lines = [x for s in motion[kind] if s.title in _COUNTED for x in s.lines]
-            if any(s.lines == PROJECTED for s in motion[kind]):
+            if any(s.lines == projected(f) for s in motion[kind]):
                 lines = []
         count = terms_in(x for line in lines for x in line.sides)
         name = _NAMES[kind][0].upper() + _NAMES[kind][1:]

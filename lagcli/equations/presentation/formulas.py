@@ -217,5 +217,5 @@ class Formulas:
     def equation_line(self, i: int) -> Line:
         """Return the i-th equation of motion, assembled."""
         e = self.equations
-        left = self.arrange(e.momentum_rates[i] - e.gradient[i])
+        left = self.arrange(e.momentum_rates[i] - e.gradient[i], e.a[i])
         return Line((left, self.right_side(i)), self.coordinates[i])

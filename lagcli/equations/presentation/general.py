@@ -16,7 +16,7 @@ from lagcli.model.expression.functions import derivative
 from lagcli.model.model import Model
 
 FORCE = Sign("Qᵢ", "Q_i")
-_SCRIPT = {"T": "𝒯", "V": "𝒱", "L": "ℒ"}
+_SCRIPT = {"T": "𝒯", "V": "𝒱", "L": "ℒ", "M": "ℳ", "B": "ℬ", "J": "𝒥"}
 
 
 class Signs:
@@ -33,9 +33,12 @@ class Signs:
 
         taken = {*model.coordinate_names, *model.parameters, *model.definitions}
         letters = {letter(name) for name in taken}
-        self.kinetic, self.potential, self.lagrangian = (
-            Sign(_SCRIPT[x], rf"\mathcal{{{x}}}") if x in taken else Sign(x, x) for x in "TVL"
+        capitals = (
+            Sign(_SCRIPT[x], rf"\mathcal{{{x}}}") if x in taken else Sign(x, x) for x in "TVLMBJ"
         )
+        self.kinetic, self.potential, self.lagrangian, *matrices = capitals
+        #: M and B of M q̈ = f + Bᵀλ, B q̈ = γ; J of q̇ = J u + c, u the independent velocities.
+        self.mass_matrix, self.constraint_matrix, self.null_space = matrices
 
         def free(*candidates: str) -> str:
             return next((x for x in candidates if x not in letters), candidates[0])
@@ -44,13 +47,25 @@ class Signs:
             below = "".join(parts[1:])
             latex = "".join(LATEX_GREEK.get(x, x) + " " for x in parts[1:]).strip()
             base = LATEX_GREEK.get(parts[0], parts[0])
-            return Sign(f"{parts[0]}_{below}", f"{base}_{{{latex}}}") if below else Sign(base, base)
+            return (
+                Sign(f"{parts[0]}_{below}", f"{base}_{{{latex}}}")
+                if below
+                else Sign(parts[0], base)
+            )
 
         #: Numbers of coordinates and of constraints.
         self.coordinate_count, self.constraint_count = free("k", "n", "N"), free("r", "s", "p")
-        row, coefficient = free("β", "α", "μ"), free("b", "a", "c")
-        self.holonomic = sign(free("φ", "f", "h"), row)
-        self.nonholonomic = sign(free("ψ", "g", "w"), row)
+        row, coefficient = free("β", "α", "μ"), free("b", "a", "c", "h", "d")
+        holonomic = free("φ", "f", "h")
+        letters.add(holonomic)
+        self.holonomic = sign(holonomic, row)
+        self.forcing, self.rhs = sign(free("f", "p", "d")), sign(free("γ", "η", "ζ"))
+        self.drift = sign(free("c", "d", "e"))
+        rank = self.constraint_matrix
+        self.rank = Sign(f"rank {rank.text}", rf"\operatorname{{rank}} {rank.latex}")
+        #: Letter of the constraints at velocity level.
+        self.velocity_residual = free("ψ", "g", "w")
+        self.nonholonomic = sign(self.velocity_residual, row)
         self.coefficient = sign(coefficient, "i", row)
         self.multiplier = sign("λ", row)
         self.block = Sign(f"det {coefficient}", rf"\det {coefficient}")
@@ -86,17 +101,16 @@ def law(model: Model) -> tuple[Sum, Node]:
     return left, Sum(((1, FORCE), (1, signs.reaction)))
 
 
-def coefficients(equations: Equations) -> list[tuple[Node, ...]]:
-    """Return the definitions of b_iβ for the kinds of constraints in a system."""
-    found: list[tuple[Node, ...]] = []
+def coefficients(equations: Equations) -> dict[str, list[tuple[Node, ...]]]:
+    """Return the definitions of b_iβ for each kind of constraints in a system."""
+    found: dict[str, list[tuple[Node, ...]]] = {}
     signs = Signs(equations.model)
     sides = Sum(((1, Sign("lhs", r"\text{lhs}")), (-1, Sign("rhs", r"\text{rhs}"))))
     kinds = {c.constraint.kind for c in equations.constraints}
-    for kind, residual, by in (
-        ("holonomic", signs.holonomic, Sign("qᵢ", "q_i")),
-        ("nonholonomic", signs.nonholonomic, Sign("q̇ᵢ", r"\dot{q}_i")),
-        ("nonlinear", signs.nonholonomic, Sign("q̇ᵢ", r"\dot{q}_i")),
-    ):
-        if kind in kinds and (residual, sides) not in found:
-            found += [(signs.coefficient, Partial(residual, by)), (residual, sides)]
+    if "holonomic" in kinds:
+        slope = Partial(signs.holonomic, Sign("qᵢ", "q_i"))
+        found["holonomic"] = [(signs.coefficient, slope), (signs.holonomic, sides)]
+    if kinds - {"holonomic"}:
+        slope = Partial(signs.nonholonomic, Sign("q̇ᵢ", r"\dot{q}_i"))
+        found["nonholonomic"] = [(signs.coefficient, slope), (signs.nonholonomic, sides)]
     return found

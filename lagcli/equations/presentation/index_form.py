@@ -180,7 +180,11 @@ class IndexForm:
             letter = self._letter_for(inner)
             term = self._shown(run.template[0][1], letter)
             bounds = (Number(Fraction(x)) for x in (run.first, run.first + run.length - 1))
-            terms.append((sign, IndexedSum(term, letter, *bounds)))
+            factor: Node = ONE
+            if isinstance(term, Product) and isinstance(term.factors[0], Number):
+                factor, *rest = term.factors
+                term = product_of(rest)
+            terms.append((sign, product_of([factor, IndexedSum(term, letter, *bounds)])))
             at += run.length
         return sum_of(terms)
 

@@ -48,7 +48,7 @@ from lagcli.equations.reduction.small_systems import operations
 SECOND = "Equations of motion of the second kind"
 MAGGI = "Maggi's equations"
 ABBREVIATIONS = "Abbreviations of these entries"
-ENTRIES = "Entries of M and f"
+ENTRIES = "Entries of the mass matrix and of the forces"
 _NONE = "There are none: the constraints determine the motion."
 
 #: Operations of equations of motion beyond which they are given as M a = f with abbreviations.
@@ -260,21 +260,23 @@ def _law_remark(second: SecondKind) -> str | None:
     return "On the right are the generalized forces, projected on the independent coordinates."
 
 
-_M, _F = Sign("M", "M"), Sign("f", "f")
 #: Abbreviations beyond which M and f are not listed.
 _MANY = 120
-PROJECTED = (
-    Line(
-        (
-            Sign("Jᵀ M J q̈", r"J^{\mathrm{T}} M J \, \ddot{q}"),
-            Sign("Jᵀ (f − M c)", r"J^{\mathrm{T}} (f - M c)"),
-        )
-    ),
-)
-_TOO_MANY = (
-    "M and f are those of all coordinates; all accelerations are J times the independent ones"
-    " plus c. The entries are long; --full and --format json give them."
-)
+
+
+def projected(f: Formulas) -> tuple[Line, ...]:
+    """Return Jᵀ M J q̈ = Jᵀ (f − M c), the equations of motion that are too long to list."""
+    signs = general.Signs(f.model)
+    j, m, force, c = signs.null_space, signs.mass_matrix, signs.forcing, signs.drift
+    left = Sign(
+        f"{j.text}ᵀ {m.text} {j.text} q̈",
+        rf"{j.latex}^{{\mathrm{{T}}}} {m.latex} {j.latex} \, \ddot{{q}}",
+    )
+    right = Sign(
+        f"{j.text}ᵀ ({force.text} − {m.text} {c.text})",
+        rf"{j.latex}^{{\mathrm{{T}}}} ({force.latex} - {m.latex} {c.latex})",
+    )
+    return (Line((left, right)),)
 
 
 def in_matrices(
@@ -286,21 +288,28 @@ def in_matrices(
     full: bool,
 ) -> list[Step]:
     """Return M a = f entry by entry, with abbreviations."""
+    signs = general.Signs(f.model)
+    mass, force = signs.mass_matrix, signs.forcing
     entries: list[tuple[Node, Basic]] = []
     for i, row in enumerate(mass_matrix):
         entries += [
-            (Entry(_M, (free[i], free[j])), x) for j, x in enumerate(row) if j >= i and x != 0
+            (Entry(mass, (free[i], free[j])), x) for j, x in enumerate(row) if j >= i and x != 0
         ]
-    entries += [(Entry(_F, (free[i],)), x) for i, x in enumerate(forcing) if x != 0]
+    entries += [(Entry(force, (free[i],)), x) for i, x in enumerate(forcing) if x != 0]
     names = (*f.model.coordinate_names, *f.model.parameters, *f.model.definitions)
     short = abbreviate([x for _, x in entries], names)
-    law = Line((Sign("M q̈", r"M \, \ddot{q}"), _F))
+    law = Line((Sign(f"{mass.text} q̈", rf"{mass.latex} \, \ddot{{q}}"), force))
     remark = (
-        "The equations are long: entries of M and f are named by the independent coordinates and"
-        " given with abbreviations. M is symmetric."
+        f"The equations are long: entries of {mass.text} and {force.text} are named by the"
+        f" independent coordinates and given with abbreviations. {mass.text} is symmetric."
     )
     if len(short.named) > _MANY and not full:
-        return [Step(title, PROJECTED, _TOO_MANY)]
+        said = (
+            f"{mass.text} and {force.text} are those of all coordinates; all accelerations are"
+            f" {signs.null_space.text} times the independent ones plus {signs.drift.text}. The"
+            " entries are long; --full and --format json give them."
+        )
+        return [Step(title, projected(f), said)]
     named = tuple(Line((Symbol(name), f.arrange(x))) for name, x in short.named.items())
     found = [Step(title, (law,), remark)]
     if named:
@@ -321,7 +330,11 @@ def maggi_steps(f: Formulas, maggi: Maggi, full: bool = False) -> list[Step]:
         lead = "Solving the velocity constraints gives"
         found.append(Step("Dependent velocities", lines, lead=lead))
         lines = tuple(displacement_line(f, p, rate) for rate in p.rates)
-        remark = "The coefficients are the rows of J, whose columns span the null space of B."
+        signs = general.Signs(f.model)
+        remark = (
+            f"The coefficients are the rows of {signs.null_space.text}, whose columns span the null"
+            f" space of {signs.constraint_matrix.text}."
+        )
         found.append(Step("Dependent virtual displacements", lines, remark))
     if not p.independent:
         return [*found, Step(MAGGI, (), _NONE)]
@@ -365,7 +378,8 @@ def _entry_of_null_space(f: Formulas, maggi: Maggi, i: int, k: int) -> Node:
 
 
 def _maggi_law(f: Formulas) -> Node:
-    lagrangian = general.Signs(f.model).lagrangian
+    signs = general.Signs(f.model)
+    lagrangian, rows = signs.lagrangian, signs.null_space
     inner = sum_of(
         [
             (1, Rate(Partial(lagrangian, Sign("q̇ᵢ", r"\dot{q}_i")))),
@@ -373,7 +387,8 @@ def _maggi_law(f: Formulas) -> Node:
             (-1, general.FORCE),
         ]
     )
-    return product_of([Sign("Σᵢ J_ik", r"\textstyle\sum_i J_{ik}"), inner])
+    factor = Sign(f"Σᵢ {rows.text}_ik", rf"\textstyle\sum_i {rows.latex}_{{ik}}")
+    return product_of([factor, inner])
 
 
 def solved_step(

@@ -12,17 +12,8 @@ from symengine import Basic
 
 from lagcli.equations.presentation.abbreviations import Abbreviations, abbreviate
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.general import Signs
 from lagcli.equations.presentation.typeset import Entry, Node, Sign, Symbol
-
-_M, _F, _B, _GAMMA = (
-    Sign("M", "M"),
-    Sign("f", "f"),
-    Sign("B", "B"),
-    Sign("γ", r"\gamma"),
-)
-_A = Sign("q̈", r"\ddot{q}")
-_LAW = Sign("M q̈", r"M \, \ddot{q}"), Sign("f + Bᵀ λ", r"f + B^{\mathrm{T}} \lambda")
-_HELD = Sign("B q̈", r"B \, \ddot{q}"), _GAMMA
 
 T = TypeVar("T")
 #: What can be asked for: M, f, B, γ, b_0 and φ or ψ of the constraints, Q, and T, V, L.
@@ -44,6 +35,7 @@ class Matrices:
     def __init__(self, formulas: Formulas, parts: Collection[str] = ("M", "f", "B", "gamma")):
         self.formulas, self.parts = formulas, parts
         self.equations, self.model = formulas.equations, formulas.model
+        self.signs = Signs(formulas.model)
 
     @cached_property
     def entries(self) -> Mapping[Place, Basic]:
@@ -143,11 +135,13 @@ class Matrices:
         matrix, i, j = place
         q, constraints = self.formulas.coordinates, self.equations.constraints
         if matrix == "M":
-            return Entry(_M, (q[i], q[j]))
+            return Entry(self.signs.mass_matrix, (q[i], q[j]))
         if matrix == "f":
-            return Entry(_F, (q[i],))
+            return Entry(self.signs.forcing, (q[i],))
         row = Symbol(constraints[i].constraint.name, kind="constraint")
-        return Entry(_B, (row, q[j])) if matrix == "B" else Entry(_GAMMA, (row,))
+        if matrix == "B":
+            return Entry(self.signs.constraint_matrix, (row, q[j]))
+        return Entry(self.signs.rhs, (row,))
 
     def steps(self, room: float | None = None) -> list[Step]:
         """Return the system as it is to be read.
@@ -158,17 +152,26 @@ class Matrices:
             Lines of text; where more are needed, a first part of each list is given.
         """
         share = 1.0 if room is None else min(1.0, room / max(self.size, 1.0))
-        remark = _REMARK
+        signs = self.signs
+        remark = (
+            "Entries are named by the coordinates and constraints that they belong to."
+            f" {signs.mass_matrix.text} is symmetric, its upper triangle is listed; entries that"
+            " are not listed are zero."
+        )
         if "gamma" not in self.parts and self.equations.constraints:
-            remark = _WITHOUT_GAMMA
-        law = [Line(_LAW if self.equations.constraints else (_LAW[0], _F))]
-        law += [Line(_HELD)] if self.equations.constraints else []
-        found = [Step("Equations of motion, in matrices", tuple(law), remark)]
+            remark += f" {_without(signs)}"
+        found = [Step("Equations of motion, in matrices", self._laws(), remark)]
         if self.short.named:
             lines, count = self.abbreviations(share), len(self.short.named)
             said = cut_short(len(lines), count)
             found.append(Step("Abbreviations", tuple(lines), said, packed=True))
-        for matrix, title in _TITLES.items():
+        titles = {
+            "M": f"Mass matrix {signs.mass_matrix.text}",
+            "f": f"Forces {signs.forcing.text}",
+            "B": f"Constraint matrix {signs.constraint_matrix.text}",
+            "gamma": f"Right side {signs.rhs.text}",
+        }
+        for matrix, title in titles.items():
             values = [
                 value
                 for place, value in zip(self.entries, self.short.expressions, strict=True)
@@ -179,20 +182,26 @@ class Matrices:
                 found.append(Step(title, tuple(lines), cut_short(len(lines), len(set(values)))))
         return found
 
+    def _laws(self) -> tuple[Line, ...]:
+        """Return M q̈ = f + Bᵀ λ and B q̈ = γ."""
+        m, f, b = self.signs.mass_matrix, self.signs.forcing, self.signs.constraint_matrix
+        left = Sign(f"{m.text} q̈", rf"{m.latex} \, \ddot{{q}}")
+        if not self.equations.constraints:
+            return (Line((left, f)),)
+        right = Sign(f"{f.text} + {b.text}ᵀ λ", rf"{f.latex} + {b.latex}^{{\mathrm{{T}}}} \lambda")
+        held = Sign(f"{b.text} q̈", rf"{b.latex} \, \ddot{{q}}")
+        return Line((left, right)), Line((held, self.signs.rhs))
 
-_REMARK = (
-    "Entries are named by the coordinates and constraints that they belong to. M is symmetric, its"
-    " upper triangle is listed; entries that are not listed are zero."
-)
-_WITHOUT_GAMMA = (
-    f"{_REMARK} γ = −(∂ψ/∂q) q̇ − ∂ψ/∂t is left out for its length; --format json gives it."
-)
-_TITLES = {
-    "M": "Mass matrix M",
-    "f": "Forces f",
-    "B": "Constraint matrix B",
-    "gamma": "Right side γ",
-}
+
+def _without(signs: Signs) -> str:
+    """Say that γ = −(∂ψ/∂q) q̇ − ∂ψ/∂t is not listed."""
+    psi = signs.velocity_residual
+    return (
+        f"{signs.rhs.text} = −(∂{psi}/∂q) q̇ − ∂{psi}/∂t is left out for its length; --format json"
+        " gives it."
+    )
+
+
 #: Equal entries that are listed before the dots.
 _ALIKE = 4
 #: Letters of a name with its equality sign, and of a line.

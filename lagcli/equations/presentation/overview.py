@@ -97,11 +97,6 @@ def before_equations(f: Formulas) -> list[Step]:
     return [step for step in _before(f) if step.title != _FREEDOM]
 
 
-#: What is assumed of constraints that are nonlinear in the velocities.
-CHETAEV = (
-    "That the force of a constraint which is nonlinear in the velocities is along b = ∂ψ/∂q̇ is"
-    " Chetaev's rule, a postulate; such a force may do work."
-)
 _FREEDOM = "Degrees of freedom"
 _SHOWN = 12  # components that are left out
 
@@ -152,17 +147,26 @@ def kind_of(c: ConstraintEquation, equations: Equations) -> str:
 
 def convention(f: Formulas) -> Step:
     """Return the general equations, which define the sign of λ (8.85)."""
-    lines = [general.law(f.model), *general.coefficients(f.equations)]
+    lines = [Line(general.law(f.model))]
+    found = general.coefficients(f.equations)
+    for kind, definitions in found.items():
+        note = f"for {kind} constraints" if len(found) > 1 else None
+        first, *others = definitions
+        lines += [Line(first, note=note), *map(Line, others)]
     remark = None
     if f.equations.constraints:
-        row = general.Signs(f.model).row
+        signs = general.Signs(f.model)
         remark = (
             "λ has the sign of the general equations (8.85); lhs and rhs are the sides of"
-            f" constraint {row} as written."
+            f" constraint {signs.row} as written."
         )
         if any(c.constraint.kind == "nonlinear" for c in f.equations.constraints):
-            remark += f" {CHETAEV}"
-    return Step("Sign convention", tuple(Line(sides) for sides in lines), remark)
+            remark += (
+                " Chetaev's rule, a postulate, puts the force of a constraint that is nonlinear in"
+                f" the velocities along {signs.coefficient_letter} ="
+                f" ∂{signs.velocity_residual}/∂q̇; such a force may do work."
+            )
+    return Step("Sign convention", tuple(lines), remark)
 
 
 def _coordinates(f: Formulas) -> Step:
@@ -242,7 +246,7 @@ def freedom_step(f: Formulas) -> Step:
     if freedom.rank is None:
         note = "for independent constraints"
     elif freedom.rank < r:
-        less, subtracted = Sign("rank B", r"\operatorname{rank} B"), freedom.rank
+        less, subtracted = signs.rank, freedom.rank
         note = f"at the start; {held.text} = {r}"
     sides = (
         sum_of([(1, all_of), (-1, less)]),

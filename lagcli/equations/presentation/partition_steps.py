@@ -30,8 +30,6 @@ from lagcli.equations.presentation.typeset import (
 from lagcli.equations.reduction.partition import CoordinatePartition, DependentRate
 from lagcli.equations.reduction.small_systems import cancelled
 
-_RANK = Sign("rank B", r"\operatorname{rank} B")
-
 
 def split_step(f: Formulas, p: CoordinatePartition) -> Step:
     """Return the section on coordinates and degrees of freedom (8.79 to 8.84)."""
@@ -44,8 +42,8 @@ def split_step(f: Formulas, p: CoordinatePartition) -> Step:
         Line((held, whole(r)), note="constraints"),
     ]
     if rank < r:
-        lines.append(Line((_RANK, whole(rank)), note="at the start"))
-    less = held if rank == r else _RANK
+        lines.append(Line((signs.rank, whole(rank)), note="at the start"))
+    less = held if rank == r else signs.rank
     difference = sum_of([(1, all_of), (-1, less)])
     lines.append(Line((difference, whole(k - rank)), note="degrees of freedom"))
     lines += [Line((f.coordinates[i],), note="independent") for i in p.independent]

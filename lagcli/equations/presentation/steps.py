@@ -132,26 +132,31 @@ def _derivatives(f: Formulas, signs: general.Signs) -> list[Step]:
     return [
         Step(
             title,
-            tuple(Line((x, f.arrange(y))) for x, y in zip(left, right, strict=True)),
+            tuple(
+                Line((x, f.arrange(y, own))) for x, y, own in zip(left, right, first, strict=True)
+            ),
             lead=lead,
         )
-        for title, left, right, lead in (
+        for title, left, right, first, lead in (
             (
                 "Partial derivatives with respect to the coordinates",
                 by_position,
                 e.gradient,
-                "Differentiating L gives",
+                e.q,
+                f"Differentiating {lag.text} gives",
             ),
             (
                 "Partial derivatives with respect to the velocities",
                 by_velocity,
                 e.momenta,
+                e.v,
                 None,
             ),
             (
                 "Total time derivatives",
                 rates,
                 e.momentum_rates,
+                e.a,
                 "Differentiating these along the motion gives",
             ),
         )
@@ -237,8 +242,19 @@ def _closing(f: Formulas) -> Step | None:
     constraints = f.equations.constraints
     if not constraints:
         return None
-    lines = tuple(Line(f.constraint_line(c).sides, c.constraint.name) for c in constraints)
+    title = "Together with the constraint equations"
+    lines = tuple(
+        as_inequality(Line(f.constraint_line(c).sides, c.constraint.name), c)
+        for c in constraints
+        if not is_friction(c)
+    )
+    if not all(c.constraint.lasting for c in constraints):
+        remark = (
+            "Between two events, those that hold determine the accelerations and λ; the conditions"
+            " of contact and friction decide which hold."
+        )
+        return Step(title, lines, remark)
     k, r = len(f.coordinates), len(constraints)
     unknowns = f"{k} coordinate{'s' * (k > 1)} and {r} multiplier{'s' * (r > 1)}"
     remark = f"{k + r} equations in {k + r} unknowns: {unknowns}."
-    return Step("Together with the constraint equations", lines, remark)
+    return Step(title, lines, remark)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any, ClassVar
 
@@ -19,10 +19,15 @@ PREFIX = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log")
 LAST_RESORT = 100
 
 
-def factor_depth(factor: Node, depth: int) -> int:
-    """Return the depth of the break before a factor of a product at a depth."""
+def factor_depth(factors: Sequence[Node], i: int, depth: int) -> int:
+    """Return the depth of the break before factor i of a product at a depth.
+
+    A number stays with its bracket.
+    """
+    factor = factors[i]
     base = factor.base if isinstance(factor, t.Power) else factor
-    return depth if isinstance(base, t.Sum | t.Vector) else depth + LAST_RESORT
+    numbered = i == 1 and isinstance(factors[0], t.Number)
+    return depth if isinstance(base, t.Sum | t.Vector) and not numbered else depth + LAST_RESORT
 
 
 class FormulaWriter:
@@ -62,6 +67,17 @@ class FormulaWriter:
     def _symbol(self, node: t.Symbol) -> str:
         """Return a name."""
         raise NotImplementedError
+
+    def _tight(self, node: Node, depth: int, product: bool = False) -> list[Token]:
+        """Return a node as a factor or base, in brackets if necessary."""
+        raise NotImplementedError
+
+    def _factor(self, node: t.Product, i: int, depth: int) -> list[Token]:
+        """Return a factor; a Σ that comes last needs no brackets."""
+        factor = node.factors[i]
+        if isinstance(factor, t.IndexedSum) and i == len(node.factors) - 1:
+            return self.tokens(factor, depth)
+        return self._tight(factor, depth, product=True)
 
     def _write_number(self, node: t.Number, depth: int) -> list[Token]:
         return [self.number(node.value)]

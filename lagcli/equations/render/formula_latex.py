@@ -89,12 +89,12 @@ class LatexFormula(DisplayWriter):
     def _write_product(self, node: t.Product, depth: int) -> list[Token]:
         found: list[Token] = []
         for i, factor in enumerate(node.factors):
-            part = self._tight(factor, depth, product=True)
+            part = self._factor(node, i, depth)
             if i:
                 before = node.factors[i - 1]
                 apart = needs_space(before, factor)
                 space = r" \, " if apart else " "
-                found.append(Break(factor_depth(factor, depth), space))
+                found.append(Break(factor_depth(node.factors, i, depth), space))
             found += part
         return found
 

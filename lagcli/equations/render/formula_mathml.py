@@ -132,7 +132,7 @@ class MathmlFormula(DisplayWriter):
     def _write_product(self, node: t.Product, depth: int) -> list[Token]:
         found: list[Token] = []
         for i, factor in enumerate(node.factors):
-            part = self._tight(factor, depth, product=True)
+            part = self._factor(node, i, depth)
             if i:
                 apart = needs_space(node.factors[i - 1], factor) or _named(factor)
                 found += [Break(depth + LAST_RESORT), _THIN if apart else _TIMES]

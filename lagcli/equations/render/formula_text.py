@@ -114,13 +114,13 @@ class TextFormula(FormulaWriter):
         found: list[Token] = []
         for i, factor in enumerate(node.factors):
             if i:
-                found.append(Break(factor_depth(factor, depth)))
+                found.append(Break(factor_depth(node.factors, i, depth)))
             if isinstance(factor, t.Number):
                 found.append(self._factor_number(factor.value))
             elif isinstance(factor, t.Quotient) and i < len(node.factors) - 1:
                 found += self._bracketed(factor, depth)
             else:
-                found += self._tight(factor, depth, product=True)
+                found += self._factor(node, i, depth)
         return found
 
     def _write_power(self, node: t.Power, depth: int) -> list[Token]:

@@ -72,11 +72,18 @@ _ESCAPES = {
 }
 
 
+_ESCAPES.update({"ℳ": r"$\mathcal{M}$", "ℬ": r"$\mathcal{B}$", "𝒥": r"$\mathcal{J}$"})
+_ESCAPES.update({"𝒯": r"$\mathcal{T}$", "𝒱": r"$\mathcal{V}$", "ℒ": r"$\mathcal{L}$"})
+_DOTS = {"\u0307": r"\dot", "\u0308": r"\ddot"}
+
+
 def escape(text: str) -> str:
     """Escape plain text for LaTeX; characters that pdflatex cannot print become their code."""
-    parts = []
+    parts: list[str] = []
     for char in unicodedata.normalize("NFC", text):
-        if char in _ESCAPES:
+        if char in _DOTS and parts:
+            parts[-1] = f"${_DOTS[char]}{{{parts[-1].strip('$')}}}$"
+        elif char in _ESCAPES:
             parts.append(_ESCAPES[char])
         elif char in LATEX_GREEK:
             parts.append(f"${LATEX_GREEK[char]}$")

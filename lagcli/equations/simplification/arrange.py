@@ -11,7 +11,8 @@ If the result is longer than the original expression, the original structure is 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
 
 import symengine as se
@@ -19,17 +20,11 @@ from symengine import Basic
 
 from lagcli.columns import read_dotted_name
 from lagcli.equations.presentation.typeset import (
-    ZERO,
     Call,
     Node,
-    Number,
     Power,
-    Product,
-    Sum,
     Symbol,
     forward,
-    product_of,
-    signed,
     sum_of,
     weight,
 )
@@ -53,10 +48,9 @@ from lagcli.equations.simplification.monomials import (
     TooLarge,
 )
 from lagcli.equations.simplification.ordering import writing_order
+from lagcli.equations.simplification.sums import Key, ordered, oriented, without_content
 from lagcli.model.inputs import as_symbols
 from lagcli.model.model import Model
-
-Key = tuple[object, ...]
 
 # Keeping the structure of a large expression is expensive because every part is arranged
 # separately, and it does not beat an expansion that is shorter than the original by this factor.
@@ -92,24 +86,35 @@ class Arranger:
         self._whole = MonomialExpansion(model, order, values)
         self._opened = MonomialExpansion(model, order, values, open_sums=True)
         self._inputs = bool(model.inputs)
-        self._known: dict[Basic, Node] = {}
+        self._own: Basic | None = None
+        self._follows = False
+        self._known: dict[tuple[Basic, Basic | None, bool], Node] = {}
 
-    def arrange(self, expression: Basic) -> Node:
+    def arrange(self, expression: Basic, own: Basic | None = None, follows: bool = False) -> Node:
         """Return the arranged expression.
 
         Parameters
         ----------
         expression : SymEngine expression
             In the model's symbols.
+        own : SymEngine symbol, optional
+            Symbol whose terms come first among those with accelerations, or velocities: q̈ᵢ in the
+            equation of qᵢ, so that the equations of like coordinates are arranged alike.
+        follows : bool
+            Whether the expression follows other terms and so may begin with a minus sign.
 
         Returns
         -------
         Node
         """
-        known = self._known.get(expression)
+        manner = expression, own, follows
+        known = self._known.get(manner)
         if known is None:
             shown = as_symbols(expression) if self._inputs else expression
-            known = self._known[expression] = self._best(shown)
+            before = self._own, self._follows
+            self._own, self._follows = own, follows
+            known = self._known[manner] = self._best(shown)
+            self._own, self._follows = before
         return known
 
     def _best(self, e: Basic) -> Node:
@@ -119,7 +124,8 @@ class Arranger:
             return whole
         candidates = [whole, self._multiplied_out(e)]
         if isinstance(e, se.Add | se.Mul | se.Pow):
-            candidates.append(self._structured(e))
+            first = 0 if _has_roots(e) else len(candidates)  # (s − s₀)/s, even if as long
+            candidates.insert(first, self._structured(e))
         best = min((c for c in candidates if c is not None), key=weight)
         collected = self._collected(e)
         if collected is not None and weight(collected) < 1.5 * weight(best):
@@ -141,7 +147,7 @@ class Arranger:
         first = self._expanded(se.Add(*moving), self._whole)
         if first is None:
             return None
-        return sum_of([(1, first), (1, self.arrange(se.Add(*resting)))])
+        return sum_of([(1, first), (1, self.arrange(se.Add(*resting), follows=True))])
 
     # expanded
 
@@ -154,7 +160,7 @@ class Arranger:
         if isinstance(e, se.Add) and _is_whole(terms, expansion):
             return None
         terms = trigonometry.shorten(terms, expansion)
-        return _ordered(self._group(g, expansion) for g in groups(terms, expansion))
+        return ordered((self._group(g, expansion) for g in groups(terms, expansion)), self._follows)
 
     def _multiplied_out(self, e: Basic) -> Node | None:
         """Return the expression with sums of parameters also expanded, if there are any."""
@@ -175,13 +181,19 @@ class Arranger:
         parts = pairs(group.rest, expansion)
         key = (
             min(p.motion_class for p in parts),
+            min(not self._is_own(p, expansion) for p in parts),
             min(p.complexity for p in parts),
             min(map(order, group.parameters)),
             min(map(order, group.rest)),
         )
+        return key, self._parts(outer, parts, expansion, style).node()
+
+    def _parts(
+        self, outer: Term, parts: list[Pair], expansion: MonomialExpansion, style: ContentStyle
+    ) -> Term:
+        """Return a factor times a sum, with what its terms share in front of the bracket."""
         if len(parts) == 1:
-            inner = self._pair(parts[0].functions, parts[0].motion, expansion)
-            return key, (outer * inner).node()
+            return outer * self._pair(parts[0].functions, parts[0].motion, expansion)
         common = shared_by(parts, expansion)
         numbers = [outer.coefficient * c for p in parts for c in self._coefficients(p, expansion)]
         content = presentable_content(numbers, style)
@@ -189,17 +201,52 @@ class Arranger:
         outer = Term(content, outer.factors)
         moving = tuple(x for x in common if expansion.classes[x[0]] != "function")
         still = tuple(x for x in common if expansion.classes[x[0]] == "function")
+        inner = [
+            replace(
+                part,
+                functions={divide(m, still): c * scale for m, c in part.functions.items()},
+                motion={divide(m, moving): c for m, c in part.motion.items()},
+            )
+            for part in parts
+        ]
         terms: list[tuple[Key, Node]] = []
-        for part in parts:
-            functions: Polynomial = {divide(m, still): c * scale for m, c in part.functions.items()}
-            motion = {divide(m, moving): c for m, c in part.motion.items()}
-            simplest = min(map(order, functions)), min(map(order, motion))
-            key = (part.motion_class, part.complexity, *simplest)
-            terms.append((key, self._pair(functions, motion, expansion).node()))
-        sign, bracket = _oriented(terms)
+        for motion_class in sorted({part.motion_class for part in inner}):
+            alike = [part for part in inner if part.motion_class == motion_class]
+            terms += self._terms(alike, len(alike) < len(inner), expansion, style)
+        sign, bracket = oriented(terms)
         shared = self._monomial(common, expansion)
         last = TermFactor(bracket, Fraction(1), (position.LAST,))
-        return key, (outer * Term(Fraction(sign), (*shared, last))).node()
+        return outer * Term(Fraction(sign), (*shared, last))
+
+    def _terms(
+        self,
+        parts: list[Pair],
+        together: bool,
+        expansion: MonomialExpansion,
+        style: ContentStyle,
+    ) -> list[tuple[Key, Node]]:
+        """Return the terms of a bracket, as one with a common factor if that is shorter."""
+        found = [
+            (self._place(p, expansion), self._pair(p.functions, p.motion, expansion).node())
+            for p in parts
+        ]
+        if together and len(parts) > 1:
+            whole = self._parts(Term(Fraction(1), ()), parts, expansion, style).node()
+            if weight(whole) < weight(sum_of((1, node) for _, node in found)):
+                return [(min(place for place, _ in found), whole)]
+        return found
+
+    def _place(self, part: Pair, expansion: MonomialExpansion) -> Key:
+        """Return the sort key of a term in a bracket."""
+        own = not self._is_own(part, expansion)
+        simplest = (min(map(expansion.order, x)) for x in (part.functions, part.motion))
+        return part.motion_class, own, part.complexity, *simplest
+
+    def _is_own(self, pair: Pair, expansion: MonomialExpansion) -> bool:
+        """Whether a pair contains the symbol whose terms come first."""
+        return self._own is not None and any(
+            expansion.generators[g].name == self._own.name for m in pair.motion for g, _ in m
+        )
 
     def _coefficients(self, pair: Pair, expansion: MonomialExpansion) -> list[Fraction]:
         """Return the numeric coefficients of the terms of a pair."""
@@ -226,7 +273,7 @@ class Arranger:
             opened = trigonometry.shorten(opened, expansion)
             inner = self._sum_factors(opened, expansion, style)
             return Term(split.content, self._monomial(split.common, expansion)) * inner
-        sign, bracket = _oriented(
+        sign, bracket = oriented(
             ((expansion.order(m),), Term(Fraction(c), self._monomial(m, expansion)).node())
             for m, c in split.rest.items()
         )
@@ -293,7 +340,7 @@ class Arranger:
         if isinstance(base, se.Add) and isinstance(exponent, se.Integer):
             n = int(exponent)
             sign, node = forward(self.arrange(base))
-            content, node = _without_content(node)
+            content, node = without_content(node)
             constant = all(expansion.is_parameter(s) for s in base.free_symbols)
             key = position.BRACKET if n == 1 else position.SQUARE
             key = position.PARAMETER if constant else key
@@ -319,14 +366,14 @@ class Arranger:
         terms: list[tuple[Key, Node]] = []
         for outer, inners in found.items():
             if outer == 1 or len(inners) == 1:
-                terms.extend((self._key(i), self.arrange(outer * i)) for i in inners)
+                terms.extend((self._key(i), self.arrange(outer * i, self._own)) for i in inners)
                 continue
-            sign, inside = _oriented((self._key(i), self.arrange(i)) for i in inners)
-            content, inside = _without_content(inside)
+            sign, inside = oriented((self._key(i), self.arrange(i, self._own)) for i in inners)
+            content, inside = without_content(inside)
             last = TermFactor(inside, Fraction(1), (position.LAST,))
             whole = self._structured_term(outer) * Term(sign * content, (last,))
             terms.append((min(map(self._key, inners)), whole.node()))
-        return _ordered(terms)
+        return ordered(terms, self._follows)
 
     def _split(self, term: Basic) -> tuple[Basic, Basic]:
         """Split a term into parameters and the remaining factors."""
@@ -345,9 +392,10 @@ class Arranger:
         free = e.free_symbols
         kinds = {expansion.class_of(s) for s in free}
         motion = 0 if "acceleration" in kinds else 1 if "velocity" in kinds else 2
+        own = self._own not in free
         constants = {s for s in free if expansion.is_parameter(s)}
         others = expansion.ranks(free - constants)
-        return motion, expansion.ranks(constants), len(others), others, str(e)
+        return motion, own, expansion.ranks(constants), len(others), others, str(e)
 
 
 def _defined_roots(model: Model) -> dict[tuple[Basic, int], str]:
@@ -360,6 +408,10 @@ def _defined_roots(model: Model) -> dict[tuple[Basic, int], str]:
             if int(p) == 1 and int(q) > 1:
                 found.setdefault((value.args[0], int(q)), name)
     return found
+
+
+def _has_roots(e: Basic) -> bool:
+    return any(not x.args[1].is_Integer for x in e.atoms(se.Pow))
 
 
 def _symbol(name: str, kind: str) -> Node:
@@ -378,35 +430,3 @@ def _is_whole(terms: Polynomial, expansion: MonomialExpansion) -> bool:
         return False
     (monomial,) = terms
     return len(monomial) == 1 and expansion.generators[monomial[0][0]].head == "sum"
-
-
-def _ordered(terms: Iterable[tuple[Key, Node]]) -> Node:
-    """Return a sorted sum, with a positive term first if its leading class has one."""
-    ordered = [(key, signed(node)) for key, node in sorted(terms, key=lambda t: t[0])]
-    if ordered and ordered[0][1][0] < 0:  # −a + b is b − a
-        kind = ordered[0][0][0]
-        for i, (key, (sign, _)) in enumerate(ordered):
-            if sign > 0 and (key[0] == kind or kind != 0):
-                ordered.insert(0, ordered.pop(i))
-                break
-    return sum_of([term for _, term in ordered]) if ordered else ZERO
-
-
-def _oriented(terms: Iterable[tuple[Key, Node]]) -> tuple[int, Node]:
-    """Return ±1 and ±sum, so that a positive term of the leading class comes first."""
-    return forward(_ordered(terms))
-
-
-def _without_content(node: Node) -> tuple[Fraction, Node]:
-    """Factor a number out of a sum if all terms share it."""
-    if not isinstance(node, Sum):
-        return Fraction(1), node
-    numbers = []
-    for _, term in node.terms:
-        first = term.factors[0] if isinstance(term, Product) else term
-        numbers.append(first.value if isinstance(first, Number) else Fraction(1))
-    content = presentable_content(numbers, "whole")
-    if content == 1:
-        return content, node
-    scale = Number(1 / content)
-    return content, sum_of((sign, product_of([scale, term])) for sign, term in node.terms)

@@ -64,7 +64,7 @@ def _laws(f: Formulas, c: ConstraintEquation) -> Iterator[Line]:
         force: Node = multiplier
         if constraint.sign < 0:
             force = sum_of([(-1, multiplier)])
-        gap = f.arrange(constraint.sign * constraint.expression)
+        gap = _difference(f, c, constraint.sign)
         presses = Relation(ZERO, "<=", force)
         yield Line((Relation(presses, "⊥", Relation(gap, ">=", ZERO)),), constraint.name)
         if constraint.restitution is not None and constraint.restitution != 0:
@@ -72,6 +72,12 @@ def _laws(f: Formulas, c: ConstraintEquation) -> Iterator[Line]:
             yield Line((Sign("ε", r"\varepsilon"), f.arrange(constraint.restitution)), note=note)
     if constraint.limit is not None:
         yield from _limit(f, c, constraint.limit, multiplier)
+
+
+def _difference(f: Formulas, c: ConstraintEquation, sign: int = 1) -> Node:
+    """Return a constraint's left side minus its right side, as written; or the opposite."""
+    left, right = f.constraint_line(c).sides
+    return sum_of([(1, left), (-1, right)] if sign > 0 else [(1, right), (-1, left)])
 
 
 def _size(f: Formulas, limit: MultiplierLimit, value: Basic) -> Node:
@@ -91,7 +97,7 @@ def _limit(
     f: Formulas, c: ConstraintEquation, limit: MultiplierLimit, multiplier: Symbol
 ) -> Iterator[Line]:
     """Yield the law of a row that sticks up to a limit, and slips beyond it."""
-    slip = f.arrange(c.velocity)
+    slip = _difference(f, c)
     static, kinetic = (_size(f, limit, x) for x in (limit.static, limit.kinetic))
     borne = Relation(Call("abs", (multiplier,)), "<=", static)
     label = c.constraint.name

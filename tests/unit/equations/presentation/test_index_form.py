@@ -19,6 +19,8 @@ from lagcli.equations.presentation.typeset import (
     whole,
 )
 from lagcli.equations.render import render
+from lagcli.equations.render.formula_text import TextFormula
+from lagcli.equations.render.names import Notation
 from lagcli.model.loader import load, load_text
 
 MODELS = Path(__file__).parents[4] / "models"
@@ -135,3 +137,10 @@ def test_dense_sums_of_a_pendulum_chain() -> None:
     latex = render(chain(12, "pendulum_chain"), "latex")
     assert r"\sum_{j=i + 1}^{N} (N + 1 - j) \, \ddot{\theta}_{j}" in latex
     assert r"(i = 4, \dots, N-3)" in latex
+
+
+def test_a_number_that_all_terms_of_a_sum_share_stands_before_it() -> None:
+    terms = [(1, product_of([whole(3), member("x", k)])) for k in range(1, 8)]
+    (line,) = IndexForm(FAMILY).step(Step("", (Line((sum_of(terms),)),))).lines
+    (found,) = line.sides
+    assert TextFormula(Notation(FAMILY)).text(found) == "3 Σ(j=1..N) xⱼ"

@@ -21,13 +21,16 @@ from lagcli.engine.lowering import lower
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.abbreviations import abbreviate
 from lagcli.equations.presentation.formulas import Formulas
+from lagcli.equations.presentation.kinds import projected
 from lagcli.equations.presentation.matrices import PARTS, Matrices
 from lagcli.equations.presentation.overview import in_matrices
 from lagcli.equations.render import render
+from lagcli.equations.render.formula_text import TextFormula
+from lagcli.equations.render.names import Notation
 from lagcli.model.expression.building import build
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.identities import constant_value
-from lagcli.model.loader import load
+from lagcli.model.loader import load, load_text
 from lagcli.model.names.scope import ModelScope
 from lagcli.model.names.scoping import Sized
 from lagcli.model.symbols import Context, Symbols
@@ -124,7 +127,7 @@ def test_whipple_bicycle_is_readable() -> None:
     text = render(equations, "text")
     assert time.process_time() - began < 20
     assert len(text.splitlines()) <= 420
-    for part in ("nz  = Z · n", "M q̈ = f + Bᵀ λ", "Abbreviations", "M[x, x]", "f[δ]", "--full"):
+    for part in ("nz  = Z · n", "M q̈ = p + ℬᵀ λ", "Abbreviations", "M[x, x]", "p[δ]", "--full"):
         assert part in text
     assert "√(1)" not in text
     used = set(re.findall(r"z[₀-₉]+", text))
@@ -275,3 +278,45 @@ def test_latex_of_the_bicycle_compiles(tmp_path) -> None:
 @pytest.mark.parametrize("steps", [False, True])
 def test_latex_compiles(path, steps, tmp_path) -> None:
     compile_latex(render(system(path), "latex", steps=steps), tmp_path)
+
+
+def test_letters_of_the_theory_give_way_to_names_of_the_model():
+    """Beside names M, B, f, gamma and c, the matrices and vectors of the law have other letters."""
+    text = """\
+coordinates: {x: m, y: m, phi: rad}
+parameters: {M: 1 kg, B: 1 m, f: 2 N, gamma: 1 1/s, c: 1 m}
+T: M/2*(x'^2 + y'^2 + B^2*phi'^2)
+V: f*x*sin(gamma*t)
+constraints: {rod: x^2 + y^2 = B^2, skate: x'*sin(phi) = y'*cos(phi)}
+initial: {x: B, y: 0, phi: 0, x': {guess: 0}, y': {guess: 0}, phi': 0}
+"""
+    f = Formulas(derive(load_text(text)))
+    write = TextFormula(Notation(f.model)).text
+    law, *others = Matrices(f).steps()
+    assert [[write(x) for x in line.sides] for line in law.lines] == [
+        ["ℳ q̈", "p + ℬᵀ λ"],
+        ["ℬ q̈", "η"],
+    ]
+    assert "ℳ is symmetric" in law.remark
+    matrices = {"Mass matrix ℳ", "Forces p", "Constraint matrix ℬ", "Right side η"}
+    assert matrices <= {step.title for step in others}
+    entries = {
+        write(line.sides[0]).split("[")[0]
+        for step in others
+        if step.title in matrices
+        for line in step.lines
+    }
+    assert entries == {"ℳ", "p", "ℬ", "η"}
+    (line,) = projected(f)
+    assert [write(x) for x in line.sides] == ["Jᵀ ℳ J q̈", "Jᵀ (p − ℳ d)"]
+    said = render(f.equations, "text")
+    assert "b_iβ = ∂h_β/∂qᵢ   for holonomic constraints" in said  # φ and f are taken
+    assert "b_iβ = ∂ψ_β/∂q̇ᵢ   for nonholonomic constraints" in said
+
+
+def test_letters_of_the_theory_where_they_are_free():
+    f = Formulas(system(SHIPPED["four_bar"]))
+    write = TextFormula(Notation(f.model)).text
+    first, second = Matrices(f).steps()[0].lines
+    assert [write(x) for x in first.sides] == ["M q̈", "f + Bᵀ λ"]
+    assert [write(x) for x in second.sides] == ["B q̈", "γ"]

@@ -141,3 +141,26 @@ initial: {"x[1..2]": 0, "y[1..2]": 0, "x[1..2]'": 1, "y[1..2]'": 0}
     assert "λ_floor₁.slip" in text_of(equations)
     latex = render(equations, "latex")
     assert r"\lambda_{\mathrm{floor,slip},1}" in latex
+
+
+GUIDED = """
+coordinates: {x: m, y: m}
+parameters: {m: 1 kg, l: 1 m, g: 9.81 m/s^2, mu: {value: 0.3, unit: "1"}}
+definitions: {y_L: y - l*sin(x/l), x_L: x + y^2/l}
+T: m/2*(x'^2 + y'^2)
+V: m*g*y
+constraints:
+  rope: x^2 + y^2 <= l^2
+  floor: {expr: y_L >= 0, friction: mu, slip: x_L'}
+initial: {x: 0, y: 0, x': 0, y': 0}
+"""
+
+
+def test_gaps_and_slips_are_written_as_in_the_model():
+    text = text_of(derive(load_text(GUIDED)), steps=True)
+    assert "0 ≤ −λ_rope ⊥ l² − x² − y² ≥ 0" in text
+    assert "0 ≤ λ_floor ⊥ y_L ≥ 0" in text
+    assert "ẋ_L = 0 and |λ_floor.slip| ≤ μ λ_floor sticks" in text
+    closing = text.split("Together with the constraint equations")[1]
+    assert "floor: y_L ≥ 0" in closing  # it is an equation only while it is closed
+    assert "unknowns" not in closing

@@ -231,3 +231,9 @@ def test_equations_are_numbered_and_labelled_once():
         assert len(set(labels)) == len(labels)
         assert {"eq:equations-of-motion-theta-1", "eq:constraints-joint-x"} <= set(labels)
         assert "align*" not in latex
+
+
+def test_remarks_with_dots_and_letters_of_the_theory():
+    assert escape("∂ψ/∂q̇") == r"$\partial$$\psi$/$\partial$$\dot{q}$"
+    assert escape("φ̈") == r"$\ddot{\varphi}$"
+    assert escape("Mass matrix ℳ") == r"Mass matrix $\mathcal{M}$"

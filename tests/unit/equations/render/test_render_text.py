@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from fractions import Fraction
 
@@ -303,3 +304,10 @@ def test_the_heading_is_the_title():
     assert model_of("x", "x'^2/2").model.title == "<text>"
     named = "name: four_bar_2\ncoordinates: [x]\nT: x'^2/2\ninitial: {x: 0, x': 0}\n"
     assert load_text(named).title == "Four bar 2"
+
+
+def test_no_line_ends_in_the_number_of_a_bracket():
+    path = next(x for x in MODELS if x.stem == "heavy_top")
+    for width in (80, 100, 120):
+        text = render(equations_of(path), steps=True, width=width)
+        assert not re.search(r"(?:^ *|[+−] )[½⅓¼\d]+$", text, re.MULTILINE)

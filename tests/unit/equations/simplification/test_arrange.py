@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import time
 
 import pytest
@@ -19,6 +20,7 @@ from formula_values import (
 )
 
 from lagcli.equations.derivation.lagrange import Equations, derive
+from lagcli.equations.presentation.formulas import Formulas
 from lagcli.equations.presentation.typeset import children, weight
 from lagcli.equations.render.formula_text import TextFormula
 from lagcli.equations.render.names import Notation
@@ -238,3 +240,50 @@ def test_a_chain_in_angles_stays_bounded():
     assert time.process_time() - start < 5
     # 14 accelerations and 13 squares of velocities, each with one function of a difference
     assert sum(1 for term in children(first) for _ in children(term)) < 400
+
+
+def left_sides(name: str) -> list[str]:
+    """Return the left sides of the equations of motion of a shipped model, with named roots."""
+    path = next(x for x in MODELS if x.stem == name)
+    f = Formulas(equations_of(path))
+    write = TextFormula(Notation(f.model)).text
+    return [write(f.equation_line(i).sides[0]) for i in range(len(f.coordinates))]
+
+
+def shape(text: str) -> str:
+    """Return a formula with its names and signs left out, which twins have in common."""
+    return re.sub(r"[−+]", "±", re.sub(r"[^\W\d]+[̈̇]?[₀₁₂₃]?", "x", text))
+
+
+def test_twins_are_arranged_alike():
+    """Like coordinates have like equations: each begins with its own acceleration."""
+    quaternion = left_sides("heavy_top")[3:]
+    for i, line in enumerate(quaternion):
+        assert re.match(rf"4 J_t {{\(e.² \+ e.²\) ë{'₀₁₂₃'[i]} ", line)
+        assert shape(line).startswith("4 x {(x ± x) x ± (x x ± x x) x ± (x x ± x x) x ± 2 [")
+        spin = "(x x ± x x ± x x ± x x)"
+        assert shape(line).endswith(f" 4 x [x {spin} ± 2 x {spin}]")
+    x_l, y_l, x_r, y_r = left_sides("car_axis")
+    assert x_l == "m ẍ_l + (k x_l/L_l) (L_l − L₀)"
+    assert y_l == "m ÿ_l + m g + (k y_l/L_l) (L_l − L₀)"
+    assert x_r == "m ẍ_r + (k/L_r) (L_r − L₀) (x_r − x_b)"
+    assert y_r == "m ÿ_r + m g + (k/L_r) (L_r − L₀) [y_r − r sin(w t)]"
+
+
+def test_the_own_acceleration_comes_first():
+    _, second = left_sides("slider_crank")
+    assert second.startswith("m l² (ψ̈ sin² ψ + ψ̇² sin ψ cos ψ) + m r l sin ψ (φ̈ sin φ")
+
+
+def test_accelerations_and_velocities_have_common_factors_of_their_own():
+    equations = model_of("x y", "m/2*(x'^2 + y'^2)")
+    (x, y), (u, v), (a, b) = equations.q, equations.v, equations.a
+    m = se.Symbol("m")
+    shown = text(equations, m * (x * x * a + x * y * b + 2 * v * x * u + 2 * v * y * v))
+    assert shown == "m [x (x ẍ + y ÿ) + 2 ẏ (x ẋ + y ẏ)]"
+
+
+def test_a_positive_term_begins_a_sum_of_brackets():
+    equations = model_of("x y", "m/2*(x'^2 + y'^2)", parameters="m l")
+    x, y = equations.q
+    assert text(equations, se.sqrt(se.Symbol("l") ** 2 - x * x - y * y)) == "√(l² − x² − y²)"
