@@ -163,8 +163,7 @@ def convention(f: Formulas) -> Step:
         if any(c.constraint.kind == "nonlinear" for c in f.equations.constraints):
             remark += (
                 " Chetaev's rule, a postulate, puts the force of a constraint that is nonlinear in"
-                f" the velocities along {signs.coefficient_letter} ="
-                f" ∂{signs.velocity_residual}/∂q̇; such a force may do work."
+                f" the velocities along ∂{signs.velocity_residual}/∂q̇; such a force may do work."
             )
     return Step("Sign convention", tuple(lines), remark)
 
