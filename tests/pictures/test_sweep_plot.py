@@ -6,6 +6,7 @@ import re
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +27,19 @@ SWEEPS = {
     "drawn": ("--vary", "l=0.2..0.4", "--vary", "m=1..2", "--sample", "sobol:16", *PEAK),
     "three": ("--vary", "l=0.2,0.3", "--vary", "m=1,2", "--vary", "r=0.1,0.12", *PEAK),
     "both": ("--vary", "l=0.2:0.4:0.05", "--vary", "m=1,2", *PEAK, "--keep", "trajectories"),
+    "uneven": ("--vary", "l=0.2,0.25,0.3", "--vary", "m=1,2,5", *PEAK),
+    "many": ("--vary", "l=0.2,0.3", "--vary", "m=1:5:1", "--vary", "r=0.1,0.12", *PEAK),
+    "wide": (
+        "--vary",
+        "l=0.2,0.3,0.4",
+        "--vary",
+        "m=1,2,3",
+        "--vary",
+        "r=0.1,0.11,0.12",
+        "--vary",
+        "g=1,5,9",
+        *PEAK,
+    ),
     "holes": ("--vary", "l=0.01,0.2,0.3", "--vary", "m=1,2", *PEAK),
     "start": ("--vary", "phi=linspace(0, 3, 8)", *PEAK, "--keep", "trajectories"),
     "bad": ("--vary", "l=0.01,0.02", *PEAK, "--keep", "trajectories"),
@@ -100,6 +114,92 @@ def test_cells_without_a_value_are_hatched_and_explained(tmp_path: Path) -> None
     assert "no value" not in plot(tmp_path, "grid.h5", "l:m:peak")
 
 
+def figure_of(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, *arguments: str) -> Any:
+    """Return the figure that is drawn."""
+    from matplotlib.figure import Figure
+
+    found: list[Figure] = []
+    usual = Figure.savefig
+
+    def savefig(figure: Figure, *values: Any, **named: Any) -> None:
+        found.append(figure)
+        usual(figure, *values, **named)
+
+    monkeypatch.setattr(Figure, "savefig", savefig)
+    plot(tmp_path, *arguments)
+    return found[0]
+
+
+def panels(figure: Any) -> list[Any]:
+    return [ax for ax in figure.axes if ax.get_label() != "<colorbar>"]
+
+
+def test_rows_without_a_value_are_crossed_in_curves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (ax,) = panels(figure_of(monkeypatch, tmp_path, "holes.h5", "l:peak"))
+    crosses = next(line for line in ax.lines if line.get_marker() == "x")
+    assert list(crosses.get_xdata()) == [0.01, 0.01]
+    assert "no value" in ax.get_title(loc="left")
+    low, high = ax.get_xlim()
+    assert low < 0.01 < 0.3 < high
+    # all of them: no numbers without a meaning along the axis
+    (ax,) = panels(figure_of(monkeypatch, tmp_path, "bad.h5"))
+    assert [t.get_text() for t in ax.get_yticklabels()] == []
+    assert ax.get_xlim()[0] < 0.01
+    assert ax.get_xlim()[1] > 0.02
+    (ax,) = panels(figure_of(monkeypatch, tmp_path, "both.h5", "l:peak"))
+    assert not ax.get_title(loc="left")
+
+
+def test_of_three_quantities_each_map_has_one_value_of_the_third(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for names in ([], ["l:m:peak"]):
+        figure = figure_of(monkeypatch, tmp_path, "three.h5", *names)
+        found = panels(figure)
+        told = sorted(ax.get_title(loc="right") for ax in found)
+        third = told[0].split(" = ")[0]
+        table = PlottedTable("three.h5")
+        values = np.unique(table.find(third).values)
+        assert told == [f"{third} = {x:.4g} {table.find(third).unit}" for x in values]
+        # one scale of colours for all
+        assert len({ax.collections[0].get_clim() for ax in found}) == 1
+        peak = table.find("peak").values
+        for ax, value in zip(found, values, strict=True):
+            cells = ax.collections[0].get_array().ravel()
+            mine = peak[table.find(third).values == value]
+            np.testing.assert_allclose(np.sort(cells), np.sort(mine))
+
+
+def test_few_values_are_written_along_a_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (ax,) = panels(figure_of(monkeypatch, tmp_path, "uneven.h5"))
+    assert [t.get_text() for t in ax.get_yticklabels()] == ["1", "2", "5"]
+    assert [t.get_text() for t in ax.get_xticklabels()] == ["0.20", "0.25", "0.30"]
+    assert ax.get_ylabel() == "m [kg]"
+    edges = ax.collections[0].get_coordinates()[:, 0, 1]
+    assert np.allclose(np.diff(edges), 1), "cells of values that are unevenly spaced are alike"
+
+
+def test_colours_of_values_far_apart_follow_their_logarithm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from matplotlib.colors import LogNorm
+
+    (ax,) = panels(figure_of(monkeypatch, tmp_path, "grid.h5"))
+    assert isinstance(ax.collections[0].norm, LogNorm)  # from 0.1 kg to 10 kg
+    (ax,) = panels(figure_of(monkeypatch, tmp_path, "drawn.h5"))
+    assert not isinstance(ax.collections[0].norm, LogNorm)
+
+
+def test_many_curves_over_one_of_three_are_coloured_and_explained(tmp_path: Path) -> None:
+    text = plot(tmp_path, "many.h5", "l:peak")
+    assert "m [kg] (r varies too)" in text
+    assert "m = 2 kg" in plot(tmp_path, "three.h5", "l:peak")
+
+
 def test_a_family_over_two_quantities_is_coloured_by_one_of_them(tmp_path: Path) -> None:
     text = plot(tmp_path, "both.h5", "psi")
     assert "l [m] (m varies too)" in text
@@ -109,7 +209,7 @@ def test_a_family_over_two_quantities_is_coloured_by_one_of_them(tmp_path: Path)
 def test_curves_over_one_of_two(tmp_path: Path) -> None:
     text = plot(tmp_path, "grid.h5", "l:peak")
     for mass in ("0.1", "0.4642", "2.154", "10"):
-        assert f"m = {mass}" in text
+        assert f"m = {mass} kg" in text
     text = plot(tmp_path, "grid.h5", "m:peak", "l:peak")
     assert text.count("peak") >= 2
     plot(tmp_path, "drawn.h5", "m:peak")
@@ -147,7 +247,7 @@ def test_a_few_of_many_rows_are_drawn(
     [
         (["grid.h5", "peek"], "did you mean `peak`"),
         (["grid.h5", "phi"], "no trajectories"),
-        (["three.h5"], "say over which"),
+        (["wide.h5"], "`r`, `g` varied too, with 9 combinations"),
         (["grid.h5", "l:m:l:peak"], "more than a map shows"),
         (["kept.h5", "residual_velocity"], "has no `residual_velocity`"),
         (["kept.h5", "Qc.guide.phi"], "has no `Qc.guide.phi`"),

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lagcli.arrays import Array
+from lagcli.arrays import Array, Flags, Indices
 from lagcli.errors import UsageError
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures.plots import style
@@ -22,8 +22,11 @@ from lagcli.sweeps.row_results import COMPLETED
 _WIDTH, _CURVE, _MAP = 6.0, 2.4, 4.0  # inches
 _FAMILIES = 6  # values of a second quantity that a legend distinguishes
 _MARKED = 60  # points of a curve that are marked
+_TICKED = 12  # values along an axis of a map that are all written
+_WIDE = 100  # ratio of values beyond which colours follow their logarithm
+_EMPTY = "no value: the row failed, or the measure has none"
 _USUAL = 6  # measures that are drawn where none is named
-_GREY = "#8C8C8C"
+_GREY, _NOTE = "#8C8C8C", "#595959"
 #: What asks for a tornado chart of a measure.
 _TORNADO = "tornado:"
 
@@ -35,6 +38,11 @@ class PlottedQuantity(NamedTuple):
     label: str
     values: Array
     measured: bool
+    unit: str = ""
+
+    def told(self, value: float) -> str:
+        """Return a value of it as text: m = 2 kg."""
+        return f"{self.label.partition(' [')[0]} = {value:.4g} {self.unit}".rstrip()
 
     @property
     def log(self) -> bool:
@@ -107,15 +115,17 @@ class PlottedTable:
 
 
 def _quantity(column: Any, values: Array, measured: bool) -> PlottedQuantity:
-    unit = "" if column.unit == NOT_STATED else pretty_unit(column.unit)
+    unit = "" if column.unit in (NOT_STATED, "1") else pretty_unit(column.unit)
     name = column.name.replace("$", r"\$")
     label = f"{name} [{unit}]" if unit else name
-    return PlottedQuantity(column.name, label, drawable(values), measured)
+    return PlottedQuantity(column.name, label, drawable(values), measured, unit)
 
 
 class _Panel(NamedTuple):
     value: PlottedQuantity
     over: tuple[PlottedQuantity, ...]  # one: a curve; two: a map; none: a tornado chart
+    rows: Flags | slice = slice(None)  # of a map: those that it shows
+    told: str = ""  # which rows these are
 
     @property
     def height(self) -> float:
@@ -132,17 +142,19 @@ def plot_table(table: PlottedTable, names: Sequence[str], target: FigureFile) ->
     names : sequence of str
         Measures, over the one or two quantities that were varied; or ``m:peak``, and ``m:l:peak``
         for a map over m and l; ``tornado:peak`` for the effects of all that was varied. By default
-        all measures, if they are few.
+        all measures, if they are few. A map has rows of one value of what else was varied: of few
+        values, each has its map.
     target : FigureFile
 
     Raises
     ------
     UsageError
-        A name is unknown, or more than two quantities were varied and none is named.
+        A name is unknown, or so much was varied that it is to be said over what to draw.
     FileError
         The file cannot be written.
     """
-    panels = [_asked(table, name) for name in names or [q.name for q in table.measures[:_USUAL]]]
+    wanted = names or [q.name for q in table.measures[:_USUAL]]
+    panels = [panel for name in wanted for panel in _asked(table, name)]
     if not panels:
         raise UsageError(f"{table.path} holds no measures; sweep with --measure 'peak=max(…)'")
     heights = [panel.height for panel in panels]
@@ -159,48 +171,65 @@ def plot_table(table: PlottedTable, names: Sequence[str], target: FigureFile) ->
                 _draw_curve(ax, panel, table)
 
 
-def _asked(table: PlottedTable, name: str) -> _Panel:
+def _asked(table: PlottedTable, name: str) -> list[_Panel]:
+    """Return the panels that a name asks for."""
     if name.startswith(_TORNADO):
-        return _Panel(table.find(name.removeprefix(_TORNADO)), ())
+        return [_Panel(table.find(name.removeprefix(_TORNADO)), ())]
     parts = [name] if name in (q.name for q in table.measures) else name.split(":")
     *over, value = [table.find(part) for part in parts]
     if len(over) > 2:
         raise UsageError(f"{name!r} names more than a map shows; write m:peak, or m:l:peak")
     if not over:
         over = [q for q in table.varied if len(np.unique(q.values)) > 1] or table.varied[:1]
-    if len(over) > 2:
-        a, b = over[:2]
+        most = sorted(over, key=lambda q: -_distinct(q))[:2]
+        over = [q for q in over if any(q is x for x in most)]
+    if len(over) < 2:
+        return [_Panel(value, tuple(over))]
+    others = _others(table, (*over, value))
+    if not others or _is_function(
+        over[0].values, np.unique(over[1].values, return_inverse=True)[1]
+    ):
+        return [_Panel(value, tuple(over))]
+    told, combinations = _combinations(others)
+    if len(told) > _FAMILIES:
+        a, b = over
+        listed = ", ".join(f"`{q.name}`" for q in others)
         raise UsageError(
-            f"{table.path}: {len(over)} quantities were varied; say over which `{value.name}` is to"
-            f" be drawn: {a.name}:{value.name}, or {a.name}:{b.name}:{value.name} for a map"
+            f"{table.path}: {listed} varied too, with {len(told)} combinations of values: one map"
+            f" does not show `{value.name}`; draw {a.name}:{value.name}, {b.name}:{value.name}, or"
+            f" {_TORNADO}{value.name}"
         )
-    return _Panel(value, tuple(over))
+    return [_Panel(value, tuple(over), combinations == i, text) for i, text in enumerate(told)]
+
+
+def _distinct(quantity: PlottedQuantity) -> int:
+    return len(np.unique(quantity.values))
+
+
+def _others(table: PlottedTable, drawn: Sequence[PlottedQuantity]) -> list[PlottedQuantity]:
+    """Return what varied beside what is drawn."""
+    names = {q.name for q in drawn}
+    return [q for q in table.varied if q.name not in names and _distinct(q) > 1]
+
+
+def _combinations(quantities: Sequence[PlottedQuantity]) -> tuple[list[str], Indices]:
+    """Return the combinations of values that occur, as text, and that of each row, (rows,)."""
+    every = np.stack([q.values for q in quantities], axis=1)
+    unique, places = np.unique(every, axis=0, return_inverse=True)
+    told = [", ".join(q.told(x) for q, x in zip(quantities, row, strict=True)) for row in unique]
+    return told, places.ravel()
 
 
 def _draw_curve(ax: Any, panel: _Panel, table: PlottedTable) -> None:
     """Draw a value over one quantity; for each value of the others, a curve of its own."""
     (over,), value = panel.over, panel.value
-    others = [
-        q
-        for q in table.varied
-        if q.name not in (over.name, value.name) and len(np.unique(q.values)) > 1
-    ]
-    combinations = np.zeros(len(over.values), dtype=int)
-    told: list[str] = [""]
-    if others:
-        every = np.stack([q.values for q in others], axis=1)
-        unique, combinations = np.unique(every, axis=0, return_inverse=True)
-        told = [
-            ", ".join(f"{q.name} = {x:.4g}" for q, x in zip(others, row, strict=True)).replace(
-                "$", r"\$"
-            )
-            for row in unique
-        ]
-    places = combinations.ravel()
+    others = _others(table, (over, value))
+    told, places = _combinations(others) if others else ([""], np.zeros(len(over.values), int))
     if over.measured or not _is_function(over.values, places):
         ax.plot(over.values, value.values, linestyle="none", marker=".", color=style.PALETTE[0])
     else:
         _draw_family(ax, over.values, value.values, places, told, others)
+    _mark_missing(ax, over.values[np.isnan(value.values)], value.values)
     ax.margins(x=0.02)
     _scale(ax, "x", over)
     plain_ticks(ax.yaxis)
@@ -212,79 +241,141 @@ def _draw_family(
     ax: Any,
     x: Array,
     y: Array,
-    places: Array,
+    places: Indices,
     told: Sequence[str],
     others: Sequence[PlottedQuantity],
 ) -> None:
     """Draw a curve for each combination of the other quantities."""
     few = len(told) <= _FAMILIES
-    graded = style.grades(others[0].values, others[0].log) if len(others) == 1 else None
+    by = max(others, key=_distinct, default=None)
+    graded = style.grades(by.values, by.log) if by is not None else None
     for number, label in enumerate(told):
         mine = places == number
         order = np.argsort(x[mine], kind="stable")
         marker = "." if mine.sum() <= _MARKED else None
         look = style.line(number)
         if not few:
-            look = {"color": graded.to_rgba(others[0].values[mine][0]) if graded else _GREY}
+            assert graded is not None
+            assert by is not None
+            look = {"color": graded.to_rgba(by.values[mine][0])}
         ax.plot(x[mine][order], y[mine][order], **look, marker=marker, label=label)
     if few and len(told) > 1:
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    elif graded and not few:
-        ax.figure.colorbar(graded, ax=ax, label=others[0].label, pad=0.02)
+    elif graded and by is not None and not few:
+        rest = ", ".join(q.name for q in others if q is not by)
+        verb = "vary" if len(others) > 2 else "varies"
+        label = by.label + (f" ({rest} {verb} too)" if rest else "")
+        ax.figure.colorbar(graded, ax=ax, label=label, pad=0.02)
 
 
-def _is_function(x: Array, combinations: Array) -> bool:
-    """Whether no combination has two rows at one place."""
-    pairs = np.stack((x, combinations.ravel()), axis=1)
+def _mark_missing(ax: Any, missing: Array, values: Array) -> None:
+    """Cross the places of rows without a value at the foot of a panel, and say what they are."""
+    if not len(missing):
+        return
+    look: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 4, "color": _GREY}
+    foot = np.full(len(missing), 0.03)
+    ax.plot(missing, foot, **look, transform=ax.get_xaxis_transform())
+    ax.set_title(f"× {_EMPTY}", loc="left", fontsize=8, color=_NOTE)
+    if np.isnan(values).all():
+        ax.set_yticks([])
+
+
+def _is_function(x: Array, y: Array | Indices) -> bool:
+    """Whether no two rows are alike in both."""
+    pairs = np.stack((x, y), axis=1)
     return len(np.unique(pairs, axis=0)) == len(x)
+
+
+class _Axis:
+    """One side of a map: the places of values, and the edges of their cells.
+
+    Values that are neither evenly spaced nor by a ratio have cells of one width, if they are few.
+    """
+
+    def __init__(self, quantity: PlottedQuantity):
+        self.quantity, self.values = quantity, np.unique(quantity.values)
+        few = 1 < len(self.values) <= _TICKED
+        steps = np.diff(self.values)
+        even = len(steps) > 0 and np.ptp(steps) < 1e-6 * steps.max()
+        self.listed = few and not even and not _spaced_by_ratio(self.values)
+        self.ticked = few
+        self.centers = np.arange(len(self.values), dtype=float) if self.listed else self.values
+
+    @property
+    def edges(self) -> Array:
+        """The edges of the cells."""
+        return _edges(self.centers) if not self.listed else _edges_between(self.centers)
+
+    def label(self, ax: Any, which: str) -> None:
+        """Number the axis: each value, if they are few."""
+        if not self.listed:
+            _scale(ax, which, self.quantity)
+        if self.ticked:
+            told = [f"{x:.4g}" for x in self.values.tolist()]
+            if not any("e" in text for text in told):
+                places = max(len(text.partition(".")[2]) for text in told)
+                told = [f"{x:.{places}f}" for x in self.values.tolist()]
+            getattr(ax, f"set_{which}ticks")(self.centers, told, minor=False)
+            getattr(ax, f"set_{which}ticks")([], minor=True)
+        getattr(ax, f"set_{which}label")(self.quantity.label)
 
 
 def _draw_map(figure: Any, ax: Any, panel: _Panel) -> None:
     """Draw a value over two quantities: as a map on a grid, elsewhere as coloured points."""
-    (first, second), value = panel.over, panel.value
-    x, across = np.unique(first.values, return_inverse=True)
-    y, up = np.unique(second.values, return_inverse=True)
-    filled = np.full((len(y), len(x)), np.nan)
-    filled[up.ravel(), across.ravel()] = value.values
-    grid = len(x) * len(y) == len(value.values) and min(len(x), len(y)) > 1
-    if grid and len(np.unique(up.ravel() * len(x) + across.ravel())) == len(value.values):
-        edges = (_edges(x), _edges(y))
-        shown = ax.pcolormesh(*edges, filled, cmap=style.COLORMAP, rasterized=True)
+    first, second = (q._replace(values=q.values[panel.rows]) for q in panel.over)
+    values = panel.value.values[panel.rows]
+    axes = [_Axis(first), _Axis(second)]
+    shape = [len(axis.values) for axis in axes]
+    across, up = (np.searchsorted(a.values, a.quantity.values) for a in axes)
+    norm = _color_scale(panel.value.values)
+    grid = shape[0] * shape[1] == len(values) == len(set(zip(across, up, strict=True)))
+    if grid and min(shape) > 1:
+        filled = np.full((shape[1], shape[0]), np.nan)
+        filled[up, across] = values
+        look: dict[str, Any] = {"cmap": style.COLORMAP, "rasterized": True}
+        shown = ax.pcolormesh(axes[0].edges, axes[1].edges, filled, norm=norm, **look)
+        for axis, which in zip(axes, "xy", strict=True):
+            axis.label(ax, which)
     else:
-        shown = ax.scatter(
-            first.values,
-            second.values,
-            c=value.values,
-            s=9,
-            cmap=style.COLORMAP,
-            plotnonfinite=False,
-        )
+        grid = False
+        places = (first.values, second.values)
+        shown = ax.scatter(*places, c=values, s=14, cmap=style.COLORMAP, norm=norm)
         ax.margins(0.03)
+        for quantity, which in ((first, "x"), (second, "y")):
+            _scale(ax, which, quantity)
+            getattr(ax, f"set_{which}label")(quantity.label)
     ax.grid(False)
-    if np.isnan(value.values).any():
-        _mark_empty(ax, panel, grid)
-    figure.colorbar(shown, ax=ax, label=value.label, pad=0.02)
-    _scale(ax, "x", first)
-    _scale(ax, "y", second)
-    ax.set_xlabel(first.label)
-    ax.set_ylabel(second.label)
+    empty = np.isnan(values)
+    if empty.any():
+        _mark_empty(ax, None if grid else (first.values[empty], second.values[empty]))
+    if panel.told:
+        ax.set_title(panel.told, loc="right", fontsize=9)
+    figure.colorbar(shown, ax=ax, label=panel.value.label, pad=0.02)
 
 
-def _mark_empty(ax: Any, panel: _Panel, grid: bool) -> None:
-    """Hatch the cells of rows without a value, or cross their points, and say what they are."""
+def _color_scale(values: Array) -> Any:
+    """Return what gives values their colours: by their logarithm where they are far apart."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return Normalize(0, 1)
+    low, high = finite.min(), finite.max()
+    return (LogNorm if 0 < low * _WIDE < high else Normalize)(low, high)
+
+
+def _mark_empty(ax: Any, points: tuple[Array, Array] | None) -> None:
+    """Hatch the cells without a value, or cross such points, and say what they are."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    (first, second), value = panel.over, panel.value
-    told = "no value: the row failed, or the measure has none"
-    if grid:
+    if points is None:
         ax.patch.set(hatch="////", edgecolor=_GREY, facecolor="white")
-        handle: Any = Patch(hatch="////", edgecolor=_GREY, facecolor="white", label=told)
+        handle: Any = Patch(hatch="////", edgecolor=_GREY, facecolor="white", label=_EMPTY)
     else:
         look: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 3, "color": _GREY}
-        empty = np.isnan(value.values)
-        ax.plot(first.values[empty], second.values[empty], **look)
-        handle = Line2D([], [], **look, label=told)
+        ax.plot(*points, **look)
+        handle = Line2D([], [], **look, label=_EMPTY)
     ax.legend(handles=[handle], loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
 
 
