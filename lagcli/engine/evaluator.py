@@ -112,6 +112,7 @@ class Evaluator:
         self._constraint = ScalarTape(system.constraint)
         self._matrices = _Matrices(system)
         self._holonomic = list(system.holonomic)
+        self._tangent = None if system.tangent is None else ScalarTape(system.tangent.tape)
 
     def with_parameters(self, p: tuple[float, ...]) -> Evaluator:
         """Return an evaluator of the same System with other values of its parameters."""
@@ -124,6 +125,8 @@ class Evaluator:
         pieces = self.system.functions.pieces_at(t)
         self._dynamics.hold(pieces)
         self._constraint.hold(pieces)
+        if self._tangent is not None:
+            self._tangent.hold(pieces)
 
     def state(self, t: float, q: Array, v: Array) -> State:
         """Return a state with these values of the parameters; it keeps copies of q and v."""
@@ -138,6 +141,20 @@ class Evaluator:
         numbers = self.entries(t, q, v)
         # a sum is finite when its terms are, and costs nothing next to them
         return self._matrices.dynamics(np.array(numbers), math.isfinite(sum(numbers)))
+
+    def with_tangent(
+        self, d: Dynamics, t: float, q: Array, v: Array, a: Array, multipliers: Array
+    ) -> Dynamics:
+        """Return the dynamics with f and γ of the derivatives, from a and λ of the motion."""
+        assert self._tangent is not None
+        motion = self.system.motion
+        nq, nc = len(motion.coordinates), len(motion.constraints)
+        state = (t, *q.tolist(), *v.tolist())
+        out = self._tangent((*state, *a[:nq].tolist(), *multipliers[:nc].tolist(), *self.p))
+        sides = np.array(out).reshape(-1, nq + nc)
+        forcing, rhs = d.forcing.copy(), d.rhs.copy()
+        forcing[nq:], rhs[nc:] = sides[:, :nq].ravel(), sides[:, nq:].ravel()
+        return d._replace(forcing=forcing, rhs=rhs, finite=math.isfinite(sum(out)))
 
     def constraints(self, t: float, q: Array, v: Array) -> Constraints:
         """Return φ, B, b_0 and scales."""

@@ -73,6 +73,34 @@ class ParameterTapes:
 
 
 @dataclass(frozen=True, eq=False)
+class TangentBlocks:
+    """Derivatives of a motion in n directions, which a System appends to it in blocks.
+
+    Coordinates, constraints and the patterns of M and B are those of the motion, n + 1 times; the
+    dynamics tape has f and γ of the motion and 0 for the derivatives. The matrix is that of the
+    motion for all blocks.
+
+    Parameters
+    ----------
+    motion : System
+    directions : int
+        n.
+    tape : Tape
+        (t, q, v, a, λ, parameters) → (f, γ) of each direction: q and v of all blocks, a and λ of
+        the motion.
+    """
+
+    motion: System
+    directions: int
+    tape: Tape
+
+    @property
+    def blocks(self) -> int:
+        """The motion and its directions."""
+        return 1 + self.directions
+
+
+@dataclass(frozen=True, eq=False)
 class System:
     """M a = f + Bᵀλ, B a = γ, φ = 0, ψ = 0 in numbers.
 
@@ -114,6 +142,8 @@ class System:
         Coordinates that certainly have the same unit, such as those of a quaternion.
     switching : Switching, optional
         Contacts, friction and events.
+    tangent : TangentBlocks, optional
+        The motion and what follows from its a and λ, where the System appends its derivatives.
     nonlinear : tuple of int
         Constraints whose ψ is nonlinear in v: B and b_0 = ψ − B v depend on v.
     """
@@ -145,6 +175,12 @@ class System:
 
     switching: Switching | None = None
     nonlinear: tuple[int, ...] = ()
+    tangent: TangentBlocks | None = None
+
+    @property
+    def motion(self) -> System:
+        """The System without derivatives of the motion."""
+        return self if self.tangent is None else self.tangent.motion
 
     @cached_property
     def held_at_start(self) -> tuple[int, ...]:

@@ -13,7 +13,7 @@ from lagcli.engine.constraints.initial import ConsistentState, consistent_state
 from lagcli.engine.contract import IntegrationRequest, Outcome
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear import dense
-from lagcli.engine.sensitivity.integration import Derivatives, NoOrder, Sink, TangentProblem
+from lagcli.engine.sensitivity.integration import Derivatives, Sink, TangentProblem
 from lagcli.engine.sensitivity.start import (
     ContradictingStart,
     StartDerivatives,
@@ -23,7 +23,7 @@ from lagcli.engine.sensitivity.tangent import lower_tangent
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.equations.derivation.lagrange import Equations
-from lagcli.errors import Diagnostic, ModelError, NumericalError, UsageError
+from lagcli.errors import Diagnostic, ModelError, UsageError
 from lagcli.settings.methods import METHODS
 from lagcli.settings.settings import Settings
 from lagcli.simulations.contacts import refuse_switching
@@ -174,20 +174,8 @@ class Sensitivity:
         sink: Sink,
         progress: Callable[[float], None] | None = None,
     ) -> Outcome:
-        """Integrate; see `TangentProblem.integrate`.
-
-        Raises
-        ------
-        NumericalError
-            The equations of the derivatives cannot be solved with a static order of elimination.
-        """
-        try:
-            return self.problem.integrate(request, start, sink, progress)
-        except NoOrder:
-            raise NumericalError(
-                "no sensitivities: the accelerations of this motion cannot be found by a static"
-                " order of elimination; masses may vanish on the way, or the model may be too large"
-            ) from None
+        """Integrate; see `TangentProblem.integrate`."""
+        return self.problem.integrate(request, start, sink, progress)
 
     def consistent(self, given: State, near: ConsistentState | None = None) -> ConsistentState:
         """Return the consistent start for given values.

@@ -90,18 +90,24 @@ class Index1:
         self.evaluations += 1
         d = self.evaluator.dynamics(t, q, v)
         if d.finite:
-            rhs = d.rhs if self.damping is None else d.rhs - self._stabilization(t, q, v)
             try:
-                a, multipliers = self._solve(d, rhs)
+                a, multipliers = self._solve(d, self._right(d, t, q, v))
+                if self.evaluator.system.tangent is not None:
+                    d = self.evaluator.with_tangent(d, t, q, v, a, multipliers)
+                    a, multipliers = self._solve(d, self._right(d, t, q, v))
             except dense.SingularSystem:
                 pass
             else:
-                power = float(d.power + multipliers @ (d.jacobian @ v))
+                own = slice(len(self.evaluator.system.motion.constraints))
+                power = float(d.power + multipliers[own] @ (d.jacobian[own] @ v))
                 if math.isfinite(a.sum()) and math.isfinite(power):
                     return a, multipliers, power
         if np.isfinite(q).all() and np.isfinite(v).all():  # not what follows from it
             self.undefined = self.evaluator.state(t, q, v)
         return np.full(self.nq, math.nan), np.full(self.nc, math.nan), math.nan
+
+    def _right(self, d: Dynamics, t: float, q: Array, v: Array) -> Array:
+        return d.rhs if self.damping is None else d.rhs - self._stabilization(t, q, v)
 
     def _solve(self, d: Dynamics, rhs: Array) -> tuple[Array, Array]:
         if not self.redundant:

@@ -140,6 +140,19 @@ cdef class Integrator:
         free(functions)
         _checked(failed)
 
+    def use_tangent(self, tangent, int blocks):
+        """Say that the System is the motion and its derivatives, in blocks; before the dynamics.
+
+        Parameters
+        ----------
+        tangent : Program
+            Of ``system.tangent.tape``.
+        blocks : int
+        """
+        cdef _Arguments arguments = _Arguments()
+        cdef lag_program program = arguments.program(tangent)
+        _checked(lag_use_tangent(self.run, &program, blocks))
+
     def use_dense(self, dynamics):
         """Solve for a and λ densely. Parameters: dynamics, the program of the System's tape."""
         cdef _Arguments arguments = _Arguments()
@@ -164,11 +177,12 @@ cdef class Integrator:
             _checked(lag_use_unrolled(self.run, &program))
             return
         elimination = arguments.elimination(plan)
-        elimination.mass_targets = arguments.integers(plan.targets(self.system.mass_pattern))
+        motion = self.system.motion
+        elimination.mass_targets = arguments.integers(plan.targets(motion.mass_pattern))
         # an entry of B stands in the matrix twice; one of them in the half that is stored
-        entries = self.system.jacobian_pattern
-        lower = plan.targets([(self.nq + i, j) for i, j in entries])
-        upper = plan.targets([(j, self.nq + i) for i, j in entries])
+        entries, nq = motion.jacobian_pattern, len(motion.coordinates)
+        lower = plan.targets([(nq + i, j) for i, j in entries])
+        upper = plan.targets([(j, nq + i) for i, j in entries])
         elimination.jacobian_targets = arguments.integers(np.maximum(lower, upper))
         _checked(lag_use_elimination(self.run, &program, &elimination))
 

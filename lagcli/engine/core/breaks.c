@@ -32,7 +32,8 @@ static void take_piece(const lag_function *f, double t, double *piece)
 void lag_renew_tapes(lag_run *run)
 {
     lag_switching *sw = &run->switching;
-    lag_tape *tapes[] = {&run->system.dynamics, &run->system.constraint, &run->events.tape, &run->series.values,
+    lag_tape *tapes[] = {&run->system.dynamics, &run->system.constraint, &run->system.tangent, &run->events.tape,
+                         &run->series.values,
                          run->implicit ? &run->implicit->variation : NULL, &sw->functions, &sw->limits, &sw->impact,
                          &sw->forces, &sw->condition_tape, &sw->force_condition_tape};
     for (size_t i = 0; i < sizeof tapes / sizeof *tapes; ++i)

@@ -83,7 +83,7 @@ typedef struct {
 /* An order of elimination of [[M, B'], [B, 0]] = L D L' (engine/linear/elimination.py). Places are
  * numbers in that order. */
 typedef struct {
-    int n;                  /* nq + nc */
+    int n;                  /* nq + nc, of one block */
     const int32_t *order;   /* n: the unknown at each place */
     const int32_t *paired;  /* n: whether the place begins a pivot of order two */
     const int32_t *start;   /* n + 1: where each column of L begins */
@@ -249,6 +249,14 @@ int lag_use_jacobians(lag_run *run, const lag_jacobians *jacobians);
 /* The entries of the implicit method's matrix, where a step returned LAG_ORDER; and their pivots. */
 const double *lag_matrix(const lag_run *run);
 int lag_use_pivots(lag_run *run, const lag_pivots *pivots);
+
+/*
+ * Say that the equations are those of the motion and, in further blocks that repeat it, of its derivatives: each
+ * block has M and B of the motion. The dynamics yield f, gamma and the solution for the motion alone, and 0 for the
+ * rest; `tangent` yields f and gamma of each further block, of (t, q, v, a, lambda, p), a and lambda those of
+ * the motion. The order of elimination is that of one block. Call it before lag_use_dense and its like.
+ */
+int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks);
 
 /* Look for sign changes of functions of (t, q, v, p) along the motion, from lag_start on. */
 int lag_use_events(lag_run *run, const lag_program *functions);

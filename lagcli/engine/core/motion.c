@@ -51,15 +51,16 @@ void lag_row_squares(const lag_system *s, const lag_tape *tape, int first, const
     }
 }
 
-int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first)
+int lag_scaled_rows(lag_run *run, int blocks, const lag_tape *tape, int first)
 {
     const lag_system *s = &run->system;
+    const int nq = s->nq / s->blocks * blocks, nc = s->nc / s->blocks * blocks;
     double sum = 0.0;
-    memset(run->rows.scaled, 0, (size_t)s->nq * s->nc * sizeof(double));
-    for (int i = 0; i < s->nb; ++i) {
+    memset(run->rows.scaled, 0, (size_t)nq * nc * sizeof(double));
+    for (int i = 0; i < s->nb / s->blocks * blocks; ++i) {
         const int row = s->jacobian_row[i], column = s->jacobian_column[i];
         const double x = OUT(tape, first + i) * run->rows.sizes[column] / run->rows.lengths[row];
-        run->rows.scaled[row * s->nq + column] = x;
+        run->rows.scaled[row * nq + column] = x;
         sum += x;
     }
     return !isfinite(sum);
@@ -73,7 +74,8 @@ static double beyond_rounding(double residual, double scale)
     return residual > floor ? residual - floor : residual < -floor ? residual + floor : 0.0 * residual;
 }
 
-/* The right side (f, gamma) at the state that the tapes hold, to run->solver.right. */
+/* The right side (f, gamma) at the state that the tapes hold, to run->solver.right; of the derivatives, what
+ * stabilizes them alone. */
 static void right_side(lag_run *run)
 {
     const lag_system *s = &run->system;
@@ -96,6 +98,21 @@ static void right_side(lag_run *run)
     }
 }
 
+/* Add f and gamma of the derivatives, which the tangent tape holds. */
+static void add_derivatives_side(lag_run *run)
+{
+    const lag_system *s = &run->system;
+    const lag_tape *w = &s->tangent;
+    const int nq = s->nq / s->blocks, nc = s->nc / s->blocks;
+    double *right = run->solver.right;
+    for (int k = 1, i = 0; k < s->blocks; ++k) {
+        for (int j = 0; j < nq; ++j)
+            right[k * nq + j] += OUT(w, i++);
+        for (int j = 0; j < nc; ++j)
+            right[s->nq + k * nc + j] += OUT(w, i++);
+    }
+}
+
 /* Note where the equations have no finite value. Returns 1. */
 static int undefined(lag_run *run, double t, const double *y)
 {
@@ -111,6 +128,28 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     return run->switching.acting && lag_add_forces(run, t, y, power) ? undefined(run, t, y) : 0;
 }
 
+/* The accelerations and multipliers of the derivatives, to x, with the last factors and those of the motion,
+ * which are there. Returns a number that is finite if they are. */
+static double accelerate_derivatives(lag_run *run, double t, const double *y, int refined, double *x)
+{
+    const lag_system *s = &run->system;
+    const int nq = s->nq, nc = s->nc, mq = nq / s->blocks, mc = nc / s->blocks;
+    double *r = s->tangent.registers, sum = 0.0;
+    r[0] = t;
+    memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
+    memcpy(r + 1 + 2 * nq, x, (size_t)mq * sizeof(double));
+    memcpy(r + 1 + 2 * nq + mq, x + nq, (size_t)mc * sizeof(double));
+    lag_stream_run(s->tangent.stream, r);
+    right_side(run);
+    add_derivatives_side(run);
+    lag_turn(x + nq, mc);
+    lag_solve_blocks(run, 1, s->blocks, run->solver.right, x, refined);
+    lag_turn(x + nq, nc);
+    for (int i = 0; i < nq + nc; ++i)
+        sum += x[i];
+    return sum;
+}
+
 int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, double *power)
 {
     const lag_system *s = &run->system;
@@ -119,6 +158,8 @@ int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, 
     double *x = run->solver.a; /* a, then lambda */
     int bad = 0;
     ++run->step.evaluations;
+    if (s->blocks > 1)
+        memset(x, 0, (size_t)n * sizeof(double)); /* first, the motion's are found */
     if (run->baumgarte.active)
         lag_evaluate(&s->constraint, s, t, y, LAG_ALL);
     lag_evaluate(d, s, t, y, LAG_ALL);
@@ -132,7 +173,7 @@ int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, 
             lag_turn(x + nq, nc);
             lag_refine(run, run->solver.right, x);
         } else {
-            lag_solve(run, run->solver.right, x, refined);
+            lag_solve_blocks(run, 0, 1, run->solver.right, x, refined);
         }
         lag_turn(x + nq, nc);
         double sum = 0.0;
@@ -140,6 +181,8 @@ int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, 
             sum += x[i];
         bad = !isfinite(sum);
     }
+    if (!bad && s->blocks > 1)
+        bad = !isfinite(accelerate_derivatives(run, t, y, refined, x));
     if (bad)
         return undefined(run, t, y);
     if (own) {
@@ -147,7 +190,7 @@ int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, 
         return 0;
     }
     double p = OUT(d, lag_first_power(s));
-    for (int i = 0; i < s->nb; ++i)
+    for (int i = 0; i < s->nb / s->blocks; ++i) /* of the motion */
         p += x[nq + s->jacobian_row[i]] * OUT(d, lag_first_jacobian(s) + i)
              * y[nq + s->jacobian_column[i]];
     *power = p;
@@ -161,7 +204,7 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
     const int nq = s->nq;
     memcpy(f, y + nq, (size_t)nq * sizeof(double));
     if (lag_solving_by(run) != LAG_BY_TAPE || run->baumgarte.active || run->solver.refining
-        || run->switching.acting) {
+        || run->switching.acting || s->blocks > 1) {
         if (lag_accelerate(run, t, y, run->solver.refining, f + 2 * nq))
             return 1;
         memcpy(f + nq, run->solver.a, (size_t)nq * sizeof(double));
@@ -184,6 +227,8 @@ double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
         return 0;
     --run->step.evaluations;
     right_side(run);
+    if (s->blocks > 1)
+        add_derivatives_side(run);
     for (int i = 0; i < n; ++i)
         x[i] = i < nq ? run->solver.a[i] : -run->solver.a[i];
     lag_residual(run, run->solver.right, x, r, size);

@@ -21,9 +21,9 @@ enum lag_part { LAG_ALL, LAG_FACTORS = 1, LAG_POSITIONS = 1, LAG_VELOCITIES = 2 
  * afterwards. */
 void lag_evaluate(const lag_tape *tape, const lag_system *system, double t, const double *y, int part);
 
-/* Write the rows of B times sizes, over their lengths, to run->rows.scaled, from a tape whose B entries begin
- * at output `first`. Returns 0, or 1 where they are not finite. */
-int lag_scaled_rows(lag_run *run, const lag_tape *tape, int first);
+/* Write the rows of B times sizes, over their lengths, of the first blocks to run->rows.scaled, from a tape whose
+ * B entries begin at output `first`. Returns 0, or 1 where they are not finite. */
+int lag_scaled_rows(lag_run *run, int blocks, const lag_tape *tape, int first);
 
 /* The squares of the lengths of the rows of B times sizes (nc), or of B where sizes is NULL, from a
  * tape whose B entries begin at `first`. */

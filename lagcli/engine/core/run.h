@@ -73,6 +73,7 @@ typedef struct {
     double inaccuracy;                 /* residual of the equations at the last step's end */
     double *a, *multipliers;           /* nq, nc: at the state evaluated last */
     double *right, *solution;          /* N each */
+    double *block;                     /* nq + nc of one block: scratch */
     int cancellation_count;            /* outputs of the tape on cancellation in its pivots */
     int other_right;                   /* where another right side goes in the tape's inputs */
 } lag_solver;

@@ -19,6 +19,7 @@ static void copy_equations(lag_run *run, const lag_equations *given)
     s->nh = given->nh;
     s->nm = nm;
     s->nb = nb;
+    s->blocks = 1;
     s->holonomic = lag_copy_integers(pool, given->holonomic, given->nh);
     s->mass_row = lag_copy_integers(pool, given->mass_row, nm);
     s->mass_column = lag_copy_integers(pool, given->mass_column, nm);
@@ -95,6 +96,7 @@ static void allocate(lag_run *run)
     run->solver.a = lag_doubles(pool, nq + nc);
     run->solver.right = lag_doubles(pool, size);
     run->solver.solution = lag_doubles(pool, size);
+    run->solver.block = lag_doubles(pool, nq + nc);
     run->dense.weight = lag_doubles(pool, nc);
     run->dense.pivots = lag_get(pool, (size_t)size, sizeof(int));
     run->rows.scaled = lag_doubles(pool, (long)nq * nc);
@@ -146,7 +148,7 @@ static int replace_dynamics(lag_run *run, const lag_program *dynamics, enum lag_
     lag_release(&run->dynamics_pool);
     run->series = (lag_series){0};
     run->solver.by = by;
-    run->factors.plan.n = run->system.nq + run->system.nc;
+    run->factors.plan.n = (run->system.nq + run->system.nc) / run->system.blocks;
     return lag_bind(run, &run->dynamics_pool, &run->system.dynamics, dynamics);
 }
 
@@ -172,7 +174,7 @@ int lag_use_unrolled(lag_run *run, const lag_program *dynamics)
     run->solver.refining = 0;
     run->solver.other_right = dynamics->inputs;
     run->solver.cancellation_count =
-        (int)dynamics->output_count - lag_first_cancellation(s) - 2 * s->nq - s->nc;
+        (int)dynamics->output_count - lag_first_cancellation(s) - (2 * s->nq + s->nc) / s->blocks;
     return replace_dynamics(run, dynamics, LAG_BY_TAPE);
 }
 
@@ -193,8 +195,8 @@ int lag_use_elimination(lag_run *run, const lag_program *dynamics, const lag_eli
         .left_start = lag_copy_integers(pool, given->left_start, n + 1),
         .left_column = lag_copy_integers(pool, given->left_column, entries),
         .left_entry = lag_copy_integers(pool, given->left_entry, entries),
-        .mass_targets = lag_copy_integers(pool, given->mass_targets, run->system.nm),
-        .jacobian_targets = lag_copy_integers(pool, given->jacobian_targets, run->system.nb),
+        .mass_targets = lag_copy_integers(pool, given->mass_targets, run->system.nm / run->system.blocks),
+        .jacobian_targets = lag_copy_integers(pool, given->jacobian_targets, run->system.nb / run->system.blocks),
     };
     f->factors = lag_doubles(pool, 2 * n + entries);
     f->product = lag_doubles(pool, entries);
@@ -295,6 +297,12 @@ int lag_use_pivots(lag_run *run, const lag_pivots *given)
     m->complex_re = lag_doubles(pool, entries);
     m->complex_im = lag_doubles(pool, entries);
     return pool->failed;
+}
+
+int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks)
+{
+    run->system.blocks = blocks;
+    return lag_bind(run, &run->pool, &run->system.tangent, tangent);
 }
 
 int lag_use_events(lag_run *run, const lag_program *functions)

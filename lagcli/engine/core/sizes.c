@@ -13,7 +13,7 @@ static double kinetic_energy(const lag_run *run, const double *v, double h)
     const lag_system *s = &run->system;
     const double *a = run->tolerances.acceleration_terms, *b = run->tolerances.future_acceleration;
     double sum = 0.0;
-    for (int m = 0; m < s->nm; ++m) {
+    for (int m = 0; m < s->nm / s->blocks; ++m) { /* of the motion */
         const int i = s->mass_row[m], j = s->mass_column[m];
         sum += OUT(&s->dynamics, m) * (v[i] + copysign(h * (a[i] + b[i]), v[i]))
                * (v[j] + copysign(h * (a[j] + b[j]), v[j]));
@@ -58,7 +58,7 @@ static void count_forces(lag_run *run, double *largest)
     lag_evaluate(d, s, run->step.t, run->step.y, LAG_ALL);
     for (int i = 0; i < s->nq; ++i)
         forces[i] = fabs(OUT(d, lag_first_forcing(s) + i));
-    for (int m = 0; m < s->nm; ++m)
+    for (int m = 0; m < s->nm / s->blocks; ++m) /* of the motion; f of the derivatives is not there */
         forces[s->mass_row[m]] += fabs(OUT(d, m) * run->step.f[s->nq + s->mass_column[m]]);
     memset(of_kind, 0, 2 * (size_t)run->tolerances.kinds * sizeof(double));
     for (int i = 0; i < s->nq; ++i) {
@@ -117,7 +117,7 @@ int lag_sizes_again(lag_run *run)
 
 void lag_sizes_update(lag_run *run)
 {
-    const int nq = run->system.nq;
+    const int nq = run->system.nq, motion = nq / run->system.blocks;
     const double h = SUMMING * run->step.h, length = TIMING * (run->step.t_end - run->step.t_start);
     double *size = run->tolerances.size, *largest = run->tolerances.largest;
     memset(largest, 0, 2 * (size_t)run->tolerances.kinds * sizeof(double));
@@ -136,8 +136,8 @@ void lag_sizes_update(lag_run *run)
             const double all = largest[part * run->tolerances.kinds + run->tolerances.kind[i]];
             run->tolerances.atol[m] = run->tolerances.given[m] > 0.0
                                ? run->tolerances.given[m]
-                               : FOLLOWING * run->tolerances.rtol * size[m] + ROUNDING * all
-                                         + noise + NO_SIZE;
+                               : (i < motion ? FOLLOWING : OF_DERIVATIVES) * run->tolerances.rtol * size[m]
+                                         + ROUNDING * all + noise + NO_SIZE;
         }
     size[2 * nq] = fmax(size[2 * nq], fabs(run->step.y[2 * nq]));
     run->tolerances.atol[2 * nq] = run->tolerances.given[2 * nq] > 0.0 ? run->tolerances.given[2 * nq]

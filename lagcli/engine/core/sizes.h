@@ -31,6 +31,7 @@
 #include "run.h"
 
 #define FOLLOWING 0.1
+#define OF_DERIVATIVES 100.0 /* the same of derivatives of the motion, which so seldom limit the steps */
 #define ROUNDING (100.0 * DBL_EPSILON)
 #define SUMMING (100.0 * DBL_EPSILON)
 #define TIMING (10.0 * DBL_EPSILON)

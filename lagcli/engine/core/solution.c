@@ -48,7 +48,7 @@ static int factor_dense(lag_run *run)
         k[column * n + nq + row] = x;
     }
     if (run->rows.rank < nc) {
-        if (lag_scaled_rows(run, d, first))
+        if (lag_scaled_rows(run, s->blocks, d, first))
             return 1;
         lag_pivot(run->rows.scaled, nq, nc, run->rows.rank, run->rows.order, run->rows.components);
         lag_dependencies(nc, run->rows.rank, run->rows.order, run->rows.components, run->rows.dependencies);
@@ -107,10 +107,10 @@ static int factor(lag_run *run)
     double *f = run->factors.factors, sum = 0.0;
     const int n = ldl->n, count = 2 * n + ldl->start[n];
     memset(f, 0, (size_t)count * sizeof(double));
-    for (int i = 0; i < s->nm; ++i)
+    for (int i = 0; i < s->nm / s->blocks; ++i)
         if (run->factors.plan.mass_targets[i] >= 0)
             f[run->factors.plan.mass_targets[i]] = OUT(d, i);
-    for (int i = 0; i < s->nb; ++i)
+    for (int i = 0; i < s->nb / s->blocks; ++i)
         f[run->factors.plan.jacobian_targets[i]] = OUT(d, lag_first_jacobian(s) + i);
     lag_ldl_factor(ldl, f, f + n, f + 2 * n, run->factors.product, run->step.work);
     for (int i = 0; i < count; ++i)
@@ -172,8 +172,27 @@ static int first_other(const lag_run *run)
     return lag_first_cancellation(&run->system) + run->solver.cancellation_count;
 }
 
-/* Solve with the last factors in place of the right side; not by the dense solution. */
-static void substitute(lag_run *run, double *x)
+/* Copy some blocks of unknowns, or add them. */
+static void copy_blocks(const lag_run *run, int first, int end, const double *from, double *to)
+{
+    const lag_system *s = &run->system;
+    const int nq = s->nq / s->blocks, nc = s->nc / s->blocks, count = end - first;
+    memcpy(to + first * nq, from + first * nq, (size_t)(count * nq) * sizeof(double));
+    memcpy(to + s->nq + first * nc, from + s->nq + first * nc, (size_t)(count * nc) * sizeof(double));
+}
+
+static void add_blocks(const lag_run *run, int first, int end, const double *from, double *to)
+{
+    const lag_system *s = &run->system;
+    const int nq = s->nq / s->blocks, nc = s->nc / s->blocks;
+    for (int i = first * nq; i < end * nq; ++i)
+        to[i] += from[i];
+    for (int i = s->nq + first * nc; i < s->nq + end * nc; ++i)
+        to[i] += from[i];
+}
+
+/* Solve with the last factors in place of the right side of one block; not by the dense solution. */
+static void substitute_block(lag_run *run, double *x)
 {
     const lag_elimination *ldl = &run->factors.plan;
     const lag_tape *d = &run->system.dynamics;
@@ -183,31 +202,62 @@ static void substitute(lag_run *run, double *x)
         memcpy(d->registers + run->solver.other_right, x, (size_t)n * sizeof(double));
         lag_stream_run(d->deferred[1], d->registers);
         lag_vectors()->pick(n, d->registers, d->outputs + first_other(run), x);
-        lag_turn(x + run->system.nq, run->system.nc);
+        const int nq = run->system.nq / run->system.blocks;
+        lag_turn(x + nq, n - nq);
     } else {
-        lag_ldl_solve(ldl, f, f + n, f + 2 * n, run->step.work + n, x);
+        lag_ldl_solve(ldl, f, f + n, f + 2 * n, run->step.work + n * run->system.blocks, x);
     }
+}
+
+/* The same for some of the blocks; x is that of all of them. */
+static void substitute(lag_run *run, int first, int end, double *x)
+{
+    const lag_system *s = &run->system;
+    const int nq = s->nq / s->blocks, nc = s->nc / s->blocks;
+    if (s->blocks == 1) {
+        substitute_block(run, x);
+        return;
+    }
+    double *one = run->solver.block;
+    for (int k = first; k < end; ++k) {
+        double *a = x + k * nq, *rest = x + s->nq + k * nc;
+        memcpy(one, a, (size_t)nq * sizeof(double));
+        memcpy(one + nq, rest, (size_t)nc * sizeof(double));
+        substitute_block(run, one);
+        memcpy(a, one, (size_t)nq * sizeof(double));
+        memcpy(rest, one + nq, (size_t)nc * sizeof(double));
+    }
+}
+
+/* Refine the solution of some blocks. */
+static void refine_blocks(lag_run *run, int first, int end, const double *right, double *x)
+{
+    double *r = run->step.work;
+    lag_residual(run, right, x, r, 0);
+    substitute(run, first, end, r);
+    add_blocks(run, first, end, r, x);
 }
 
 void lag_refine(lag_run *run, const double *right, double *x)
 {
-    double *r = run->step.work;
-    lag_residual(run, right, x, r, 0);
-    substitute(run, r);
-    for (int i = 0; i < run->factors.plan.n; ++i)
-        x[i] += r[i];
+    refine_blocks(run, 0, 1, right, x);
 }
 
-void lag_solve(lag_run *run, double *right, double *x, int refined)
+void lag_solve_blocks(lag_run *run, int first, int end, double *right, double *x, int refined)
 {
     if (lag_solving_by(run) == LAG_BY_LU) {
         solve_dense(run, right, x, refined);
         return;
     }
-    memcpy(x, right, (size_t)run->factors.plan.n * sizeof(double));
-    substitute(run, x);
+    copy_blocks(run, first, end, right, x);
+    substitute(run, first, end, x);
     if (refined)
-        lag_refine(run, right, x);
+        refine_blocks(run, first, end, right, x);
+}
+
+void lag_solve(lag_run *run, double *right, double *x, int refined)
+{
+    lag_solve_blocks(run, 0, run->system.blocks, right, x, refined);
 }
 
 void lag_respond(lag_run *run, const double *forces, double *x)
@@ -227,9 +277,13 @@ double lag_correction(lag_run *run, const double *rhs, double *x)
     const int nq = s->nq, nc = s->nc;
     double sum = 0.0;
     if (lag_solving_by(run) == LAG_BY_TAPE) {
-        memcpy(d->registers + run->solver.other_right + nq + nc, rhs, (size_t)nc * sizeof(double));
-        lag_stream_run(d->deferred[2], d->registers);
-        return lag_vectors()->pick(nq, d->registers, d->outputs + first_other(run) + nq + nc, x);
+        const int mq = nq / s->blocks, mc = nc / s->blocks; /* of one block */
+        for (int k = 0; k < s->blocks; ++k) {
+            memcpy(d->registers + run->solver.other_right + mq + mc, rhs + k * mc, (size_t)mc * sizeof(double));
+            lag_stream_run(d->deferred[2], d->registers);
+            sum += lag_vectors()->pick(mq, d->registers, d->outputs + first_other(run) + mq + mc, x + k * mq);
+        }
+        return sum;
     }
     double *right = run->solver.right, *all = run->solver.a;
     memset(right, 0, (size_t)nq * sizeof(double));
@@ -242,11 +296,11 @@ double lag_correction(lag_run *run, const double *rhs, double *x)
 
 void lag_oppose(lag_run *run, double *x)
 {
-    const int nq = run->system.nq, nc = run->system.nc;
+    const int nq = run->system.nq, nc = run->system.nc / run->system.blocks;
     double *all = run->solver.solution;
     memset(all, 0, (size_t)nq * sizeof(double));
     memcpy(all + nq, x, (size_t)nc * sizeof(double));
-    substitute(run, all);
+    substitute(run, 0, 1, all);
     for (int i = 0; i < nc; ++i)
         x[i] = -all[nq + i];
 }

@@ -18,7 +18,7 @@ int lag_factor(lag_run *run, double t, const double *y);
  * that is finite if x is. */
 double lag_correction(lag_run *run, const double *rhs, double *x);
 
-/* (B M^-1 B')^-1 x (nc) in place of x, by the last factors of the static elimination: the multipliers
+/* (B M^-1 B')^-1 x (nc of the motion) in place of x, by the last factors of the static elimination: the multipliers
  * that go with constraints' accelerations. */
 void lag_oppose(lag_run *run, double *x);
 
@@ -26,10 +26,13 @@ void lag_oppose(lag_run *run, double *x);
  * one step of iterative refinement. right is destroyed. */
 void lag_solve(lag_run *run, double *right, double *x, int refined);
 
+/* The same for the blocks from `first` to `end` alone; by the dense solution, for all. */
+void lag_solve_blocks(lag_run *run, int first, int end, double *right, double *x, int refined);
+
 /* a and lambda (nq + nc) that generalized forces (nq) add, by the last factors. */
 void lag_respond(lag_run *run, const double *forces, double *x);
 
-/* One step of iterative refinement of a solution x; not of the dense one. */
+/* One step of iterative refinement of the motion's solution x; not of the dense one. */
 void lag_refine(lag_run *run, const double *right, double *x);
 
 /* right less the matrix times x, to r; the sums of the magnitudes to size, where it is given. */

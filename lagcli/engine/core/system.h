@@ -14,6 +14,8 @@ typedef struct {
     const int32_t *mass_diagonal;      /* nq: M's entries on its diagonal; -1: zero */
     const int32_t *unit;               /* nq: the first coordinate that has the same unit for certain */
     lag_tape dynamics, constraint;     /* their outputs lie as layout.h says */
+    int blocks;                        /* the motion, and its derivatives in each direction */
+    lag_tape tangent;                  /* f and gamma of the derivatives; where there are any */
 } lag_system;
 
 #include "layout.h"

@@ -95,7 +95,7 @@ static double normalize(double *x, int n)
  */
 static double least_singular(lag_run *run)
 {
-    const int nc = run->system.nc;
+    const int nc = run->system.nc / run->system.blocks;
     double *x = run->watch.combination, value = INFINITY;
     for (int i = 0; i < nc; ++i)
         x[i] += ASIDE * cos(1.0 + 1.7 * i) / sqrt(nc);
@@ -122,16 +122,17 @@ double lag_least_pivot(lag_run *run, double t, const double *y)
 {
     const lag_system *s = &run->system;
     const lag_tape *c = &s->constraint;
+    const int nq = s->nq / s->blocks, nc = s->nc / s->blocks; /* of the motion, whose B is that of all blocks */
     if (run->rows.rank == 0)
         return 1.0;
-    if (lag_solving_by(run) != LAG_BY_LU && (double)s->nc * s->nc * s->nq > LARGE) {
+    if (lag_solving_by(run) != LAG_BY_LU && (double)nc * nc * nq > LARGE) {
         lag_evaluate(&s->dynamics, s, t, y, LAG_ALL);
         return lag_factor(run, t, y) ? 0.0 : least_singular(run);
     }
     lag_evaluate(c, s, t, y, LAG_VELOCITIES);
-    if (lag_scaled_rows(run, c, lag_constraint_jacobian(s)))
+    if (lag_scaled_rows(run, 1, c, lag_constraint_jacobian(s)))
         return 1.0;
-    return lag_pivot(run->rows.scaled, s->nq, s->nc, run->rows.rank, run->rows.order, run->rows.components);
+    return lag_pivot(run->rows.scaled, nq, nc, run->rows.rank / s->blocks, run->rows.order, run->rows.components);
 }
 
 void lag_watch_step(lag_run *run)

@@ -124,6 +124,8 @@ class Integration:
             not for_batch,
             max(1, min(request.block_rows, len(request.times))),
         )
+        if system.tangent is not None:
+            self.core.use_tangent(prepared.tangent, system.tangent.blocks)
         self.use(prepared)
         self.reordered = math.nan
         self.methods = Methods(self.core, system, request, self.no_series)
@@ -177,7 +179,12 @@ class Integration:
             return "they are too long"
         staying = self.settings.formulation == "projection"
         working = depending_on_time(system) if staying else range(len(system.constraints))
-        tape = unroll(system, prepared.elimination)
+        if system.tangent is None:
+            tape = unroll(system, prepared.elimination)
+        else:
+            from lagcli.engine.linear.one_tape import in_one_tape
+
+            system, tape = in_one_tape(system, prepared.elimination)
         try:
             self.core.use_series(expand(system, tape, order_for(self.settings.rtol), working))
         except NotAnalytic:

@@ -16,6 +16,7 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at
 from lagcli.engine.linear.unrolling import unroll
 from lagcli.engine.program.program import Program, assemble
+from lagcli.engine.program.vectorize import LONG
 from lagcli.engine.state import State
 from lagcli.engine.system import System, without_numbers
 
@@ -26,6 +27,9 @@ STEPS_TO_UNROLL = 2500
 #: Updates in all, and for each unknown, beyond which an elimination is not unrolled.
 MOST_UNROLLED = 30_000
 _MOST_FOR_EACH = 100
+#: Members of a family on average, and the operations from which right sides of derivatives of so
+#: many are put in vectors.
+_MEMBERS, _LONG_OF_MEMBERS = 8, 500
 
 
 class Prepared(NamedTuple):
@@ -43,12 +47,15 @@ class Prepared(NamedTuple):
         The dynamics; None where nothing has needed them without the elimination.
     whole : Program or None
         The dynamics with the elimination unrolled, where it is.
+    tangent : Program, optional
+        Of a System with derivatives.
     """
 
     elimination: Elimination | None
     constraint: Program
     plain: Program | None
     whole: Program | None
+    tangent: Program | None = None
 
     @property
     def unrolled(self) -> bool:
@@ -87,13 +94,16 @@ def prepare(
     """
     if known is not None and known.serves(elimination):
         return known
-    constraint = known.constraint if known else assemble(with_rates(system), system.families)
+    if known is None:
+        constraint, tangent, plain = assemble(with_rates(system), system.families), None, None
+        if system.tangent is not None:
+            tangent = _tangent(system)
+    else:
+        constraint, tangent, plain = known.constraint, known.tangent, known.plain
     if _may_unroll(elimination) and len(system.dynamics.code) + elimination.updates <= SHORT:
-        return Prepared(elimination, constraint, None, _with(system, elimination))
-    plain = known.plain if known else None
-    return Prepared(
-        elimination, constraint, plain or assemble(system.dynamics, system.families), None
-    )
+        return Prepared(elimination, constraint, None, _with(system, elimination), tangent)
+    plain = plain or assemble(system.dynamics, system.families)
+    return Prepared(elimination, constraint, plain, None, tangent)
 
 
 def unrolled(system: System, prepared: Prepared) -> Prepared:
@@ -112,14 +122,33 @@ def _may_unroll(elimination: Elimination | None) -> TypeGuard[Elimination]:
 
 def _with(system: System, elimination: Elimination) -> Program:
     """Return the program of the dynamics with an elimination."""
-    right = [without_numbers(name) + "''" for name in (*system.coordinates, *system.constraints)]
-    rhs = [without_numbers(name) + "'''" for name in system.constraints]
+    motion = system.motion
+    right = [without_numbers(name) + "''" for name in (*motion.coordinates, *motion.constraints)]
+    rhs = [without_numbers(name) + "'''" for name in motion.constraints]
     return assemble(unroll(system, elimination), [*system.families, *right, *rhs])
+
+
+def _tangent(system: System) -> Program:
+    """Return the program of the derivatives' right sides; it runs beside that of the dynamics."""
+    assert system.tangent is not None
+    motion, families = system.motion, system.families
+    first = len(families) - system.held
+    found = [without_numbers(name) + "''" for name in (*motion.coordinates, *motion.constraints)]
+    members = len(motion.coordinates) / max(1, len(set(map(without_numbers, motion.coordinates))))
+    return assemble(
+        system.tangent.tape,
+        [*families[:first], *found, *families[first:]],
+        _LONG_OF_MEMBERS if members >= _MEMBERS else LONG,
+    )
 
 
 def find_elimination(evaluator: Evaluator, states: Iterable[State]) -> Elimination | None:
     """Find an order of elimination that suits states; None where there is none."""
+    motion = evaluator.system.motion
+    if motion is not evaluator.system:
+        nq, evaluator = len(motion.coordinates), Evaluator(motion, evaluator.p)
+        states = [State(s.t, s.q[:nq], s.v[:nq], s.p) for s in states]
     try:
-        return order_at(evaluator.system, [evaluator.entries(s.t, s.q, s.v) for s in states])
+        return order_at(motion, [evaluator.entries(s.t, s.q, s.v) for s in states])
     except NoElimination:
         return None

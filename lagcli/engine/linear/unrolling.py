@@ -33,7 +33,8 @@ def unroll(system: System, elimination: Elimination) -> Tape:
         given by pivot: of order one twice its magnitude over the sum of the magnitudes of its
         terms, which is between 0 and 2; of order two the magnitude of its determinant over that
         of the determinant's terms, between 0 and 1. Cancellation and the two further solutions
-        are deferred, and the further solutions are an output subset.
+        are deferred, and the further solutions are an output subset. With derivatives, the solution
+        is that of the motion, with zeros for the rest, and the others are those of one block.
     """
     return _Unrolling(system, elimination).tape()
 
@@ -42,28 +43,30 @@ class _Unrolling(Arithmetic):
     """Emits the operations of a factorization and of its use."""
 
     def __init__(self, system: System, elimination: Elimination):
-        size, given = len(elimination.order), system.dynamics
-        mass, jacobian, nq = system.mass_pattern, system.jacobian_pattern, len(system.coordinates)
-        rhs_inputs = size + len(system.constraints)
+        size, given, motion = len(elimination.order), system.dynamics, system.motion
+        mass, jacobian, nq = motion.mass_pattern, motion.jacobian_pattern, len(motion.coordinates)
+        nc = len(motion.constraints)
+        rhs_inputs = size + nc
         super().__init__(given.inputs + rhs_inputs, given.parameters, rhs_inputs, given.functions)
         self.outputs = outputs = self.extend(given)
-        self.nq, self.plan = nq, elimination
+        self.nq, self.nc, self.plan = nq, nc, elimination
+        self.blocks = 1 if system.tangent is None else system.tangent.blocks
         place = {unknown: k for k, unknown in enumerate(elimination.order)}
         self.place = place
-        layout, nc = DynamicsLayout(system.counts), len(system.constraints)
+        layout = DynamicsLayout(system.counts)
         v = system.sample_layout.v.start
         self.entries: dict[tuple[int, int], int] = {}
-        for (i, j), x in zip(mass, outputs[layout.mass_matrix], strict=True):
+        for (i, j), x in zip(mass, outputs[layout.mass_matrix], strict=self.blocks == 1):
             if place[i] >= place[j]:
                 self.entries[place[i], place[j]] = x
-        self.rows: list[list[int]] = [[] for _ in system.constraints]
-        self.speeds: list[int] = [self.zero for _ in system.constraints]  # B v
-        for (i, j), x in zip(jacobian, outputs[layout.jacobian], strict=True):
+        self.rows: list[list[int]] = [[] for _ in range(nc)]
+        self.speeds: list[int] = [self.zero for _ in range(nc)]  # B v
+        for (i, j), x in zip(jacobian, outputs[layout.jacobian], strict=self.blocks == 1):
             p, q = place[nq + i], place[j]
             self.entries[max(p, q), min(p, q)] = x
             self.rows[i].append(x)
             self.speeds[i] = self.plus(self.speeds[i], self.times(x, v + j))
-        right = [*outputs[layout.forcing], *outputs[layout.rhs]]
+        right = [*outputs[layout.forcing][:nq], *outputs[layout.rhs][:nc]]
         self.right = [right[unknown] for unknown in elimination.order]
         self.other_right = [given.inputs + unknown for unknown in elimination.order]
         # where the right side is zero but for the constraints
@@ -81,8 +84,11 @@ class _Unrolling(Arithmetic):
         for k in self.pivots():
             self.eliminate(k, 2 if self.plan.paired[k] else 1)
         solution = self.solution(self.right)
-        main = [*self.outputs, *solution, self.power(solution[self.nq :])]
-        watched = [*self.kept, *map(self.square, self.rows)]
+        a, multipliers = solution[: self.nq], solution[self.nq :]
+        rest = self.blocks - 1
+        whole = [*a, *[self.zero] * (rest * self.nq), *multipliers, *[self.zero] * (rest * self.nc)]
+        main = [*self.outputs, *whole, self.power(multipliers)]
+        watched = [*self.kept, *[*map(self.square, self.rows)] * self.blocks]
         rhs_inputs, moved = (
             self.solution(self.other_right),
             self.solution(self.other_rhs)[: self.nq],

@@ -61,7 +61,7 @@ class Program(NamedTuple):
     inputs: int
 
 
-def assemble(tape: Tape, families: Sequence[str | None] = ()) -> Program:
+def assemble(tape: Tape, families: Sequence[str | None] = (), long: int = LONG) -> Program:
     """Put a tape in order.
 
     Parameters
@@ -69,6 +69,8 @@ def assemble(tape: Tape, families: Sequence[str | None] = ()) -> Program:
     tape : Tape
     families : sequence of str or None
         Labels of inputs: those that are alike have the same.
+    long : int
+        Operations from which vectors are looked for.
     """
     fixed = tape.inputs + len(tape.constants)
     of = _part_of_outputs(tape)
@@ -82,7 +84,7 @@ def assemble(tape: Tape, families: Sequence[str | None] = ()) -> Program:
         _sines_with_cosines(_products_with_sums(nodes, keep))
         for nodes, keep in zip(parts, needed, strict=True)
     ]
-    streams, count = _arranged(parts, needed, place, families, tape.isomorphic)
+    streams, count = _arranged(parts, needed, place, families, tape.isomorphic, long)
     registers = np.zeros(count)
     registers[tape.inputs : fixed] = tape.constants
     outputs = np.array([place[x] for x in tape.outputs], dtype=np.int32)
@@ -154,12 +156,13 @@ def _arranged(
     place: dict[int, int],
     families: Sequence[str | None],
     isomorphic: Sequence[Sequence[int]],
+    long: int,
 ) -> tuple[list[Int32], int]:
     """Return the streams of successive parts, whose needed results are kept, and how many places
     there are; complete ``place``.
     """
     count, operations = len(place), sum(map(len, parts))
-    if operations >= LONG:
+    if operations >= long:
         packing = Packing(dict(place), count, families, isomorphic)
         streams = packing.streams(parts, needed)
         if packing.packed >= WORTH * operations:

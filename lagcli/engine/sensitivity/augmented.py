@@ -7,72 +7,31 @@ each block are those of the motion,
     M s̈ = (G_q s + G_v ṡ + G_θ) + Bᵀλ_θ,  B s̈ = Γ_q s + Γ_v ṡ + Γ_θ,
     φ = 0,  φ_q s + φ_θ = 0,  ψ = 0,  B ṡ + ψ_q s + ψ_θ = 0.
 
-The right sides of the derivatives depend on a and λ. They are found in the tape, by an elimination
-that is written out there; equal operations are one, so that the matrix is factored once for all
-blocks. Projection, error control and dense output apply to the derivatives as to the motion.
+The right sides of the derivatives depend on a and λ, which the engines find first; the matrix is
+factored once for all blocks. Projection and dense output apply to the derivatives as to the motion.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.layout import (
     ConstraintLayout,
-    Counts,
     DynamicsLayout,
     SampleLayout,
-    UnrolledLayout,
 )
-from lagcli.engine.linear.elimination import Elimination
-from lagcli.engine.linear.unrolling import unroll
+from lagcli.engine.linear.blocks import Blocks, inputs_of
 from lagcli.engine.sensitivity.tangent import TangentTapes
-from lagcli.engine.state import State
-from lagcli.engine.system import JacobianTapes, Pattern, System
+from lagcli.engine.system import JacobianTapes, Pattern, System, TangentBlocks
 from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.tape import Tape
 
 
-@dataclass(frozen=True, eq=False)
-class Blocks:
-    """Where the numbers of the motion and of each direction stand in an augmented System.
-
-    Parameters
-    ----------
-    counts : Counts
-        Of the motion alone.
-    directions : int
-    """
-
-    counts: Counts
-    directions: int
-
-    @property
-    def total(self) -> Counts:
-        """The counts of the augmented System."""
-        return Counts(*(x * (1 + self.directions) for x in self.counts))
-
-    def coordinates(self, block: int) -> slice:
-        """Return the places of a block among the coordinates; block 0 is the motion."""
-        return slice(block * self.counts.nq, (block + 1) * self.counts.nq)
-
-    def constraints(self, block: int) -> slice:
-        """Return the places of a block among the constraints."""
-        return slice(block * self.counts.nc, (block + 1) * self.counts.nc)
-
-
-def augmented(
-    system: System,
-    tangent: TangentTapes,
-    names: Sequence[str],
-    elimination: Elimination,
-    independent: Sequence[int],
-) -> System:
-    """Return the System of the motion and its derivatives.
+def with_derivatives(system: System, tangent: TangentTapes, names: Sequence[str]) -> System:
+    """Return the System of the motion and its derivatives, in blocks that share a matrix.
 
     Parameters
     ----------
@@ -82,10 +41,6 @@ def augmented(
         Its variational equations in n directions.
     names : sequence of n str
         Of the directions.
-    elimination : Elimination
-        Of ``with_constraints(system, independent)``, by which a and λ are found in the tape.
-    independent : sequence of int
-        Constraints of which none follows from the others: all of them, unless some are redundant.
 
     Returns
     -------
@@ -98,170 +53,53 @@ def augmented(
     every = range(n + 1)
     labels = [[f"d{x}/d{name}" for x in system.coordinates] for name in names]
     rows = [[f"d{x}/d{name}" for x in system.constraints] for name in names]
-    constraints = (*system.constraints, *(x for row in rows for x in row))
     variation = None
     if system.variation is not None:
         variation = partial(_block_diagonal, blocks, system.held, system.variation)
     return System(
         coordinates=(*system.coordinates, *(x for row in labels for x in row)),
-        constraints=constraints,
+        constraints=(*system.constraints, *(x for row in rows for x in row)),
         holonomic=tuple(k * nc + i for k in every for i in system.holonomic),
         parameters=system.parameters,
         functions=system.functions,
         mass_pattern=_repeated(system.mass_pattern, n, nq, nq),
         jacobian_pattern=_repeated(system.jacobian_pattern, n, nc, nq),
-        dynamics=_AugmentedDynamics(system, tangent, elimination, independent, blocks).tape(),
+        dynamics=_dynamics_in_blocks(system, blocks),
         constraint=_constraint(system, tangent, blocks),
         report=Tape(SampleLayout(blocks.total).size - 1 + system.held, (), (), ()),
         variation=variation,
         same_unit=tuple(tuple(k * nq + j for j in g) for k in every for g in system.same_unit),
+        tangent=TangentBlocks(system, n, tangent.dynamics),
     )
-
-
-def repeated_elimination(elimination: Elimination, blocks: Blocks) -> Elimination:
-    """Return the elimination of all blocks in the order of one."""
-    n, nq, nc = blocks.directions, blocks.counts.nq, blocks.counts.nc
-    size, all_q = nq + nc, blocks.total.nq
-
-    def unknown(k: int, u: int) -> int:
-        return k * nq + u if u < nq else all_q + k * nc + u - nq
-
-    every = range(n + 1)
-    return Elimination(
-        tuple(unknown(k, u) for k in every for u in elimination.order),
-        elimination.paired * (n + 1),
-        tuple(tuple(k * size + i for i in column) for k in every for column in elimination.columns),
-        elimination.smallest,
-    )
-
-
-def with_constraints(system: System, kept: Sequence[int]) -> System:
-    """Return a System with some of its constraints alone; it has only dynamics."""
-    if len(kept) == len(system.constraints):
-        return system
-    number = {i: row for row, i in enumerate(kept)}
-    outputs, at = system.dynamics.outputs, DynamicsLayout(system.counts)
-    entries = [
-        (pair, x)
-        for pair, x in zip(system.jacobian_pattern, outputs[at.jacobian], strict=True)
-        if pair[0] in number
-    ]
-    rhs = outputs[at.rhs]
-    return replace(
-        system,
-        constraints=tuple(system.constraints[i] for i in kept),
-        holonomic=tuple(number[i] for i in system.holonomic if i in number),
-        jacobian_pattern=tuple((number[i], j) for (i, j), _ in entries),
-        dynamics=system.dynamics._replace(
-            outputs=(
-                *outputs[at.mass_matrix],
-                *outputs[at.forcing],
-                *(x for _, x in entries),
-                *(rhs[i] for i in kept),
-                *outputs[at.power],
-            )
-        ),
-    )
-
-
-def independent_constraints(system: System, state: State, rank: int) -> tuple[int, ...]:
-    """Return constraints whose rows of B are independent at a state, as many as its rank."""
-    nc = len(system.constraints)
-    if rank == nc:
-        return tuple(range(nc))
-    from scipy.linalg import qr
-
-    evaluator = Evaluator(system, state.p)
-    c = evaluator.constraints(state.t, state.q, state.v)
-    sizes = evaluator.sizes(state.t, state.q, state.v)
-    lengths = evaluator.row_lengths(c, state.q, state.v, sizes)
-    _, order = qr((c.jacobian * sizes / lengths[:, None]).T, mode="r", pivoting=True)
-    return tuple(sorted(int(i) for i in order[:rank]))
 
 
 def _repeated(pattern: Pattern, n: int, rows: int, columns: int) -> Pattern:
     return tuple((k * rows + i, k * columns + j) for k in range(n + 1) for i, j in pattern)
 
 
-class _AugmentedDynamics(Arithmetic):
-    """Emits the dynamics of the augmented System."""
-
-    def __init__(
-        self,
-        system: System,
-        tangent: TangentTapes,
-        elimination: Elimination,
-        independent: Sequence[int],
-        blocks: Blocks,
-    ):
-        parameters = system.held
-        super().__init__(
-            1 + 2 * blocks.total.nq + parameters, parameters, functions=system.functions
-        )
-        self.system, self.tangent, self.blocks = system, tangent, blocks
-        self.independent = list(independent)
-        self.inner = with_constraints(system, independent)
-        self.solved = unroll(self.inner, elimination)
-        self.at = UnrolledLayout(self.inner.counts)
-
-    def tape(self) -> Tape:
-        system, blocks = self.system, self.blocks
-        nq, nc, n = blocks.counts.nq, blocks.counts.nc, blocks.directions
-        q, v, p = _inputs(blocks, self.parameters)
-        state = [0, *q[:nq], *v[:nq]]
-        out = self.splice(system.dynamics, [*state, *p])
-        of = DynamicsLayout(system.counts)
-        solution = self.solve([*state, *p])
-        sides = self.splice(
-            self.tangent.dynamics,
-            [*state, *solution[:nq], *self.all_multipliers(solution), *q[nq:], *v[nq:], *p],
-        )
-        force, rhs = out[of.forcing], out[of.rhs]
-        power = out[of.power][0]
-        entries = list(zip(system.jacobian_pattern, out[of.jacobian], strict=True))
-        for k in range(n):
-            first = k * (nq + nc)
-            own_force, own_rhs = sides[first : first + nq], sides[first + nq : first + nq + nc]
-            force, rhs = force + own_force, rhs + own_rhs
-            # the engine adds the power λ_θ·(B ṡ), which is none of the motion's
-            found = self.all_multipliers(self.solve([*state, *p], own_force, own_rhs))
-            for (i, j), b in entries:
-                speed = self.times(b, v[(k + 1) * nq + j])
-                power = self.minus(power, self.times(found[i], speed))
-        return self.finish(
-            [
-                *out[of.mass_matrix] * (n + 1),
-                *force,
-                *out[of.jacobian] * (n + 1),
-                *rhs,
-                power,
-            ]
-        )
-
-    def solve(
-        self, inputs: Sequence[int], force: Sequence[int] = (), rhs: Sequence[int] = ()
-    ) -> list[int]:
-        """Emit a and λ of the independent constraints, for the motion or for another right side."""
-        size = self.inner.counts.unknowns
-        if not force:
-            return self.splice(self.solved, inputs, range(*self.at.solution.indices(10**9)))
-        given = [*inputs, *force, *(rhs[i] for i in self.independent)]
-        first = len(self.solved.outputs) - self.solved.deferred[1] - self.solved.deferred[2]
-        return self.splice(self.solved, given, range(first, first + size))
-
-    def all_multipliers(self, solution: Sequence[int]) -> list[int]:
-        """Return λ of all constraints: redundant ones have none."""
-        found = [self.zero] * self.blocks.counts.nc
-        for i, x in zip(self.independent, solution[self.blocks.counts.nq :], strict=True):
-            found[i] = x
-        return found
-
-
-def _inputs(blocks: Blocks, parameters: int) -> tuple[list[int], list[int], list[int]]:
-    """Return the inputs of the augmented System's tapes: q, v and the parameters."""
-    nq = blocks.total.nq
-    places = range(1 + 2 * nq + parameters)
-    return [*places[1 : 1 + nq]], [*places[1 + nq : 1 + 2 * nq]], [*places[1 + 2 * nq :]]
+def _dynamics_in_blocks(system: System, blocks: Blocks) -> Tape:
+    """Return the dynamics of the motion with the entries of M and B of all blocks."""
+    parameters, n = system.held, blocks.directions
+    builder = Arithmetic(
+        1 + 2 * blocks.total.nq + parameters, parameters, functions=system.functions
+    )
+    q, v, p = inputs_of(blocks, parameters)
+    nq, nc = blocks.counts.nq, blocks.counts.nc
+    out, of = (
+        builder.splice(system.dynamics, [0, *q[:nq], *v[:nq], *p]),
+        DynamicsLayout(system.counts),
+    )
+    return builder.finish(
+        [
+            *out[of.mass_matrix] * (n + 1),
+            *out[of.forcing],
+            *[builder.zero] * (n * nq),
+            *out[of.jacobian] * (n + 1),
+            *out[of.rhs],
+            *[builder.zero] * (n * nc),
+            *out[of.power],
+        ]
+    )
 
 
 def _constraint(system: System, tangent: TangentTapes, blocks: Blocks) -> Tape:
@@ -271,12 +109,12 @@ def _constraint(system: System, tangent: TangentTapes, blocks: Blocks) -> Tape:
     builder = Arithmetic(
         1 + 2 * blocks.total.nq + parameters, parameters, functions=system.functions
     )
-    q, v, p = _inputs(blocks, parameters)
+    q, v, p = inputs_of(blocks, parameters)
     own, of = (
         builder.splice(system.constraint, [0, *q[:nq], *v[:nq], *p]),
         ConstraintLayout(system.counts),
     )
-    sides = builder.splice(tangent.constraint, [0, *q[:nq], *v[:nq], *q[nq:], *v[nq:], *p])
+    sides = builder.splice(tangent.constraint, [0, *q, *v, *p])
     sizes = np.cumsum([n * nh, n * nc, n * nh])
     positions, drifts, position_scales, velocity_scales = (
         [*part] for part in _split(sides, sizes.tolist())

@@ -91,8 +91,8 @@ def start_derivatives(
     sizes = evaluator.sizes(t, q, v)
 
     def residuals() -> tuple[Array, Array, Array, Array]:
-        inputs = (t, *q.tolist(), *v.tolist(), *s.ravel().tolist(), *u.ravel().tolist(), *state.p)
-        out = np.array(tape(inputs))
+        inputs = (t, *q, *s.ravel(), *v, *u.ravel(), *state.p)
+        out = np.array(tape(tuple(map(float, inputs))))
         first, second, third = n * nh, n * (nh + nc), n * (2 * nh + nc)
         velocity = out[first:second].reshape(n, nc) + u @ jacobian.T
         return (

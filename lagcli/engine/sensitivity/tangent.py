@@ -33,9 +33,9 @@ class TangentTapes:
     directions : int
         n.
     dynamics : Tape
-        (t, q, v, a, λ, s, ṡ, parameters) → (force, rhs) of each direction: nq + nc numbers.
+        (t, q, s, v, ṡ, a, λ, parameters) → (force, rhs) of each direction: nq + nc numbers.
     constraint : Tape
-        (t, q, v, s, ṡ, parameters) → (φ_q s + φ_θ of all directions, ψ_q s + ψ_θ of all
+        (t, q, s, v, ṡ, parameters) → (φ_q s + φ_θ of all directions, ψ_q s + ψ_θ of all
         directions, scales of the former, scales of B ṡ + ψ_q s + ψ_θ).
     """
 
@@ -68,8 +68,7 @@ def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentT
     found = variational_equations(eq, directions)
     parameters = [se.Symbol(name) for name in eq.model.parameters]
     functions = input_functions(eq.model)
-    state, motion = [TIME, *eq.q, *eq.v], [*eq.a, *eq.multipliers]
-    changes = [*chain(*found.positions), *chain(*found.rates)]
+    state = [TIME, *eq.q, *chain(*found.positions), *eq.v, *chain(*found.rates)]
     velocity = [
         se.Add(*[b * u[j] for j, b in c.row.items()], drift)
         for u, drifts in zip(found.rates, found.drift, strict=True)
@@ -81,13 +80,13 @@ def lower_tangent(equations: Equations, directions: Sequence[Rates]) -> TangentT
         directions=len(directions),
         dynamics=compile_tape(
             [x for force, rhs in pairs for x in (*force, *rhs)],
-            [*state, *motion, *changes],
+            [*state, *eq.a, *eq.multipliers],
             parameters,
             functions,
         ),
         constraint=compile_tape(
             [*positions, *drifts, *map(magnitude, positions), *map(magnitude, velocity)],
-            [*state, *changes],
+            state,
             parameters,
             functions,
         ),

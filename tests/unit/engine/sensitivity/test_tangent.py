@@ -24,12 +24,13 @@ DIRECTIONS = [{"m": se.Integer(1)}, {"l": se.Integer(1)}]
 STATE = (0.0, 0.6, -0.8, 0.3, 0.4)  # t, q, v
 MOTION = (1.0, 2.0, -3.0)  # a, λ
 CHANGES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)  # s of both directions, then ṡ
+WHOLE = (*STATE[:3], *CHANGES[:4], *STATE[3:], *CHANGES[4:])  # t, q, s, v, ṡ
 P = (2.0, 3.0, 9.81)
 
 
 def test_the_right_sides_are_the_derivatives_along_each_direction() -> None:
     tapes = lower_tangent(ROD, DIRECTIONS)
-    found = ScalarTape(tapes.dynamics)((*STATE, *MOTION, *CHANGES, *P))
+    found = ScalarTape(tapes.dynamics)((*WHOLE, *MOTION, *P))
     expected = []
     for k, of_mass in enumerate((1.0, 0.0)):
         s, u = np.array(CHANGES[2 * k : 2 * k + 2]), np.array(CHANGES[4 + 2 * k : 6 + 2 * k])
@@ -40,7 +41,7 @@ def test_the_right_sides_are_the_derivatives_along_each_direction() -> None:
 
 
 def test_constraints_are_linearized_with_their_scales() -> None:
-    found = ScalarTape(lower_tangent(ROD, DIRECTIONS).constraint)((*STATE, *CHANGES, *P))
+    found = ScalarTape(lower_tangent(ROD, DIRECTIONS).constraint)((*WHOLE, *P))
     phi = [2 * (0.6 * 0.1 - 0.8 * 0.2), 2 * (0.6 * 0.3 - 0.8 * 0.4) - 6.0]
     drift = [2 * (0.3 * 0.1 + 0.4 * 0.2), 2 * (0.3 * 0.3 + 0.4 * 0.4)]
     np.testing.assert_allclose(found[:4], [*phi, *drift], rtol=1e-14)
