@@ -18,6 +18,7 @@ from lagcli.settings.settings import Settings
 if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
     from lagcli.engine.linear.elimination import Elimination
+    from lagcli.engine.switching.switching import ContactChange
 
 Status = Literal["completed", "stopped-by-event", "failed", "interrupted"]
 
@@ -53,6 +54,15 @@ Reaction = Literal["go on", "stop"] | tuple[Array, Array]
 Occurrence = Literal[
     "closes", "opens", "slips", "sticks", "impact", "rest", "releases", "engages", "event"
 ]
+#: What an occurrence is as a change of a contact that events name.
+CHANGES: dict[Occurrence, ContactChange] = {
+    "closes": "closes",
+    "rest": "closes",
+    "opens": "opens",
+    "slips": "slips",
+    "sticks": "sticks",
+    "impact": "impacts",
+}
 
 
 class EventEntry(NamedTuple):

@@ -10,7 +10,7 @@ from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.linear.sparse import MatrixPattern, PivotOrder
 from lagcli.engine.program.program import Program
 from lagcli.engine.state import State
-from lagcli.engine.switching.problem import ContactProblem
+from lagcli.engine.switching.problem import ContactProblem, ContactSolution
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.system import JacobianTapes, System
 from lagcli.engine.tape.tape import Tape
@@ -132,7 +132,13 @@ class SwitchingIntegrator(Integrator):
     @property
     def contacts(self) -> _Array: ...
     @property
-    def gained(self) -> float: ...
+    def gain(self) -> tuple[float, bool, bool]: ...
+    @property
+    def margin(self) -> float: ...
+    @property
+    def struck(self) -> list[int]: ...
+    @property
+    def problem(self) -> tuple[list[int], ContactProblem, list[ContactSolution]]: ...
     @property
     def begun(self) -> bool: ...
     @property

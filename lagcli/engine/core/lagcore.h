@@ -189,13 +189,25 @@ typedef struct {
     const double *y;                   /* 2 nq + 1 */
     const int *mode, *active;          /* rows */
     const double *gap, *speed, *force; /* rows: phi, psi, z, each by the row's sign */
-    double gained;                     /* energy by the last impact */
+    double gained;                     /* energy by the last impact, refused ... */
+    int rubbed, alike;                 /* ... whether it had friction, contacts of one restitution */
+    const int *takes_part;             /* rows: in the last impact */
+    double margin;                     /* how unique the forces are while something slips: 0 of a jam */
     int found;                         /* what the last contact problem has: core/contact/contact.h */
     int begun;                         /* whether the modes at the start are known ... */
     const int *first_mode;             /* ... which are these */
     const double *before;              /* n: the state as the instant begins ... */
     const double *a, *multipliers;     /* ... nq, nc (all constraints): which are 0 at the start */
 } lag_instant_report;
+
+/* The last contact problem of a run, and its solutions: core/contact/contact.h. */
+typedef struct {
+    int n;
+    const int *row, *law;              /* n */
+    const double *matrix, *offset, *static_limit, *static_slope, *kinetic_limit, *kinetic_slope;
+    const double *force[2], *motion[2];
+    const int *mode[2];
+} lag_contact_report;
 
 typedef struct {
     int which, direction;              /* which function; 1 where it rises, -1 where it falls */
@@ -274,6 +286,7 @@ int lag_use_functions(lag_run *run, const lag_function *functions, int count);
  */
 int lag_use_switching(lag_run *run, const lag_switching_rules *rules);
 lag_instant_report lag_instant_of(lag_run *run);
+lag_contact_report lag_contacts_of(lag_run *run);
 int lag_condition_happened(lag_run *run, int which);
 int lag_condition_holds(const lag_run *run, int which);
 void lag_place(lag_run *run, const double *y);

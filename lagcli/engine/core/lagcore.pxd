@@ -179,14 +179,32 @@ cdef extern from "lagcore.h" nogil:
         const double *speed
         const double *force
         double gained
+        int rubbed, alike
+        const int *takes_part
+        double margin
         int found, begun
         const int *first_mode
         const double *before
         const double *a
         const double *multipliers
 
+    ctypedef struct lag_contact_report:
+        int n
+        const int *row
+        const int *law
+        const double *matrix
+        const double *offset
+        const double *static_limit
+        const double *static_slope
+        const double *kinetic_limit
+        const double *kinetic_slope
+        const double *force[2]
+        const double *motion[2]
+        const int *mode[2]
+
     int lag_use_switching(lag_run *run, const lag_switching_rules *rules)
     lag_instant_report lag_instant_of(lag_run *run)
+    lag_contact_report lag_contacts_of(lag_run *run)
     int lag_condition_happened(lag_run *run, int which)
     int lag_condition_holds(const lag_run *run, int which)
     void lag_place(lag_run *run, const double *y)

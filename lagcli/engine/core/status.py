@@ -41,6 +41,7 @@ class Status(_Described):
     TWO_MODES = "more than one motion of the contacts is possible"
     NO_IMPACT = "an impact has no solution"
     GAINS = "an impact would gain energy"
+    VIOLATED = "an action at an instant has moved a contact beyond its surface"
     JAMMED = "a contact force grows without bound while its contact slides"
 
 

@@ -1,6 +1,6 @@
 """Runs whose constraints switch; engine/switching/switching.py."""
 
-from lagcli.engine.switching.problem import ContactLaw
+from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
 
 
 cdef class SwitchingIntegrator(Integrator):
@@ -119,9 +119,43 @@ cdef class SwitchingIntegrator(Integrator):
         ])
 
     @property
-    def gained(self):
-        """Energy that the last impact would gain, J."""
-        return lag_instant_of(self.run).gained
+    def gain(self):
+        """Energy that the last impact would gain, J; whether it had friction; one restitution."""
+        cdef lag_instant_report report = lag_instant_of(self.run)
+        return report.gained, bool(report.rubbed), bool(report.alike)
+
+    @property
+    def margin(self):
+        """How unique the forces are while something slips: 1 without friction, 0 where it jams."""
+        return lag_instant_of(self.run).margin
+
+    @property
+    def struck(self):
+        """The rows that take part in the last impact."""
+        cdef lag_instant_report report = lag_instant_of(self.run)
+        return [i for i in range(self.rows) if report.takes_part[i]]
+
+    @property
+    def problem(self):
+        """The last contact problem of accelerations: its rows, and (force, motion, modes) of its motions."""
+        cdef lag_contact_report r = lag_contacts_of(self.run)
+        cdef int n = r.n
+        problem = ContactProblem(
+            _copy(r.matrix, n * n).reshape(n, n),
+            _copy(r.offset, n),
+            np.array([r.law[i] for i in range(n)]),
+            _copy(r.static_limit, n),
+            _copy(r.kinetic_limit, n),
+            _copy(r.static_slope, n * n).reshape(n, n),
+            _copy(r.kinetic_slope, n * n).reshape(n, n),
+        )
+        motions = [
+            ContactSolution(
+                _copy(r.force[k], n), _copy(r.motion[k], n), np.array([r.mode[k][i] for i in range(n)])
+            )
+            for k in range(lag_instant_of(self.run).found)
+        ]
+        return [r.row[i] for i in range(n)], problem, motions
 
     def place(self, y):
         """Set the state at an instant."""

@@ -8,24 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
-from lagcli.engine.contract import EventEntry, Occurrence
+from lagcli.engine.contract import CHANGES, EventEntry, Occurrence
 from lagcli.engine.integrate.phases import Phases
 from lagcli.engine.switching.problem import ContactLaw
 from lagcli.engine.switching.reference.coupling import Coupling
 from lagcli.engine.switching.reference.instant import ImpactOutcome, NextModes
-from lagcli.engine.switching.reference.stops import cannot_engage, endless, jams, sets_violation
-from lagcli.engine.switching.switching import ContactChange, RowMode
+from lagcli.engine.switching.stops import cannot_engage, endless, jams, sets_violation
+from lagcli.engine.switching.switching import RowMode
 
 #: Rounds at one instant after which it does not end.
 _ROUNDS = 100
-_CHANGES: dict[Occurrence, ContactChange] = {
-    "impact": "impacts",
-    "closes": "closes",
-    "rest": "closes",
-    "opens": "opens",
-    "slips": "slips",
-    "sticks": "sticks",
-}
 
 
 class Resolved(NamedTuple):
@@ -78,7 +70,7 @@ class InstantResolution:
             if not fired or self.stop is not None:
                 break
         else:
-            raise endless(self.t, self.run.happenings(self.entries))
+            raise endless(self.t, self.run.system, self.entries)
         self.work += self._energy() - before
         self.run.entries += self.entries
         return Resolved(np.concatenate([self.q, self.v, [self.work]]), self.modes, self.stop)
@@ -99,7 +91,7 @@ class InstantResolution:
             kind, k = run.watched[number]
             row = self.rows[k]
             if kind == "jam":
-                raise jams(self.t, self.names[row.row if row.normal is None else row.normal])
+                raise jams(self.t, run.system, [row])
             if kind == "force":
                 ended.add(k)
             elif kind == "gap":
@@ -196,7 +188,7 @@ class InstantResolution:
             zero_set = self._impact(taking)
             ended = ended - set(taking)
         else:
-            raise endless(self.t, self.run.happenings(self.entries))
+            raise endless(self.t, self.run.system, self.entries)
         resting = set(np.flatnonzero(touching & (np.abs(rates) <= zero)).tolist()) - ended
         fallen = self._fallen(touching & (rates > zero), resting, pinned) if zero_set else set()
         found = self._modes(resting | fallen, pinned)
@@ -322,7 +314,7 @@ class InstantResolution:
     def _following(self, entries: Sequence[EventEntry], started: bool) -> list[int]:
         """Return the rules that fire by what has happened in this round."""
         run = self.run
-        happened = {(x.which, _CHANGES[x.occurrence]) for x in entries if x.occurrence in _CHANGES}
+        happened = {(x.which, CHANGES[x.occurrence]) for x in entries if x.occurrence in CHANGES}
         fired = [
             k
             for k, rule in enumerate(run.switching.events)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -97,14 +97,6 @@ class Phases:
         """Return the total energy."""
         nothing = (0.0,) * (len(q) + len(self.system.constraints))
         return self._report((t, *q.tolist(), *v.tolist(), *nothing, *self.full.p))[_ENERGY]
-
-    def happenings(self, entries: Sequence[EventEntry]) -> Iterator[str]:
-        """Yield what has happened, in words."""
-        for entry in entries:
-            if entry.occurrence == "event":
-                yield f"`{self.switching.events[entry.which].name}`"
-            else:
-                yield f"`{self.system.constraints[entry.which]} {entry.occurrence}`"
 
     def measure(self, t: float, y: Array) -> None:
         """Keep the largest scales of the rows."""

@@ -25,6 +25,7 @@ from lagcli.engine.contract import (
     IntegrationRequest,
     Limits,
     OneSidedLimits,
+    Stop,
     Stopped,
     Undefined,
     breaks_of,
@@ -201,7 +202,11 @@ class ScipyIntegration:
         if motion.undefined is not None:
             raise Undefined(motion.undefined)
         remark = f" ({message})" if message else ""
-        raise self.watch.floor(t, solver.y, self.settings.method, remark)
+        raise self.floor(t, solver.y, remark)
+
+    def floor(self, t: float, y: Array, remark: str) -> Stop:
+        """Return the end of a run whose step size fell to the floor."""
+        return self.watch.floor(t, y, self.settings.method, remark)
 
     def accept(self, solver: OdeSolver, t_old: float, y_old: Array) -> tuple[float, Array, bool]:
         """Sample the last step, and return the state at its end, on the constraints.

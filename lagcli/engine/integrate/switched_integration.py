@@ -14,14 +14,15 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.constraints.singular import RankWatch
-from lagcli.engine.contract import Block, IntegrationRequest, Stopped
+from lagcli.engine.contract import Block, IntegrationRequest, Stop, Stopped
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.instants import InstantResolution
 from lagcli.engine.integrate.phases import Phases
 from lagcli.engine.integrate.scipy_integration import ScipyIntegration
 from lagcli.engine.switching.recorded_instants import RecordedInstants
 from lagcli.engine.switching.reference.crossings import Crossings, first_crossings
-from lagcli.engine.switching.reference.stops import endless
+from lagcli.engine.switching.stops import endless, jamming, jams
+from lagcli.engine.switching.switching import RowMode
 from lagcli.engine.system import System
 
 #: Instants at one time after which it does not end; of max(|t|, 1): times of one instant.
@@ -124,6 +125,14 @@ class SwitchedIntegration(ScipyIntegration):
             return t_old, inside(t_old)
         return self.instant(inside, found.time, found.numbers)
 
+    def floor(self, t: float, y: Array, remark: str) -> Stop:
+        """Return the end of a run whose step size fell to the floor, by jamming or otherwise."""
+        modes = zip(self.phases.rows, self.phases.modes, strict=True)
+        slipping = [row for row, mode in modes if RowMode(int(mode)).slips]
+        if jamming(self.phases.motion.margin, slipping):
+            return jams(t, self.system, slipping)
+        return super().floor(t, y, remark)
+
     def _timed_rules(self) -> set[int]:
         times = self.phases.switching.condition_times
         return {
@@ -145,7 +154,7 @@ class SwitchedIntegration(ScipyIntegration):
         self._rounds = self._rounds + 1 if step <= _SAME * max(abs(t), 1.0) else 0
         self._last = t
         if self._rounds > _ROUNDS:
-            raise endless(t, self.phases.happenings(self.entries[-_ROUNDS:]))
+            raise endless(t, self.system, self.entries)
         y = self.project(t, inside(t))
         y = self.resolve(t, y, numbers, started=True)
         for at in self.due(t):

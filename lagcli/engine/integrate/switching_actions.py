@@ -155,7 +155,6 @@ class Actions:
         out = self._constraint((self.core.t, *y[:-1].tolist(), *self._held))
         gap, size = out[place], out[counts.nh + counts.nb + counts.nc + place]
         if abs(gap) > _ENGAGED * size:
-            raise Stop(
-                f"{system.constraints[constraint]} cannot be engaged at t = {self.core.t:.9g} s:"
-                f" phi = {gap:.6g}"
-            )
+            from lagcli.engine.switching.stops import cannot_engage
+
+            raise cannot_engage(self.core.t, system.constraints[constraint], gap)

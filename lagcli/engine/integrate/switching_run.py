@@ -14,12 +14,12 @@ import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.contract import (
+    CHANGES,
     Block,
     EventEntry,
     IntegrationRequest,
     Occurrence,
     Outcome,
-    Stop,
 )
 from lagcli.engine.core import binding
 from lagcli.engine.core.status import Status
@@ -27,28 +27,25 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.compiled_run import Integration
 from lagcli.engine.integrate.switching_actions import Actions
 from lagcli.engine.linear import dense
-from lagcli.engine.switching.messages import no_end, refusal
 from lagcli.engine.switching.recorded_instants import RecordedInstants
 from lagcli.engine.switching.splitting import SplitSystem
-from lagcli.engine.switching.switching import ContactChange
 from lagcli.engine.system import System
 
 #: Entries of the log that the core keeps.
 _LOG_ROWS = 512
 _OCCURRENCES: tuple[Occurrence, ...] = ("closes", "opens", "slips", "sticks", "impact", "rest")
-#: What an occurrence is as a change of a contact that events name.
-_CHANGES: dict[Occurrence, ContactChange] = {
-    "closes": "closes",
-    "rest": "closes",
-    "opens": "opens",
-    "slips": "slips",
-    "sticks": "sticks",
-    "impact": "impacts",
-}
 #: What events of the model do.
 _OF_EVENTS: tuple[Occurrence, ...] = ("event", "releases", "engages")
 #: What ends a run at a contact.
-_REFUSED = (Status.NO_MODE, Status.TWO_MODES, Status.NO_IMPACT, Status.GAINS, Status.JAMMED)
+_REFUSED = (
+    Status.ENDLESS,
+    Status.NO_MODE,
+    Status.TWO_MODES,
+    Status.NO_IMPACT,
+    Status.GAINS,
+    Status.VIOLATED,
+    Status.JAMMED,
+)
 #: What takes the steps while a row holds or slips, or a force depends on λ.
 _ACTING = "DOP853"
 _IMPACTS = ("poisson", "newton", "sequential")
@@ -120,12 +117,13 @@ class SwitchingIntegration(Integration):
         if status == Status.RESOLVED:
             self.resolve()
             return False
-        if status == Status.ENDLESS:
+        if status in _REFUSED or status == Status.FLOOR:
+            from lagcli.engine.switching.messages import refusal
+
             self.collect()
-            raise Stop(no_end(self.whole, core.t, self.log))
-        if status in _REFUSED:
-            self.collect()
-            raise Stop(refusal(self.split_system, status, core, self.settings.impacts))
+            stop = refusal(self.split_system, status, core, self.settings.impacts, self.log)
+            if stop is not None:
+                raise stop
         return super().handle_status(status)
 
     # events
@@ -135,7 +133,7 @@ class SwitchingIntegration(Integration):
         core = self.core
         self.collect()
         since, self.waiting = self.waiting, []
-        changes = [(e.which, _CHANGES[e.occurrence]) for e in since]
+        changes = [(e.which, CHANGES[e.occurrence]) for e in since]
         if not self.instants.open:
             y, a, multipliers = core.motion
             if not core.begun:  # nothing has moved yet

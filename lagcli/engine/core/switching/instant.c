@@ -17,6 +17,7 @@
 
 #define ROUNDS 100          /* at one instant without an end: there is none */
 #define SAME_INSTANT 1e-13  /* of the time, or of the step: an instant that is no later than the last one */
+#define BEYOND 10           /* gaps that count as none: what an action may not move a contact beyond */
 #define FALLS_BACK 1e-9     /* of an acceleration: a contact that has opened and closes again */
 
 /* What a row has ended at this instant, which does not begin again at it. */
@@ -129,6 +130,16 @@ static int collides(const lag_run *run)
     return 0;
 }
 
+/* Whether a contact is beyond its surface. */
+static int violated(const lag_run *run)
+{
+    const lag_switching *sw = &run->switching;
+    for (int i = 0; i < sw->rows; ++i)
+        if (sw->active[i] && sw->law[i] == LAG_UNILATERAL && sw->phi[i] < -BEYOND * lag_no_gap(sw, i))
+            return 1;
+    return 0;
+}
+
 /* What is known of the rows before the accelerations: those that are closed and do not separate rest. */
 static void states_of(const lag_run *run, int *state)
 {
@@ -179,7 +190,7 @@ static int collide(lag_run *run)
     const double t = run->step.t;
     double *y = run->step.y, *before = sw->start;
     lag_impact_report report = {sw->takes_part, sw->impulse, sw->impulse + sw->rows, sw->impulse + 2 * sw->rows,
-                                0.0, 0.0, 0.0};
+                                0.0, 0.0, 0.0, 0, 0};
     memcpy(before, y, (size_t)lag_size(&run->system) * sizeof(double));
     memset(sw->rests, 0, (size_t)sw->rows * sizeof(int));
     int found = lag_collide(run, t, y, sw->rests, &report), rest = 0;
@@ -193,6 +204,8 @@ static int collide(lag_run *run)
     if (found == LAG_NO_MOTION)
         return LAG_NO_IMPACT;
     sw->gained = report.gained;
+    sw->rubbed = report.rubbed;
+    sw->alike = report.alike;
     if (report.gained > 0.0)
         return LAG_GAINS;
     double supplied = report.supplied;
@@ -349,6 +362,8 @@ int lag_do_instant(lag_run *run)
             return LAG_ENDLESS;
         if (lag_find_rows(run, t, y))
             return LAG_UNDEFINED;
+        if (sw->moved && violated(run))
+            return LAG_VIOLATED;
         if (collides(run)) {
             status = collide(run);
             if (status != LAG_RUNNING)

@@ -127,6 +127,7 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
     --run->step.evaluations;
     memcpy(free, run->solver.a, (size_t)size * sizeof(double));
     const int n = list(sw, state, p.rows, p.law);
+    sw->problem = n;
     matrix_of(run, n, p.rows, p.matrix);
     for (int k = 0; k < sw->nf; ++k)
         lag_row_response(run, sw->rows + k);
@@ -193,6 +194,18 @@ int lag_settle(lag_run *run, double t, const double *y, const int *state, int *m
     for (int i = 0; i < n; ++i)
         mode[p.rows[i]] = first.mode[i];
     return found;
+}
+
+lag_contact_report lag_contacts_of(lag_run *run)
+{
+    const problem_arrays p = arrays_of(&run->switching);
+    return (lag_contact_report){
+        .n = run->switching.problem, .row = p.rows, .law = p.law, .matrix = p.matrix, .offset = p.offset,
+        .static_limit = p.limit[0], .static_slope = p.slope[0],
+        .kinetic_limit = p.limit[1], .kinetic_slope = p.slope[1],
+        .force = {p.force[0], p.force[1]}, .motion = {p.motion[0], p.motion[1]},
+        .mode = {p.mode[0], p.mode[1]},
+    };
 }
 
 void lag_share_forces(lag_run *run, double t, const double *y)
@@ -270,16 +283,24 @@ int lag_collide(lag_run *run, double t, double *y, const int *plastic, lag_impac
     }
     matrix_of(run, n, p.rows, p.matrix);
     memset(friction, 0, (size_t)n * n * sizeof(double));
+    double least = INFINITY, most = -INFINITY;
+    report->rubbed = 0;
     for (int i = 0; i < n; ++i) {
         const int row = p.rows[i];
         p.law[i] = plastic[row] ? LAG_FREE : sw->law[row];
         p.offset[i] = sw->psi[row];
         p.rounding[i] = ROUNDING_ERROR * sw->speed[row];
         restitution[i] = sw->restitution[row] < 0 ? 0.0 : OUT(&sw->impact, sw->restitution[row]);
+        report->rubbed |= sw->law[row] == LAG_LIMITED;
+        if (sw->law[row] == LAG_UNILATERAL) {
+            least = fmin(least, restitution[i]);
+            most = fmax(most, restitution[i]);
+        }
         for (int j = 0; j < n; ++j)
             if (sw->law[row] == LAG_LIMITED && p.rows[j] == sw->normal[row])
                 friction[i * n + j] = OUT(&sw->impact, sw->friction[row]);
     }
+    report->alike = !(least < most);
     const lag_impact impact = {.n = n, .matrix = p.matrix, .before = p.offset, .law = p.law,
                                .restitution = restitution, .friction = friction, .rounding = p.rounding};
     lag_impact_result result = {p.force[0], p.motion[0], p.force[1]};

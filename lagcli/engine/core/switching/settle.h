@@ -29,6 +29,7 @@ typedef struct {
     double *all;            /* of all constraints */
     double supplied, work;  /* by moving constraints; all that changes the energy */
     double gained;          /* more energy than there was, beyond rounding; else 0 */
+    int rubbed, alike;      /* whether there was friction; whether all contacts have one restitution */
 } lag_impact_report;
 
 /* The impact at (t, y) of rows that take part; those that are `plastic` end

@@ -155,7 +155,8 @@ lag_instant_report lag_instant_of(lag_run *run)
 {
     lag_switching *sw = &run->switching;
     return (lag_instant_report){run->step.t, run->step.y, sw->mode, sw->active, sw->phi, sw->psi,
-                                sw->trial_force, sw->gained, sw->found, sw->begun, sw->first_mode,
+                                sw->trial_force, sw->gained, sw->rubbed, sw->alike, sw->takes_part, sw->margin,
+                                sw->found, sw->begun, sw->first_mode,
                                 sw->before, sw->begin, sw->begin + run->system.nq};
 }
 

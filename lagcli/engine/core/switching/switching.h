@@ -120,7 +120,9 @@ typedef struct {
     int rounds;
     int found;                         /* of the last contact problem: what lag_solve_contacts returned */
     double instant, last, since;       /* when; the one before; up to where the last step was searched */
-    double gained;                     /* energy by the last impact */
+    int problem;                       /* rows of the last problem of accelerations */
+    double gained;                     /* energy by the last impact ... */
+    int rubbed, alike;                 /* ... whether it had friction, contacts of one restitution */
     double *before, *start;            /* n: scratch */
     int *mode_before, *ended, *state, *trial_mode, *takes_part, *rests, *came_to_rest; /* rows */
     int *first_mode;                   /* rows: at the start */

@@ -10,7 +10,7 @@ import numpy as np
 from lagcli.arrays import Array, Flags, Indices
 from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.constraints.projection import Projection
-from lagcli.engine.contract import Stop, Undefined
+from lagcli.engine.contract import Undefined
 from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import least_scales
@@ -19,8 +19,13 @@ from lagcli.engine.switching.impacts import ImpactLaw, ImpactProblem, resolve_im
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.switching.reference.coupling import Coupling
 from lagcli.engine.switching.reference.held import HeldEvaluator
-from lagcli.engine.switching.reference.stops import gains_energy, no_motion, two_motions
 from lagcli.engine.switching.reference.tapes import SwitchingTapes
+from lagcli.engine.switching.stops import (
+    gains_energy,
+    no_impact,
+    no_motion,
+    two_motions,
+)
 from lagcli.engine.switching.switching import RowMode
 
 #: Of a row's scale: velocities that count as zero. With the acceleration over the whole run in the
@@ -211,10 +216,7 @@ class InstantProblems:
         found = resolve_impact(problem, self.law)
         names = [self.system.constraints[self.rows[k].row] for k in contacts]
         if found is None:
-            raise Stop(
-                f"no velocities after the impact at t = {t:.9g} s obey the law of impacts at"
-                f" {', '.join(f'`{name}`' for name in names)}; choose another one with `impacts`"
-            )
+            raise no_impact(t, names)
         energy = float(np.abs(found.impulse * before).max(initial=0.0))
         if found.loss.sum() < -_GAIN * energy:
             alike = len(set(coefficients[: len(contacts)])) <= 1

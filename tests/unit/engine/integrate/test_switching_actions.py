@@ -74,7 +74,7 @@ def test_rows_are_engaged_where_they_are_met() -> None:
     assert [e.occurrence for e in doing.react([])] == ["event", "engages"]
     assert core.active == {0: True}
     doing, _ = actions([0.7, 0.0, 0.0], [1])
-    with pytest.raises(Stop, match=r"pin cannot be engaged at t = 0\.5 s: phi = -0\.3"):
+    with pytest.raises(Stop, match=r"`pin` cannot be engaged at t = 0\.5 s, phi = -0\.3"):
         doing.react([])
 
 

@@ -232,7 +232,7 @@ def test_an_impact_that_gains_energy_is_refused() -> None:
     outcome = SwitchingIntegration(prepared.system, prepared.request, lambda _: None, None).run()
     assert outcome.status == "failed"
     assert outcome.message == (
-        "an impact at t = 0 s would gain 0.0407 J (Newton's law with friction):"
+        "an impact would gain 0.04074 J (Newton's law with friction) at t = 0 s:"
         " use `impacts: poisson`"
     )
 
@@ -257,14 +257,14 @@ def test_friction_of_a_bilateral_constraint() -> None:
 
 
 @pytest.mark.parametrize(
-    ("load", "message"), [("6 N", "no motion is"), ("-6 N", "two motions are")]
+    ("load", "message"), [("6 N", "no motion is possible"), ("-6 N", "2 answers for the friction")]
 )
 def test_painleve(load: str, message: str) -> None:
     model = KLEIN.replace("MU", "1.2").replace("P2: 6 N", f"P2: {load}")
     prepared = simulation.prepare(lagcli.load_text(model), SettingsOverrides(t_end=0.1))
     outcome = SwitchingIntegration(prepared.system, prepared.request, lambda _: None, None).run()
     assert outcome.status == "failed"
-    assert outcome.message.startswith(f"{message} possible at `rough` at t = 0 s")
+    assert outcome.message.startswith(f"{message} at `rough` at t = 0 s")
 
 
 CLUTCH = """

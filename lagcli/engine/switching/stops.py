@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from lagcli.engine.contract import Stop
+from lagcli.engine.contract import CHANGES, EventEntry, Stop
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
-from lagcli.engine.switching.switching import RowMode
+from lagcli.engine.switching.switching import RowMode, SwitchedRow
+from lagcli.engine.system import System
+
+#: s, or of the time: what has happened at one instant.
+_SAME = 1e-9
+#: A margin of the motion at which forces, which are in inverse proportion to it, stop the steps.
+_JAMMING = 1e-3
 
 
 def gains_energy(t: float, energy: float, law: str, friction: bool, alike: bool) -> Stop:
@@ -37,6 +43,14 @@ def gains_energy(t: float, energy: float, law: str, friction: bool, alike: bool)
     return Stop(
         f"an impact would gain {energy:.4g} J ({name}{' ' * bool(why)}{why})"
         f" at t = {t:.9g} s: {remedy}"
+    )
+
+
+def no_impact(t: float, contacts: Sequence[str]) -> Stop:
+    """Return the end of a run at an impact that has no solution."""
+    return Stop(
+        f"no velocities after the impact at t = {t:.9g} s obey the law of impacts at"
+        f" {', '.join(f'`{name}`' for name in contacts)}; choose another one with `impacts`"
     )
 
 
@@ -69,8 +83,15 @@ def two_motions(
     )
 
 
-def jams(t: float, name: str) -> Stop:
-    """Return the end of a run whose contact force grows without bound while a row slips."""
+def jamming(margin: float, slipping: Sequence[SwitchedRow]) -> bool:
+    """Return whether a run whose steps become too small jams, by the margin of its motion."""
+    return bool(slipping) and abs(margin) < _JAMMING
+
+
+def jams(t: float, system: System, slipping: Sequence[SwitchedRow]) -> Stop:
+    """Return the end of a run whose contact force grows without bound while rows slip."""
+    first = slipping[0]
+    name = system.constraints[first.row if first.normal is None else first.normal]
     return Stop(
         f"lambda.{name} grows without bound while it slides (dynamic jam) at t = {t:.9g} s; the"
         " motion beyond is not determined"
@@ -133,7 +154,16 @@ def sets_violation(t: float, name: str, depth: float) -> Stop:
     )
 
 
-def endless(t: float, happenings: Iterable[str]) -> Stop:
-    """Return the end of a run whose events do not end."""
-    listed = ", ".join(dict.fromkeys(happenings))
-    return Stop(f"events do not end at t = {t:.9g} s: {listed}")
+def endless(t: float, system: System, entries: Sequence[EventEntry]) -> Stop:
+    """Return the end of a run whose events do not end, with what happened there last."""
+    assert system.switching is not None
+    listed = []
+    for entry in entries:
+        if entry.time < t - _SAME * max(abs(t), 1.0):
+            continue
+        if entry.occurrence == "event":
+            listed.append(f"`{system.switching.events[entry.which].name}`")
+        else:
+            change = CHANGES.get(entry.occurrence, entry.occurrence)
+            listed.append(f"`{system.constraints[entry.which]} {change}`")
+    return Stop(f"events do not end at t = {t:.9g} s: {', '.join(dict.fromkeys(listed))}")

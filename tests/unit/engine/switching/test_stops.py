@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from lagcli.engine.switching import stops
 from lagcli.engine.switching.contacts import contact_motions
-from lagcli.engine.switching.reference import stops
+from lagcli.engine.switching.switching import SwitchedRow
 from tests.unit.engine.switching.test_contacts import klein, painleve
 
 ROD = np.arctan(2)
@@ -46,15 +47,8 @@ def test_jamming_in_a_guide() -> None:
     assert "beyond the bound 1.155" in str(found)
 
 
-def test_other_ends() -> None:
-    assert str(stops.jams(1.5, "tip")) == (
-        "lambda.tip grows without bound while it slides (dynamic jam) at t = 1.5 s; the motion"
-        " beyond is not determined"
-    )
-    assert str(stops.cannot_engage(1.0, "pin", 0.3)).startswith(
-        "`pin` cannot be engaged at t = 1 s, phi = 0.3: "
-    )
-    assert str(stops.endless(2.0, ["`floor closes`", "`floor opens`", "`floor closes`"])) == (
-        "events do not end at t = 2 s: `floor closes`, `floor opens`"
-    )
-    assert "violates `floor` by 0.1 at t = 1 s" in str(stops.sets_violation(1.0, "floor", 0.1))
+def test_rows_that_jam() -> None:
+    slipping = [SwitchedRow(1, limit=0, normal=0)]
+    assert stops.jamming(1e-6, slipping)
+    assert not stops.jamming(0.5, slipping)
+    assert not stops.jamming(1e-6, [])
