@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
+
+from lagcli.results.listing import wrapped
 
 #: Columns of the text.
 WIDTH = 80
@@ -13,7 +14,7 @@ _LABEL = 9
 def entry(label: str, text: str, indent: int = 2) -> list[str]:
     """Return a label and a text beside it, wrapped."""
     before = " " * (indent + _LABEL)
-    first, *rest = textwrap.wrap(text, WIDTH - len(before), break_long_words=False) or [""]
+    first, *rest = wrapped(text, WIDTH - len(before)) or [""]
     return [f"{' ' * indent}{label:<{_LABEL}}{first}", *(before + line for line in rest)]
 
 

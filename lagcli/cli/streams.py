@@ -5,18 +5,35 @@ from __future__ import annotations
 import io
 import os
 import re
+import shutil
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from enum import IntEnum
 from typing import Any, TextIO
 
 from lagcli.errors import FileError
+
+#: Columns of text that goes to no terminal, and at least and at most those on a terminal.
+WIDTH, NARROWEST, WIDEST = 100, 60, 120
+
+
+class Colour(IntEnum):
+    """Colours of text, by their codes in an escape sequence."""
+
+    DEFAULT, RED, GREEN = 0, 31, 32
+
 
 #: What a terminal obeys or hides instead of showing it: control characters, marks that change the
 #: direction of text, separators of lines, halves of characters.
 _UNSEEN = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
 )
+
+
+#: The label of a line, with the spaces before the text beside it.
+_LABEL = re.compile(r" *\S+(?: \S+)*? {2,}(?=\S)")
+_ENTRY = re.compile(r"  \S{11} (?=\S)")  # a label of all columns that it has in a summary
 
 
 def visible(text: str) -> str:
@@ -117,6 +134,59 @@ def discard() -> None:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)
+
+
+def text_width(stream: TextIO | None = None) -> int:
+    """Return the columns of text on a stream: a terminal's within bounds, elsewhere 100."""
+    stream = stream or sys.stdout
+    if not stream.isatty():
+        return WIDTH
+    return max(NARROWEST, min(WIDEST, shutil.get_terminal_size().columns))
+
+
+def fitted(text: str, width: int) -> str:
+    """Return text whose lines are no wider than a terminal; numbers keep their names and units."""
+    if max(map(len, text.split("\n"))) <= width:
+        return text
+    from lagcli.results.listing import wrapped
+
+    found: list[str] = []
+    for line in text.split("\n"):
+        if len(line) <= width:
+            found.append(line)
+            continue
+        margin = len(line) - len(line.lstrip())
+        label = _LABEL.match(line) or _ENTRY.match(line)
+        below = label.end() if label else margin + 4 * (margin < 8)
+        if label is None or below > width // 2:
+            found += wrapped(line.strip(), width, " " * margin, " " * min(below, width // 3))
+        else:
+            found += wrapped(line[below:], width, label[0], " " * below)
+    return "\n".join(found)
+
+
+def print_text(text: str) -> None:
+    """Print text, fitted to the terminal if it goes to one."""
+    print(fitted(text, text_width()) if sys.stdout.isatty() else text)
+
+
+def print_coloured(text: str, word: str, colour: Colour, stream: TextIO) -> None:
+    """Print text with the first occurrence of a word in a colour.
+
+    Escape sequences in the text itself are shown, not obeyed.
+    """
+    before, found, after = text.partition(word)
+    print(before, end="", file=stream)
+    _command(stream, colour)
+    print(found, end="", file=stream)
+    _command(stream, Colour.DEFAULT)
+    print(after, file=stream)
+
+
+def _command(stream: TextIO, colour: Colour) -> None:
+    """Write an escape sequence past what makes escape sequences visible."""
+    stream.flush()
+    os.write(stream.fileno(), f"\x1b[{colour}m".encode())
 
 
 def has_colour(stream: TextIO, refused: bool = False) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import sys
 import textwrap
 from collections.abc import Mapping
@@ -21,8 +20,6 @@ from lagcli.json_values import json_values
 from lagcli.trajectory.extremes import Extremes, known
 from lagcli.trajectory.samples import ENDED, Record
 
-#: Columns of the summary, at most and at least.
-WIDTH, NARROWEST = 100, 60
 _LISTED = 20  # multipliers that a person reads
 
 
@@ -207,35 +204,6 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     else:
         lines.append(f"  {'written':<12}nothing (-o run.h5 keeps the trajectory)")
     return "\n".join(lines)
-
-
-def fitted(text: str, width: int) -> str:
-    """Return text whose lines are no wider than a terminal; numbers keep their names and units."""
-    found = []
-    for line in text.split("\n"):
-        if len(line) <= width:
-            found.append(line)
-            continue
-        margin = len(line) - len(line.lstrip())
-        below = 14 if margin in (2, 14) else margin + 4  # under the text of a label
-        whole = re.sub(r"(?<= [=→]) | (?=[=→] )|(?<=\bat t) |(?<=\d) (?=[A-Za-z%])", "\u00a0", line)
-        whole = re.sub(r"(?<=\bat) (?=t\b)|(?<=\bm[ai][nx]) +", "\u00a0", whole)
-        broken = textwrap.wrap(
-            whole.strip(),
-            width,
-            initial_indent=" " * margin,
-            subsequent_indent=" " * below,
-            break_long_words=False,
-            break_on_hyphens=False,
-        )
-        found += [x.replace("\u00a0", " ") for x in broken]
-    return "\n".join(found)
-
-
-def coloured(text: str, status: str) -> str:
-    """Return text whose first line has the status in colour: green, or red for a failure."""
-    code = 32 if status in ENDED else 31
-    return text.replace(f": {status}", f": \x1b[{code}m{status}\x1b[0m", 1)
 
 
 def _events(found: Mapping[str, Any]) -> list[str]:

@@ -13,12 +13,12 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.columns import RESIDUALS, ColumnName
 from lagcli.results.formats import FORMATS, format_of, open_reader
-from lagcli.results.listing import WIDTH, entry, number, pairs
+from lagcli.results.listing import WIDTH, entry, folded, number, pairs
 from lagcli.results.metadata import KIND, model_name, to_metadata
 from lagcli.trajectory.event_log import event_sentences
 from lagcli.trajectory.extremes import Extremes, known
 
-_entry = partial(entry, width=20)
+_LABEL = 20
 
 
 def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -122,19 +122,23 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
     }
 
 
-def format_info(info: Mapping[str, Any]) -> str:
+def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
     """Return the text that ``lagcli info`` prints.
 
     Parameters
     ----------
     info : mapping
         As `describe` returns it.
+    columns : int
+        Length of the longest line.
 
     Returns
     -------
     str
-        Lines of at most 100 columns, without a final newline.
+        Lines without a final newline.
     """
+    _entry = partial(entry, width=_LABEL, columns=columns)
+    _table = partial(table, columns=columns)
     sizes, time, units = info["sizes"], info["time"], info["units"]
     balance = info["energy_balance"]
     span = f"{number(time['first'])} to {number(time['last'])} s, " if sizes["samples"] else ""
@@ -153,7 +157,7 @@ def format_info(info: Mapping[str, Any]) -> str:
     lines += _entry("model", f"{info['model_name'] or 'without a name'}{digest}" if digest else "")
     lines += _entry("time", f"{span}{sizes['samples']} samples")
     for name in ("coordinates", "constraints", "outputs"):
-        shown = [_with_unit(n, units.get(n)) for n in info[name]]
+        shown = folded((n, _unit(units.get(n))) for n in info[name])
         lines += _entry(name, ", ".join(shown) or "none")
     tables = [f"{name} of {_table_of(x)}" for name, x in info["inputs"].items()]
     lines += _entry("inputs", ", ".join(tables))
@@ -222,7 +226,11 @@ def _table_of(table: Mapping[str, Any]) -> str:
 
 
 def _with_unit(name: str, unit: str | None) -> str:
-    return f"{name} [{unit}]" if unit else name
+    return name + _unit(unit)
+
+
+def _unit(unit: str | None) -> str:
+    return f" [{unit}]" if unit else ""
 
 
 def _ratio(value: float | None, scale: float | None) -> float | None:
@@ -264,13 +272,20 @@ def _freedom(found: Mapping[str, Any]) -> str:
     return text
 
 
-def _table(head: tuple[str, ...], rows: Mapping[str, list[str]]) -> list[str]:
+def table(head: tuple[str, ...], rows: Mapping[str, list[str]], columns: int) -> list[str]:
     """Return a table after an empty line: names on the left, numbers right-aligned."""
-    cells = 13  # -1.23457e-308
-    widest = WIDTH - (len(head) - 1) * (cells + 2)
-    left = min(widest, max(len(name) for name in (head[0], *rows)))
-    lines = [""]
-    for name, *numbers in (head, *((name, *numbers) for name, numbers in rows.items())):
+    lines = [head, *((name, *numbers) for name, numbers in rows.items())]
+    cells = [max(len(line[i]) for line in lines) for i in range(1, len(head))]
+    roomy = [max(cell, 13) for cell in cells]  # -1.23457e-308
+    if sum(roomy) + 2 * len(roomy) + len(head[0]) <= columns:
+        cells = roomy
+    left = columns - sum(cells) - 2 * len(cells)
+    left = max(len(head[0]), min(left, max(len(line[0]) for line in lines)))
+    found = [""]
+    for name, *numbers in lines:
         shown = name if len(name) <= left else name[: left - 1] + "…"
-        lines.append(f"{shown:<{left}}" + "".join(f"  {n:>{cells}}" for n in numbers))
-    return lines
+        found.append(
+            f"{shown:<{left}}"
+            + "".join(f"  {n:>{cell}}" for n, cell in zip(numbers, cells, strict=True))
+        )
+    return found

@@ -1,12 +1,22 @@
-"""Entries of what `info` prints: a label, and a text that is wrapped beside it."""
+"""Listings of what `info` and the analyses print: names with values and units, wrapped."""
 
 from __future__ import annotations
 
+import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+#: Columns of text that does not go to a terminal.
 WIDTH = 100
+#: Entries of a list without end, such as one for each coordinate, that are shown.
+_SHOWN = 24
+#: Spaces within a name with its value and unit: a = 1 m, x [m], rod[1] -4.905, 0 → 1, 12 steps.
+_WITHIN = re.compile(
+    r"(?<= [=→]) | (?=[=→] )|(?<= ->) | (?=-> )|(?<=\bat t) |(?<=\bat) (?=t\b)"
+    r"|(?<=\bm[ai][nx]) +|(?<=\d) (?=[A-Za-z%])|(?<=[\w\]']) (?=\[|[-−]?\d)"
+)
+_MEMBER = re.compile(r"([^\[\]]*\[)(\d+)(\].*)", re.DOTALL)
 
 
 def number(value: Any, digits: int = 6) -> str:
@@ -16,15 +26,80 @@ def number(value: Any, digits: int = 6) -> str:
     return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
+def wrapped(text: str, width: int, first: str = "", following: str = "") -> list[str]:
+    """Break a text into lines; a name stays with its value, a number with its unit.
+
+    Parameters
+    ----------
+    text : str
+    width : int
+        Columns, with the indentation.
+    first, following : str
+        What stands before the first line, and before the others.
+    """
+    found = textwrap.wrap(
+        _WITHIN.sub("\u00a0", text),
+        width,
+        initial_indent=first,
+        subsequent_indent=following,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return [line.replace("\u00a0", " ") for line in found]
+
+
+def folded(items: Iterable[tuple[str, str]]) -> list[str]:
+    """Return names with what follows them; consecutive members with the same as one: x[1..9] [m].
+
+    Parameters
+    ----------
+    items : iterable of (name, text)
+    """
+    runs: list[tuple[str, str, int, int]] = []  # before and after the index, first and last
+    for name, text in items:
+        member = _MEMBER.fullmatch(name)
+        if member is None:
+            runs.append((name, text, 0, -1))
+            continue
+        before, index, after = member[1], int(member[2]), member[3] + text
+        if runs and runs[-1][:2] == (before, after) and runs[-1][3] == index - 1:
+            runs[-1] = (before, after, runs[-1][2], index)
+        else:
+            runs.append((before, after, index, index))
+    shown: list[str] = []
+    for before, after, start, end in runs:
+        if end < start:
+            shown.append(before + after)
+        elif end - start < 2:
+            shown += [f"{before}{i}{after}" for i in range(start, end + 1)]
+        else:
+            shown.append(f"{before}{start}..{end}{after}")
+    return shown
+
+
 def pairs(values: Mapping[str, Any], units: Mapping[str, str] | None = None) -> str:
-    """Return ``name = value unit`` for each entry."""
-    shown = (f"{name} = {number(x)} {(units or {}).get(name, '')}" for name, x in values.items())
-    return ", ".join(map(str.rstrip, shown))
+    """Return ``name = value unit`` for each entry; of very many, the first."""
+    units = units or {}
+    shown = folded((name, _value(x, units.get(name, ""))) for name, x in values.items())
+    return ", ".join(shortened(shown))
 
 
-def entry(label: str, text: str, width: int) -> list[str]:
+def shortened(items: Sequence[str]) -> list[str]:
+    """Return items; of very many, the first, and how many more there are."""
+    if len(items) <= _SHOWN + 2:
+        return list(items)
+    return [*items[:_SHOWN], f"… {len(items) - _SHOWN} more (--json)"]
+
+
+def _value(value: Any, unit: str) -> str:
+    return f" = {number(value)}" + (f" {unit}" if unit not in ("", "1") else "")
+
+
+def entry(label: str, text: str, width: int, columns: int = WIDTH) -> list[str]:
     """Return a label of some width with its text, wrapped and indented; nothing for no text."""
     text = "".join(c if c.isprintable() or c.isspace() else "�" for c in text)
-    lines = textwrap.wrap(text, WIDTH - width, break_on_hyphens=False)
+    lines = []
+    for line in wrapped(text, columns - width):
+        lines += [line[i : i + columns - width] for i in range(0, len(line), columns - width)]
     labels = [label] + [""] * len(lines)
     return [f"{left:<{width}}{line}" for left, line in zip(labels, lines, strict=False)]

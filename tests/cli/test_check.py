@@ -128,3 +128,11 @@ def test_a_run_monitors_what_check_finds(lagcli, tmp_path):
 def test_the_energy_alone_is_not_monitored(lagcli):
     summary = json.loads(lagcli("simulate", MODELS / "atwood.yaml", "--json")[1])
     assert summary["conserved"] == {}
+
+
+def test_families_are_written_with_an_index(lagcli):
+    status, out, _ = lagcli("check", "chain")
+    assert status == 0
+    assert "rod[i]:" in out
+    assert "½ Σ(j=1..N) mⱼ (ẋⱼ² + ẏⱼ²)" in out
+    assert "rod[3]" not in out

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
+import os
 import re
+import struct
+import subprocess
+import sys
+import termios
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
 from lagcli.cli.app import run
-from lagcli.cli.streams import has_colour
-from lagcli.cli.summary import coloured, fitted
+from lagcli.cli.streams import fitted, has_colour
+from lagcli.equations.render.names import display_width
 
 MODELS = ["slider_crank", "chain", "parallelogram", "rolling_disk"]
 
@@ -72,6 +80,113 @@ def test_colour_is_for_terminals_that_do_not_refuse_it(monkeypatch: pytest.Monke
     assert not has_colour(Terminal())
 
 
-def test_the_status_is_coloured() -> None:
-    assert coloured("a: completed, t = 0", "completed") == "a: \x1b[32mcompleted\x1b[0m, t = 0"
-    assert "\x1b[31mfailed" in coloured("a: failed, t = 0", "failed")
+def in_terminal(arguments: list[str], columns: int, cwd: Path, **env: str) -> tuple[str, int]:
+    """Run lagcli in a terminal of some columns; return what it shows and its exit status."""
+    environment = {k: v for k, v in os.environ.items() if k not in ("COLUMNS", "NO_COLOR")}
+    environment |= {"TERM": "xterm", "PYTHONIOENCODING": "utf-8", **env}
+    ours, theirs = os.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 50, columns, 0, 0))
+    command = [sys.executable, "-m", "lagcli", *arguments]
+    with subprocess.Popen(
+        command, stdin=theirs, stdout=theirs, stderr=theirs, cwd=cwd, env=environment
+    ) as process:
+        os.close(theirs)
+        shown = b""
+        with suppress(OSError):  # the other end is closed
+            while part := os.read(ours, 65536):
+                shown += part
+    os.close(ours)
+    return shown.decode().replace("\r\n", "\n"), process.returncode
+
+
+RUN = ["simulate", "slider_crank", "--t-end", "0.05"]
+
+
+def test_the_status_is_coloured_in_a_terminal(tmp_path: Path) -> None:
+    shown, status = in_terminal(RUN, 80, tmp_path)
+    assert status == 0
+    assert "slider_crank: \x1b[32mcompleted\x1b[0m, t = 0" in shown
+    assert shown.count("\x1b") == 2
+    for options, env in (([], {"NO_COLOR": "1"}), (["--no-color"], {})):
+        shown, status = in_terminal([*RUN, *options], 80, tmp_path, **env)
+        assert status == 0
+        assert "slider_crank: completed, t = 0" in shown
+        assert "\x1b" not in shown
+        assert "\\x1b" not in shown
+
+
+class Screen(Terminal):
+    """A terminal of the test's own process, in place of standard output."""
+
+    encoding = "utf-8"
+
+
+COMMANDS = [
+    ["info", "chain.h5"],
+    ["info", "run.h5"],
+    ["info", "sweep.h5"],
+    ["simulate", "parallelogram", "--t-end", "0.05", "--no-color"],
+    ["check", "heavy_top"],
+    ["derive", "andrews_squeezer"],
+    ["equilibrium", "pendulum_cartesian", "--all"],
+    ["linearize", "chain", "--set", "N=5", "--equilibrium"],
+    ["modes", "chain", "--set", "N=5", "--equilibrium"],
+    ["compare", "slider_crank", "slider_crank_textbook", "--t-end", "0.2"],
+    ["compare", "slider_crank", "--method", "DOP853,Radau", "--t-end", "0.1"],
+    ["models"],
+]
+
+
+@pytest.fixture(name="files", scope="module")
+def _files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("terminal")
+    quiet = ["--t-end", "0.01", "--quiet"]
+    chain, crank, rows = (str(folder / x) for x in ("chain.h5", "run.h5", "sweep.h5"))
+    assert run(["simulate", "chain", "--set", "N=100", "-o", chain, *quiet]) == 0
+    assert run(["simulate", "slider_crank", "-o", crank, *quiet]) == 0
+    vary = ["--vary", "l=0.2:0.4:0.1", "--measure", "peak=max(abs(lambda.guide))"]
+    assert run(["sweep", "slider_crank", *vary, "-o", rows, *quiet]) == 0
+    return folder
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+@pytest.mark.parametrize("arguments", COMMANDS, ids=" ".join)
+def test_commands_fit_the_terminal(
+    arguments: list[str], columns: int, files: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(files)
+    monkeypatch.setenv("COLUMNS", str(columns))
+    screen = Screen()
+    monkeypatch.setattr("sys.stdout", screen)
+    assert run(arguments) == 0
+    shown = screen.getvalue().rstrip("\n").split("\n")
+    assert len(shown) > 2
+    for line, after in zip(shown, [*shown[1:], ""], strict=True):
+        assert display_width(line) <= columns, line
+        assert not re.search(r" (=|->|→|at t)$", line), line  # a value follows
+        assert not re.match(r" *(\[\S+\]|kg|rad)(,|$)", after), after  # a unit of the line before
+    assert "\x1b" not in screen.getvalue()
+
+
+def test_info_names_families_once(
+    files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(files)
+    assert run(["info", "chain.h5"]) == 0
+    text = capsys.readouterr().out
+    assert "x[1..100] [m], y[1..100] [m]\n" in text
+    assert "N = 100, l = 1 m, m[1..100] = 0.01 kg" in text
+    assert "more (--json)" in text  # tolerances, each of which is another
+    assert sum(line.startswith("rod[") for line in text.splitlines()) == 200  # all λ are there
+
+
+HELP = ["", "simulate", "sweep", "derive", "check", "fit", "compare", "plot", "play", "info"]
+
+
+@pytest.mark.parametrize("command", HELP)
+def test_help_fits_the_terminal(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run([*command.split(), "--help"]) == 0
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80

@@ -11,6 +11,7 @@ from lagcli.analysis.check.rank import Combination
 from lagcli.equations.presentation.conserved import conserved_step, minus
 from lagcli.equations.presentation.extent import Extent
 from lagcli.equations.presentation.formulas import Formulas, Line, Step
+from lagcli.equations.presentation.index_form import IndexForm
 from lagcli.equations.presentation.overview import constraints_step, freedom_step
 from lagcli.equations.presentation.typeset import (
     ONE,
@@ -69,7 +70,8 @@ def page(found: Check, width: int = 80) -> str:
         Step("Units", (), " ".join(found.units.sentences())),
     ]
     formula = TextFormula(Notation(model), written_decimals(model))
-    shown = Extent(f).shortened([step for step in steps if step is not None])
+    families = IndexForm(model).steps([step for step in steps if step is not None])
+    shown = Extent(f).shortened(families)
     return render_text(model, shown, formula, width, numbered=False)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,6 +13,7 @@ from lagcli.analysis.compare.two_models import ModelComparison, QuantityDifferen
 from lagcli.analysis.text import WIDTH
 from lagcli.arrays import Array
 from lagcli.model.model import Model
+from lagcli.results.listing import wrapped
 from lagcli.trajectory.samples import Samples
 
 _FORMULATIONS = {"ggl": "GGL", "maggi": "Maggi", "second": "second kind"}
@@ -146,9 +146,7 @@ def _formulations(content: Mapping[str, Any]) -> list[str]:
         " value of the same unit"
     )
     for note in notes:
-        lines += textwrap.wrap(
-            f"note: {note}", WIDTH, initial_indent="  ", subsequent_indent=" " * 8
-        )
+        lines += wrapped(f"note: {note}", WIDTH, "  ", " " * 8)
     return lines
 
 
@@ -166,15 +164,13 @@ def _two_models(content: Mapping[str, Any]) -> list[str]:
                 text += f"{x['difference']:.3e} at t = {x['time']:.6g} s{share}"
             if x.get("explained"):
                 text += "; explained"
-            lines.append(text)
+            lines += wrapped(text.lstrip(), WIDTH, "  ", " " * 26)
     if any(x.get("explained") for x in content["multipliers"]):
-        lines += textwrap.wrap(
+        said = (
             "explained: the Lagrangians differ by a multiple of the constraint, φ F. That changes"
-            " no motion, and takes F from λ",
-            WIDTH,
-            initial_indent="  ",
-            subsequent_indent="  ",
+            " no motion, and takes F from λ"
         )
+        lines += wrapped(said, WIDTH, "  ", "  ")
     for number, names in enumerate((content["only_first"], content["only_second"])):
         if names:
             more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import textwrap
 
 import numpy as np
 
 from lagcli.analysis.fit.result import FitResult
+from lagcli.results.listing import wrapped
 
 _WIDTH = 80
 #: Correlations from here on are listed, and so many of them.
@@ -109,6 +109,6 @@ def _entry(label: str, text: str) -> list[str]:
 
 
 def _wrapped(text: str, label: str) -> list[str]:
-    lines = textwrap.wrap(text, _WIDTH - len(label), break_on_hyphens=False)
+    lines = wrapped(text, _WIDTH - len(label))
     first, *rest = lines or [""]
     return [label + first, *(" " * len(label) + line for line in rest)]

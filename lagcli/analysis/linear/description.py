@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -12,6 +11,7 @@ from lagcli.analysis.linear.linear_model import LinearModel
 from lagcli.analysis.linear.modes import ModalAnalysis, Mode
 from lagcli.analysis.local.operating_point import OperatingPoint
 from lagcli.analysis.text import WIDTH, entry, listed, without_rounding
+from lagcli.results.listing import wrapped
 
 _SHOWN = 6  # components of a shape
 _ENTRIES = 12  # rows and columns of matrices that fit on a page
@@ -134,13 +134,7 @@ def format_modes(content: Mapping[str, Any]) -> str:
         forces = _shape({f"λ {k}": v for k, v in mode["multipliers"].items()})
         head = f"  {mode['number']:>4}  "
         for text in (f"δq: {shape}", *([f"δλ: {forces}"] if forces else ())):
-            lines += textwrap.wrap(
-                text,
-                WIDTH,
-                initial_indent=head,
-                subsequent_indent=" " * 12,
-                break_long_words=False,
-            )
+            lines += wrapped(text, WIDTH, head, " " * 12)
             head = " " * 8
     return "\n".join([*lines, *_notes(content)])
 
@@ -195,6 +189,4 @@ def _matrix(name: str, rows: Sequence[Sequence[float]]) -> Iterator[str]:
 
 def _notes(content: Mapping[str, Any]) -> Iterator[str]:
     for note in content["notes"]:
-        yield from textwrap.wrap(
-            f"note: {note}", WIDTH, initial_indent="  ", subsequent_indent=" " * 8
-        )
+        yield from wrapped(f"note: {note}", WIDTH, "  ", " " * 8)

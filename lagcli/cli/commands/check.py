@@ -12,7 +12,15 @@ def check(
     model: ModelPath,
     set: SetParameter = None,
     set_initial: SetInitial = None,
-    width: Annotated[int, typer.Option("--width", min=40, max=1000, help="Columns of text.")] = 80,
+    width: Annotated[
+        int | None,
+        typer.Option(
+            "--width",
+            min=40,
+            max=1000,
+            help="Columns of text. [default: 80, or those of a narrower terminal]",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Check a model: degrees of freedom, multipliers, conserved quantities, time scales.
@@ -38,5 +46,6 @@ def check(
         print(to_json(to_mapping(found)))
         return
     from lagcli.analysis.check.page import page
+    from lagcli.cli.streams import text_width
 
-    sys.stdout.write(page(found, width))
+    sys.stdout.write(page(found, width or min(80, text_width())))

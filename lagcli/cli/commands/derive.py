@@ -1,6 +1,5 @@
 """`lagcli derive`: print the equations."""
 
-import shutil
 import sys
 from enum import StrEnum
 from typing import Annotated
@@ -16,7 +15,7 @@ from lagcli.cli.options import (
     assignments,
     refuse_same_file,
 )
-from lagcli.cli.streams import visible_json
+from lagcli.cli.streams import text_width, visible_json
 from lagcli.errors import LagcliError, UsageError
 from lagcli.model.names.members import split_names
 
@@ -76,7 +75,7 @@ def derive(
             "--width",
             min=40,
             max=1000,
-            help="Columns of text. [default: the terminal's, 80 to 120]",
+            help="Columns of text. [default: the terminal's, 60 to 120]",
         ),
     ] = None,
     set: SetParameter = None,
@@ -128,7 +127,7 @@ def derive(
         format="json" if json else format.value,
         steps=steps,
         numeric=numeric,
-        width=width or _terminal_width(),
+        width=width or text_width(),
         fragment=fragment,
         freedom=start.freedom,
         full=full,
@@ -167,9 +166,3 @@ def _kinds(text: str) -> list[str]:
 def _names(text: str | None) -> list[str] | None:
     """Return the names of an option."""
     return None if text is None else [x for x in split_names(text) if x]
-
-
-def _terminal_width() -> int:
-    if not sys.stdout.isatty():
-        return 100
-    return min(120, max(80, shutil.get_terminal_size().columns))

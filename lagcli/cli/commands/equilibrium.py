@@ -14,7 +14,7 @@ from lagcli.cli.options import (
     SetParameter,
     refuse_same_file,
 )
-from lagcli.cli.streams import tell
+from lagcli.cli.streams import print_text, tell
 from lagcli.errors import UsageError
 
 
@@ -99,6 +99,6 @@ def equilibrium(
     if json:
         print(to_json(content))
     elif output is None:
-        print(text)
+        print_text(text)
     elif not quiet:
         tell(f"{text}\n  written  {output}")

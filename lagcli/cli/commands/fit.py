@@ -99,6 +99,7 @@ def _run(
     from lagcli.analysis.fit.fit import fit as run_fit
     from lagcli.analysis.fit.text import format_fit
     from lagcli.analysis.fit.written import check_written, write_model
+    from lagcli.cli.streams import print_text
     from lagcli.cli.summary import to_json
     from lagcli.model.loader import load
     from lagcli.results.atomic import check_writable
@@ -127,7 +128,7 @@ def _run(
         described = result.as_dict()
         print(to_json({"command": "fit", **described, "output": output, "written": write}))
     elif not quiet:
-        print(format_fit(result))
+        print_text(format_fit(result))
         for label, path in (("written", output), ("model", write)):
             if path:
                 print(f"  {label:<12}{path}")

@@ -18,16 +18,19 @@ def info(
     json: Json = False,
 ) -> None:
     """Describe a result file: sizes, status, residuals, multipliers, provenance."""
+    from lagcli.cli.streams import print_text
+
     description, text = _described(file)
     if json:
         from lagcli.cli.summary import to_json
 
         print(to_json(description))
     else:
-        print(text)
+        print_text(text)
 
 
 def _described(file: str) -> tuple[dict[str, Any], str]:
+    from lagcli.cli.streams import text_width
     from lagcli.results.formats import format_read
 
     if format_read(file).sweeps == "all":
@@ -46,11 +49,11 @@ def _described(file: str) -> tuple[dict[str, Any], str]:
             from lagcli.sweeps.file.description import describe_sweep, format_sweep
 
             found = describe_sweep(file)
-            return found, format_sweep(found)
+            return found, format_sweep(found, text_width())
     from lagcli.results.info import describe, format_info
 
     found = describe(file)
-    return found, format_info(found)
+    return found, format_info(found, text_width())
 
 
 def _analysis(file: str) -> tuple[dict[str, Any], str]:

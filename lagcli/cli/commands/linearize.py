@@ -14,7 +14,7 @@ from lagcli.cli.options import (
     SetParameter,
     refuse_same_file,
 )
-from lagcli.cli.streams import tell
+from lagcli.cli.streams import print_text, tell
 
 
 def linearize(
@@ -89,6 +89,6 @@ def linearize(
     if json:
         print(to_json(content))
     elif file is None:
-        print(format_linear(content))
+        print_text(format_linear(content))
     elif not quiet:
         tell(f"{format_linear(content)}\n  {'written':<9}{file}")

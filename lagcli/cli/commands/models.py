@@ -1,7 +1,6 @@
 """`lagcli models`: the models that are installed with lagcli."""
 
 import json as json_module
-import shutil
 import textwrap
 from typing import Annotated
 
@@ -20,7 +19,7 @@ def models(
 
     Their names can be used wherever a model file can: `lagcli derive slider_crank`.
     """
-    from lagcli.cli.streams import visible_json
+    from lagcli.cli.streams import text_width, visible_json
     from lagcli.model.loader import load
     from lagcli.model.shipped import shipped_model, shipped_models
 
@@ -36,7 +35,7 @@ def models(
         print(visible_json(json_module.dumps({"command": "models", "models": listed})))
         return
     indent = " " * (max(map(len, found), default=0) + 2)
-    width = shutil.get_terminal_size().columns
+    width = text_width()
     for key, model in found.items():
         lines = textwrap.wrap(model.description or "", max(width - len(indent), 40))
         print(f"{key:<{len(indent)}}" + f"\n{indent}".join(lines))

@@ -14,7 +14,7 @@ from lagcli.cli.options import (
     SetParameter,
     refuse_same_file,
 )
-from lagcli.cli.streams import tell
+from lagcli.cli.streams import print_text, tell
 
 
 def modes(
@@ -58,6 +58,6 @@ def modes(
     if json:
         print(to_json(content))
     elif output is None:
-        print(format_modes(content))
+        print_text(format_modes(content))
     elif not quiet:
         tell(f"{format_modes(content)}\n  written  {output}")

@@ -1,6 +1,5 @@
 """`lagcli simulate`: integrate the motion and write it."""
 
-import shutil
 import signal
 import sys
 import time
@@ -23,7 +22,14 @@ from lagcli.cli.options import (
     refuse_same_file,
 )
 from lagcli.cli.settings import errors_as_json, with_settings
-from lagcli.cli.streams import has_colour, tell
+from lagcli.cli.streams import (
+    Colour,
+    fitted,
+    has_colour,
+    print_coloured,
+    tell,
+    text_width,
+)
 from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_TEXT
 from lagcli.settings.settings import SettingsOverrides
@@ -128,12 +134,11 @@ def simulate(
         print(summary.to_json(result))
     elif not quiet:
         stream = sys.stderr if output == "-" else sys.stdout
-        columns = shutil.get_terminal_size().columns if stream.isatty() else summary.WIDTH
-        text = summary.format_summary(result, loaded.name)
-        text = summary.fitted(text, max(min(columns, summary.WIDTH), summary.NARROWEST))
+        text = fitted(summary.format_summary(result, loaded.name), text_width(stream))
         if has_colour(stream, no_color):
-            text = summary.coloured(text, record.status)
-        if output == "-":
+            colour = Colour.GREEN if record.status in ENDED else Colour.RED
+            print_coloured(text, record.status, colour, stream)
+        elif output == "-":
             print(text, file=sys.stderr)
         elif written:
             tell(text)

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from lagcli.results.layout import NOT_STATED
-from lagcli.results.listing import entry, number, pairs
+from lagcli.results.listing import WIDTH, entry, number, pairs
 from lagcli.sweeps.columns import Column
 from lagcli.sweeps.file.store import SLAB, SweepFile, open_sweep
 
-_entry = partial(entry, width=14)
+_LABEL = 14
 _LONGEST = 120  # characters of what is said of one varied quantity
 
 
@@ -71,8 +71,9 @@ def _extremes(file: SweepFile, column: Column) -> dict[str, Any]:
     return {**column._asdict(), **known}
 
 
-def format_sweep(info: Mapping[str, Any]) -> str:
-    """Return the text that ``lagcli info`` prints of a sweep file."""
+def format_sweep(info: Mapping[str, Any], columns: int = WIDTH) -> str:
+    """Return the text that ``lagcli info`` prints of a sweep file, with lines of some columns."""
+    _entry = partial(entry, width=_LABEL, columns=columns)
     rows = info["rows"]
     lines = _entry(
         "file",
