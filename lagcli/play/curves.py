@@ -11,8 +11,10 @@ from lagcli.columns import PANELS, ColumnName, ResultQuantity, column_names, uni
 from lagcli.equations.render.names import Notation
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
+from lagcli.pictures.event_marks import Jumps, marks
 from lagcli.pictures.report.curves import label
 from lagcli.pictures.report.writing import chosen, unit
+from lagcli.trajectory.event_log import EventLog
 from lagcli.trajectory.samples import Samples
 
 #: Curves that a plot can show and a reader distinguish.
@@ -63,7 +65,7 @@ class Curves:
         of_constraints = quantity.along == "constraint" or quantity.name == "constraint_force"
         return bool(self._model.constraints) or not of_constraints
 
-    def plot(self, group: str, samples: Samples) -> dict[str, Any]:
+    def plot(self, group: str, samples: Samples, log: EventLog | None) -> dict[str, Any]:
         """Return a plot as ``plots.js`` takes it, with arrays.
 
         Parameters
@@ -71,27 +73,33 @@ class Curves:
         group : str
             One of `groups`.
         samples : Samples
+        log : EventLog or None
+            Its instants are marked, and curves jump there.
         """
         quantities = [q for q in PANELS.get(group, ()) if self._exists(q)]
         curves = [curve for q in quantities for curve in self._curves(q, samples)]
         if group == _OUTPUTS:
             curves = self._outputs(samples)
         shown = [curves[i] for i in chosen([c.name for c in curves], MOST)]
+        jumps = Jumps(log, samples.coordinates, samples.constraints)
+        table = np.array([c.values for c in shown]).reshape(len(shown), len(samples.time)).T
+        time, table = jumps.inserted(samples.time, [c.name for c in shown], table)
         units = {c.unit for c in shown}
         common = units.pop() if len(units) == 1 else ""
         return {
             "title": group.capitalize(),
             "unit": common,
             "log": any(q.role == "residual" for q in quantities),
-            "time": samples.time,
+            "time": time,
+            "marks": marks(log),
             "series": [
                 {
                     "name": c.name,
                     "label": c.label if common or not c.unit else f"{c.label} [{c.unit}]",
                     "unit": c.unit,
-                    "values": c.values,
+                    "values": values,
                 }
-                for c in shown
+                for c, values in zip(shown, table.T, strict=True)
             ],
             "of": len(curves),
         }

@@ -17,12 +17,14 @@ from lagcli.model.spelling import shorten
 from lagcli.model.yaml.rewriting import rewrite
 from lagcli.pictures.scene.automatic_view import with_view
 from lagcli.pictures.scene.drag import places
+from lagcli.pictures.scene.flashes import with_contacts
 from lagcli.pictures.scene.timing import usual_speed
 from lagcli.pictures.scene.view_evaluator import ViewEvaluator
 from lagcli.play.controls import Control, controls, family_label
 from lagcli.play.curves import Curves
 from lagcli.play.drags import DragRequest, Drags
 from lagcli.play.equations import equations_html
+from lagcli.play.happened import happened
 from lagcli.play.messages import on_page
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import SettingsOverrides
@@ -271,19 +273,21 @@ class Played:
             "counts": record.counts,
             "seconds": record.seconds["integrate"],
             "command": self.command(request),
-            "scene": self._scene(model, samples),
+            "events": happened(record.events),
+            "scene": self._scene(model, samples, record),
             "speed": usual_speed(float(np.ptp(samples.time))) if len(samples.time) else 1.0,
             "plots": {
-                group: self.curves.plot(group, samples)
+                group: self.curves.plot(group, samples, record.events)
                 for group in request.plots
                 if group in groups
             },
         }
 
-    def _scene(self, model: Model, samples: Samples) -> dict[str, Any] | None:
+    def _scene(self, model: Model, samples: Samples, record: Record) -> dict[str, Any] | None:
         if self._evaluator is None or not len(samples.time):
             return None
         scene = self._evaluator.scene(vars(samples), samples.terms, model.parameter_values)
+        scene = with_contacts(scene, record.events, samples.constraints)
         return scene.to_json(lambda values: values)
 
     # what is taken away from the page

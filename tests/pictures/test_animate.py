@@ -270,6 +270,26 @@ def test_every_shipped_model_is_animated_without_a_warning(name, result, tmp_pat
     assert with_shapes > painted(opened) + 200
 
 
+def test_impacts_flash_on_the_page(result, tmp_path, visit):
+    page = animate(result("bouncing_ball"), tmp_path / "run.html")
+    opened = visit(page.output)
+    (flashes,) = opened.evaluate("data.shapes.filter(({ kind }) => kind === 'flash')")
+    first, life = flashes["times"][0], flashes["life"]
+
+    def shown(time):
+        opened.evaluate(f"player.pause(); player.setTime({time})")
+        with_flash = painted(opened)
+        quiet = "player.setScene({...data, shapes: data.shapes.filter((s) => s.kind !== 'flash')})"
+        opened.evaluate(f"{quiet}; player.setTime({time})")
+        without = painted(opened)
+        opened.evaluate("player.setScene(data)")
+        return with_flash - without
+
+    assert shown(first - 0.01) == 0
+    assert shown(first + 0.3 * life) > 50
+    assert shown(first + 1.1 * life) == 0
+
+
 def test_a_run_in_memory_is_animated(tmp_path):
     model = lagcli.load(Path(__file__).parents[2] / "models" / "atwood.yaml")
     made = lagcli.animate(lagcli.simulate(model), tmp_path / "run.html")

@@ -13,7 +13,8 @@ from trajectories import make_log
 
 import lagcli
 from lagcli.cli.app import run as cli
-from lagcli.pictures.event_marks import draw_marks, with_jumps
+from lagcli.pictures.event_marks import Jumps, draw_marks, marks, with_jumps
+from lagcli.pictures.run_file import RunFile
 
 MODEL = Path(__file__).parents[2] / "models" / "slider_crank.yaml"
 
@@ -63,14 +64,94 @@ def test_forces_hold_their_values_beside_the_instant() -> None:
     run = of_log(((0.12, "floor", "impact"), (0.15, "floor", "opens")))
     force = np.array([2.0, 3.0, 0.0, 0.0])
     time, drawn = with_jumps(run, "lambda.floor", TIME, force)
-    assert time.tolist() == [0.0, 0.1, 0.15, 0.15, 0.2, 0.3]
-    assert drawn.tolist() == [2.0, 3.0, 3.0, 0.0, 0.0, 0.0]
+    assert time.tolist() == [0.0, 0.1, 0.12, 0.12, 0.15, 0.15, 0.2, 0.3]
+    assert drawn.tolist() == [2.0, 3.0, 3.0, 3.0, 3.0, 0.0, 0.0, 0.0]
 
 
-@pytest.mark.parametrize("name", ["energy_potential", "an_output"])
-def test_other_curves_stay(name: str) -> None:
+def test_other_curves_stay() -> None:
     values = np.arange(4.0)
-    assert with_jumps(of_log(IMPACTS), name, TIME, values) == (TIME, values)
+    assert with_jumps(of_log(IMPACTS), "an_output", TIME, values) == (TIME, values)
+
+
+def test_energies_jump_by_what_impacts_take() -> None:
+    """A ball keeps m g h e^(2n) between its impacts, and T is that at each, V is 0."""
+    run = RunFile(lagcli.simulate(lagcli.load("bouncing_ball"), t_end=2, samples=400))
+    source = lagcli.simulate(lagcli.load("bouncing_ball"), t_end=2, samples=400)
+    time, total = with_jumps(run, "energy_total", source.time, source.energy_total)
+    assert source.events is not None
+    bounces = np.searchsorted(source.events.time, time, side="right")
+    before = np.append(np.diff(time) == 0, False)  # the first of the two values at an instant
+    np.testing.assert_allclose(total, 19.62 * 0.64 ** (bounces - before), rtol=1e-9)
+    _, kinetic = with_jumps(run, "energy_kinetic", source.time, source.energy_kinetic)
+    after = np.append(False, np.diff(time) == 0)
+    # T is straight between samples, which are 5 ms apart: m g v dt
+    np.testing.assert_allclose(kinetic[before], 19.62 * 0.64 ** np.arange(before.sum()), atol=0.3)
+    drop = 0.36 * 19.62 * 0.64 ** np.arange(before.sum())
+    np.testing.assert_allclose(kinetic[before] - kinetic[after], drop, rtol=1e-9)
+    _, potential = with_jumps(run, "energy_potential", source.time, source.energy_potential)
+    assert np.array_equal(potential[before], potential[after])
+
+
+def test_work_of_an_event_changes_the_energy_that_it_moves() -> None:
+    """Two springs in place of one: V jumps. A stop: T does."""
+    model = lagcli.load_text("""
+coordinates: {x: m}
+parameters: {m: 1 kg, k: 4 N/m}
+T: m/2*x'^2
+V: k/2*x^2
+events:
+  stiffer: {when: t >= 0.3, set: {k: 2*k}}
+  halt: {when: t >= 0.6, set: {x': 0}}
+initial: {x: 1, x': 0}
+simulation: {t_end: 1, samples: 1001}
+""")
+    made = lagcli.simulate(model)
+    run = RunFile(made)
+    jumps = {}
+    for name in ("energy_kinetic", "energy_potential"):
+        time, values = with_jumps(run, name, made.time, getattr(made, name))
+        both = np.flatnonzero(np.diff(time) == 0)
+        jumps[name] = [
+            sum(values[i + 1] - values[i] for i in both if time[i] == pytest.approx(t))
+            for t in (0.3, 0.6)
+        ]
+    log = made.events
+    assert log is not None
+    assert jumps["energy_potential"] == pytest.approx([log.work[0], 0], abs=1e-12)
+    assert jumps["energy_kinetic"] == pytest.approx([0, log.work[1]], abs=1e-12)
+    assert log.work[0] == pytest.approx(2 * np.cos(0.6) ** 2)
+
+
+def test_pages_insert_each_instant_once_for_all_curves() -> None:
+    run = of_log(IMPACTS, q=np.array([[7.0, 0.0], [8.0, 0.0]]))
+    jumps = Jumps(run.record.events, run.coordinates, run.constraints)
+    time, values = jumps.inserted(
+        TIME, ["phi", "an_output"], np.column_stack([np.arange(4.0), 10 * TIME])
+    )
+    assert time.tolist() == [0.0, 0.1, 0.15, 0.15, 0.2, 0.2, 0.2, 0.3]
+    assert values[:, 0].tolist() == [0, 1, 7, 7, 8, 8, 2, 3]
+    np.testing.assert_allclose(values[:, 1], 10 * time)
+    assert marks(run.record.events).tolist() == [0.15, 0.2]
+    assert not len(marks(None))
+
+
+def test_a_report_in_blocks_has_the_jumps_of_one_in_one_piece(
+    result: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from lagcli.pictures.report.curves import Plot, ReportCurve, gather
+
+    def gathered() -> Plot:
+        curves = [ReportCurve("phi_dot", "phi", "v", (0,)), ReportCurve("t", "E", "energy_total")]
+        plot = Plot("", "", curves)
+        gather(RunFile(result), [plot], {})
+        return plot
+
+    whole = gathered()
+    monkeypatch.setattr("lagcli.results.hdf5.trajectories._SLAB", 1)
+    pieces = gathered()
+    assert np.array_equal(whole.time, pieces.time)
+    assert len(whole.time) > 21
+    np.testing.assert_allclose(whole.values[:, 0], pieces.values[:, 0], rtol=1e-12)
 
 
 def test_marks_are_as_many_as_can_be_told_apart() -> None:

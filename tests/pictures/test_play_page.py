@@ -620,3 +620,23 @@ def test_an_address_that_holds_no_scenarios_is_as_good_as_none(opened, served):
     for text in texts:
         p = opened(f"{served}#{text}")
         assert p.page.locator(".scenario-name").count() == 0
+
+
+def test_contacts_are_listed_marked_and_moved(browser, opened):
+    for address in serving("bouncing_ball"):
+        p = opened(address)
+        find = p.page.locator
+        find("#events summary").click()
+        entries = find("#events li")
+        assert entries.first.inner_text() == "0.451524 s floor has an impact"
+        count = entries.count()
+        entries.nth(1).locator("button").click()
+        second = p.page.evaluate("page.answer.events.entries[1].time")
+        assert p.page.evaluate("page.pictures.player.stage.motion.now") == second
+        marks = "Array.from(page.pictures.slots[0].plot.data.marks)"
+        assert second in p.page.evaluate(marks)
+        # e from 0.8 to 0.6: fewer impacts, sooner
+        p.enter("e", "0.6")
+        assert entries.count() < count
+        assert p.page.evaluate("page.answer.events.entries[1].time") < second
+        assert second not in p.page.evaluate(marks)

@@ -5,9 +5,9 @@
  *
  * A plot is described by
  *
- *   {title, unit, log, time: [nt], series: [{name, label, unit, values: [nt], hidden}]}
+ *   {title, unit, log, time: [nt], marks: [n], series: [{name, label, unit, values: [nt], hidden}]}
  *
- * `title`, `unit`, `label` and `hidden` may be missing; `log` draws magnitudes on a logarithmic
+ * `title`, `unit`, `label`, `hidden` and `marks`, times with a thin line, may be missing; `log` draws magnitudes on a logarithmic
  * scale. Lists may be typed arrays; null and NaN are gaps. An underscore in a label begins the
  * subscript of a letter. Nothing in it is read as HTML.
  */
@@ -226,12 +226,34 @@ class TimePlot {
         drag: { x: true, y: false, setScale: false },
         bind: { dblclick: () => () => this.link.setRange(null, this) },
       },
-      hooks: { setSelect: [() => this.#zoom()] },
+      hooks: { setSelect: [() => this.#zoom()], drawAxes: [(chart) => this.#mark(chart)] },
     };
     this.chart = new uPlot(options, this.#columns(), drawing);
     this.#listen();
     this.#showRange(this.link.range);
     this.showTime(this.link.time);
+  }
+
+  /** Draw a thin line at each marked time, none closer than three pixels to the last one. */
+  #mark(chart) {
+    const { ctx, bbox } = chart;
+    const { min, max } = chart.scales.x;
+    ctx.save();
+    ctx.strokeStyle = this.#style("--plot-mark", "#808080");
+    ctx.lineWidth = 0.6 * (window.devicePixelRatio || 1);
+    ctx.globalAlpha = 0.6;
+    ctx.beginPath();
+    let last = -Infinity;
+    for (const time of this.data.marks ?? []) {
+      if (time < min || time > max) continue;
+      const x = chart.valToPos(time, "x", true);
+      if (x - last < 3) continue;
+      last = x;
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bbox.top + bbox.height);
+    }
+    ctx.stroke();
+    ctx.restore();
   }
 
   /** What the vertical axis shows: φ, ψ [rad]. */

@@ -4,7 +4,8 @@
  * The page of a report: plots and animation on one time, light and dark, print.
  *
  * Needs uPlot, the player's scripts and plots.js; the numbers are in the page's #data:
- * {name, palette, scene, speed, arrays: [base64 of doubles], plots: [see plots.js, with places in arrays]}.
+ * {name, palette, scene, speed, arrays: [base64 of doubles], plots: [see plots.js, with places in arrays],
+ * marks: [times of contacts and events]}.
  */
 
 (() => {
@@ -24,7 +25,7 @@
   const places = [...document.querySelectorAll(".place figure")];
   const plots = data.plots.map((plot, i) => {
     const series = plot.series.map((s) => ({ ...s, values: arrays[s.values] }));
-    const whole = { ...plot, time: arrays[plot.time], series };
+    const whole = { ...plot, time: arrays[plot.time], marks: data.marks, series };
     return new TimePlot(places[i], whole, { link, palette: data.palette, height: plot.height });
   });
 

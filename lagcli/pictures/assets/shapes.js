@@ -8,7 +8,7 @@
  * Lengths that do not belong to the mechanism (widths, heads of arrows) are in units of pen.unit.
  */
 
-const LAYERS = ["guide", "ground", "trail", "disc", "spring", "rod", "joint", "vector", "label"];
+const LAYERS = ["guide", "ground", "trail", "disc", "spring", "rod", "joint", "flash", "vector", "label"];
 const BODIES = new Set(["trail", "disc", "spring", "rod", "joint"]);
 
 /** What the painting of shapes needs: canvas, motion, camera, colours, and sizes in pixels. */
@@ -59,6 +59,18 @@ class Pen {
     context.restore();
   }
 
+  ring([x, y], radius, color, width, alpha) {
+    const { context } = this;
+    context.save();
+    context.globalAlpha = alpha * (this.fade ?? 1);
+    context.strokeStyle = color;
+    context.lineWidth = width * this.unit;
+    context.beginPath();
+    context.arc(x, y, radius, 0, 2 * Math.PI);
+    context.stroke();
+    context.restore();
+  }
+
   dot([x, y], radius, fill, edge) {
     const { context } = this;
     context.beginPath();
@@ -106,6 +118,22 @@ const SHAPES = {
     if (!found) return [];
     const paint = () => pen.line(coil(found, 6 * pen.unit), pen.colors.spring, 2);
     return [{ layer: "spring", depth: middle(...found), paint }];
+  },
+
+  /** Rings around the places of impacts in the recent past, growing and fading. */
+  flash({ times, at, strengths, life }, pen) {
+    const rings = [];
+    for (const [i, time] of Array.from(times).entries()) {
+      const age = (pen.motion.now - time) / life;
+      if (!(age >= 0 && age < 1)) continue;
+      const place = pen.place(at.map((axis) => axis[i] ?? NaN));
+      if (!place) continue;
+      const size = 0.4 + 0.6 * Math.sqrt(strengths[i]);
+      const radius = (8 + 16 * age) * size * pen.unit;
+      const paint = () => pen.ring(place, radius, pen.colors.force, 3, 1 - age);
+      rings.push({ layer: "flash", depth: place[2], paint });
+    }
+    return rings;
   },
 
   guide(shape, pen) {

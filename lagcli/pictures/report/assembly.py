@@ -13,6 +13,7 @@ from lagcli.columns import ColumnName
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.formulas import Formulas
+from lagcli.pictures.event_marks import marks
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, content_policy, script_data
 from lagcli.pictures.plots.style import PALETTE
 from lagcli.pictures.plots.thinning import evenly
@@ -83,6 +84,7 @@ def assembled(run: RunFile, title: str | None = None) -> str:
         "speed": timing(*_ends(scene)).speed if scene else 1,
         "plots": [to_json(plot, packed) for section in found for plot in section.plots],
         "arrays": list(packed.texts),
+        "marks": marks(run.record.events).tolist(),
     }
     start = run.columns(("q", "v"), np.zeros(1, dtype=np.intp))
     name = escape(title or model.title)

@@ -11,6 +11,7 @@ import numpy as np
 from lagcli.arrays import Array, Indices
 from lagcli.columns import BY_NAME, PANELS, RESIDUALS, SCALARS, ColumnName, unit_of_column
 from lagcli.equations.render.names import Notation
+from lagcli.pictures.event_marks import Jumps
 from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.report.writing import axis_unit, chosen
 from lagcli.pictures.run_file import RunFile
@@ -161,11 +162,25 @@ def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[ReportCurve, E
     fields = {"time"} | {c.field for p in plots for c in p.curves} | {c.field for c in extremes}
     of_plot = min(_OF_PLOT, _NUMBERS // max(1, len(plots)))
     pieces: list[list[tuple[Array, Array]]] = [[] for _ in plots]
+    jumps = Jumps(run.record.events, run.coordinates, run.constraints)
+    ends: list[tuple[Array, Array]] = []  # of each plot, the last sample of the block before
     for block in run.blocks(sorted(fields)):
         time = block["time"]
-        for plot, kept in zip(plots, pieces, strict=True):
+        if not len(time):
+            continue
+        before, ends = ends, []
+        for i, (plot, kept) in enumerate(zip(plots, pieces, strict=True)):
             values = np.stack([curve.of(block) for curve in plot.curves], axis=1)
-            kept.append(_thinned(time, values, of_plot * len(time) / run.count))
+            ends.append((time[-1:], values[-1:]))
+            joined = [*before[i : i + 1], (time, values)]
+            times, drawn = jumps.inserted(
+                np.concatenate([t for t, _ in joined]),
+                [curve.name for curve in plot.curves],
+                np.concatenate([x for _, x in joined]),
+                carried=len(joined) > 1,
+            )
+            new = len(joined) - 1
+            kept.append(_thinned(times[new:], drawn[new:], of_plot * len(time) / run.count))
         for curve, extreme in extremes.items():
             widen(extreme, time, curve.of(block))
     for plot, kept in zip(plots, pieces, strict=True):

@@ -156,6 +156,8 @@ def named(vector: DrawnVector, among: tuple[DrawnVector, ...]) -> str:
 
 def three_digits(value: float) -> str:
     """Return a magnitude with three digits, without an exponent where it reads better so."""
+    if not math.isfinite(value):
+        return "–"
     if 1000 <= value < 1e6:
         return f"{float(f'{value:.3g}'):.0f}"
     return f"{value:#.3g}".rstrip(".")

@@ -14,7 +14,9 @@ As JSON, for programs that draw (`Scene.to_json`)::
        {"kind": "ground", "at": POINT}, {"kind": "trail", "of": POINT},
        {"kind": "label", "at": POINT, "text": …},
        {"kind": "vector", "name": …, "quantity": "velocity" | "force" | "vector", "at": POINT,
-        "components": [[…], […], …], "unit": "N", "scale": s}]}
+        "components": [[…], […], …], "unit": "N", "scale": s},
+       {"kind": "flash", "name": CONSTRAINT, "times": [n], "at": [[n], [n], …],
+        "strengths": [n], "life": s}]}         impacts: where, up to 1, and how long they are seen
 
 A vector is drawn from its point to the point plus ``scale`` times its components; all vectors of
 one unit have one scale. A value that is not finite is null. In three dimensions z points up; the
@@ -69,6 +71,30 @@ class DrawnVector(NamedTuple):
         return tuple(self.scale * x for x in self.components)
 
 
+class DrawnFlashes(NamedTuple):
+    """The n impacts of a contact.
+
+    Parameters
+    ----------
+    name : str
+        Of the constraint.
+    times : (n,) array
+        s.
+    at : tuple of (n,) arrays
+        Where, by axis.
+    strengths : (n,) array
+        Impulses next to the largest one of all contacts.
+    life : float
+        How long each is seen, s.
+    """
+
+    name: str
+    times: Array
+    at: tuple[Array, ...]
+    strengths: Array
+    life: float
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """What is to be drawn, at nt samples; see the module for its JSON.
@@ -91,6 +117,7 @@ class Scene:
         Texts by points.
     unit : str
         Of the points; empty where the model states no units.
+    flashes : tuple of DrawnFlashes
     """
 
     dimension: int
@@ -103,6 +130,7 @@ class Scene:
     trails: tuple[str, ...] = ()
     labels: dict[str, str] | None = None
     unit: str = ""
+    flashes: tuple[DrawnFlashes, ...] = ()
 
     def at(self, point: str, sample: int) -> tuple[float, ...]:
         """Return a point at a sample."""
@@ -136,7 +164,7 @@ class Scene:
         """
         numbers = numbers or _numbers
 
-        def fields(shape: DrawnDisc | DrawnVector) -> dict[str, Any]:
+        def fields(shape: DrawnDisc | DrawnVector | DrawnFlashes) -> dict[str, Any]:
             return {name: of(value) for name, value in shape._asdict().items()}
 
         def of(value: Any) -> Any:
@@ -154,6 +182,7 @@ class Scene:
             {"kind": "label", "at": at, "text": text} for at, text in (self.labels or {}).items()
         ]
         shapes += [{"kind": "vector", **fields(v)} for v in self.vectors]
+        shapes += [{"kind": "flash", **fields(f)} for f in self.flashes]
         return {
             "dimension": self.dimension,
             "bounds": [list(pair) for pair in self.bounds],

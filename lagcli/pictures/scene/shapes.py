@@ -14,10 +14,10 @@ from lagcli.pictures.plots.style import ROLES
 from lagcli.pictures.scene.camera import OrbitCamera, PlaneCamera
 from lagcli.pictures.scene.label_places import LABEL_SIZE, label_place, label_size
 from lagcli.pictures.scene.raster import Raster
-from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, frames
+from lagcli.pictures.scene.scene import DrawnDisc, DrawnFlashes, DrawnVector, Scene, frames
 
 #: What is painted over what.
-LAYERS = ("guide", "ground", "trail", "disc", "spring", "rod", "joint", "vector", "label")
+LAYERS = ("guide", "ground", "trail", "disc", "spring", "rod", "joint", "flash", "vector", "label")
 #: In three dimensions these are one layer, the nearest painted last.
 BODIES = frozenset({"trail", "disc", "spring", "rod", "joint"})
 
@@ -148,6 +148,8 @@ def commands(
         if np.isfinite(ends).all():
             paint = partial(arrow, raster, ends[0, :2], ends[1, :2], ROLES[vector.quantity])
             yield DrawCommand("vector", float(ends[:, 2].mean()), paint)
+    for flashes in scene.flashes:
+        yield from _flashes(moment, flashes)
     lines = _obstacles(moment, vectors)
     for name, text in (scene.labels or {}).items():
         if there(name):
@@ -280,6 +282,22 @@ def _trail(moment: Moment, name: str) -> Iterator[DrawCommand]:
             moment.raster.line, piece, ROLES["trail"], 2.5, alpha=0.9 * (1 - age), cap="butt"
         )
         yield DrawCommand("trail", float(piece[[0, -1], 2].mean()), paint)
+
+
+def _flashes(moment: Moment, flashes: DrawnFlashes) -> Iterator[DrawCommand]:
+    """Yield a ring around the place of each impact of the recent past, growing and fading."""
+    ages = (moment.now - flashes.times) / flashes.life
+    for i in np.flatnonzero((ages >= 0) & (ages < 1)):
+        place = moment.camera.project(np.array([x[i] for x in flashes.at]))
+        if not np.isfinite(place).all():
+            continue
+        size = 0.4 + 0.6 * math.sqrt(flashes.strengths[i])
+        radius = (8 + 16 * float(ages[i])) * size * moment.raster.unit
+        angles = np.arange(41) * np.pi / 20
+        ring = place[:2] + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+        alpha = 1 - float(ages[i])
+        paint = partial(moment.raster.line, ring, ROLES["force"], 3, alpha=alpha)
+        yield DrawCommand("flash", float(place[2]), paint)
 
 
 def _joint(moment: Moment, place: Array, joint: Joint) -> None:

@@ -27,6 +27,7 @@ from lagcli.model.model import (
     velocity,
 )
 from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scene.flashes import with_contacts
 from lagcli.pictures.scene.point_force import PointForce, point_force
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnVector, Scene, extent_of, scaled
 from lagcli.trajectory.samples import Terms
@@ -54,7 +55,8 @@ def scene_of(run: RunFile, samples: Indices | None = None) -> Scene | None:
     if run.model.view is None:
         return None
     evaluator = ViewEvaluator(run.model)
-    return evaluator.scene(run.columns(evaluator.needs, samples), run.terms)
+    scene = evaluator.scene(run.columns(evaluator.needs, samples), run.terms)
+    return with_contacts(scene, run.record.events, run.constraints)
 
 
 class ViewEvaluator:

@@ -45,6 +45,11 @@ class Pictures {
     return [...new Set([...this.slots.map(({ select }) => select.value), ...this.phase.groups()])];
   }
 
+  /** Show a time, and stop there. */
+  goTo(time) {
+    this.link.setTime(time, this);
+  }
+
   /** Keep the run that is shown, behind the next ones; or take a kept one away. */
   keep(kept) {
     this.kept = kept ? this.shown : null;

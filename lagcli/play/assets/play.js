@@ -78,6 +78,7 @@ class Page {
       },
     });
     this.pictures.draggable = hello.draggable;
+    this.events = new Happened(document.getElementById("events"), (t) => this.pictures.goTo(t));
     this.scenarios = new Scenarios(document.getElementById("scenarios"), {
       now: () => ({
         state: this.controls.state(),
@@ -133,6 +134,7 @@ class Page {
     if ("draggable" in answer) this.pictures.draggable = answer.draggable;
     this.controls.follow(answer);
     this.pictures.draw(answer);
+    this.events.show(answer.events);
     this.#notice(answer.message, "warning");
     // plots draw in microtasks of their own, which come before this one
     queueMicrotask(() => this.#measure(answer));

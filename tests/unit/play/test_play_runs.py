@@ -84,6 +84,34 @@ def test_every_model_can_be_played_with(path: Path) -> None:
         assert all(len(s["values"]) == len(plot["time"]) for s in plot["series"])
 
 
+def test_contacts_and_events_are_listed_and_marked() -> None:
+    played = play("bouncing_ball")
+    answer = run(played, ("coordinates", "energies"))
+    fall = (2 / 9.81) ** 0.5
+    first = answer["events"]["entries"][0]
+    assert (first["text"], first["time"]) == ("floor has an impact", pytest.approx(fall))
+    assert answer["events"]["sentences"][1].startswith("note: `floor` came to rest at t = 4.06")
+    assert answer["events"]["more"] == 0
+    for plot in answer["plots"].values():
+        assert plot["marks"][0] == first["time"]
+        assert list(plot["time"]).count(first["time"]) == 2  # before and after
+    (flashes,) = (s for s in answer["scene"]["shapes"] if s["kind"] == "flash")
+    assert flashes["times"][0] == first["time"]
+    # with another coefficient, the second impact is elsewhere
+    moved = run(played, set={"e": "0.5"})["events"]["entries"]
+    assert moved[0]["time"] == first["time"]
+    assert moved[1]["time"] == pytest.approx(2 * fall)
+    assert run(play("slider_crank"))["events"] is None
+
+
+def test_friction_can_be_moved() -> None:
+    played = play("block_on_incline")
+    assert run(played, set={"mu": "0.1"})["status"] == "completed"
+    with pytest.raises(ModelError, match="must not be negative") as raised:
+        run(played, set={"mu": "-1"})
+    assert len(raised.value.diagnostics) == 1
+
+
 def test_dependent_values_follow_unless_they_are_moved() -> None:
     played = play("rolling_disk")
     assert run(played, set={"r": "0.6"}, t_end="0.1")["values"]["A"] == 2 * 0.6**2 / 4

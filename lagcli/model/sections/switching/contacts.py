@@ -208,8 +208,7 @@ class ContactFields:
                 " in `x_A' = x_B'`",
             )
             return None
-        static = self._value(self.limit.static, "limit", indices)
-        kinetic = self._value(self.limit.kinetic, "limit", indices)
+        static, kinetic = self._both(self.limit, "limit", indices)
         if static is None or kinetic is None:
             return None
         own = symbols.multiplier(constraint.name)
@@ -236,8 +235,7 @@ class ContactFields:
                 "it is the sliding velocity at the contact, such as `x'` or `x' - r*phi'`",
             )
             return None
-        static = self._value(self.friction.static, "friction", constraint.indices)
-        kinetic = self._value(self.friction.kinetic, "friction", constraint.indices)
+        static, kinetic = self._both(self.friction, "friction", constraint.indices)
         if static is None or kinetic is None:
             return None
         size = abs_multiplier(constraint.name)
@@ -247,6 +245,12 @@ class ContactFields:
             active=self.active,
             description=f"friction of {constraint.name}",
         )
+
+    def _both(self, of: _Pair, field: str, indices: Indices) -> tuple[Basic | None, Basic | None]:
+        """Return the static and the kinetic value, which are one formula where one is given."""
+        static = self._value(of.static, field, indices)
+        alike = of.kinetic is of.static
+        return static, static if alike else self._value(of.kinetic, field, indices)
 
     def _value(
         self, formula: Formula | None, field: str, indices: Indices, most: float | None = None
@@ -264,11 +268,11 @@ class ContactFields:
             return value
         x = number(value.xreplace({s: known[s.name]() for s in symbols_in}))
         if x < 0 or (most is not None and x > most):
-            bounds = "not negative" if most is None else f"between 0 and {most:g}"
+            bounds = "not be negative" if most is None else f"be between 0 and {most:g}"
             self.fault(
                 field,
                 "bad-value",
-                f"`{field}` of {self.what} is {x:.6g}, and must be {bounds}",
+                f"`{field}` of {self.what} is {x:.6g}, and must {bounds}",
                 {
                     "restitution": "it is the part of the approach velocity that comes back",
                     "friction": "the direction of friction follows from the slip",
