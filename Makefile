@@ -9,6 +9,8 @@ DEMO := demo
 BENCH := .venv-bench
 PEERS := casadi scikit-sundae heyoka exudyn pydy numba
 WORKERS ?= 2
+# the one that is done first takes from the tests of the other
+PARALLEL := -n $(WORKERS) --dist worksteal
 # mutants, or random models, that each long test of `make fuzz` tries
 FUZZ_COUNT ?= 1000
 
@@ -40,10 +42,10 @@ demo: install ## Derive the slider-crank's equations, simulate it, and look at t
 	$(BIN)/lagcli info $(DEMO)/slider_crank.h5
 
 test: install ## Run the tests
-	$(BIN)/python -m pytest -n $(WORKERS)
+	$(BIN)/python -m pytest $(PARALLEL)
 
 fuzz: install ## Try many damaged files and random models: make fuzz FUZZ_COUNT=10000
-	LAGCLI_FUZZ_COUNT=$(FUZZ_COUNT) $(BIN)/python -m pytest -n $(WORKERS) -m fuzz tests/fuzz
+	LAGCLI_FUZZ_COUNT=$(FUZZ_COUNT) $(BIN)/python -m pytest $(PARALLEL) -m fuzz tests/fuzz
 
 # What an extra of pyproject.toml lists, without building lagcli again
 $(BIN)/.extra-%: $(BIN)/.installed
@@ -62,7 +64,7 @@ lint: $(BIN)/.extra-lint ## Check style, types and spelling
 
 coverage: $(BIN)/.extra-coverage ## Run the tests; report the lines they reach, by package
 	@mkdir -p build
-	$(BIN)/python -m pytest -n $(WORKERS) --cov --cov-report=json:build/coverage.json --cov-report=
+	$(BIN)/python -m pytest $(PARALLEL) --cov --cov-report=json:build/coverage.json --cov-report=
 	$(BIN)/python tests/support/coverage_by_package.py build/coverage.json
 
 docs: $(BIN)/.extra-docs ## Build the documentation as pages, build/site/index.html

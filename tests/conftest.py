@@ -2,11 +2,27 @@
 
 import gc
 import signal
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parent
 
 # A job that a shell starts in the background ignores SIGINT, and so would the programs that tests
 # start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+#: Folders whose tests share a browser, results of every model, or start processes: they come first
+#: and in one piece, so that one process runs them while another begins with the rest.
+FIRST = ("docs", "cli", "pictures")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Order tests for `--dist worksteal`, which takes from the end of another process's tests."""
+    places = {name: i for i, name in enumerate(FIRST)}
+    items.sort(key=lambda item: places.get(item.path.relative_to(TESTS).parts[0], len(FIRST)))
 
 
 def pytest_collection_finish() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from growth import assert_growth
 from lowered import Lowered, lowered
 
 import lagcli
@@ -141,15 +142,17 @@ initial: {{{initial}}}
 
 
 def test_cost_grows_like_the_number_of_bodies() -> None:
-    def measure(n: int) -> tuple[float, JacobianTapes]:
+    tapes: dict[int, JacobianTapes] = {}
+
+    def seconds(n: int) -> float:
         system = compiled(chain(n)).system
         assert system.variation is not None
-        began = time.perf_counter()
-        variation = system.variation()
-        return time.perf_counter() - began, variation
+        began = time.process_time()
+        tapes[n] = system.variation()
+        return time.process_time() - began
 
-    small, few = min((measure(20) for _ in range(3)), key=lambda x: x[0])
-    large, many = min((measure(160) for _ in range(2)), key=lambda x: x[0])
-    assert large < 24 * small  # eight times as long; square growth would be sixty-four
+    # eight times as long; square growth would be sixty-four
+    assert_growth(seconds, (20, 160), factor=24)
+    few, many = tapes[20], tapes[160]
     assert len(many.tape.code) < 9 * len(few.tape.code)
     assert len(many.force_position) < 9 * len(few.force_position)

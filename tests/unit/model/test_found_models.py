@@ -11,6 +11,7 @@ import mpmath
 import numpy as np
 import pytest
 import symengine as se
+from growth import assert_growth
 
 from lagcli.cli.app import run
 from lagcli.engine.lowering import lower
@@ -375,11 +376,8 @@ LONG = {
 
 @pytest.mark.parametrize("name", LONG)
 def test_reading_takes_time_in_proportion(name: str) -> None:
-    few, many = LONG[name](400), LONG[name](3200)
-    seconds(few)
-    small = min(seconds(few) for _ in range(3))
     # eight times as long; square growth would be sixty-four
-    assert min(seconds(many) for _ in range(2)) < 20 * small + 0.05
+    assert_growth(lambda n: seconds(LONG[name](n)), (400, 3200), factor=20, floor=0.05)
 
 
 def test_unknown_names_in_time() -> None:

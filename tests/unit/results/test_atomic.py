@@ -301,7 +301,7 @@ def test_of_many_runs_exactly_one_wins(tmp_path: Path, suffix: str) -> None:
 
 def test_of_many_writers_exactly_one_wins(tmp_path: Path, way: str) -> None:
     path = tmp_path / "run.h5"
-    for _ in range(5):
+    for _ in range(2):
         statuses = _race([lambda n=n: _write_bytes(path, b"%d" % n) for n in range(8)])
         assert sorted(statuses) == [0] + 7 * [4]
         assert path.read_bytes() == b"%d" % statuses.index(0)

@@ -34,16 +34,16 @@ def run(prepared: Simulation) -> tuple[list[tuple[Block, Derivatives]], object]:
     "options",
     [
         {"engine": "scipy", "method": "DOP853"},
-        {"engine": "scipy", "method": "Radau"},
+        {"engine": "scipy", "method": "Radau", "t_end": 0.25},  # which is slow
         {"engine": "compiled", "method": "Radau"},
         {"engine": "compiled", "method": "Taylor"},
         {"engine": "compiled", "formulation": "baumgarte"},
         {"engine": "compiled", "formulation": "index1"},
     ],
-    ids=lambda options: "-".join(options.values()),
+    ids=lambda options: "-".join(map(str, options.values())),
 )
 def test_engines_methods_and_formulations_agree(options: dict[str, object]) -> None:
-    reference, _ = run(simulation(rtol=1e-12))
+    reference, _ = run(simulation(rtol=1e-12, t_end=options.get("t_end", 1.0)))
     found, _ = run(simulation(rtol=1e-10, **options))
     for part in ("q", "v", "multipliers"):
         expected = np.concatenate([getattr(d, part) for _, d in reference])
