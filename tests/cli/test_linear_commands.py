@@ -138,3 +138,26 @@ def test_modes_are_animated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert "3 modes" in capsys.readouterr().err
     assert run(["animate", "run.h5", "--equilibrium", "-o", str(tmp_path / "x.html")]) == 2
     assert "--mode" in capsys.readouterr().err
+
+
+def test_modes_of_a_file_are_animated_as_those_of_the_model(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import numpy as np
+
+    import lagcli
+    from lagcli.analysis.linear.mode_motion import mode_motion, stored_mode_motion
+
+    file, page = str(tmp_path / "modes.h5"), tmp_path / "mode.html"
+    assert run(["modes", CHAIN, *HANGING, "-o", file]) == 0
+    assert run(["animate", file, "--mode", "2", "-o", str(page)]) == 0
+    assert "181 samples" in capsys.readouterr().out
+    found = stored_mode_motion(file, 2, amplitude=0.02)
+    model = lagcli.load(CHAIN, set={"N": "3"})
+    expected = mode_motion(model, 2, amplitude=0.02, equilibrium=True)
+    np.testing.assert_allclose(found.q, expected.q, atol=1e-12)
+    np.testing.assert_allclose(found.multipliers, expected.multipliers, atol=1e-9)
+    assert run(["animate", file, "--mode", "4", "-o", str(tmp_path / "x.html")]) == 2
+    assert "3 modes" in capsys.readouterr().err
+    assert run(["animate", file, "--mode", "1", "--at", "1", "-o", str(tmp_path / "x.html")]) == 2
+    assert "about one point" in capsys.readouterr().err

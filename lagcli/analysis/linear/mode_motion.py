@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from lagcli.analysis.linear.modes import ModalAnalysis, Mode, modes_about
+from lagcli.analysis.linear.modes import Mode, modes_about
 from lagcli.analysis.linear.operating_points import find_operating_point
+from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart, consistent_state
 from lagcli.engine.contract import Block
+from lagcli.engine.state import State
 from lagcli.errors import UsageError
+from lagcli.model.loader import load_text
 from lagcli.model.model import Model
+from lagcli.results.hdf5.analysis_file import read_analysis, read_model_text
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.simulations.inputs.input_tables import input_tables
 from lagcli.trajectory.samples import Record
@@ -67,26 +74,84 @@ def mode_motion(
     """
     local = LocalEquations(model)
     found = find_operating_point(local, at=at, equilibrium=equilibrium, steady=steady)
-    analysis = modes_about(local, found)
-    count = len(analysis.modes)
+    modes = modes_about(local, found).modes
+    _check_number(number, len(modes), model)
+    return _motion(local, found.point, modes[number - 1], number, found.name, amplitude)
+
+
+def stored_mode_motion(
+    path: str | os.PathLike[str], number: int, *, amplitude: float | None = None
+) -> Trajectory:
+    """Return the motion of a mode of a file that ``lagcli modes -o`` wrote.
+
+    Parameters
+    ----------
+    path : path
+        HDF5.
+    number, amplitude
+        As for `mode_motion`.
+
+    Raises
+    ------
+    FileError
+        It cannot be read, or is no file of modes.
+    UsageError, ModelError, NumericalError
+        As `mode_motion`.
+    """
+    content, given = read_analysis(path, "modes"), read_model_text(path)
+    model = load_text(given.text, given.path, given.set, given.set_initial)
+    _check_number(number, len(content["modes"]), model)
+    local, held = LocalEquations(model), content["operating_point"]
+    q, v = (np.array([held[part][name] for name in model.coordinate_names]) for part in "qv")
+    rank = np.linalg.matrix_rank(local.evaluator(local.p).constraints(held["time"], q, v).jacobian)
+    point = local.moving(State(held["time"], q, v, local.p), int(rank))
+    multipliers = np.array([held["multipliers"][name] for name in model.constraint_names])
+    stored = content["modes"][number - 1]
+
+    def shape(part: str, names: Sequence[str]) -> ComplexArray:
+        return np.array([complex(*stored[part][name]) for name in names], dtype=complex)
+
+    mode = Mode(
+        stored["kind"],
+        complex(*stored["eigenvalue"]),
+        shape("position", model.coordinate_names),
+        shape("velocity", model.coordinate_names),
+        shape("multipliers", model.constraint_names),
+    )
+    point = point._replace(multipliers=multipliers)
+    return _motion(local, point, mode, number, held["name"], amplitude)
+
+
+def _check_number(number: int, count: int, model: Model) -> None:
     if not 1 <= number <= count:
         raise UsageError(
             f"--mode {number}: {model.name} has {count} mode{'s' * (count != 1)}"
             + (", numbered from 1 as lagcli modes lists them" if count else "")
         )
-    mode = analysis.modes[number - 1]
+
+
+def _motion(
+    local: LocalEquations,
+    point: Point,
+    mode: Mode,
+    number: int,
+    place: str,
+    amplitude: float | None,
+) -> Trajectory:
+    """Return the motion of a mode about a point."""
+    model = local.model
     if amplitude is None:
         amplitude = _LARGE / np.abs(mode.position / local.lengths).max()
     elif not (np.isfinite(amplitude) and amplitude > 0):
         raise UsageError(f"--amplitude {amplitude:g}: give a positive number")
-    block = _block(local, analysis, mode, float(amplitude))
-    columns = DerivedColumns(local.system, found.point.p)
+    block = _block(local, point, mode, float(amplitude))
+    columns = DerivedColumns(local.system, point.p)
     samples = columns(block)
     record = Record(
         scale_position=columns.scale_position,
         scale_velocity=columns.scale_velocity,
         units={c.name: c.unit for c in model.coordinates if c.unit},
-        message=f"mode {number} ({mode.kind}) about {found.name}, amplitude {amplitude:.6g}",
+        message=f"mode {number} ({mode.kind}) about {place}, amplitude {amplitude:.6g}",
         model=model.text,
         model_sha256=model.sha256,
         parameters=model.parameter_values,
@@ -97,9 +162,9 @@ def mode_motion(
     return complete(samples, record)
 
 
-def _block(local: LocalEquations, analysis: ModalAnalysis, mode: Mode, amplitude: float) -> Block:
+def _block(local: LocalEquations, point: Point, mode: Mode, amplitude: float) -> Block:
     """Return the samples of the motion."""
-    point, s = analysis.operating_point.point, mode.eigenvalue
+    s = mode.eigenvalue
     time, wave = _wave(s)
     scaled = amplitude * wave
 

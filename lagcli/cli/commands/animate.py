@@ -21,7 +21,8 @@ def animate(
     file: Annotated[
         str,
         typer.Argument(
-            metavar="FILE", help=f"Result file, {SUFFIX_NAMES}; with --mode, a model file."
+            metavar="FILE",
+            help=f"Result file, {SUFFIX_NAMES}; with --mode, a model file or a file of modes, .h5.",
         ),
     ],
     output: Annotated[
@@ -98,7 +99,17 @@ def animate(
         "--set": set,
         "--set-initial": set_initial,
     }
-    if mode is not None:
+    if mode is not None and file.lower().endswith((".h5", ".hdf5")):
+        from lagcli.analysis.linear.mode_motion import stored_mode_motion
+
+        given = [name for name, value in of_modes.items() if value is not None]
+        if chosen := [name for name in given if name != "--amplitude"]:
+            raise UsageError(
+                f"{chosen[0]} is for a model; {file} has modes about one point: give the model"
+                " file, or make another file with lagcli modes"
+            )
+        source = stored_mode_motion(file, mode, amplitude=amplitude)
+    elif mode is not None:
         source = _mode_motion(
             mode, amplitude, at, equilibrium, load_steady(file, set, set_initial, steady)
         )

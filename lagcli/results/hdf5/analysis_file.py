@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,6 +57,39 @@ def write_analysis(
         for name, values in arrays.items():
             add_array(root["/"], name, np.ascontiguousarray(values, dtype=float))
             sink.check()
+
+
+class ModelText(NamedTuple):
+    """The model that an analysis is of, as it was given.
+
+    Parameters
+    ----------
+    text, path : str
+    set, set_initial : dict of str to str
+    """
+
+    text: str
+    path: str
+    set: dict[str, str]
+    set_initial: dict[str, str]
+
+
+def read_model_text(path: str | os.PathLike[str]) -> ModelText:
+    """Return the model of a file of an analysis.
+
+    Raises
+    ------
+    FileError
+        As `read_analysis`; or it holds no model.
+    """
+    with open_verified(path, SCHEMA_VERSION) as opened:
+        names = ("model", "model_path", "set", "set_initial")
+        text, origin, given, initial = (text_attribute(opened.root, name) for name in names)
+        if text is None:
+            raise FileError(f"{os.fspath(path)} holds no model")
+        return ModelText(
+            text, origin or os.fspath(path), json.loads(given or "{}"), json.loads(initial or "{}")
+        )
 
 
 def analysis_kind(path: str | os.PathLike[str]) -> str | None:
