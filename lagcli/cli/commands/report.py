@@ -1,4 +1,4 @@
-"""`lagcli report`: a run on one page."""
+"""`lagcli report`: a run, or an analysis, on one page."""
 
 from typing import Annotated
 
@@ -21,7 +21,8 @@ def report(
     """Write a report of a run: equations, animation, plots, extremes, computation.
 
     The report is one self-contained HTML file. It can be opened without a network, sent, or
-    printed. A failed run is shown up to its last sample and marked.
+    printed. A failed run is shown up to its last sample and marked. Files that equilibrium,
+    linearize, modes, compare and fit wrote have a report of what was found.
     """
     from lagcli.pictures.report import report as make
 

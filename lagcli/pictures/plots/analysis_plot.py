@@ -10,7 +10,8 @@ import numpy as np
 from lagcli.errors import UsageError
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures.plots import style
-from lagcli.pictures.plots.figure_file import FigureFile
+from lagcli.pictures.plots.curves import pretty_unit
+from lagcli.pictures.plots.figure_file import FigureTarget
 
 _WIDTH, _PANEL, _SPECTRUM = 6.0, 2.4, 4.2  # inches
 _USUAL = 4  # panels that are drawn where none is named
@@ -30,7 +31,12 @@ _KINDS = {
 }
 
 
-def plot_analysis(content: Mapping[str, Any], names: Sequence[str], target: FigureFile) -> None:
+def plot_analysis(
+    content: Mapping[str, Any],
+    names: Sequence[str],
+    target: FigureTarget,
+    units: Mapping[str, str] | None = None,
+) -> None:
     """Plot the content of a file of an analysis.
 
     Parameters
@@ -39,7 +45,9 @@ def plot_analysis(content: Mapping[str, Any], names: Sequence[str], target: Figu
         Of ``lagcli equilibrium --along``, ``lagcli modes`` or ``lagcli compare``.
     names : sequence of str
         Coordinates, velocities and multipliers of branches; by default those that change.
-    target : FigureFile
+    target : FigureTarget
+    units : mapping of str to str, optional
+        Of coordinates, parameters and, by the names of columns, λ, for the axes.
 
     Raises
     ------
@@ -52,7 +60,7 @@ def plot_analysis(content: Mapping[str, Any], names: Sequence[str], target: Figu
     if "branches" in content:
         panels = _panels(content, names)
         with target.figure((_WIDTH, _PANEL * len(panels) + 0.4), title) as figure:
-            _draw_branches(figure, content, panels)
+            _draw_branches(figure, content, panels, units or {})
     elif content["command"] == "compare" and "runs" in content:
         if names:
             raise UsageError("a comparison is plotted whole; give no names")
@@ -121,7 +129,9 @@ def _panels(content: Mapping[str, Any], names: Sequence[str]) -> list[str]:
     return changing[:_USUAL] or [*known[:1], "growth"]
 
 
-def _draw_branches(figure: Any, content: Mapping[str, Any], panels: Sequence[str]) -> None:
+def _draw_branches(
+    figure: Any, content: Mapping[str, Any], panels: Sequence[str], units: Mapping[str, str]
+) -> None:
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
     for ax, name in zip(axes, panels, strict=True):
         for number, branch in enumerate(content["branches"]):
@@ -138,10 +148,20 @@ def _draw_branches(figure: Any, content: Mapping[str, Any], panels: Sequence[str
             if value is not None:
                 marker = _MARKERS[point["kind"]]
                 ax.plot([point["parameter"]], [value], marker, ms=6, mfc="white", color="#202020")
-        ax.set_ylabel(name.replace("$", r"\$"))
+        ax.set_ylabel(_label(name, units))
         ax.margins(x=0.02, y=0.08)
-    axes[-1].set_xlabel(content["parameter"].replace("$", r"\$"))
+    axes[-1].set_xlabel(_label(content["parameter"], units))
     _legend(axes[0], content)
+
+
+def _label(name: str, units: Mapping[str, str]) -> str:
+    """Return a quantity with its unit, where it is known."""
+    base = name.removesuffix("'").removesuffix("_dot")
+    unit = "1/s" if name == "growth" else units.get(name)
+    if unit is None and base != name and base in units:
+        unit = "1/s" if units[base] == "1" else f"{units[base]}/s"
+    shown = f" [{pretty_unit(unit)}]" if unit and unit != "1" else ""
+    return name.replace("$", r"\$") + shown
 
 
 def _series_at(point: Mapping[str, Any], name: str) -> float | None:

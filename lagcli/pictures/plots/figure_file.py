@@ -7,8 +7,8 @@ import os
 import re
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any, NamedTuple
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any, NamedTuple, Protocol
 
 from lagcli.errors import UsageError
 from lagcli.pictures.plots import style
@@ -104,6 +104,13 @@ def new_figure(size: tuple[float, float], dpi: float) -> Iterator[Any]:
         # a letter that no font has is drawn as a box, which says enough
         warnings.filterwarnings("ignore", r"Glyph .* missing from")
         yield Figure(figsize=size, dpi=dpi)
+
+
+class FigureTarget(Protocol):
+    """What a plot is drawn to."""
+
+    def figure(self, size: tuple[float, float], title: str) -> AbstractContextManager[Any]:
+        """Make a figure, which is kept when the block ends well."""
 
 
 class FigureFile(NamedTuple):

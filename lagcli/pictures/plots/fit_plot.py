@@ -13,7 +13,7 @@ from lagcli.errors import UsageError
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures.plots import style
 from lagcli.pictures.plots.curves import pretty_unit
-from lagcli.pictures.plots.figure_file import FigureFile
+from lagcli.pictures.plots.figure_file import FigureFile, FigureTarget
 from lagcli.pictures.plots.ticks import plain_ticks
 
 _WIDTH, _DATA, _RESIDUALS = 7.0, 1.9, 0.9  # inches
@@ -47,7 +47,13 @@ def plot_fit(path: str, names: Sequence[str], target: FigureFile) -> None:
     FileError
         A file cannot be read or written.
     """
-    result = read_fit(path)
+    draw_result(read_fit(path), names, target, path)
+
+
+def draw_result(
+    result: FitResult, names: Sequence[str], target: FigureTarget, path: str = "the fit"
+) -> None:
+    """Draw a fit that is read; see `plot_fit`."""
     panels = _panels(result, names, path)
     heights = [x for _ in panels for x in (_DATA, _RESIDUALS)]
     with target.figure((_WIDTH, sum(heights) + 0.6), result.model_name) as figure:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from lagcli.errors import UsageError
+from lagcli.errors import ModelError, UsageError
 from lagcli.pictures.plots.figure_file import FigureFile, check_picture
 from lagcli.pictures.plots.run_plot import plot_runs
 from lagcli.pictures.plots.sweep_plot import PlottedTable, plot_table
@@ -72,7 +72,7 @@ def plot(
     kind = check_picture(path, force)
     sources = [results] if isinstance(results, (str, os.PathLike, Trajectory)) else list(results)
     target = FigureFile(path, kind, title, size, dpi, force)
-    kinds = [(source, _kind(source)) for source in sources]
+    kinds = [(source, file_kind(source)) for source in sources]
     file, what = next(((str(x), of) for x, of in kinds if of != KIND), ("", KIND))
     if what == KIND:
         plot_runs([RunFile(source, model) for source in sources], names, target, bands)
@@ -89,8 +89,21 @@ def plot(
     from lagcli.pictures.plots.analysis_plot import plot_analysis
     from lagcli.results.hdf5.analysis_file import read_analysis
 
-    plot_analysis(read_analysis(file), names, target)
+    plot_analysis(read_analysis(file), names, target, _units(file))
     return ()
+
+
+def _units(file: str) -> dict[str, str]:
+    """Return the units of the model of an analysis; none where it needs files that are gone."""
+    from lagcli.model.loader import load_text
+    from lagcli.model.result_units import result_units
+    from lagcli.results.hdf5.analysis_file import read_model_text
+
+    given = read_model_text(file)
+    try:
+        return result_units(load_text(given.text, given.path, given.set, given.set_initial))
+    except ModelError:
+        return {}
 
 
 def _plot_sweep(
@@ -106,7 +119,7 @@ def _plot_sweep(
     return (f"{drawn} of {rows.good} rows are drawn",) if drawn < rows.good else ()
 
 
-def _kind(source: Source) -> str:
+def file_kind(source: Source) -> str:
     """Return what a source holds: a run, a sweep, a fit or another analysis."""
     if isinstance(source, Trajectory) or format_read(source).sweeps != "all":
         return KIND

@@ -1,4 +1,4 @@
-"""The report of a run: one page that holds all that it needs."""
+"""The report of a run, or of an analysis: one page that holds all that it needs."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagcli.errors import UsageError
 from lagcli.results.atomic import check_writable, whole_file
+from lagcli.results.metadata import KIND
 
 if TYPE_CHECKING:
     from lagcli.trajectory.trajectory import Trajectory
@@ -23,21 +24,22 @@ class Report(NamedTuple):
         The page.
     size : int
         Bytes.
-    samples : int
-        Of the run.
+    samples : int or None
+        Of the run; none of an analysis.
     notes : tuple of str
         What the reader should know of the run.
     """
 
     output: str
     size: int
-    samples: int
+    samples: int | None
     notes: tuple[str, ...]
 
     @property
     def summary(self) -> str:
         """What was made, in a line."""
-        return f"{self.output}: {self.samples} samples, {self.size / 1000:.0f} kB"
+        samples = "" if self.samples is None else f"{self.samples} samples, "
+        return f"{self.output}: {samples}{self.size / 1000:.0f} kB"
 
 
 def report(
@@ -50,6 +52,9 @@ def report(
 ) -> Report:
     """Write the report of a run: equations, animation, plots and figures on one HTML page.
 
+    Of a file of an analysis (equilibria, branches, modes, linear models, comparisons, fits), the
+    page has what was found, in tables and plots, and the equations; its plots need matplotlib.
+
     The page fetches nothing, and is below 6 MB whatever the number of samples: long runs are
     thinned for the plots. Of every curve the least and the largest value of each of some hundred
     intervals are kept as they are.
@@ -57,7 +62,8 @@ def report(
     Parameters
     ----------
     source : path or Trajectory
-        A result file that holds its model (HDF5, or CSV with its sidecar), or a run in memory.
+        A result file that holds its model (HDF5, or CSV with its sidecar), a file of an analysis
+        (HDF5), or a run in memory.
     output : path
         The page, ``.html``.
     title : str, optional
@@ -80,6 +86,7 @@ def report(
     ModelError
         The text of the model is none for this version.
     """
+    from lagcli.pictures.plots.plot import file_kind
     from lagcli.pictures.report.assembly import assembled
     from lagcli.pictures.run_file import RunFile
 
@@ -92,6 +99,16 @@ def report(
             f"{output}: the suffix {suffix or '(none)'} is none of a page; name it {stem}.html"
         )
     check_writable(output, force)
+    kind = file_kind(source)
+    if kind not in (KIND, "sweep"):
+        from lagcli.pictures.report.analysis_page import analysis_page
+
+        if model is not None:
+            raise UsageError("--model is for a run; a file of an analysis holds its model")
+        page = analysis_page(os.fspath(source), kind, title).encode()  # type: ignore[arg-type]
+        with whole_file(output, force) as file:
+            file.write(page)
+        return Report(output, len(page), None, ())
     run = RunFile(source, model)
     page = assembled(run, title).encode()
     with whole_file(output, force) as file:

@@ -34,7 +34,7 @@ from lagcli.pictures.report.curves import (
 )
 from lagcli.pictures.report.equations import EquationSystem
 from lagcli.pictures.report.event_table import events_link, events_section
-from lagcli.pictures.report.writing import chosen
+from lagcli.pictures.report.writing import chosen, paragraphs
 from lagcli.pictures.report.yaml_text import highlighted
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.timing import timing
@@ -96,7 +96,7 @@ def assembled(run: RunFile, title: str | None = None) -> str:
         style=style,
         script=script,
         data=script_data(data),
-        description=_paragraphs(model.description),
+        description=paragraphs(model.description),
         status=tables.status(run),
         motion=_MOTION if scene else "",
         layout="with-motion" if scene else "without-motion",
@@ -225,9 +225,3 @@ def _contents(found: list[Section]) -> str:
 
 def _anchor(title: str) -> str:
     return "plots-" + title.lower().replace(" ", "-")
-
-
-def _paragraphs(text: str | None) -> str:
-    """Return a description: its paragraphs, escaped."""
-    blocks = (text or "").strip().split("\n\n")
-    return "".join(f"<p>{escape(' '.join(b.split()))}</p>" for b in blocks if b.strip())

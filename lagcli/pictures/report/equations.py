@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from html import escape
+from typing import Protocol
 
 from lagcli.arrays import Array
 from lagcli.equations.derivation.lagrange import ConstraintEquation
@@ -24,7 +25,6 @@ from lagcli.equations.render.numbers import written_decimals
 from lagcli.equations.symmetry.conserved import QUICK, conserved_quantities
 from lagcli.equations.symmetry.generality import generalized
 from lagcli.pictures.report.writing import chosen, elided, number, table, unit
-from lagcli.pictures.run_file import RunFile
 
 #: Coordinates, parameters, constraints and equations that are listed one by one; of more than
 #: these, about so many constraints and equations.
@@ -37,17 +37,45 @@ _NODES = 200_000
 _LONG, _LETTERS = 700, 4000
 
 
+class RecordOfValues(Protocol):
+    """Units and values of parameters that tables state."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """SI units, by name."""
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Values of parameters."""
+
+
+class DescribedSystem(Protocol):
+    """What of a run, or of an analysis, the equations are stated with."""
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names."""
+
+    @property
+    def constraints(self) -> tuple[str, ...]:
+        """Names."""
+
+    @property
+    def record(self) -> RecordOfValues:
+        """Units and values."""
+
+
 class EquationSystem:
-    """The equations of one run in HTML.
+    """The equations of one run, or of an analysis, in HTML.
 
     Parameters
     ----------
-    run : Run
+    run : DescribedSystem
     formulas : Formulas
         Of its model.
     """
 
-    def __init__(self, run: RunFile, formulas: Formulas):
+    def __init__(self, run: DescribedSystem, formulas: Formulas):
         self.run, self.formulas = run, formulas
         self.equations, self.model = formulas.equations, formulas.model
         self.names = Notation(self.model)

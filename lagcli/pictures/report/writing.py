@@ -113,3 +113,9 @@ def _ends(places: list[int], most: int) -> list[int]:
 
 def _plain(html: str) -> str:
     return re.sub(r"<[^>]*>", "", html)
+
+
+def paragraphs(text: str | None) -> str:
+    """Return a description: its paragraphs, escaped."""
+    blocks = (text or "").strip().split("\n\n")
+    return "".join(f"<p>{escape(' '.join(b.split()))}</p>" for b in blocks if b.strip())

@@ -1,0 +1,117 @@
+"""The page of an analysis: what it found, the equations it is of, and its provenance."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from html import escape
+from string import Template
+from typing import NamedTuple
+
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.equations.presentation.formulas import Formulas
+from lagcli.model.loader import load_text
+from lagcli.model.model import Model
+from lagcli.model.result_units import result_units
+from lagcli.pictures.page import asset, content_policy
+from lagcli.pictures.report.analysis_sections import (
+    AnalysisSection,
+    content_sections,
+    fit_sections,
+)
+from lagcli.pictures.report.equations import EquationSystem
+from lagcli.pictures.report.writing import paragraphs, table
+from lagcli.pictures.report.yaml_text import highlighted
+from lagcli.version import __version__
+
+_STYLES = ("report.css", "analysis.css")
+
+
+class _Values(NamedTuple):
+    """What a run's record says of a model, for the tables of the system."""
+
+    units: Mapping[str, str]
+    parameters: Mapping[str, float]
+
+
+class _AnalysedModel:
+    """A model without a run."""
+
+    def __init__(self, model: Model, parameters: Mapping[str, float]):
+        self.coordinates, self.constraints = model.coordinate_names, model.constraint_names
+        self.record = _Values(result_units(model), parameters)
+
+
+def analysis_page(path: str, kind: str, title: str | None = None) -> str:
+    """Return the page of a file of an analysis.
+
+    Parameters
+    ----------
+    path : str
+        HDF5.
+    kind : str
+        The command that made it.
+    title : str, optional
+        In place of the model's.
+
+    Raises
+    ------
+    FileError, UsageError, ModelError
+        See `lagcli.pictures.report.report`.
+    """
+    if kind == "fit":
+        from lagcli.analysis.fit.file import read_fit
+
+        result = read_fit(path)
+        model, found = load_text(result.model, path), fit_sections(result)
+        return _assembled(model, result.parameters, found, path, kind, title)
+    from lagcli.results.hdf5.analysis_file import read_analysis, read_model_text
+
+    content, given = read_analysis(path), read_model_text(path)
+    model = load_text(given.text, given.path, given.set, given.set_initial)
+    found = content_sections(content, result_units(model))
+    return _assembled(model, model.parameter_values, found, path, kind, title)
+
+
+def _assembled(
+    model: Model,
+    parameters: Mapping[str, float],
+    found: list[AnalysisSection],
+    path: str,
+    kind: str,
+    title: str | None,
+) -> str:
+    system = EquationSystem(_AnalysedModel(model, parameters), Formulas(derive(model)))
+    script = asset("theme.js")
+    style = "\n".join(map(asset, _STYLES))
+    name = escape(title or model.title)
+    sections = "".join(
+        f'<section id="{x.anchor}"><h2>{escape(x.title)}</h2>{x.body}</section>' for x in found
+    )
+    changed = {**model.set, **model.set_initial}
+    rows = [
+        ("File", escape(os.path.basename(path))),
+        ("Made by", f"lagcli {escape(kind)}, page by lagcli {__version__}"),
+        ("Changed", escape(", ".join(f"{k} = {x}" for k, x in changed.items()))),
+        ("Model", f"<code>sha256 {escape(model.sha256)}</code>"),
+    ]
+    return Template(asset("analysis.html")).substitute(
+        policy=content_policy(script, style) + "; img-src data:",
+        title=name,
+        style=style,
+        script=script,
+        description=paragraphs(model.description),
+        contents="".join(f'<li><a href="#{x.anchor}">{escape(x.title)}</a></li>' for x in found),
+        sections=sections,
+        freedom=system.freedom(),
+        coordinates=system.coordinates([]),
+        parameters=system.parameters(),
+        definitions=system.definitions(),
+        energies=system.energies(),
+        forces=system.forces(),
+        constraints=system.constraints(),
+        equations=system.motion(),
+        convention=system.convention(),
+        provenance=table("Provenance", ["", ""], [x for x in rows if x[1]], kind="facts"),
+        model=highlighted(model.text),
+    )

@@ -1,0 +1,363 @@
+"""The sections of the page of an analysis: what it found, in tables and pictures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from html import escape
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lagcli.analysis.fit.result import FitResult
+from lagcli.pictures.plots.analysis_plot import plot_analysis
+from lagcli.pictures.plots.fit_plot import draw_result
+from lagcli.pictures.report.analysis_figures import picture
+from lagcli.pictures.report.writing import number, table, unit
+
+#: Modes and components of shapes, rows and columns of matrices, and equilibria that are listed.
+_MODES, _COMPONENTS, _ENTRIES, _LISTED = 12, 24, 12, 24
+#: Of the largest component of a shape: what counts as none.
+_NONE = 1e-9
+
+
+class AnalysisSection(NamedTuple):
+    """A part of a page.
+
+    Parameters
+    ----------
+    anchor, title, body : str
+        The body is HTML.
+    """
+
+    anchor: str
+    title: str
+    body: str
+
+
+def content_sections(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:
+    """Return the sections of a file of an analysis.
+
+    Parameters
+    ----------
+    content : mapping
+        As ``--json`` prints it.
+    units : mapping of str to str
+        Of coordinates, and of λ by the names of columns.
+    """
+    match content["command"]:
+        case "modes":
+            return [_point(content, units), *_modes(content, units)]
+        case "linearize":
+            return [_point(content, units), _matrices(content)]
+        case "equilibrium" if "branches" in content:
+            return _branches(content, units)
+        case "equilibrium":
+            return [_equilibria(content, units)]
+        case "compare" if "runs" in content:
+            return _comparison(content, units)
+    return []
+
+
+def _unit_of(name: str, units: Mapping[str, str], rate: bool = False) -> str:
+    found = units.get(name, "")
+    if not rate or not found:
+        return unit(found)
+    return unit("1/s" if found == "1" else f"{found}/s")
+
+
+def _named(name: str) -> str:
+    return f'<span class="name">{escape(name)}</span>'
+
+
+def _point(content: Mapping[str, Any], units: Mapping[str, str]) -> AnalysisSection:
+    """Return the point about which a model is linearized."""
+    point = content["operating_point"]
+    rows = [[_named(q), number(x, 8), _unit_of(q, units)] for q, x in point["q"].items()]
+    rows += [
+        [_named(f"{q}'"), number(x, 8), _unit_of(q, units, rate=True)]
+        for q, x in point["v"].items()
+        if x
+    ]
+    rows += [
+        [_named(f"lambda.{c}"), number(x, 8), _unit_of(f"lambda.{c}", units)]
+        for c, x in point["multipliers"].items()
+    ]
+    shown = rows[: 3 * _LISTED]
+    note = "".join(f'<p class="note">{escape(x[0].upper() + x[1:])}.</p>' for x in content["notes"])
+    body = table(
+        f"About {escape(point['name'])}, t = {number(point['time'])} s",
+        ["Quantity", "Value", "Unit"],
+        shown,
+        numeric=(1,),
+    )
+    return AnalysisSection("point", "Operating point", body + _more(rows, shown) + note)
+
+
+def _more(rows: Sequence[Any], shown: Sequence[Any]) -> str:
+    rest = len(rows) - len(shown)
+    return f'<p class="note">And {rest} more, which the file has.</p>' if rest else ""
+
+
+def _modes(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:
+    every = content["modes"]
+    if not every:
+        nothing = "<p>None: the constraints determine the motion.</p>"
+        return [AnalysisSection("modes", "Modes", nothing)]
+    rows = []
+    for mode in every:
+        s = complex(*mode["eigenvalue"])
+        swings = bool(s.imag)
+        rows.append(
+            [
+                str(mode["number"]),
+                _complex(s, both=True),
+                number(mode["frequency"]) if swings else "",
+                number(mode["damping_ratio"], 4) if swings else "",
+                number(mode["time_constant"], 4) if mode["time_constant"] else "",
+                escape(mode["kind"]),
+            ]
+        )
+    head = ["Mode", "Eigenvalue [1/s]", "Frequency [Hz]", "Damping ratio", "Time constant [s]"]
+    body = table("By the magnitude of the eigenvalue", [*head, "Kind"], rows, numeric=(1, 2, 3, 4))
+    drawn = picture(
+        partial(plot_analysis, content, (), units=units), "Eigenvalues in the complex plane"
+    )
+    sections = [AnalysisSection("modes", "Modes", body + drawn)]
+    parts = ("position", "δ", ""), ("multipliers", "δλ ", "lambda.")
+    shown = every[:_MODES]
+    tables = []
+    for part, sign, prefix in parts:
+        names = list(every[0][part])
+        rows = [
+            [
+                f"{sign}{_named(name)}",
+                _unit_of(prefix + name, units),
+                *(_component(mode[part], name) for mode in shown),
+            ]
+            for name in names[:_COMPONENTS]
+        ]
+        if rows:
+            head = [
+                "Multiplier" if prefix else "Coordinate",
+                "Unit",
+                *(f"Mode {mode['number']}" for mode in shown),
+            ]
+            caption = "δλ in the same scale" if prefix else "Shapes"
+            numeric = range(2, 2 + len(shown))
+            tables.append(table(caption, head, rows, numeric=list(numeric)) + _more(names, rows))
+    about = (
+        '<p class="note">The coordinate that carries the most kinetic energy is 1; complex'
+        " components are magnitude and phase. An oscillation of amplitude ε about λ₀ has"
+        " λ(t) = λ₀ + ε Re(δλ e<sup>st</sup>). <code>lagcli animate FILE --mode N</code> shows the"
+        " motion.</p>"
+    )
+    return [*sections, AnalysisSection("shapes", "Shapes", "".join(tables) + about)]
+
+
+def _complex(s: complex, both: bool = False) -> str:
+    real, imaginary = number(s.real, 9), number(abs(s.imag), 9)
+    if not s.imag:
+        return real
+    sign = "±" if both else "+" if s.imag > 0 else "−"
+    return f"{real} {sign} {imaginary} i" if s.real else f"{sign} {imaginary} i"
+
+
+def _component(shape: Mapping[str, Sequence[float]], name: str) -> str:
+    z, largest = complex(*shape[name]), max(abs(complex(*x)) for x in shape.values())
+    if abs(z) <= _NONE * largest:
+        return "0"
+    if abs(z.imag) <= _NONE * abs(z):
+        return number(z.real, 4)
+    return f"{number(abs(z), 4)} ∠ {math.degrees(math.atan2(z.imag, z.real)):.0f}°"
+
+
+def _matrices(content: Mapping[str, Any]) -> AnalysisSection:
+    names = ["A", "B", "C", "D"] + ["E"] * (content["form"] == "descriptor")
+    lists = {"states x": "states", "inputs u": "inputs", "outputs y": "outputs"}
+    parts = [
+        f"<p>{escape(label)}: {', '.join(map(_named, content[key]))}</p>"
+        for label, key in lists.items()
+        if content[key]
+    ]
+    columns = {"A": "states", "E": "states", "B": "inputs", "C": "states", "D": "inputs"}
+    for name in names:
+        rows = content[name]
+        if not rows or not rows[0]:
+            continue
+        if len(rows) > _ENTRIES or len(rows[0]) > _ENTRIES:
+            filled = sum(1 for row in rows for x in row if x)
+            parts.append(
+                f"<p>{name}: {len(rows)} by {len(rows[0])}, {filled} entries are not zero;"
+                " the file has them.</p>"
+            )
+            continue
+        head = ["", *map(_named, content[columns[name]])]
+        label = content["outputs"] if name in "CD" else content["states"]
+        lines = [
+            [_named(row), *(number(x, 8) for x in values)]
+            for row, values in zip(label, rows, strict=False)
+        ]
+        parts.append(table(name, head, lines, numeric=list(range(1, len(head)))))
+    equation = "ẋ = A x" if content["form"] == "reduced" else "E ẋ = A x"
+    equation += " + B u" * bool(content["inputs"])
+    return AnalysisSection("linear", f"Linear model, {equation}", "".join(parts))
+
+
+def _equilibria(content: Mapping[str, Any], units: Mapping[str, str]) -> AnalysisSection:
+    found = content["equilibria"]
+    if not found:
+        return AnalysisSection("equilibria", "Equilibria", "<p>None were found.</p>")
+    shown = found[:_LISTED]
+    head = ["Quantity", "Unit", *(f"No. {i}" for i in range(1, 1 + len(shown)))]
+    rows = [["Stability", "", *(escape(x["stability"]) for x in shown)]]
+    rows += [
+        [_named(q), _unit_of(q, units), *(number(x["q"][q], 8) for x in shown)]
+        for q in shown[0]["q"]
+    ]
+    rows += [
+        [_named(f"{q}'"), _unit_of(q, units, rate=True), *(number(x["v"][q], 8) for x in shown)]
+        for q in shown[0]["v"]
+        if any(x["v"][q] for x in shown)
+    ]
+    rows += [
+        [
+            _named(f"lambda.{c}"),
+            _unit_of(f"lambda.{c}", units),
+            *(number(x["multipliers"][c], 8) for x in shown),
+        ]
+        for c in shown[0]["multipliers"]
+    ]
+    if any(x["potential"] is not None for x in shown):
+        rows.append(["Potential energy", "J", *(number(x["potential"], 8) for x in shown)])
+    body = table(
+        f"{len(found)} from {content['starts']} starts" if content["starts"] > 1 else "Found",
+        head,
+        rows,
+        numeric=list(range(2, len(head))),
+    )
+    return AnalysisSection("equilibria", "Equilibria", body + _more(found, shown))
+
+
+def _branches(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:
+    name = content["parameter"]
+    drawn = picture(
+        partial(plot_analysis, content, (), units=units), f"Branches of equilibria over {name}"
+    )
+    rows = []
+    for i, branch in enumerate(content["branches"]):
+        stable, at = branch["stable"], branch["parameter"]
+        origin = "" if branch["origin"] is None else f"branch {branch['origin']}"
+        rows.append(
+            [
+                str(i), origin, str(len(at)), number(min(at)), number(max(at)),
+                f"{sum(stable)} of {len(stable)} points",
+            ]
+        )  # fmt: skip
+    head = ["Branch", "Leaves", "Points", f"{escape(name)} from", "to", "Stable"]
+    listed = table("Branches", head, rows, numeric=(2, 3, 4))
+    sections = [AnalysisSection("branches", f"Equilibria over {name}", drawn + listed)]
+    points = content["special_points"]
+    if points:
+        first = points[0]
+        head = ["Point", "Branch", f"{escape(name)} [{_unit_of(name, units) or '1'}]"]
+        head += ["Frequency [rad/s]"]
+        head += [*map(_named, first["q"]), *(_named(f"lambda.{c}") for c in first["multipliers"])]
+        rows = [
+            [
+                escape(x["kind"]),
+                str(x["branch"]),
+                number(x["parameter"], 12),
+                "" if x["frequency"] is None else number(x["frequency"], 8),
+                *(number(value) for part in ("q", "multipliers") for value in x[part].values()),
+            ]
+            for x in points
+        ]
+        numeric = list(range(2, len(head)))
+        body = table("Folds, branch points, Hopf points", head, rows, numeric=numeric)
+        sections.append(AnalysisSection("special", "Bifurcations", body))
+    return sections
+
+
+def _comparison(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:
+    reference, head = content["reference"], ["Formulation", "Method", "Engine", "rtol", "Status"]
+    head += ["Drift of φ", "Drift of ψ", "Energy imbalance [J]", "Largest Δq", "Largest Δλ"]
+    head += ["Steps", "Time [s]"]
+    rows = [
+        [
+            escape(run["formulation"]),
+            escape(run["method"]),
+            escape(run["engine"]),
+            number(run["rtol"], 3),
+            escape(run["status"]),
+            *(
+                number(run[key], 2)
+                for key in (
+                    *("drift_position", "drift_velocity", "energy"),
+                    *("difference_q", "difference_lambda"),
+                )
+            ),
+            str(run["steps"]),
+            number(run["seconds"], 2),
+        ]
+        for run in (reference, *content["runs"])
+    ]
+    body = table("The first row is the reference", head, rows, numeric=list(range(3, 12)))
+    drawn = picture(
+        partial(plot_analysis, content, (), units=units), "Residuals and differences over time"
+    )
+    return [AnalysisSection("runs", "Comparison", body + drawn)]
+
+
+def fit_sections(result: FitResult) -> list[AnalysisSection]:
+    """Return the sections of a fit."""
+    rows = []
+    for i, name in enumerate(result.names):
+        known = math.isfinite(result.standard_errors[i])
+        note = f"at its bound {result.active[i]}" if result.active[i] else ""
+        note = note or ("" if known else "not identified by the data")
+        interval = f"{number(result.low[i], 8)} to {number(result.high[i], 8)}" if known else ""
+        rows.append(
+            [
+                _named(name), number(result.values[i], 8), unit(result.units.get(name)),
+                number(result.standard_errors[i], 2) if known else "", interval,
+                number(result.start[i]), escape(note),
+            ]
+        )  # fmt: skip
+    percent = f"{100 * result.level:g} % interval ({escape(result.intervals)})"
+    head = ["Quantity", "Value", "Unit", "Standard error", percent, "Start", "Remark"]
+    ended = "" if result.converged else f'<p class="status bad">{escape(result.message)}</p>'
+    fitted = ended + table("Fitted quantities", head, rows, numeric=(1, 3, 4, 5))
+    facts = [
+        ("Measured values", str(result.count)),
+        ("Chi-square", f"{number(result.chi_square)} for {result.freedom} degrees of freedom"),
+        ("Probability", "" if math.isnan(result.probability) else number(result.probability, 2)),
+        ("Standard deviations", "estimated from the residuals" * result.sigma_estimated),
+        ("Runs", f"{result.runs}, {sum(result.failures.values())} failed"),
+    ]
+    if len(result.costs) > 1:
+        agreeing = f"{result.agreeing_starts} of {len(result.costs)} end at these values"
+        facts.append(("Starts", agreeing))
+    fitted += table("The fit", ["", ""], [x for x in facts if x[1]], kind="facts")
+    drawn = picture(partial(draw_result, result, ()), "Measured values, the model and residuals")
+    correlation = table(
+        "Correlation of the errors",
+        ["", *map(_named, result.names)],
+        [
+            [_named(name), *(number(x, 3) for x in row)]
+            for name, row in zip(result.names, np.asarray(result.correlation), strict=True)
+        ],
+        numeric=list(range(1, 1 + len(result.names))),
+    )
+    combinations = "".join(
+        "<p>Not identified: "
+        + ", ".join(f"{_named(n)} {number(x, 3)}" for n, x in zip(c.names, c.changes, strict=True))
+        + "</p>"
+        for c in result.combinations
+    )
+    return [
+        AnalysisSection("fit", "Fitted quantities", fitted),
+        AnalysisSection("data", "Data and model", drawn),
+        AnalysisSection("correlation", "Correlation", correlation + combinations),
+    ]
