@@ -173,6 +173,8 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     lines.append(f"  {'energy':<12}balance within {s['energy_balance']:.1e} J{relative}")
     if s["conserved"]:
         lines += _conserved(s["conserved"])
+    if s.get("kinks"):
+        lines.append(f"  {'kinks':<12}crossed {s['kinks']} times, each at the end of a step")
     if s["events"] is not None:
         lines += _events(s["events"])
     if s["multipliers"]:

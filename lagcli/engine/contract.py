@@ -232,7 +232,8 @@ class Outcome:
     are the absolute ones on q, v and the work at the end, (2 nq + 1,). ``events`` is what happened
     at contacts and events, in order, and ``modes`` the modes of the switched rows at the start:
     those at a sample are those after the last entry up to its time. ``limits`` are those of the
-    events of the model that record something.
+    events of the model that record something. ``kinks`` counts how often branches of the
+    equations changed: `lagcli.engine.switching.kinks`.
     """
 
     status: Status
@@ -246,6 +247,13 @@ class Outcome:
     events: list[EventEntry] = field(default_factory=list)
     modes: tuple[int, ...] = ()
     limits: list[OneSidedLimits] = field(default_factory=list)
+    kinks: int = 0
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """What it took, by name; kinks where there were any."""
+        counts = {"steps": self.steps, "rejected": self.rejected, "evaluations": self.evaluations}
+        return {**counts, "kinks": self.kinks} if self.kinks else counts
 
 
 class Stop(Exception):

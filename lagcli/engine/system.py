@@ -11,8 +11,10 @@ from lagcli.arrays import Array
 from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.engine.switching.switching import Switching
+from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
 
+_KINKS = frozenset(map(int, (Op.LT, Op.LE, Op.FLOOR, Op.CEIL)))
 Pattern = tuple[tuple[int, int], ...]
 
 
@@ -188,6 +190,14 @@ class System:
         rows = self.switching.rows if self.switching else ()
         free = {row.row for row in rows if not row.holds_at_start}
         return tuple(i for i in range(len(self.constraints)) if i not in free)
+
+    @cached_property
+    def has_kinks(self) -> bool:
+        """Whether the equations have comparisons, `floor` or `ceil`."""
+        tapes = [self.dynamics, self.constraint]
+        if self.switching is not None:
+            tapes += filter(None, [self.switching.limits, self.switching.forces])
+        return any(line[0] in _KINKS for tape in tapes for line in tape.code)
 
     @cached_property
     def counts(self) -> Counts:

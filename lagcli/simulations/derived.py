@@ -106,6 +106,12 @@ class DerivedColumns:
             position[free] = velocity_residual[free] = np.nan
             forces += reactive_forces(system, self.p, block)
 
+        residual = np.abs(equation - e.forcing - forces).max(axis=0, initial=0.0)
+        if system.has_kinks:
+            from lagcli.simulations.switching.surfaces import residual_with_surfaces
+
+            residual = residual_with_surfaces(system, self.p, block, equation - forces, residual)
+
         if count and not self.samples:
             self._energy_before = total[0] - block.work[0]
         self.samples += count
@@ -134,7 +140,7 @@ class DerivedColumns:
             energy_balance=total - self._energy_before - block.work,
             residual_position=np.ascontiguousarray(position.T),
             residual_velocity=np.ascontiguousarray(velocity_residual.T),
-            residual_equation=np.abs(equation - e.forcing - forces).max(axis=0, initial=0.0),
+            residual_equation=residual,
             conserved_names=self.monitor.names,
             conserved=self.monitor(block, self.p),
             outputs=dict(zip(system.outputs, outputs, strict=True)),

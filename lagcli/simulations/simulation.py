@@ -364,11 +364,7 @@ class Simulation:
             model_sha256=self.model.sha256,
             parameters=self.model.parameter_values,
             options=options,
-            counts={
-                "steps": run.steps,
-                "rejected": run.rejected,
-                "evaluations": run.evaluations,
-            },
+            counts=run.counts,
             seconds={**self.seconds, "integrate": self.seconds["integrate"] + integrating},
             initial_correction=dict(self.start.moved),
             freedom=self.freedom.to_mapping(),

@@ -10,6 +10,7 @@ from lagcli.engine.linear.elimination import Elimination
 from lagcli.engine.linear.sparse import MatrixPattern, PivotOrder
 from lagcli.engine.program.program import Program
 from lagcli.engine.state import State
+from lagcli.engine.switching.kinks import FrozenSystem
 from lagcli.engine.switching.problem import ContactProblem, ContactSolution
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.system import JacobianTapes, System
@@ -118,8 +119,20 @@ class Integrator:
 
 class SwitchingIntegrator(Integrator):
     def __init__(
-        self, split: SplitSystem, impacts: int, closed: float, log_rows: int, *arguments: Any
+        self,
+        split: SplitSystem,
+        frozen: FrozenSystem | None,
+        impacts: int,
+        closed: float,
+        log_rows: int,
+        *arguments: Any,
     ) -> None: ...
+    @property
+    def branches(self) -> list[float]: ...
+    @property
+    def crossings(self) -> tuple[int, int]: ...
+    @property
+    def surfaces(self) -> list[int]: ...
     def take_log(self) -> _Array: ...
     def happened(self) -> list[int]: ...
     def holding(self) -> list[int]: ...

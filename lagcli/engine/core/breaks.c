@@ -35,7 +35,7 @@ void lag_renew_tapes(lag_run *run)
     lag_tape *tapes[] = {&run->system.dynamics, &run->system.constraint, &run->system.tangent, &run->events.tape,
                          &run->series.values,
                          run->implicit ? &run->implicit->variation : NULL, &sw->functions, &sw->limits, &sw->impact,
-                         &sw->forces, &sw->condition_tape, &sw->force_condition_tape};
+                         &sw->forces, &sw->condition_tape, &sw->force_condition_tape, &sw->kinks.tape};
     for (size_t i = 0; i < sizeof tapes / sizeof *tapes; ++i)
         if (tapes[i] && tapes[i]->registers)
             lag_tape_set(tapes[i], run->np, run->parameters);

@@ -178,6 +178,9 @@ typedef struct {
     lag_program force_condition_functions; /* of (t, q, v, a, lambda, p) */
     const int32_t *either, *time;      /* of all conditions: whether they happen either way, depend on t alone */
     const int32_t *reported;           /* 5 rows: closes, opens, slips, sticks, impact: whether to return at it */
+    int kinks, first_branch;           /* branches of the equations; where they are among the parameters */
+    const int32_t *whole, *of_time;    /* kinks: whether whole parts (1: floor, -1: ceil); depend on t alone */
+    lag_program kink_functions;        /* of (t, q, v, p): what the branches follow, and its sizes */
     int law_of_impact;                 /* of core/contact/contact.h */
     double closed;                     /* of the size of phi: a gap that counts as none */
     double *log;                       /* log_rows entries: core/switching/log.c */
@@ -198,6 +201,9 @@ typedef struct {
     const int *first_mode;             /* ... which are these */
     const double *before;              /* n: the state as the instant begins ... */
     const double *a, *multipliers;     /* ... nq, nc (all constraints): which are 0 at the start */
+    long crossed, slid;                /* how often a branch has changed, a motion begun to slide */
+    const int *kinks;                  /* kinks: 1 where the function of a branch vanishes at the instant */
+    const double *branches;            /* kinks */
 } lag_instant_report;
 
 /* The last contact problem of a run, and its solutions: core/contact/contact.h. */

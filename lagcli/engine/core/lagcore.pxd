@@ -165,6 +165,10 @@ cdef extern from "lagcore.h" nogil:
         const int32_t *either
         const int32_t *time
         const int32_t *reported
+        int kinks, first_branch
+        const int32_t *whole
+        const int32_t *of_time
+        lag_program kink_functions
         int law_of_impact
         double closed
         double *log
@@ -187,6 +191,9 @@ cdef extern from "lagcore.h" nogil:
         const double *before
         const double *a
         const double *multipliers
+        long crossed, slid
+        const int *kinks
+        const double *branches
 
     ctypedef struct lag_contact_report:
         int n

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "switching/kinks.h"
 #include "switching/rows.h"
 #include "tape/vectors.h"
 
@@ -123,6 +124,8 @@ static int undefined(lag_run *run, double t, const double *y)
 
 int lag_accelerate(lag_run *run, double t, const double *y, int refined, double *power)
 {
+    if (run->switching.used && run->switching.kinks.slides >= 0)
+        return lag_slide(run, t, y, refined, power) ? undefined(run, t, y) : 0;
     if (lag_accelerate_system(run, t, y, refined, power))
         return 1;
     return run->switching.acting && lag_add_forces(run, t, y, power) ? undefined(run, t, y) : 0;

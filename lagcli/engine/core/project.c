@@ -5,6 +5,7 @@
 
 #include "motion.h"
 #include "switching/hold.h"
+#include "switching/kinks.h"
 #include "tape/vectors.h"
 
 
@@ -112,8 +113,13 @@ int lag_project_system(lag_run *run, double t, double *y)
 
 int lag_project(lag_run *run, double t, double *y)
 {
-    const int status = lag_project_system(run, t, y);
-    return status == LAG_RUNNING && run->switching.acting ? lag_hold(run, t, y) : status;
+    int status = lag_project_system(run, t, y);
+    if (status == LAG_RUNNING && run->switching.acting) {
+        status = lag_hold(run, t, y);
+        if (status == LAG_RUNNING && run->switching.kinks.slides >= 0)
+            status = lag_hold_surface(run, t, y);
+    }
+    return status;
 }
 
 int lag_return(lag_run *run, double t, double *y)

@@ -14,6 +14,7 @@
 #include "sizes.h"
 #include "step.h"
 #include "switching/instant.h"
+#include "switching/kinks.h"
 #include "switching/watched.h"
 #include "watch.h"
 
@@ -54,7 +55,12 @@ int lag_start(lag_run *run)
             return status;
     }
     if (run->switching.used) {
-        const int status = lag_begin_modes(run);
+        const int going_on = run->switching.begun;
+        int status = lag_begin_modes(run);
+        if (status == LAG_RUNNING && going_on) { /* the state may be another */
+            memset(run->switching.kinks.state, 0, (size_t)run->switching.kinks.count * sizeof(int));
+            status = lag_choose_branches(run);
+        }
         if (status != LAG_RUNNING)
             return status;
     }

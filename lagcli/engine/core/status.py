@@ -43,6 +43,9 @@ class Status(_Described):
     GAINS = "an impact would gain energy"
     VIOLATED = "an action at an instant has moved a contact beyond its surface"
     JAMMED = "a contact force grows without bound while its contact slides"
+    SURFACES = "the motion is pushed onto more than one surface at which forces jump"
+    FORKED = "more than one motion leaves a surface at which forces jump"
+    CORNER = "a constraint has a corner, at which the velocities jump"
 
 
 class LaneStatus(_Described):

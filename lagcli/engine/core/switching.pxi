@@ -9,6 +9,8 @@ cdef class SwitchingIntegrator(Integrator):
     Parameters
     ----------
     split : SplitSystem
+    frozen : FrozenSystem or None
+        Where the System has kinks: what ``split`` is of.
     impacts : int
         The law of impacts, counted as in core/contact/contact.h.
     closed : float
@@ -20,9 +22,9 @@ cdef class SwitchingIntegrator(Integrator):
     """
 
     cdef object split, log
-    cdef int rows, conditions
+    cdef int rows, conditions, kinks, first_branch
 
-    def __init__(self, split, int impacts, double closed, long log_rows, *arguments):
+    def __init__(self, split, frozen, int impacts, double closed, long log_rows, *arguments):
         super().__init__(*arguments, len(split.rows))
         cdef _Arguments given = _Arguments()
         cdef lag_switching_rules r
@@ -85,6 +87,12 @@ cdef class SwitchingIntegrator(Integrator):
             if rule.change is not None:
                 reported[place[rule.change[0]], changes.index(rule.change[1])] = 1
         r.reported = given.integers(reported)
+        kinks = frozen.kinks if frozen else ()
+        self.kinks, self.first_branch = len(kinks), len(system.parameters) - len(kinks)
+        r.kinks, r.first_branch = self.kinks, self.first_branch
+        r.whole = given.integers([x.whole for x in kinks])
+        r.of_time = given.integers([x.timed for x in kinks])
+        r.kink_functions = given.program(assemble(frozen.functions if frozen else nothing))
         r.law_of_impact, r.closed = impacts, closed
         width = 6 + r.exported + 3 * self.nq + r.nc
         self.log = np.empty((max(log_rows, 8 * self.rows + 8), width))
@@ -167,9 +175,27 @@ cdef class SwitchingIntegrator(Integrator):
         lag_activate(self.run, row, active)
 
     def set_parameters(self, p):
-        """Set the values of all parameters."""
+        """Set the values of all parameters, without the branches of kinks."""
         cdef _Arguments given = _Arguments()
-        lag_set_parameters(self.run, given.doubles(p))
+        first = self.first_branch
+        lag_set_parameters(self.run, given.doubles([*p[:first], *self.branches, *p[first:]]))
+
+    @property
+    def branches(self):
+        """Values of the branches."""
+        return _copy(lag_instant_of(self.run).branches, self.kinks).tolist()
+
+    @property
+    def crossings(self):
+        """How often a branch has changed, and how often a motion has begun to slide on a surface."""
+        cdef lag_instant_report report = lag_instant_of(self.run)
+        return report.crossed, report.slid
+
+    @property
+    def surfaces(self):
+        """The kinks whose functions vanish at the instant."""
+        cdef lag_instant_report report = lag_instant_of(self.run)
+        return [i for i in range(self.kinks) if report.kinks[i]]
 
     def push(self, impulse):
         """Apply a generalized impulse."""

@@ -16,7 +16,12 @@ def run(
     progress: Callable[[float], None] | None = None,
 ) -> Outcome:
     """Integrate a System; see the contract in `lagcli.engine.contract`."""
-    if system.switching is not None:
+    switches = system.switching is not None
+    if system.has_kinks and request.on_event is None and not switches:
+        from lagcli.engine.switching.kinks import frozen_of
+
+        switches = frozen_of(system) is not None
+    if switches:
         from lagcli.engine.integrate.switching_run import SwitchingIntegration
 
         return SwitchingIntegration(system, request, sink, progress).run()

@@ -89,6 +89,10 @@ class InstantResolution:
                 fired.append(run.conditions.numbers[number - len(run.watched)])
                 continue
             kind, k = run.watched[number]
+            if kind in ("above", "below"):
+                assert run.branches is not None
+                run.branches.reach(k, kind == "above")
+                continue
             row = self.rows[k]
             if kind == "jam":
                 raise jams(self.t, run.system, [row])
@@ -189,6 +193,8 @@ class InstantResolution:
             ended = ended - set(taking)
         else:
             raise endless(self.t, self.run.system, self.entries)
+        if self.run.branches is not None:
+            self.run.branches.choose(self.t, self.q, self.v, self.run.motion.on_branches)
         resting = set(np.flatnonzero(touching & (np.abs(rates) <= zero)).tolist()) - ended
         fallen = self._fallen(touching & (rates > zero), resting, pinned) if zero_set else set()
         found = self._modes(resting | fallen, pinned)
@@ -199,7 +205,10 @@ class InstantResolution:
         for k in fallen:
             self._log("rest", self.rows[k].row, self.v, time=self._rest_time(k))
         self.modes, self.guess = found.modes, found.multipliers
+        before = self.v
         self.q, self.v = self.problems.projected(self.t, self.q, self.v, self.modes)
+        if self.run.branches is not None:
+            self.run.branches.check_corner(self.t, before, self.v)
 
     def _modes(self, resting: set[int], pinned: dict[int, ContactLaw]) -> NextModes:
         return self.problems.modes(

@@ -10,6 +10,8 @@ import numpy as np
 from lagcli.arrays import Array, Indices
 from lagcli.engine.contract import EventEntry, IntegrationRequest
 from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.switching.kinks import FrozenSystem
+from lagcli.engine.switching.reference.branches import Branches
 from lagcli.engine.switching.reference.conditions import Conditions
 from lagcli.engine.switching.reference.instant import InstantProblems
 from lagcli.engine.switching.reference.modal import ModalMotion
@@ -28,7 +30,7 @@ _ENERGY = 2
 class Watched(NamedTuple):
     """A function that ends a mode as it falls through zero, and the row that it belongs to."""
 
-    kind: str  # gap, force, stick, slip, jam
+    kind: str  # gap, force, stick, slip, jam, below, above: of a kink
     row: int
 
 
@@ -51,11 +53,18 @@ class Phases:
         Of each switched row.
     entries : list of EventEntry
         The log.
+    branches : Branches or None
+        Of the kinks, where the System is a frozen one.
     on_parameters : callable
         Called with the values of the parameters when they change.
     """
 
-    def __init__(self, evaluator: Evaluator, request: IntegrationRequest):
+    def __init__(
+        self,
+        evaluator: Evaluator,
+        request: IntegrationRequest,
+        frozen: FrozenSystem | None = None,
+    ):
         system, settings, state = evaluator.system, request.settings, request.state
         assert system.switching is not None
         self.system, self.switching, self.full = system, system.switching, evaluator
@@ -76,6 +85,8 @@ class Phases:
         self._forces = np.zeros(len(system.constraints))
         self.on_parameters: Callable[[tuple[float, ...]], None] = lambda p: None
         self._report = ScalarTape(system.report)
+        span = settings.t_end - state.t
+        self.branches = None if frozen is None else Branches(frozen, evaluator, span)
         self.motion = self._motion(state.t, state.q, state.v)
         self.problems.measure(state.t, state.q, state.v, self.motion)
         self.enter(self.modes, state.t, state.q, state.v)
@@ -91,7 +102,14 @@ class Phases:
         """Go on with other values of the parameters."""
         self.full = self.problems.evaluator = self.full.with_parameters(p)
         self.motion.full = self.motion.held.full = self.full
-        self.on_parameters(p)
+        if self.branches is not None:
+            self.branches.full = self.full
+        self.on_parameters(self.parameters)
+
+    @property
+    def parameters(self) -> tuple[float, ...]:
+        """The parameters of the model, without branches."""
+        return self.full.p if self.branches is None else self.branches.given
 
     def energy(self, t: float, q: Array, v: Array) -> float:
         """Return the total energy."""
@@ -106,6 +124,7 @@ class Phases:
         rows = self.problems.held(self.modes)
         rank = self.problems.rank(t, q, v, rows)
         motion = ModalMotion(self.full, self.tapes, rows, self.modes, rank)
+        motion.branches = self.branches
         motion.measure(t, q, v)
         return motion
 
@@ -122,17 +141,21 @@ class Phases:
             elif RowMode(int(mode)).slips:
                 found.append(Watched("slip", k))
                 found.append(Watched("jam", k))
+        if self.branches is not None:
+            found += [Watched("above" if up else "below", k) for k, up in self.branches.watched()]
         return found
 
     def values(self, t: float, y: Array) -> Array:
         """Return the functions that end the modes, then those of the events' conditions."""
         q, v = self.motion.split(y)
-        c = self.full.constraints(t, q, v)
-        velocity = c.velocity(v)
-        motion = self.motion
+        motion, branches = self.motion, self.branches
         needs = self.tapes.conditions_on_forces or any(
             w.kind in ("force", "stick", "jam") for w in self.watched
         )
+        needs = needs or (branches is not None and branches.slides is not None)
+        c = self.full.constraints(t, q, v)
+        velocity = c.velocity(v)
+        functions = np.zeros(0) if branches is None else branches.values(t, q, v)
         forces, limits = None, None
         if needs:
             a, multipliers, _ = motion.accelerations(t, q, v)
@@ -142,6 +165,10 @@ class Phases:
             self._forces = np.fmax(self._forces, np.abs(multipliers))
         out = []
         for kind, k in self.watched:
+            if kind in ("above", "below"):
+                assert branches is not None
+                out.append(branches.distance(functions, k, kind == "above"))
+                continue
             row = self.rows[k]
             if kind == "gap":
                 out.append(row.sign * c.position[self.system.holonomic.index(row.row)])
@@ -178,6 +205,10 @@ class Phases:
         problems, places = self.problems, self.system.holonomic
         found = []
         for kind, k in self.watched:
+            if kind in ("above", "below"):
+                assert self.branches is not None
+                found.append(_GAP_NOISE * self.branches.noise(k))
+                continue
             row = self.rows[k].row
             if kind == "gap":
                 found.append(_GAP_NOISE * problems.position_scale[places.index(row)])

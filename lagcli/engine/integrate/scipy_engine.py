@@ -19,7 +19,12 @@ def run(
 ) -> Outcome:
     """Integrate a System; see the contract in `lagcli.engine.contract`."""
     kind = ScipyIntegration
-    if system.switching is not None:
+    switches = system.switching is not None
+    if system.has_kinks and request.on_event is None and not switches:
+        from lagcli.engine.switching.kinks import frozen_of
+
+        switches = frozen_of(system) is not None
+    if switches:
         from lagcli.engine.integrate.switched_integration import SwitchedIntegration
 
         kind = SwitchedIntegration
@@ -30,6 +35,7 @@ def run(
         integration.emit()
     found.events, found.modes = integration.entries, integration.start_modes
     found.limits = integration.limits_of_events
+    found.kinks = integration.kinks
     found.steps, found.rejected = integration.steps, integration.rejected
     found.evaluations = integration.motion.evaluations
     found.tolerances = integration.sizes.tolerances if integration.sizes else None

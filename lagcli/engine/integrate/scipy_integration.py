@@ -69,6 +69,7 @@ class ScipyIntegration:
         self.entries: list[EventEntry] = []
         self.limits_of_events: list[OneSidedLimits] = []
         self.start_modes: tuple[int, ...] = ()
+        self.kinks = 0
         self.breaks = breaks_of(system, request)
         if self.settings.formulation == "baumgarte":
             self.damp(1.0 if self.settings.alpha is None else self.settings.alpha)

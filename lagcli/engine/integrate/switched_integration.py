@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.instants import InstantResolution
 from lagcli.engine.integrate.phases import Phases
 from lagcli.engine.integrate.scipy_integration import ScipyIntegration
+from lagcli.engine.switching.kinks import frozen_of
 from lagcli.engine.switching.recorded_instants import RecordedInstants
 from lagcli.engine.switching.reference.crossings import Crossings, first_crossings
 from lagcli.engine.switching.stops import endless, jamming, jams
@@ -41,6 +43,10 @@ class SwitchedIntegration(ScipyIntegration):
         sink: Callable[[Block], None],
         progress: Callable[[float], None] | None,
     ):
+        self.frozen = frozen_of(system)
+        if self.frozen is not None:
+            system = self.frozen.system
+            request = replace(request, state=self.frozen.frozen(request.state))
         super().__init__(system, request, sink, progress)
         self.entries = self.phases.entries
         self.phases.on_parameters = self._tell_parameters
@@ -67,7 +73,7 @@ class SwitchedIntegration(ScipyIntegration):
 
     def prepare(self, evaluator: Evaluator) -> None:
         """Make the right-hand side, projection and watch of the modes at the start."""
-        self.phases = Phases(evaluator, self.request)
+        self.phases = Phases(evaluator, self.request, self.frozen)
         self._take_phase()
 
     def _take_phase(self) -> None:
@@ -77,6 +83,16 @@ class SwitchedIntegration(ScipyIntegration):
         self.watch = RankWatch(motion)
         if self.sizes is not None:
             self.sizes.motion = motion
+
+    def project(self, t: float, y: Array) -> Array:
+        """Return the consistent state next to y, on the surface on which the motion slides."""
+        y = super().project(t, y)
+        branches = self.phases.branches
+        if branches is None or branches.slides is None:
+            return y
+        q, v = self.motion.split(y)
+        held = branches.held(t, q, v, self.phases.motion.on_branches)
+        return y if held is v else np.concatenate([q, held, y[-1:]])
 
     def begin_run(self, t: float, y: Array) -> Array:
         """Resolve the instant at which the run begins."""
@@ -165,13 +181,15 @@ class SwitchedIntegration(ScipyIntegration):
         """Do what happens at an instant; return the state afterwards, in its new modes."""
         logged, records = len(self.phases.entries), self.instants.records
         if records:
-            self.instants.begin(self.row(t, y, moving=started), self.phases.full.p)
+            self.instants.begin(self.row(t, y, moving=started), self.phases.parameters)
         found = InstantResolution(self.phases, t, y).resolve(numbers, started)
+        if self.phases.branches is not None:
+            self.kinks = self.phases.branches.crossed
         self.phases.enter(found.modes, t, *self.motion.split(found.y))
         self._take_phase()
         if records:
             self.instants.add(logged, self.phases.entries[logged:])
-            self.instants.end(self.row(t, found.y), self.phases.full.p)
+            self.instants.end(self.row(t, found.y), self.phases.parameters)
         if self.sizes is not None:
             self.sizes.restart(t, found.y)
         if found.stop is not None:

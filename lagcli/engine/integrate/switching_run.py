@@ -27,6 +27,7 @@ from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.compiled_run import Integration
 from lagcli.engine.integrate.switching_actions import Actions
 from lagcli.engine.linear import dense
+from lagcli.engine.switching.kinks import frozen_of, no_switching
 from lagcli.engine.switching.recorded_instants import RecordedInstants
 from lagcli.engine.switching.splitting import SplitSystem
 from lagcli.engine.system import System
@@ -48,6 +49,7 @@ _REFUSED = (
 )
 #: What takes the steps while a row holds or slips, or a force depends on λ.
 _ACTING = "DOP853"
+_AT_SURFACES = (Status.SURFACES, Status.FORKED, Status.CORNER)
 _IMPACTS = ("poisson", "newton", "sequential")
 
 
@@ -70,8 +72,15 @@ class SwitchingIntegration(Integration):
         sink: Callable[[Block], None],
         progress: Callable[[float], None] | None,
     ):
+        self.frozen = frozen_of(system)
+        if system.switching is None:
+            system = replace(system, switching=no_switching(system))
+        self.whole, given = system, request
+        if self.frozen is not None:
+            system = self.frozen.system
+            request = replace(request, state=self.frozen.frozen(request.state))
         self.split_system = split = SplitSystem(system)
-        self.whole, start = system, request.state
+        start = request.state
         evaluator = Evaluator(split.fixed, start.p)
         found = evaluator.dynamics(start.t, start.q, start.v)
         sizes = evaluator.sizes(start.t, start.q, start.v)
@@ -86,7 +95,7 @@ class SwitchingIntegration(Integration):
             sink,
             progress,
         )
-        self.actions = Actions(system, request, self.core)
+        self.actions = Actions(self.whole, given, self.core)
         self.instants = RecordedInstants(self.split_system.switching.events)
 
     def integrator(self, *arguments: Any) -> binding.SwitchingIntegrator:
@@ -94,7 +103,7 @@ class SwitchingIntegration(Integration):
         settings = self.settings
         law = _IMPACTS.index(settings.impacts)
         return binding.SwitchingIntegrator(
-            self.split_system, law, settings.closed, _LOG_ROWS, *arguments
+            self.split_system, self.frozen, law, settings.closed, _LOG_ROWS, *arguments
         )
 
     def run(self) -> Outcome:
@@ -105,13 +114,16 @@ class SwitchingIntegration(Integration):
         run.events, run.limits = self.log, self.instants.limits
         run.modes = self.actions.first_modes
         acting = any(run.modes) or any(entry.modes.any() for entry in run.events)
-        if acting or self.split_system.switching.force_coordinates:
+        run.kinks, slid = self.core.crossings
+        if acting or slid or self.split_system.switching.force_coordinates:
             run.methods = tuple(dict.fromkeys([*(run.methods or (self.settings.method,)), _ACTING]))
         return run
 
     def handle_status(self, status: int) -> bool:
         """Do what a status of the core asks for; return whether the run is complete."""
         core = self.core
+        if self.frozen is not None:
+            self.evaluator.p = (*self.actions.p, *core.branches)
         if status == Status.HAPPENED:
             return self.happen()
         if status == Status.RESOLVED:
@@ -124,6 +136,13 @@ class SwitchingIntegration(Integration):
             stop = refusal(self.split_system, status, core, self.settings.impacts, self.log)
             if stop is not None:
                 raise stop
+        if status in _AT_SURFACES:
+            from lagcli.engine.switching.stops import at_surfaces
+
+            assert self.frozen is not None
+            self.collect()
+            surfaces = [self.frozen.kinks[i].names for i in core.surfaces]
+            raise at_surfaces(status, core.t, surfaces)
         return super().handle_status(status)
 
     # events

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lagcli.engine.contract import CHANGES, EventEntry, Stop
+from lagcli.engine.core.status import Status
 from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
 from lagcli.engine.switching.switching import RowMode, SwitchedRow
 from lagcli.engine.system import System
@@ -167,3 +168,34 @@ def endless(t: float, system: System, entries: Sequence[EventEntry]) -> Stop:
             change = CHANGES.get(entry.occurrence, entry.occurrence)
             listed.append(f"`{system.constraints[entry.which]} {change}`")
     return Stop(f"events do not end at t = {t:.9g} s: {', '.join(dict.fromkeys(listed))}")
+
+
+def at_surfaces(status: int, t: float, kinks: Sequence[Sequence[str]]) -> Stop:
+    """Return the end of a run at surfaces at which the motion does not go on in one way.
+
+    Parameters
+    ----------
+    status : Status
+        SURFACES, FORKED or CORNER.
+    t : float
+        s.
+    kinks : sequence of sequences of str
+        Names on which the function of each kink depends.
+    """
+    each = [", ".join(f"`{name}`" for name in names) or "time" for names in kinks]
+    where = " and ".join(dict.fromkeys(each))
+    if status == Status.SURFACES:
+        return Stop(
+            f"at t = {t:.9g} s forces push onto surfaces at which they jump from both sides, those"
+            f" of {where}: write each `sign` of a velocity as a constraint with `limit`, as in"
+            " `friction: {expr: x' = 0, limit: F}`"
+        )
+    if status == Status.FORKED:
+        return Stop(
+            f"at t = {t:.9g} s two motions are possible: the forces jump at a surface of {where},"
+            " and push away from it on both sides; begin on one side"
+        )
+    return Stop(
+        f"a constraint has a corner at t = {t:.9g} s, where a branch of {where} changes and the"
+        " velocities jump; write it as two constraints, unilateral ones (`>=`) where it may leave"
+    )

@@ -49,7 +49,7 @@ class SeriesExpansion(SeriesForms):
 
     # one operation
 
-    def operation(self, op: Op, to: int, a: int, b: int = 0) -> None:
+    def operation(self, op: Op, to: int, a: int, b: int = 0, c: int = 0) -> None:
         """Make the series of an operation's result."""
         if op in (Op.ADD, Op.SUB):
             self.sum(op, to, a, b)
@@ -65,6 +65,8 @@ class SeriesExpansion(SeriesForms):
             square = self.builder.emit(Op.ADD, self.mul(a, a), self.mul(b, b))
             opposite = self.builder.emit(Op.NEG, self.div(a, square))
             self.two_parts(to, (a, self.div(b, square)), (b, opposite))
+        elif op == Op.SELECT and self.is_invariant(a):
+            self.selected(to, a, b, c)
         elif op in _SLOPES:
             scale, slope = _SLOPES[op](self, a, to)
             self.chain(to, self.builder.constant(scale), a, slope)
@@ -88,6 +90,18 @@ class SeriesExpansion(SeriesForms):
                 return
             self.sums[s, x, t, y] = to
             self.nodes[to] = SeriesOp.SUM, (to,), (s, x, t, y)
+
+    def selected(self, to: int, a: int, b: int, c: int) -> None:
+        """Make b where a is true, c elsewhere; a is the same along a step."""
+        emit, parts = self.builder.emit, list[tuple[int, int]]()
+        for x, choice in ((b, (self.one, self.zero)), (c, (self.zero, self.one))):
+            if not self.is_invariant(x):
+                number, base = self.tail(x)
+                parts.append((self.builder.times(emit(Op.SELECT, a, *choice), number), base))
+        if len(parts) == 1:
+            self.tails[to] = parts[0]
+        else:
+            self.nodes[to] = SeriesOp.SUM, (to,), (*parts[0], *parts[1])
 
     def product(self, to: int, a: int, b: int) -> None:
         """a b: numbers are multiplied, bases convolved."""

@@ -10,6 +10,7 @@
 #include "sample.h"
 #include "sizes.h"
 #include "step.h"
+#include "switching/kinks.h"
 #include "switching/log.h"
 #include "switching/rows.h"
 #include "switching/settle.h"
@@ -19,6 +20,8 @@
 #define SAME_INSTANT 1e-13  /* of the time, or of the step: an instant that is no later than the last one */
 #define BEYOND 10           /* gaps that count as none: what an action may not move a contact beyond */
 #define FALLS_BACK 1e-9     /* of an acceleration: a contact that has opened and closes again */
+#define TURNS 100.0         /* tolerances, and ... */
+#define TURNS_PART 1e-6     /* ... of the velocities: a change by a projection that is a jump */
 
 /* What a row has ended at this instant, which does not begin again at it. */
 enum { NOTHING_ENDED, FORCE_ENDED, STICKING_ENDED_FORWARD, STICKING_ENDED_BACKWARD, SLIPPING_ENDED };
@@ -60,6 +63,11 @@ static int note_ends(lag_run *run)
             sw->ended[w->which] = SLIPPING_ENDED;
         else if (w->what == LAG_WATCH_MARGIN)
             return LAG_JAMMED;
+        else if (w->what == LAG_WATCH_KINK) {
+            sw->kinks.state[w->which] = LAG_ON_SURFACE;
+            ++sw->kinks.crossed;
+        } else if (w->what == LAG_WATCH_SURFACE)
+            lag_leave_surface(run, -w->sign);
         else if (w->what >= LAG_WATCH_CONDITION) {
             lag_condition *c = sw->condition + w->which;
             c->holds = !c->holds;
@@ -102,6 +110,7 @@ int lag_look_for_instant(lag_run *run)
     for (int c = 0; c < sw->conditions + sw->force_conditions; ++c)
         sw->condition[c].happened = 0;
     memset(sw->ended, 0, (size_t)sw->rows * sizeof(int));
+    memset(sw->kinks.state, 0, (size_t)sw->kinks.count * sizeof(int));
     memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
     memcpy(sw->before, run->step.y, n * sizeof(double));
     if (sw->instant > sw->last + SAME_INSTANT * fmax(fabs(sw->instant), run->step.h_old))
@@ -291,7 +300,7 @@ static int choose_modes(lag_run *run)
     }
     memcpy(sw->mode, sw->trial_mode, (size_t)sw->rows * sizeof(int));
     memcpy(sw->force, sw->trial_force, (size_t)sw->rows * sizeof(double));
-    sw->acting = sw->nf > 0;
+    sw->acting = sw->nf > 0 || sw->kinks.slides >= 0;
     for (int i = 0; i < sw->rows; ++i)
         sw->acting |= sw->mode[i] != LAG_OPEN;
     return LAG_RUNNING;
@@ -343,6 +352,18 @@ static int restart(lag_run *run)
     return lag_watch_modes(run, run->step.t, run->step.y, run->step.f);
 }
 
+/* Whether the projection at a kink has changed the velocities: a constraint has a corner there. */
+static int turns(lag_run *run)
+{
+    const int nq = run->system.nq;
+    double *change = run->step.trial;
+    memset(change, 0, (size_t)lag_size(&run->system) * sizeof(double));
+    for (int i = nq; i < 2 * nq; ++i)
+        change[i] = run->step.y[i] - run->switching.start[i];
+    const double moved = lag_scaled_norm(run, change, run->step.y, run->step.y);
+    return moved > TURNS && moved * run->tolerances.rtol > TURNS_PART;
+}
+
 int lag_do_instant(lag_run *run)
 {
     lag_switching *sw = &run->switching;
@@ -370,9 +391,19 @@ int lag_do_instant(lag_run *run)
                 return status;
             continue;
         }
-        status = choose_modes(run);
+        status = lag_choose_branches(run);
+        if (status == LAG_RUNNING)
+            status = choose_modes(run);
+        if (status == LAG_RUNNING && sw->kinks.undecided && sw->rows) { /* the forces may be others now */
+            status = lag_choose_branches(run);
+            if (status == LAG_RUNNING)
+                status = choose_modes(run);
+        }
+        memcpy(sw->start, y, (size_t)lag_size(&run->system) * sizeof(double));
         if (status == LAG_RUNNING && run->projection.active)
             status = lag_project(run, t, y);
+        if (status == LAG_RUNNING && sw->kinks.undecided && turns(run))
+            status = LAG_CORNER;
         if (status != LAG_RUNNING)
             return status;
         if (sw->begun)

@@ -6,6 +6,7 @@
 #include "breaks.h"
 #include "motion.h"
 #include "switching/crossing.h"
+#include "switching/kinks.h"
 #include "switching/log.h"
 #include "switching/rows.h"
 
@@ -15,7 +16,7 @@ static void allocate(lag_run *run)
     lag_pool *pool = &run->pool;
     const int rows = sw->rows, all = rows + sw->nf, nq = run->system.nq, n = 2 * nq + 1;
     const int size = nq + run->system.nc, conditions = sw->conditions + sw->force_conditions;
-    const int watched = 2 * rows + 2 + conditions;
+    const int watched = 2 * rows + 2 + conditions + 2 * sw->kinks.count;
     int **lists[] = {&sw->mode, &sw->active, &sw->mode_before, &sw->ended, &sw->state, &sw->trial_mode,
                      &sw->takes_part, &sw->rests, &sw->came_to_rest, &sw->first_mode, &sw->tight};
     double **by_row[] = {&sw->phi, &sw->psi, &sw->drift, &sw->gamma, &sw->size, &sw->speed,
@@ -49,6 +50,13 @@ static void allocate(lag_run *run)
     sw->memory = lag_get(pool, one > other ? one : other, 1);
     sw->recent = lag_doubles(pool, 3L * rows);
     sw->begin = lag_doubles(pool, nq + sw->nc);
+    lag_kinks *k = &sw->kinks;
+    double **by_kink[] = {&k->branch, &k->bound, &k->size, &k->growth};
+    for (size_t i = 0; i < sizeof by_kink / sizeof *by_kink; ++i)
+        *by_kink[i] = lag_doubles(pool, k->count);
+    k->state = lag_get(pool, (size_t)k->count, sizeof(int));
+    k->both = lag_doubles(pool, 2L * (size + sw->nc + all + 1));
+    k->y = lag_doubles(pool, n);
 }
 
 int lag_use_switching(lag_run *run, const lag_switching_rules *given)
@@ -85,6 +93,11 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
         .conditions = given->conditions,
         .force_conditions = given->force_conditions,
         .reported = lag_copy_integers(pool, given->reported, 5L * rows),
+        .kinks = {.count = given->kinks,
+                  .first = given->first_branch,
+                  .whole = lag_copy_integers(pool, given->whole, given->kinks),
+                  .time = lag_copy_integers(pool, given->of_time, given->kinks),
+                  .slides = -1},
         .law_of_impact = given->law_of_impact,
         .closed = given->closed,
         .chosen = run->method,
@@ -97,8 +110,10 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
         || lag_bind(run, pool, &sw->limits, &given->limits) || lag_bind(run, pool, &sw->impact, &given->impact)
         || lag_bind(run, pool, &sw->forces, &given->forces)
         || lag_bind(run, pool, &sw->condition_tape, &given->condition_functions)
-        || lag_bind(run, pool, &sw->force_condition_tape, &given->force_condition_functions))
+        || lag_bind(run, pool, &sw->force_condition_tape, &given->force_condition_functions)
+        || lag_bind(run, pool, &sw->kinks.tape, &given->kink_functions))
         return 1;
+    memcpy(sw->kinks.branch, run->parameters + sw->kinks.first, (size_t)sw->kinks.count * sizeof(double));
     lag_bernstein_matrix(sw->to_bernstein);
     sw->acting = sw->nf > 0;
     for (int i = 0; i < rows; ++i)
@@ -113,6 +128,7 @@ int lag_use_switching(lag_run *run, const lag_switching_rules *given)
 void lag_set_parameters(lag_run *run, const double *parameters)
 {
     memcpy(run->parameters, parameters, (size_t)run->np * sizeof(double));
+    lag_keep_branches(run);
     lag_renew_tapes(run);
     run->switching.moved = 1;
 }
@@ -121,6 +137,9 @@ void lag_place(lag_run *run, const double *y)
 {
     memcpy(run->step.y, y, (2 * (size_t)run->system.nq + 1) * sizeof(double));
     memset(run->switching.ended, 0, (size_t)run->switching.rows * sizeof(int));
+    for (int i = 0; i < run->switching.kinks.count; ++i)
+        if (run->switching.kinks.state[i] == LAG_SIDE_KNOWN)
+            run->switching.kinks.state[i] = LAG_ON_SURFACE;
     run->switching.moved = 1;
 }
 
@@ -157,7 +176,8 @@ lag_instant_report lag_instant_of(lag_run *run)
     return (lag_instant_report){run->step.t, run->step.y, sw->mode, sw->active, sw->phi, sw->psi,
                                 sw->trial_force, sw->gained, sw->rubbed, sw->alike, sw->takes_part, sw->margin,
                                 sw->found, sw->begun, sw->first_mode,
-                                sw->before, sw->begin, sw->begin + run->system.nq};
+                                sw->before, sw->begin, sw->begin + run->system.nq,
+                                sw->kinks.crossed, sw->kinks.slid, sw->kinks.state, sw->kinks.branch};
 }
 
 int lag_condition_happened(lag_run *run, int which)

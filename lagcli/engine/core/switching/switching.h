@@ -30,6 +30,8 @@ enum lag_watched {
     LAG_WATCH_SLIP,         /* psi in the direction in which a row slips */
     LAG_WATCH_SIGN,         /* |z| of a bilateral row that limits friction: there the force has a kink */
     LAG_WATCH_MARGIN,       /* how unique the forces are while something slips: Painleve */
+    LAG_WATCH_KINK,         /* the function of a branch, from the bound of that */
+    LAG_WATCH_SURFACE,      /* the part of a side in the motion that slides on a surface */
     LAG_WATCH_CONDITION,    /* a function of (t, q, v) */
     LAG_WATCH_TIME,         /* a function of t alone */
     LAG_WATCH_FORCE_CONDITION, /* a function of a and lambda, too */
@@ -52,6 +54,22 @@ typedef struct {
     int time;                          /* whether it depends on t alone */
     int happened;                      /* at this instant: 1, and 2 as soon as that is known outside */
 } lag_condition;
+
+/* Branches of the equations: kinks.h. */
+typedef struct {
+    int count, first;                  /* how many; where they begin among the parameters */
+    const int32_t *whole;              /* count: 0: signs; 1: whole parts, of `floor`; -1: of `ceil` */
+    const int32_t *time;               /* count: whether its function depends on t alone */
+    lag_tape tape;                     /* of (t, q, v, p): the functions, their sizes */
+    double *branch, *bound;            /* count: values; the whole numbers that functions are at */
+    double *size, *growth;             /* count: largest sizes so far; scratch */
+    int *state;                        /* count: what the instant does to it */
+    int slides;                        /* the kink on whose surface the motion slides; -1 */
+    double weight, rates;              /* the part of the upper side in it; the rate less that below */
+    double *both, *y;                  /* scratch; both: upper less lower a, ..., and their combination */
+    int undecided;                     /* functions that vanish at the instant */
+    long crossed, slid;                /* how often a branch has changed, a motion begun to slide */
+} lag_kinks;
 
 typedef struct {
     int rows, exported, nc;            /* rows; those of Switching.rows; all constraints */
@@ -76,6 +94,7 @@ typedef struct {
     lag_tape condition_tape, force_condition_tape;
     lag_condition *condition;          /* conditions, then force_conditions */
     const int32_t *reported;           /* 5 rows: whether a change of a row is to be reported */
+    lag_kinks kinks;
     int used;                          /* whether anything switches or is watched */
     int law_of_impact;
     double closed;                     /* of the size of phi: a gap that counts as none */

@@ -8,6 +8,7 @@
 #include "motion.h"
 #include "step.h"
 #include "switching/crossing.h"
+#include "switching/kinks.h"
 #include "switching/rows.h"
 #include "switching/settle.h"
 
@@ -68,7 +69,7 @@ double lag_condition_value(lag_run *run, int which, double t, const double *y)
 /* Whether a function needs a and lambda. */
 static int needs_forces(enum lag_watched what)
 {
-    return what == LAG_WATCH_FORCE || what == LAG_WATCH_STICK || what == LAG_WATCH_SIGN
+    return what == LAG_WATCH_FORCE || what == LAG_WATCH_SURFACE || what == LAG_WATCH_STICK || what == LAG_WATCH_SIGN
            || what == LAG_WATCH_MARGIN || what == LAG_WATCH_FORCE_CONDITION;
 }
 
@@ -82,7 +83,7 @@ static int shared(const lag_switching *sw, const lag_watched_function *w)
 int lag_watched_values(lag_run *run, double t, const double *y, double *values)
 {
     lag_switching *sw = &run->switching;
-    int rows = 0, forces = 0, conditions = 0, force_conditions = 0, sticks = 0;
+    int rows = 0, forces = 0, conditions = 0, force_conditions = 0, sticks = 0, kinks = 0;
     for (int k = 0; k < sw->watched_count; ++k) {
         const enum lag_watched what = sw->watched[k].what;
         rows |= what == LAG_WATCH_GAP || what == LAG_WATCH_SLIP;
@@ -90,6 +91,7 @@ int lag_watched_values(lag_run *run, double t, const double *y, double *values)
         conditions |= what == LAG_WATCH_CONDITION || what == LAG_WATCH_TIME;
         force_conditions |= what == LAG_WATCH_FORCE_CONDITION;
         sticks |= what == LAG_WATCH_STICK;
+        kinks |= what == LAG_WATCH_KINK;
     }
     if (forces && lag_all_forces(run, t, y))
         return 1;
@@ -97,6 +99,8 @@ int lag_watched_values(lag_run *run, double t, const double *y, double *values)
         return 1;
     if (conditions)
         lag_evaluate(&sw->condition_tape, &run->system, t, y, LAG_ALL);
+    if (kinks) /* after the forces, which may use the tape elsewhere */
+        lag_evaluate(&sw->kinks.tape, &run->system, t, y, LAG_ALL);
     if (force_conditions)
         evaluate_force_conditions(run, t, y);
     if (sticks)
@@ -120,6 +124,13 @@ int lag_watched_values(lag_run *run, double t, const double *y, double *values)
             break;
         case LAG_WATCH_MARGIN:
             value = sw->margin;
+            break;
+        case LAG_WATCH_KINK:
+            value = lag_kink_distance(run, w->which, w->sign);
+            sw->kinks.size[w->which] = fmax(sw->kinks.size[w->which], lag_kink_size(run, w->which));
+            break;
+        case LAG_WATCH_SURFACE:
+            value = w->sign > 0.0 ? sw->kinks.weight : sw->kinks.weight - 1.0;
             break;
         default:
             value = condition_output(sw, w->which);
@@ -183,6 +194,14 @@ static void list(lag_switching *sw)
     }
     if (slipping)
         add(sw, LAG_WATCH_MARGIN, 0, 1.0);
+    for (int k = 0; k < sw->kinks.count; ++k) {
+        const enum lag_watched what = k == sw->kinks.slides ? LAG_WATCH_SURFACE : LAG_WATCH_KINK;
+        const int both = what == LAG_WATCH_SURFACE || sw->kinks.whole[k];
+        if (both || sw->kinks.branch[k] > 0.0)
+            add(sw, what, k, 1.0);
+        if (both || sw->kinks.branch[k] < 0.0)
+            add(sw, what, k, -1.0);
+    }
     for (int c = 0; c < sw->conditions + sw->force_conditions; ++c)
         add(sw,
             c >= sw->conditions ? LAG_WATCH_FORCE_CONDITION
@@ -194,7 +213,7 @@ static void list(lag_switching *sw)
 /* The rounding error of a watched function. */
 static double rounding_of(lag_switching *sw, const lag_watched_function *w)
 {
-    if (needs_forces(w->what) && w->what != LAG_WATCH_FORCE_CONDITION)
+    if (needs_forces(w->what) && w->what != LAG_WATCH_FORCE_CONDITION && w->what != LAG_WATCH_SURFACE)
         for (int i = 0; i < sw->rows; ++i)
             sw->strength = fmax(sw->strength, fabs(sw->force[i]));
     switch (w->what) {
@@ -202,6 +221,10 @@ static double rounding_of(lag_switching *sw, const lag_watched_function *w)
         return NOISE * sw->size[w->which];
     case LAG_WATCH_SLIP:
         return NOISE * sw->speed[w->which];
+    case LAG_WATCH_KINK:
+        return NOISE * sw->kinks.size[w->which];
+    case LAG_WATCH_SURFACE:
+        return FORCE_NOISE;
     case LAG_WATCH_FORCE:
     case LAG_WATCH_STICK:
     case LAG_WATCH_SIGN:
@@ -232,14 +255,23 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
     return LAG_RUNNING;
 }
 
+/* Whether a watched function depends on t alone. */
+static int is_of_time(const lag_switching *sw, const lag_watched_function *w)
+{
+    return w->what == LAG_WATCH_TIME || (w->what == LAG_WATCH_KINK && sw->kinks.time[w->which]);
+}
+
 /* A watched function inside the last step. */
 static double value_inside(lag_run *run, int k, double t)
 {
     lag_switching *sw = &run->switching;
-    if (sw->watched[k].what == LAG_WATCH_TIME) {
+    const lag_watched_function *w = sw->watched + k;
+    if (is_of_time(sw, w)) {
         memcpy(sw->y, run->step.y_new, (size_t)lag_size(&run->system) * sizeof(double));
-        lag_evaluate(&sw->condition_tape, &run->system, t, sw->y, LAG_ALL);
-        return sw->watched[k].sign * condition_output(sw, sw->watched[k].which);
+        const lag_tape *tape = w->what == LAG_WATCH_TIME ? &sw->condition_tape : &sw->kinks.tape;
+        lag_evaluate(tape, &run->system, t, sw->y, LAG_ALL);
+        return w->sign * (w->what == LAG_WATCH_TIME ? condition_output(sw, w->which)
+                                                    : lag_kink_distance(run, w->which, w->sign));
     }
     lag_dense(run, t, sw->y);
     return lag_watched_values(run, t, sw->y, sw->values) ? NAN : sw->values[k];
@@ -250,7 +282,7 @@ static double value_inside(lag_run *run, int k, double t)
  * followed to the last digit. */
 static double locate(lag_run *run, int k, double low, double high, double b)
 {
-    const int time = run->switching.watched[k].what == LAG_WATCH_TIME;
+    const int time = is_of_time(&run->switching, run->switching.watched + k);
     const double exact = time ? 0.0 : EXACT * run->step.h_old + DBL_EPSILON * fabs(high);
     double a = fmax(value_inside(run, k, low), 0.0);
     if (a == 0.0)

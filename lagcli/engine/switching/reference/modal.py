@@ -16,6 +16,7 @@ from lagcli.engine.constraints.index1 import Index1
 from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.switching.cones import least_norm_within
+from lagcli.engine.switching.reference.branches import Branches
 from lagcli.engine.switching.reference.held import HeldEvaluator
 from lagcli.engine.switching.reference.tapes import SwitchingTapes
 from lagcli.engine.switching.switching import RowMode, SwitchedRow
@@ -64,6 +65,7 @@ class ModalMotion(Index1):
         )
         self.cones = [r for r, mode in zip(switched, modes, strict=True) if mode == RowMode.HOLDS]
         self.margin = 1.0
+        self.branches: Branches | None = None
 
     def inputs(
         self, t: float, q: Array, v: Array, a: Array, multipliers: Array
@@ -73,6 +75,13 @@ class ModalMotion(Index1):
 
     def accelerations(self, t: float, q: Array, v: Array) -> tuple[Array, Array, float]:
         """Return a, λ of all constraints and the power at a state; NaN where they are undefined."""
+        branches = self.branches
+        if branches is not None and branches.slides is not None:
+            return branches.combined(branches.slides, t, q, v, self.on_branches)
+        return self.on_branches(t, q, v)
+
+    def on_branches(self, t: float, q: Array, v: Array) -> tuple[Array, Array, float]:
+        """Return the same on the present branches, whatever surface the motion slides on."""
         self.evaluations += 1
         full = self.full.dynamics(t, q, v)
         if full.finite:

@@ -103,6 +103,23 @@ def test_kinks_and_jumps_have_no_series(op: Op) -> None:
         SeriesExpansion(builder, (0,)).operation(op, register, 0, 1)
 
 
+@pytest.mark.parametrize("number", [S, 0.0])
+def test_a_choice_that_stays_has_the_series_of_what_is_chosen(number: float) -> None:
+    def chosen(b: Arithmetic, first: int, second: int) -> int:
+        return b.emit(Op.SELECT, b.emit(Op.LT, b.zero, 2), first, second)
+
+    for first, second in ((0, 1), (0, 2), (2, 1)):
+        builder = Arithmetic(3, parameters=1)
+        register = builder.emit(Op.MUL, 0, chosen(builder, first, second))
+        expansion = SeriesExpansion(builder, (0, 1))
+        expansion.expand([register])
+        values = (X[0], Y[0], number)
+        (found,) = coefficients(expansion, [register], {0: X, 1: Y}, values)
+        other = (X, Y, [number] + [0.0] * ORDER)[first if number > 0 else second]
+        product = [sum(X[i] * other[k - i] for i in range(k + 1)) for k in range(ORDER + 1)]
+        np.testing.assert_allclose(found, product, rtol=1e-14)
+
+
 def test_what_does_not_move_is_a_number() -> None:
     builder = Arithmetic(2)
     register = builder.emit(Op.ABS, 1)  # which has no series

@@ -1,0 +1,312 @@
+#include "switching/kinks.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "breaks.h"
+#include "motion.h"
+
+#define AHEAD 1e-7          /* of a step, or of the run: how far ahead a side shows by its accelerations */
+#define AROUND 1e-4         /* of a step: what the rate of a surface's function is a difference over */
+#define ON_SURFACE 1e-9     /* of the terms of a function: what counts as zero where its surface was reached */
+#define CONTINUOUS 1e-10    /* of the terms of accelerations: a difference of both sides that is rounding */
+#define MOST_AT_ONCE 10     /* surfaces at one instant */
+
+enum { UPPER, LOWER };
+
+double lag_kink_size(const lag_run *run, int kink)
+{
+    const lag_kinks *k = &run->switching.kinks;
+    return OUT(&k->tape, k->count + kink) + (k->whole[kink] ? 1.0 : 0.0);
+}
+
+double lag_kink_distance(const lag_run *run, int kink, double direction)
+{
+    const lag_kinks *k = &run->switching.kinks;
+    double bound = 0.0;
+    if (k->whole[kink])
+        bound = k->branch[kink] + ((direction < 0.0) - (k->whole[kink] < 0));
+    return OUT(&k->tape, kink) - bound;
+}
+
+void lag_keep_branches(lag_run *run)
+{
+    const lag_kinks *k = &run->switching.kinks;
+    memcpy(run->parameters + k->first, k->branch, (size_t)k->count * sizeof(double));
+}
+
+static void evaluate(lag_run *run, double t, const double *y)
+{
+    lag_evaluate(&run->switching.kinks.tape, &run->system, t, y, LAG_ALL);
+}
+
+static void take_branch(lag_run *run, int kink, double branch)
+{
+    lag_kinks *k = &run->switching.kinks;
+    if (k->branch[kink] == branch)
+        return;
+    k->branch[kink] = branch;
+    lag_keep_branches(run);
+    lag_renew_tapes(run);
+}
+
+/* The branch above or below a surface: that of zero, or that of the whole number next to the function. */
+static double branch_beside(const lag_kinks *k, int kink, int side)
+{
+    if (!k->whole[kink])
+        return side == UPPER ? 1.0 : -1.0;
+    return k->bound[kink] + (side == UPPER ? 0.0 : -1.0) + (k->whole[kink] < 0);
+}
+
+/* The branches of functions that do not vanish here. */
+static void take_clear_branches(lag_run *run)
+{
+    lag_kinks *k = &run->switching.kinks;
+    for (int pass = 0, changed = 1; changed && pass <= k->count; ++pass) {
+        changed = 0;
+        evaluate(run, run->step.t, run->step.y);
+        for (int i = 0; i < k->count; ++i) {
+            k->size[i] = fmax(k->size[i], lag_kink_size(run, i));
+            const double g = OUT(&k->tape, i), nearest = k->whole[i] ? floor(g + 0.5) : 0.0;
+            const double zero = k->state[i] == LAG_ON_SURFACE ? ON_SURFACE * k->size[i] : 0.0;
+            if (k->state[i] == LAG_SIDE_KNOWN)
+                continue;
+            if (fabs(g - nearest) <= zero) {
+                k->state[i] = LAG_ON_SURFACE;
+                k->bound[i] = nearest;
+                continue;
+            }
+            k->state[i] = LAG_OFF_SURFACE;
+            const double branch = !k->whole[i] ? copysign(1.0, g) : k->whole[i] > 0 ? floor(g) : ceil(g);
+            changed |= branch != k->branch[i];
+            k->branch[i] = branch;
+        }
+        if (changed) {
+            lag_keep_branches(run);
+            lag_renew_tapes(run);
+        }
+    }
+}
+
+/* How far a function is from the surface at which its branch is open; 0 near it. */
+static double off_surface(const lag_kinks *k, int kink)
+{
+    const double g = OUT(&k->tape, kink) - k->bound[kink];
+    return fabs(g) > ON_SURFACE * k->size[kink] ? g : 0.0;
+}
+
+/* How the functions leave their surfaces: what they are, where another branch has moved these, or how much they
+ * grow in a short time with accelerations a; to `growth`. */
+static void look_ahead(lag_run *run, const double *a, double *growth)
+{
+    lag_kinks *k = &run->switching.kinks;
+    const int nq = run->system.nq;
+    const double t = run->step.t, *y = run->step.y;
+    const double d = AHEAD * (run->step.h > 0.0 ? fmin(run->step.h, run->step.t_end - run->step.t_start)
+                                                : run->step.t_end - run->step.t_start);
+    evaluate(run, t, y);
+    for (int i = 0; i < k->count; ++i)
+        growth[i] = -OUT(&k->tape, i);
+    for (int i = 0; i < nq; ++i) {
+        k->y[i] = y[i] + d * (y[nq + i] + 0.5 * d * a[i]);
+        k->y[nq + i] = y[nq + i] + d * a[i];
+    }
+    k->y[2 * nq] = y[2 * nq];
+    evaluate(run, t + d, k->y);
+    for (int i = 0; i < k->count; ++i)
+        growth[i] += OUT(&k->tape, i);
+    evaluate(run, t, y);
+    for (int i = 0; i < k->count; ++i) {
+        const double off = off_surface(k, i);
+        growth[i] = off != 0.0 ? off : growth[i];
+    }
+}
+
+/* Whether all surfaces listed but one let the motion go to the side on which it is taken to be; `clearly`: none
+ * of them stays zero. */
+static int leaves(const lag_kinks *k, int n, const int *list, int sides, int but, int clearly)
+{
+    for (int i = 0; i < n; ++i) {
+        const double away = (sides >> i & 1) == UPPER ? k->growth[list[i]] : -k->growth[list[i]];
+        if (list[i] != but && (away < 0.0 || (clearly && away == 0.0)))
+            return 0;
+    }
+    return 1;
+}
+
+/* Take sides of the surfaces listed. */
+static void take_sides(lag_run *run, int n, const int *list, int sides)
+{
+    const lag_kinks *k = &run->switching.kinks;
+    for (int i = 0; i < n; ++i)
+        take_branch(run, list[i], branch_beside(k, list[i], sides >> i & 1));
+}
+
+/* The rates of a surface's function along accelerations a. */
+static double rate_along(lag_run *run, int kink, double t, const double *y, const double *a)
+{
+    lag_kinks *k = &run->switching.kinks;
+    const int nq = run->system.nq;
+    const double d = AROUND * (run->step.h > 0.0 ? fmin(run->step.h, 1.0) : 1.0);
+    double change = 0.0;
+    for (int sign = -1; sign <= 1; sign += 2) {
+        for (int i = 0; i < nq; ++i) {
+            k->y[i] = y[i] + sign * d * y[nq + i];
+            k->y[nq + i] = y[nq + i] + sign * d * a[i];
+        }
+        k->y[2 * nq] = y[2 * nq];
+        evaluate(run, t + sign * d, k->y);
+        change += sign * OUT(&k->tape, kink);
+    }
+    return change / (2.0 * d);
+}
+
+int lag_slide(lag_run *run, double t, const double *y, int refined, double *power)
+{
+    lag_switching *sw = &run->switching;
+    lag_kinks *k = &sw->kinks;
+    const int kink = k->slides, n = run->system.nq + run->system.nc, rows = sw->rows + sw->nf;
+    const int size = n + sw->nc + rows + 1;
+    double *of_side[] = {k->both, k->both + size}, rate[2];
+    for (int side = UPPER; side <= LOWER; ++side) {
+        double *out = of_side[side];
+        take_branch(run, kink, branch_beside(k, kink, side));
+        k->slides = -1;
+        const int bad = lag_accelerate(run, t, y, refined, out + size - 1);
+        k->slides = kink;
+        if (bad)
+            return 1;
+        memcpy(out, run->solver.a, (size_t)n * sizeof(double));
+        memcpy(out + n, sw->multipliers, (size_t)sw->nc * sizeof(double));
+        memcpy(out + n + sw->nc, sw->force, (size_t)rows * sizeof(double));
+        rate[side] = rate_along(run, kink, t, y, out);
+    }
+    k->rates = rate[UPPER] - rate[LOWER];
+    k->weight = -rate[LOWER] / k->rates;
+    for (int i = 0; i < size; ++i) {
+        of_side[UPPER][i] -= of_side[LOWER][i]; /* what the surface adds and takes */
+        of_side[LOWER][i] += k->weight * of_side[UPPER][i];
+    }
+    memcpy(run->solver.a, of_side[LOWER], (size_t)n * sizeof(double));
+    memcpy(sw->multipliers, of_side[LOWER] + n, (size_t)sw->nc * sizeof(double));
+    memcpy(sw->force, of_side[LOWER] + n + sw->nc, (size_t)rows * sizeof(double));
+    *power = of_side[LOWER][size - 1];
+    return !isfinite(k->weight);
+}
+
+void lag_leave_surface(lag_run *run, double side)
+{
+    lag_kinks *k = &run->switching.kinks;
+    const int kink = k->slides;
+    k->slides = -1;
+    k->state[kink] = LAG_SIDE_KNOWN;
+    take_branch(run, kink, branch_beside(k, kink, side > 0.0 ? UPPER : LOWER));
+}
+
+/* Whether both sides of the surface that lag_slide has combined have the same accelerations but for rounding. */
+static int continuous(const lag_run *run)
+{
+    const lag_kinks *k = &run->switching.kinks;
+    for (int i = 0; i < run->system.nq; ++i)
+        if (fabs(k->both[i]) > CONTINUOUS * (fabs(run->solver.a[i]) + run->tolerances.acceleration_terms[i]))
+            return 0;
+    return 1;
+}
+
+int lag_hold_surface(lag_run *run, double t, double *y)
+{
+    lag_kinks *k = &run->switching.kinks;
+    const int nq = run->system.nq;
+    double power;
+    for (int step = 0; step < 2; ++step) {
+        evaluate(run, t, y);
+        const double g = OUT(&k->tape, k->slides) - (k->whole[k->slides] ? k->bound[k->slides] : 0.0);
+        if (g == 0.0)
+            break;
+        if (lag_slide(run, t, y, 0, &power))
+            return LAG_UNDEFINED;
+        for (int i = 0; i < nq; ++i)
+            y[nq + i] -= g / k->rates * k->both[i];
+    }
+    return LAG_RUNNING;
+}
+
+/* Look for the one surface among those listed on which the motion slides. */
+static int choose_surface(lag_run *run, int n, const int *list, int preferred)
+{
+    lag_kinks *k = &run->switching.kinks;
+    double power;
+    int jumps = 0;
+    for (int which = 0; which < n; ++which)
+        for (int sides = 0; sides < 1 << n; ++sides) {
+            if (sides >> which & 1)
+                continue;
+            take_sides(run, n, list, sides);
+            evaluate(run, run->step.t, run->step.y);
+            if (off_surface(k, list[which]) != 0.0)
+                continue;
+            k->slides = list[which];
+            const int bad = lag_slide(run, run->step.t, run->step.y, 0, &power);
+            k->slides = -1;
+            if (bad || continuous(run))
+                continue;
+            jumps = 1;
+            look_ahead(run, run->solver.a, k->growth);
+            if (k->weight >= 0.0 && k->weight <= 1.0 && leaves(k, n, list, sides, list[which], 0)) {
+                k->slides = list[which];
+                ++k->slid;
+                return LAG_RUNNING;
+            }
+        }
+    if (jumps)
+        return LAG_SURFACES;
+    take_sides(run, n, list, preferred);
+    return LAG_RUNNING;
+}
+
+int lag_choose_branches(lag_run *run)
+{
+    lag_kinks *k = &run->switching.kinks;
+    int list[MOST_AT_ONCE], n = 0, preferred = 0, chosen = -1, crossed = 0;
+    double power;
+    if (!k->count)
+        return LAG_RUNNING;
+    if (k->slides >= 0 && k->state[k->slides] != LAG_SIDE_KNOWN)
+        k->state[k->slides] = LAG_ON_SURFACE;
+    k->slides = -1;
+    for (int i = 0; i < k->count; ++i)
+        crossed |= k->state[i] != LAG_OFF_SURFACE;
+    take_clear_branches(run);
+    for (int i = 0; i < k->count; ++i) {
+        if (k->state[i] != LAG_ON_SURFACE)
+            continue;
+        if (n == MOST_AT_ONCE)
+            return LAG_SURFACES;
+        /* it crosses, or begins above */
+        preferred |= (crossed && k->branch[i] == branch_beside(k, i, UPPER) ? LOWER : UPPER) << n;
+        list[n++] = i;
+    }
+    k->undecided = n;
+    if (!n)
+        return LAG_RUNNING;
+    for (int i = 0; i < 1 << n; ++i) {
+        const int sides = i ^ preferred;
+        take_sides(run, n, list, sides);
+        if (lag_accelerate(run, run->step.t, run->step.y, 0, &power))
+            continue;
+        --run->step.evaluations;
+        look_ahead(run, run->solver.a, k->growth);
+        if (!leaves(k, n, list, sides, -1, 0))
+            continue;
+        if (chosen >= 0 && !crossed && leaves(k, n, list, sides, -1, 1))
+            return LAG_FORKED;
+        if (chosen < 0)
+            chosen = sides;
+        if (crossed)
+            break;
+    }
+    if (chosen < 0)
+        return choose_surface(run, n, list, preferred);
+    take_sides(run, n, list, chosen);
+    return LAG_RUNNING;
+}

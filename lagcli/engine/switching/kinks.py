@@ -1,0 +1,329 @@
+"""Kinks: a System whose branches are inputs, fixed within a step.
+
+A comparison, `floor` or `ceil` of the state is where its tapes are not smooth. In the frozen System
+each has an input that says on which side of zero (or between which whole numbers) its function is,
+so that what an engine integrates is smooth; the engine watches the function, and changes the side
+where it vanishes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+from lagcli.engine.state import State
+from lagcli.engine.switching.switching import Switching
+from lagcli.engine.system import JacobianTapes, System
+from lagcli.engine.tape.interpreter import ScalarTape
+from lagcli.engine.tape.operations import ARITY, Op
+from lagcli.engine.tape.tape import Builder, Tape
+
+_RELATIONS = (Op.LT, Op.LE)
+_WHOLE: dict[int, int] = {Op.FLOOR: 1, Op.CEIL: -1}
+#: Operations without a finite value for some operands: beyond a kink there may be such.
+_PARTIAL = (Op.SQRT, Op.POW, Op.LOG, Op.ASIN, Op.ACOS, Op.ATANH, Op.ACOSH)
+#: Operations that are never negative.
+_POSITIVE = (Op.SQRT, Op.EXP, Op.ABS, Op.COSH)
+_NOTHING: frozenset[int] = frozenset()
+
+
+class Kink(NamedTuple):
+    """One function whose sign, or whole part, is a branch.
+
+    Parameters
+    ----------
+    whole : int
+        0: the branch is the sign of the function, 1 or −1; 1: it is its `floor`; −1: its `ceil`.
+    timed : bool
+        Whether it depends on t and parameters alone.
+    names : tuple of str
+        The coordinates, and velocities (x'), on which it depends.
+    """
+
+    whole: int
+    timed: bool
+    names: tuple[str, ...]
+
+
+class FrozenSystem(NamedTuple):
+    """A System whose branches are its last parameters, and the functions that they follow.
+
+    Parameters
+    ----------
+    system : System
+    kinks : tuple of Kink
+        Their branches follow the parameters of the original in this order; a function depends on
+        branches of earlier ones alone.
+    functions : Tape
+        (t, q, v, parameters) → the functions, then their sizes: the sums of the magnitudes of
+        what is compared.
+    """
+
+    system: System
+    kinks: tuple[Kink, ...]
+    functions: Tape
+
+    def frozen(self, state: State) -> State:
+        """Return a state with its branches among the parameters; zero counts as positive."""
+        values, sides = ScalarTape(self.functions), [1.0] * len(self.kinks)
+        for _ in range(len(self.kinks) + 1):
+            inputs = (state.t, *state.q.tolist(), *state.v.tolist(), *state.p, *sides)
+            found = values(inputs)
+            before, sides = sides, [side_of(k, x) for k, x in zip(self.kinks, found, strict=False)]
+            if sides == before:
+                break
+        return replace(state, p=(*state.p, *sides))
+
+
+def side_of(kink: Kink, value: float) -> float:
+    """Return the branch of a kink where its function has a value; zero counts as positive."""
+    if kink.whole and abs(value) < float("inf"):
+        whole = value // 1
+        return float(whole if kink.whole > 0 or whole == value else whole + 1)
+    return -1.0 if value < 0 else 1.0
+
+
+@lru_cache(maxsize=4)
+def frozen_of(system: System) -> FrozenSystem | None:
+    """Return what `freeze` does; the System of many runs is frozen once."""
+    return freeze(system) if system.has_kinks else None
+
+
+def freeze(system: System) -> FrozenSystem | None:
+    """Return a System with its branches as inputs; None where no branch depends on the state.
+
+    A branch beside which a root, a power or a logarithm may have no value stays as it is: beyond
+    the kink, where a step may look, there would be none.
+
+    Parameters
+    ----------
+    system : System
+    """
+    room, excluded = 0, _NOTHING
+    while True:
+        freezer = _Freezer(system, room, excluded)
+        found = freezer.system()
+        if freezer.partial <= excluded and len(freezer.numbers) == room:
+            break
+        excluded |= freezer.partial
+        room = len(freezer.numbers.keys() - excluded)
+    return FrozenSystem(found, freezer.kinks(), freezer.functions()) if room else None
+
+
+class _Freezer:
+    """Replaces the comparisons in a System's tapes, with room for so many branches.
+
+    Comparisons are numbered as they come, whatever is frozen: ``excluded`` are some of them.
+    """
+
+    def __init__(self, system: System, room: int, excluded: frozenset[int]):
+        self.original, self.room, self.excluded = system, room, excluded
+        self.nq, self.inputs = len(system.coordinates), system.dynamics.inputs
+        self.first = self.inputs - system.functions.size  # where branches are inserted
+        self.builder = Builder(self.inputs + room, system.held + room, 0, system.functions)
+        self.comparisons: dict[tuple[int, int, int], int] = {}
+        self.needs: list[frozenset[int]] = []  # of each comparison: inputs that are its state
+        self.numbers: dict[int, int] = {}  # comparison → branch
+        self.partial: frozenset[int] = _NOTHING
+        self.complete = False
+
+    def system(self) -> System:
+        """Return the System with frozen tapes."""
+        s = self.original
+        return replace(
+            s,
+            parameters=(*s.parameters, *(f"branch {k}" for k in range(self.room))),
+            dynamics=self.tape(s.dynamics),
+            constraint=self.tape(s.constraint),
+            report=self.tape(s.report, freeze=False),
+            events=None if s.events is None else self.tape(s.events, freeze=False),
+            switching=self.switching(s.switching or no_switching(s)),
+            variation=None if s.variation is None else self.variation,
+            parameter_variation=None,
+        )
+
+    def switching(self, s: Switching) -> Switching:
+        return replace(
+            s,
+            limits=self.tape(s.limits),
+            impact=self.tape(s.impact, freeze=False),
+            forces=None if s.forces is None else self.tape(s.forces),
+            force_conditions=None
+            if s.force_conditions is None
+            else self.tape(s.force_conditions, freeze=False),
+            actions=None if s.actions is None else self.tape(s.actions, freeze=False),
+        )
+
+    def variation(self) -> JacobianTapes:
+        """Return the derivatives, with the branches of the System."""
+        assert self.original.variation is not None
+        given = self.original.variation()
+        self.complete = True
+        return replace(given, tape=self.tape(given.tape))
+
+    def tape(self, tape: Tape, freeze: bool = True) -> Tape:
+        """Return a tape of which comparisons of the state are those of branches."""
+        room, extra = self.room, tape.inputs - self.inputs  # a and λ
+        moving_inputs = 1 + 2 * self.nq
+        first = tape.inputs - (self.inputs - self.first)
+        new = Builder(tape.inputs + room, tape.parameters + room, tape.rhs_inputs, tape.functions)
+        place = {i: i if i < first else i + room for i in range(tape.inputs)}
+        watch: dict[int, int | None] = {i: i for i in range(moving_inputs)}
+        watch |= dict.fromkeys(range(moving_inputs, moving_inputs + extra))
+        for i in range(moving_inputs + extra, tape.inputs):
+            watch[i] = i - extra if i < first else i - extra + room
+        state = {i: frozenset((i,)) for i in range(moving_inputs + extra)}
+        for i, x in enumerate(tape.constants, tape.inputs):
+            place[i], watch[i] = new.constant(x), self.builder.constant(x)
+        taint = _Taint(self, tape, moving_inputs + extra)
+        for op, to, *rest in tape.code:
+            operands = rest[: ARITY[op]]
+            needs = _NOTHING.union(*(state.get(x, _NOTHING) for x in operands))
+            watched = [watch[x] for x in operands]
+            known = [x for x in watched if x is not None]
+            frozen = None
+            if freeze and needs and len(known) == len(watched):
+                frozen = self.branch(op, known, needs, to, taint)
+            if frozen is not None:
+                k, flipped = frozen
+                if op in _WHOLE:
+                    place[to], watch[to] = first + k, self.first + k
+                else:
+                    for builder, side, out in (
+                        (new, first + k, place),
+                        (self.builder, self.first + k, watch),
+                    ):
+                        pair = (side, builder.constant(0.0))
+                        out[to] = builder.new((op, *(pair[::-1] if flipped else pair)))
+                continue
+            if needs:
+                state[to] = needs
+            place[to] = new.new((op, *[place[x] for x in operands]))
+            watch[to] = self.builder.new((op, *known)) if len(known) == len(watched) else None
+            taint.operation(op, to, operands, needs)
+        return new.finish([place[x] for x in tape.outputs], tape.deferred, tape.output_subsets)
+
+    def branch(
+        self, op: int, operands: list[int], needs: frozenset[int], to: int, taint: _Taint
+    ) -> tuple[int, bool] | None:
+        """Return the branch that an operation follows, and whether the other way round."""
+        if op in _WHOLE:
+            a, b, flipped = operands[0], self.builder.constant(0.0), False
+        elif op in _RELATIONS:
+            a, b, flipped = self.ordered(*operands)
+        else:
+            return None
+        key = a, b, _WHOLE.get(op, 0)
+        if key not in self.comparisons:
+            if self.complete:
+                return None
+            self.comparisons[key] = len(self.comparisons)
+            self.needs.append(needs)
+        which = self.comparisons[key]
+        taint.compared[to] = frozenset((which,))
+        if which in self.excluded:
+            return None
+        number = self.numbers.setdefault(which, len(self.numbers))
+        return (number, flipped) if number < self.room else None
+
+    def ordered(self, a: int, b: int) -> tuple[int, int, bool]:
+        """Return the operands of a comparison in an order of their own, and whether it is theirs
+        reversed: the same surface has one branch.
+        """
+        zero, flipped = self.builder.constant(0.0), False
+        if a == zero:
+            a, b, flipped = b, a, True
+        if b == zero:
+            first = self.inputs + self.room
+            if a >= first:
+                op, *operands = list(self.builder.operations)[a - first]
+                if op == Op.NEG:
+                    a, flipped = operands[0], not flipped
+            return a, b, flipped
+        return (a, b, flipped) if a > b else (b, a, not flipped)
+
+    def kinks(self) -> tuple[Kink, ...]:
+        """Return what the branches follow."""
+        names = (*self.original.coordinates, *(f"{x}'" for x in self.original.coordinates))
+        found = []
+        for (_, _, whole), which in self.comparisons.items():
+            if which in self.numbers:
+                of = sorted(self.needs[which] - {0})
+                found.append(Kink(whole, not of, tuple(names[i - 1] for i in of)))
+        return tuple(found)
+
+    def functions(self) -> Tape:
+        """Return the tape of the functions and their sizes."""
+        builder, zero = self.builder, self.builder.constant(0.0)
+        values, sizes = [], []
+        for (a, b, _), which in self.comparisons.items():
+            if which not in self.numbers:
+                continue
+            values.append(a if b == zero else builder.emit(Op.SUB, a, b))
+            parts = [builder.emit(Op.ABS, x) for x in (a, b) if x != zero]
+            sizes.append(parts[0] if len(parts) == 1 else builder.emit(Op.ADD, *parts))
+        whole = builder.finish([*values, *sizes])
+        selected = Builder(whole.inputs, whole.parameters, 0, whole.functions)
+        return selected.finish(selected.splice(whole, range(whole.inputs)))
+
+
+class _Taint:
+    """Follows which values have a branch beside which a function may be undefined."""
+
+    def __init__(self, freezer: _Freezer, tape: Tape, moving: int):
+        self.freezer = freezer
+        self.compared: dict[int, frozenset[int]] = {}  # comparisons that a truth follows from
+        self.selected: dict[int, frozenset[int]] = {}  # comparisons that have chosen a value
+        self.risky: dict[int, frozenset[int]] = {}  # inputs of functions without some values
+        constants = {i for i, x in enumerate(tape.constants, tape.inputs) if x >= 0}
+        # parameters are likely positive; at worst a run fails beyond a kink that must not be frozen
+        self.positive = {*constants, *range(moving, tape.inputs)}
+
+    def operation(self, op: int, to: int, operands: list[int], needs: frozenset[int]) -> None:
+        """Take an operation that is no frozen comparison."""
+        if to in self.compared:
+            return
+        compared = _union(self.compared, operands)
+        if op == Op.SELECT:
+            values = operands[1:]
+            risky = _union(self.risky, values)
+            compared = self.compared.get(operands[0], _NOTHING)
+            self.exclude(k for k in compared if self.freezer.needs[k] & risky)
+            self.selected[to] = _union(self.selected, values) | compared
+            self.risky[to] = risky
+            if all(x in self.positive for x in values):
+                self.positive.add(to)
+            return
+        if op in (Op.AND, Op.OR, Op.NOT):
+            self.compared[to] = compared
+            return
+        self.selected[to], self.risky[to] = (
+            _union(self.selected, operands),
+            _union(self.risky, operands),
+        )
+        if op in _PARTIAL and operands[0] not in self.positive:
+            self.exclude(self.selected.get(operands[0], _NOTHING))
+            self.risky[to] |= needs
+        square = op == Op.MUL and operands[0] == operands[1]
+        kept = op in (Op.ADD, Op.MUL, Op.DIV) and all(x in self.positive for x in operands)
+        if square or kept or op in _POSITIVE:
+            self.positive.add(to)
+
+    def exclude(self, comparisons: Iterable[int]) -> None:
+        """Leave comparisons as they are."""
+        self.freezer.partial |= frozenset(comparisons)
+
+
+def _union(sets: dict[int, frozenset[int]], operands: Iterable[int]) -> frozenset[int]:
+    return _NOTHING.union(*(sets[x] for x in operands if x in sets))
+
+
+def no_switching(system: System) -> Switching:
+    """Return the Switching of a System that has none."""
+    extra = len(system.coordinates) + len(system.constraints)
+    held = system.dynamics.parameters
+    state = system.dynamics
+    empty = Tape(state.inputs + extra, (), (), (), held, functions=state.functions)
+    return Switching((), empty, Tape(state.inputs, (), (), (), held, functions=state.functions))

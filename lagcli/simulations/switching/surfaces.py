@@ -1,0 +1,80 @@
+"""Samples of motions on surfaces at which forces jump: which force acts there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lagcli.arrays import Array
+from lagcli.engine.contract import Block
+from lagcli.engine.layout import DynamicsLayout
+from lagcli.engine.switching.kinks import Kink, frozen_of
+from lagcli.engine.system import System
+from lagcli.engine.tape.interpreter import run_arrays
+
+#: Of the largest terms of a function: what counts as zero.
+_ON = 1e-9
+
+
+def residual_with_surfaces(
+    system: System, p: tuple[float, ...], block: Block, required: Array, residual: Array
+) -> Array:
+    """Return how far forces are from what the motion requires, at the best between two sides.
+
+    Parameters
+    ----------
+    system : System
+    p : tuple of float
+        Values of the System's parameters.
+    block : Block
+    required : (nq, n) array
+        M a − Bᵀλ, without forces that depend on λ.
+    residual : (n,) array
+        The largest difference from f as the branches are at the sample.
+
+    Returns
+    -------
+    (n,) array
+        The same, and on a surface the least difference from a combination of both sides.
+    """
+    frozen = frozen_of(system)
+    if frozen is None:
+        return residual
+    kinks, count = frozen.kinks, len(block.time)
+    inputs = [block.time, *block.q.T, *block.v.T, *p]
+    sides: list[Array] = [np.ones(count) for _ in kinks]
+    for _ in range(len(kinks) + 1):
+        values = run_arrays(frozen.functions, [*inputs, *sides], count)
+        before, sides = sides, [_sides(kink, x) for kink, x in zip(kinks, values, strict=False)]
+        if all(map(np.array_equal, before, sides)):
+            break
+    forcing = DynamicsLayout(frozen.system.counts).forcing
+    found = residual.copy()
+    for k, kink in enumerate(kinks):
+        distance = np.abs(values[k] - (np.round(values[k]) if kink.whole else 0))
+        size = np.abs(values[len(kinks) + k]).max(initial=0.0) + bool(kink.whole)
+        (on,) = np.nonzero(distance <= _ON * size)
+        if not len(on):
+            continue
+        here = [x[on] if isinstance(x, np.ndarray) else x for x in (*inputs, *sides)]
+        both = []
+        for upper in (True, False):
+            here[len(inputs) + k] = _beside(kink, np.round(values[k, on]), upper)
+            both.append(run_arrays(frozen.system.dynamics, here, len(on))[forcing])
+        jump, rest = both[0] - both[1], required[:, on] - both[1]
+        with np.errstate(all="ignore"):
+            part = np.clip(np.nan_to_num((rest * jump).sum(0) / (jump * jump).sum(0)), 0, 1)
+        found[on] = np.fmin(found[on], np.abs(rest - part * jump).max(axis=0, initial=0.0))
+    return found
+
+
+def _sides(kink: Kink, values: Array) -> Array:
+    if kink.whole:
+        return np.floor(values) if kink.whole > 0 else np.ceil(values)
+    return np.where(values < 0, -1.0, 1.0)
+
+
+def _beside(kink: Kink, whole: Array, upper: bool) -> Array:
+    """Return the branch above or below a surface."""
+    if not kink.whole:
+        return np.full(len(whole), 1.0 if upper else -1.0)
+    return np.asarray(whole - (not upper) + (kink.whole < 0))

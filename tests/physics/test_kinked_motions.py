@@ -1,0 +1,221 @@
+"""Models with kinks and jumps, whose branches are frozen within a step: closed forms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.engine.integrate.compiled_run import Integration
+from lagcli.settings.settings import SettingsOverrides
+from lagcli.simulations.simulation import prepare
+from lagcli.trajectory.trajectory import Trajectory
+
+ENGINES = ("compiled", "scipy")
+
+
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> str:
+    name: str = request.param
+    return name
+
+
+def particle(forces: str, start: str = "x: 1, x': 0", **parameters: float) -> str:
+    """Return a model of a particle of mass 1 along x, or along x and y."""
+    names = "x, y" if "y:" in start else "x"
+    squares = "x'^2 + y'^2" if "y:" in start else "x'^2"
+    given = ", ".join(f"{k}: {v!r}" for k, v in parameters.items())
+    return (
+        f"coordinates: [{names}]\nparameters: {{{given}}}\nT: ({squares})/2\n{forces}\n"
+        f"initial: {{{start}}}\n"
+    )
+
+
+def run(text: str, engine: str, times: list[float], **options: object) -> Trajectory:
+    settings = SettingsOverrides(times=tuple(times), engine=engine, rtol=1e-10, **options)
+    return lagcli.simulate(lagcli.load_text(text), settings)
+
+
+def evaluations_as_it_is(text: str, **options: object) -> tuple[int, int]:
+    """Return the evaluations of a run with frozen branches, and of one without."""
+    simulation = prepare(lagcli.load_text(text), SettingsOverrides(**options))
+    record = simulation.run(lambda samples: None)
+    plain = Integration(simulation.system, simulation.request, lambda block: None, None).run()
+    assert (record.status, plain.status) == ("completed", "completed")
+    return record.counts["evaluations"], plain.evaluations
+
+
+def test_bilinear_oscillator_has_the_period_of_both_halves(engine: str) -> None:
+    text = particle('V: "if(x > 0, k1, k2)*x^2/2"', "x: 0, x': 1", k1=100.0, k2=1600.0)
+    period = math.pi * (1 / 10 + 1 / 40)
+    found = run(text, engine, [0, 7 * period, 7.5 * period, 20 * period])
+    assert found.status == "completed"
+    # 20 periods to the tolerance
+    np.testing.assert_allclose(found.q[[1, 3], 0], 0, atol=3e-9)
+    np.testing.assert_allclose(found.v[[1, 3], 0], 1, rtol=1e-8)
+    into = 7.5 * period - 7 * period - 0  # 0.625 of the first half
+    expected = math.sin(10 * into) / 10
+    assert found.q[2, 0] == pytest.approx(expected, rel=1e-7)
+    assert found.counts["kinks"] in (39, 40)
+
+
+def test_frozen_branches_take_fewer_evaluations() -> None:
+    spring = particle('V: "if(x > 0, 100, 1600)*x^2/2"', "x: 0, x': 1")
+    frozen, plain = evaluations_as_it_is(spring, t_end=20.0, rtol=1e-9)
+    assert plain > 1.8 * frozen
+    backlash = (
+        "coordinates: [a, b]\nT: (a'^2 + b'^2/2)/2\ndefinitions:\n  gap: a - b\n"
+        "  torque: 4000*(max(gap - 0.01, 0) + min(gap + 0.01, 0)) "
+        "+ 2*if(abs(gap) > 0.01, gap', 0)\n"
+        "Q: {a: 2*cos(4*t) - torque, b: torque - 1.5*b'}\n"
+        "initial: {a: 0, b: 0, a': 0, b': 0}\n"
+    )
+    frozen, plain = evaluations_as_it_is(backlash, t_end=5.0, rtol=1e-9)
+    assert plain > 3 * frozen
+
+
+def test_backlash_with_a_linear_spring(engine: str) -> None:
+    """A particle between two springs with play: free flight and half a period of each."""
+    text = particle('V: "k/2*max(abs(x) - d, 0)^2"', "x: 0, x': 1", k=400.0, d=0.5)
+    free, half = 0.5, math.pi / 20
+    period = 2 * (2 * free + half)
+    found = run(text, engine, [0, free, free + half / 2, 10 * period, 10 * period + 0.2])
+    # after ten periods, forty changes: the reference engine's errors are ten times the other's
+    np.testing.assert_allclose(found.q[:, 0], [0, 0.5, 0.55, 0, 0.2], atol=2e-8)
+    np.testing.assert_allclose(found.v[[0, 1, 3, 4], 0], 1, rtol=1e-9)
+
+
+def test_coulomb_oscillator_loses_amplitude_in_each_half_cycle_and_sticks(engine: str) -> None:
+    """It stops at the first turning point with |x| below F/k."""
+    # written so that it is no row that limits a force
+    text = particle("V: k/2*x^2\nQ: {x: \"if(x' > 0, -F, if(x' < 0, F, 0))\"}", k=100.0, F=12.0)
+    turn = math.pi / 10
+    found = run(text, engine, [0, turn, 2 * turn, 3 * turn, 4 * turn, 4])
+    np.testing.assert_allclose(found.q[:, 0], [1, -0.76, 0.52, -0.28, 0.04, 0.04], atol=1e-9)
+    assert found.v[-1, 0] == 0
+    assert found.a[-1, 0] == pytest.approx(0, abs=1e-12)
+    assert np.abs(found.residual_equation).max() < 1e-10
+    lost = 12.0 * (1 + 2 * (0.76 + 0.52 + 0.28) + 0.04)
+    assert found.energy_balance[-1] == pytest.approx(0, abs=1e-8 * lost)
+    assert found.counts["kinks"] == 4
+
+
+def test_stuck_until_the_force_exceeds_friction(engine: str) -> None:
+    text = particle('Q: {x: "3*t - if(x\' > 0, 6, -6)"}', "x: 0, x': 0")
+    found = run(text, engine, [0, 1, 2, 3, 4])
+    expected = [0.5 * max(t - 2, 0) ** 3 for t in range(5)]
+    np.testing.assert_allclose(found.q[:, 0], expected, atol=1e-9)
+
+
+def test_slides_on_a_surface_of_position_and_velocity(engine: str) -> None:
+    """Relay control reaches x' + x = 0, and follows it: x = x1 exp(t1 - t)."""
+    text = particle('Q: {x: "-if(x\' + x > 0, 10, -10)"}')
+    reached = -1 + math.sqrt(1.2)
+    found = run(text, engine, [0, 0.05, 1, 3])
+    first = 1 - 5 * reached**2
+    np.testing.assert_allclose(found.q[:2, 0], [1, 1 - 5 * 0.05**2], rtol=1e-12)
+    expected = [first * math.exp(reached - t) for t in (1, 3)]
+    np.testing.assert_allclose(found.q[2:, 0], expected, rtol=1e-8)
+    np.testing.assert_allclose(found.v[2:, 0], np.negative(expected), rtol=1e-8)
+    np.testing.assert_allclose(found.a[2:, 0], expected, rtol=1e-6)
+    assert np.abs(found.residual_equation).max() < 1e-10
+
+
+def test_slides_while_another_branch_changes(engine: str) -> None:
+    """Stuck to a belt, whose speed halves when the force on another particle changes."""
+    forces = 'Q: {x: "-if(x\' > if(y > 1, 1, 2), 5, -5)", y: 0}'
+    found = run(particle(forces, "x: 0, y: 0, x': 0, y': 1"), engine, [0, 0.4, 0.9, 1.2, 2])
+    # it accelerates by 5 up to 2 in 0.4 s, and brakes by 5 from t = 1 to 1.2
+    np.testing.assert_allclose(found.v[:, 0], [0, 2, 2, 1, 1], atol=1e-9)
+    np.testing.assert_allclose(found.q[:, 0], [0, 0.4, 1.4, 1.9, 2.7], atol=1e-9)
+
+
+def test_jumps_of_time_are_ends_of_steps(engine: str) -> None:
+    found = run(particle('Q: {x: "if(t < 1, 1, -1)"}', "x: 0, x': 0"), engine, [0, 1, 2, 3])
+    np.testing.assert_allclose(found.q[:, 0], [0, 0.5, 1, 0.5], atol=1e-13)
+    assert found.a[1, 0] == -1
+
+
+def test_stairs(engine: str) -> None:
+    """A force that falls by 1 at each whole number: parabolas, by energy."""
+    found = run(particle("Q: {x: 2 - floor(x)}", "x: 0, x': 0"), engine, [0, 1, 1.8])
+    speed = math.sqrt(4 + 2)  # at x = 2, beyond which there is no force
+    time = 1 + (math.sqrt(6) - 2) / 1
+    assert found.q[1, 0] == pytest.approx(1, abs=1e-12)
+    assert found.q[2, 0] == pytest.approx(2 + speed * (1.8 - time), abs=1e-9)
+
+
+def test_a_continuous_kink_at_rest_begins_on_the_side_of_the_motion(engine: str) -> None:
+    """Quadratic drag in a fall from rest: v = tanh t."""
+    found = run(particle("Q: {x: -1 - abs(x')*x'}", "x: 0, x': 0"), engine, [0, 1, 2])
+    np.testing.assert_allclose(found.v[:, 0], -np.tanh([0, 1, 2]), rtol=1e-9)
+    np.testing.assert_allclose(found.q[:, 0], -np.log(np.cosh([0, 1, 2])), atol=1e-9)
+
+
+def test_a_power_beside_a_kink_is_evaluated_where_it_is_defined(engine: str) -> None:
+    """A Hertzian contact: no step looks at a power of a negative depth."""
+    text = particle('V: 9.81*x\nQ: {x: "1e4*max(-x, 0)^1.5"}', "x: 0.1, x': 0")
+    found = run(text, engine, [0, 2])
+    assert found.status == "completed"
+    assert np.abs(found.energy_balance).max() < 1e-8
+
+
+def test_other_methods() -> None:
+    text = particle('V: "if(x > 0, 100, 1600)*x^2/2"', "x: 0, x': 1")
+    period = math.pi * (1 / 10 + 1 / 40)
+    for method in ("Radau", "Rodas5P", "Taylor"):
+        found = run(text, "compiled", [0, 3 * period], method=method)
+        assert found.v[-1, 0] == pytest.approx(1, rel=1e-6)
+        assert found.counts["kinks"] in (5, 6)
+        assert found.options["method"] == method
+    drag = particle("V: 50*x^2\nQ: {x: -0.1*abs(x')*x'}")
+    explicit, series = (
+        run(drag, "compiled", [0, 5], method=method) for method in ("DOP853", "Taylor")
+    )
+    np.testing.assert_allclose(series.q[-1], explicit.q[-1], rtol=1e-8)
+    assert series.counts["evaluations"] < explicit.counts["evaluations"] / 4
+    # a branch that is not frozen has no power series
+    hertz = particle('V: 9.81*x\nQ: {x: "1e4*max(-x, 0)^1.5"}', "x: 0.1, x': 0")
+    found = run(hertz, "compiled", [0, 0.5], method="Taylor")
+    assert "kinks or jumps have no power series" in found.message
+    assert found.options["method"] == "DOP853"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            particle(
+                'V: 50*(x - y)^2\nQ: {x: "if(x\' > 0, -10, 10)", y: "if(y\' > 0, -8, 8)"}',
+                "x: 0.1, y: 0, x': 0.001, y': -0.001",
+            ),
+            "those of `x'` and `y'`: write each `sign` of a velocity as a constraint with `limit`",
+        ),
+        (
+            particle('Q: {x: "if(x\' > 0, 1, -1)"}', "x: 0, x': 0"),
+            "two motions are possible: the forces jump at a surface of `x'`",
+        ),
+        (
+            particle("V: 9.81*y\nconstraints: {v: y = abs(x)}", "x: 0.1, y: 0.1, x': 0, y': 0"),
+            "a constraint has a corner at t = 0.20192751",
+        ),
+    ],
+)
+def test_motions_that_do_not_go_on_in_one_way(text: str, message: str, engine: str) -> None:
+    found = run(text, engine, [0, 1, 2])
+    assert found.status == "failed"
+    assert message in found.message
+
+
+def test_models_without_kinks_are_not_frozen() -> None:
+    simulation = prepare(lagcli.load_text(particle("V: 50*x^2")), SettingsOverrides(t_end=1.0))
+    assert not simulation.system.has_kinks
+    record = simulation.run(lambda samples: None)
+    assert "kinks" not in record.counts
+    plain = Integration(
+        simulation.system, replace(simulation.request), lambda block: None, None
+    ).run()
+    assert record.counts["evaluations"] == plain.evaluations
