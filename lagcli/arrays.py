@@ -1,15 +1,18 @@
 """The types of NumPy arrays, by what they hold."""
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+import numpy as np
+
+_Shape = tuple[Any, ...]
+
+Array = np.ndarray[_Shape, np.dtype[np.float64]]
+Flags = np.ndarray[_Shape, np.dtype[np.bool_]]
 #: Places in other arrays.
-Indices = NDArray[np.intp]
+Indices = np.ndarray[_Shape, np.dtype[np.intp]]
 #: Whole numbers, such as those of the rows of a sweep.
-Numbers = NDArray[np.int64]
+Numbers = np.ndarray[_Shape, np.dtype[np.int64]]
 #: As the core has whole numbers: streams of operations, patterns of matrices.
-Int32 = NDArray[np.int32]
+Int32 = np.ndarray[_Shape, np.dtype[np.int32]]
 #: Colours by pixel.
-Image = NDArray[np.uint8]
+Image = np.ndarray[_Shape, np.dtype[np.uint8]]

@@ -21,9 +21,10 @@ from lagcli.simulations.threads import limit_process
 from lagcli.version import __version__
 
 _FIRST = ("derive", "simulate", "sweep")
-_MODULES = sorted((Path(__file__).parent / "commands").glob("[!_]*.py"))
+_FILES = sorted(os.listdir(Path(__file__).parent / "commands"))
+_NAMES = [f[:-3].replace("_", "-") for f in _FILES if f.endswith(".py") and f[0] != "_"]
 #: The commands, in the order of the help; each is the function in the module of its name.
-COMMANDS = (*_FIRST, *(name for m in _MODULES if (name := m.stem.replace("_", "-")) not in _FIRST))
+COMMANDS = (*_FIRST, *(name for name in _NAMES if name not in _FIRST))
 
 
 class _Interrupted(Exception):

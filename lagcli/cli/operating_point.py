@@ -1,13 +1,14 @@
-"""Options that say about which point a model is linearized."""
+"""What the analyses of one point share: their options, the loading, and the printing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagcli.cli.options import assignments
+from lagcli.cli.options import assignments, refuse_same_file
+from lagcli.cli.streams import print_text, tell
 from lagcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -27,6 +28,15 @@ Steady = Annotated[
         help='At the steady motion with this velocity, e.g. "phi\'=10". Repeatable.',
     ),
 ]
+
+
+def check_target(model: str, target: str | None, suffixes: tuple[str, ...], force: bool) -> None:
+    """Raise if what an analysis finds could not be written; see `check_analysis_target`."""
+    from lagcli.analysis.files import check_analysis_target
+
+    refuse_same_file(model, target)
+    if target is not None:
+        check_analysis_target(target, suffixes, force)
 
 
 def load_steady(
@@ -58,6 +68,20 @@ def load_steady(
     given = {name: value for name, value in initial.items() if f"{name}'" not in velocities}
     again = load_text(loaded.text, loaded.path, parameters, {**given, **velocities}, loaded.data)
     return again, {f"{name}'": again.initial_velocities[name].value for name in names.values()}
+
+
+def print_analysis(
+    content: Mapping[str, Any], text: str, written: str | None, json: bool, quiet: bool
+) -> None:
+    """Print what an analysis found, as JSON or text, and the file that holds it."""
+    from lagcli.cli.summary import to_json
+
+    if json:
+        print(to_json(content))
+    elif written is None:
+        print_text(text)
+    elif not quiet:
+        tell(f"{text}\n  written  {written}")
 
 
 def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:

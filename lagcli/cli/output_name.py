@@ -11,10 +11,10 @@ from lagcli.model.spelling import did_you_mean, nearest, shorten
 if TYPE_CHECKING:
     from lagcli.model.model import Model
 
-_PIECES = re.compile(r"\{\{|\}\}|\{(?P<field>[^{}]*)\}|[{}]")
+_PIECES = r"\{\{|\}\}|\{(?P<field>[^{}]*)\}|[{}]"
 #: What may follow the colon: of Python's format specifications what makes a part of a file's name,
 #: hence no fill (``/`` would make folders) and no padding by blanks (a shell splits there).
-_FORMAT = re.compile(r"\+?(0[1-9]\d?)?(d|(\.\d\d?)?[eEfFgG]?)")
+_FORMAT = r"\+?(0[1-9]\d?)?(d|(\.\d\d?)?[eEfFgG]?)"
 _SHOWN = 30
 
 
@@ -60,7 +60,7 @@ def resolve_name(template: str, model: Model) -> str:
         name = "".join(name.split())
         if name not in values:
             raise _unknown(template, name, list(values))
-        if not _FORMAT.fullmatch(form):
+        if not re.fullmatch(_FORMAT, form):
             raise _wrong(
                 template,
                 f"`{shorten(form)}` is no format of a number in a name",
@@ -69,7 +69,7 @@ def resolve_name(template: str, model: Model) -> str:
             )
         return _written(template, name, values[name], form)
 
-    return _PIECES.sub(piece, template)
+    return re.sub(_PIECES, piece, template)
 
 
 def _values(model: Model) -> dict[str, float]:

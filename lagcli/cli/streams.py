@@ -26,9 +26,7 @@ class Colour(IntEnum):
 
 #: What a terminal obeys or hides instead of showing it: control characters, marks that change the
 #: direction of text, separators of lines, halves of characters.
-_UNSEEN = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
-)
+_UNSEEN = "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
 
 
 #: The label of a line, with the spaces before the text beside it.
@@ -38,12 +36,12 @@ _ENTRY = re.compile(r"  \S{11} (?=\S)")  # a label of all columns that it has in
 
 def visible(text: str) -> str:
     r"""Return a text with escapes such as ``\x1b`` in place of what a terminal would not show."""
-    return _UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return re.sub(_UNSEEN, lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def visible_json(text: str) -> str:
     """Return JSON with JSON's own escapes in place of what a terminal would not show."""
-    return _UNSEEN.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    return re.sub(_UNSEEN, lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 class _Text(io.TextIOWrapper):

@@ -16,7 +16,6 @@ from lagcli.arrays import Array
 from lagcli.cli.streams import visible_json
 from lagcli.columns import RESIDUALS, ColumnName, unit_of_column
 from lagcli.errors import LagcliError
-from lagcli.json_values import json_values
 from lagcli.trajectory.extremes import Extremes, known
 from lagcli.trajectory.samples import ENDED, Record
 
@@ -101,6 +100,8 @@ def to_json(value: Mapping[str, Any]) -> str:
     file of JSON lines.
     """
     indent = 2 if sys.stdout.isatty() else None
+    from lagcli.json_values import json_values
+
     return visible_json(json.dumps(json_values(value), indent=indent, ensure_ascii=False))
 
 

@@ -124,8 +124,7 @@ class OneSidedLimits(NamedTuple):
     right_p: tuple[float, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class IntegrationRequest:
+class IntegrationRequest(NamedTuple):
     """What to integrate.
 
     Parameters
@@ -172,7 +171,7 @@ class IntegrationRequest:
     prepared: Prepared | None = None
     on_event: Callable[[Event], Reaction] | None = None
     on_parameters: Callable[[tuple[float, ...]], None] | None = None
-    breaks: Array = field(default_factory=lambda: np.empty(0))
+    breaks: Array = np.empty(0)
 
     @property
     def tolerances(self) -> Array:
@@ -223,7 +222,7 @@ class Block(NamedTuple):
         )
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Outcome:
     """What an engine returns: how it ended, and what it took.
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array
 
 
-@dataclass(frozen=True, eq=False)
-class State:
+class State(NamedTuple):
     """Time, coordinates, velocities and parameters.
 
     Parameters

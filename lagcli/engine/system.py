@@ -6,20 +6,22 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagcli.arrays import Array
 from lagcli.engine.inputs.functions import NO_FUNCTIONS, InputFunctions
 from lagcli.engine.layout import Counts, SampleLayout
-from lagcli.engine.switching.switching import Switching
 from lagcli.engine.tape.operations import Op
 from lagcli.engine.tape.tape import Tape
+
+if TYPE_CHECKING:
+    from lagcli.engine.switching.switching import Switching
 
 _KINKS = frozenset(map(int, (Op.LT, Op.LE, Op.FLOOR, Op.CEIL)))
 Pattern = tuple[tuple[int, int], ...]
 
 
-@dataclass(frozen=True, eq=False)
-class JacobianTapes:
+class JacobianTapes(NamedTuple):
     """G = f − M a + Bᵀλ and Γ = γ − B a, differentiated at fixed a and λ.
 
     It can be written by hand: only the tape's inputs and outputs, in the order given here, are the
@@ -50,8 +52,7 @@ class JacobianTapes:
     exact: bool = True
 
 
-@dataclass(frozen=True, eq=False)
-class ParameterTapes:
+class ParameterTapes(NamedTuple):
     """G = f − M a + Bᵀλ, Γ = γ − B a, φ and ψ, differentiated with respect to parameters.
 
     Parameters
@@ -74,8 +75,7 @@ class ParameterTapes:
     tape: Tape
 
 
-@dataclass(frozen=True, eq=False)
-class TangentBlocks:
+class TangentBlocks(NamedTuple):
     """Derivatives of a motion in n directions, which a System appends to it in blocks.
 
     Coordinates, constraints and the patterns of M and B are those of the motion, n + 1 times; the
@@ -102,7 +102,7 @@ class TangentBlocks:
         return 1 + self.directions
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class System:
     """M a = f + Bᵀλ, B a = γ, φ = 0, ψ = 0 in numbers.
 

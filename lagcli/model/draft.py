@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping as MappingOf
 from dataclasses import dataclass, field
 from functools import partial
+from typing import NamedTuple
 
 from symengine import Basic
 
@@ -27,7 +28,7 @@ Entry = tuple[str, Scalar, YamlNode]
 Indices = MappingOf[str, int]
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Draft:
     """State of loading a model file.
 
@@ -198,8 +199,7 @@ class Draft:
         return Formula(self, parsed, context, names).scalar()
 
 
-@dataclass(frozen=True)
-class Parsed:
+class Parsed(NamedTuple):
     """A scalar node and the syntax tree of its text."""
 
     node: Scalar

@@ -15,7 +15,7 @@ from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Mapping, Scalar, YamlNode
 
 #: A guess on the command line: as the file has it.
-GUESS = re.compile(r"\s*+\{\s*+(guess)\s*+:\s++([^{}]*+)\}\s*+")
+GUESS = r"\s*+\{\s*+(guess)\s*+:\s++([^{}]*+)\}\s*+"
 
 
 class InitialReader:
@@ -97,7 +97,7 @@ def guessed(entry: YamlNode, value: YamlNode) -> YamlNode:
 
 def guess_or(node: Scalar) -> YamlNode:
     """Return a value from the command line; a guess as the mapping that it is in a file."""
-    match = GUESS.fullmatch(node.value)
+    match = re.fullmatch(GUESS, node.value)
     if match is None:
         return node
     key, guess = (

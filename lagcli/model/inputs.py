@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import symengine as se
 from symengine import Basic
 
 from lagcli.errors import SourceLocation
 from lagcli.model.model import TIME
+
+if TYPE_CHECKING:
+    from array import array
 
 #: How an input is interpolated between the rows of its table, and how often it may be
 #: differentiated until nothing finite is left.

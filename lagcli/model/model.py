@@ -12,7 +12,7 @@ from symengine import Basic
 
 from lagcli.columns import ColumnName
 from lagcli.errors import SourceLocation
-from lagcli.model.dimensions.model_units import ModelUnits
+from lagcli.model.dimensions.model_units import NO_UNITS, ModelUnits
 from lagcli.model.expression.trees import Tree
 from lagcli.model.expression.units import Factor
 from lagcli.model.names.scoping import Value
@@ -20,6 +20,7 @@ from lagcli.settings.settings import SettingsOverrides
 
 if TYPE_CHECKING:
     from lagcli.model.inputs import Input, InputData
+    from lagcli.model.sections.fit import FitBlock
     from lagcli.model.symbols import Symbols
 
 Kind = Literal["holonomic", "nonholonomic", "nonlinear"]
@@ -290,74 +291,7 @@ class View(NamedTuple):
     vectors: tuple[Arrow, ...] = ()
 
 
-class DataFile(NamedTuple):
-    """Measured data of one experiment.
-
-    Parameters
-    ----------
-    path : str
-        A CSV file, from the model's folder.
-    time : str
-        The column of the times.
-    set, initial : mappings of str to str
-        Values of the experiment, as ``--set`` and ``--set-initial`` have them.
-    location : SourceLocation
-    """
-
-    path: str
-    time: str
-    set: Mapping[str, str]
-    initial: Mapping[str, str]
-    location: SourceLocation
-
-
-class ObservedQuantity(NamedTuple):
-    """What a column of the data measures.
-
-    Parameters
-    ----------
-    name : str
-        As the file writes it.
-    expression : expression or str
-        In t, q, q', q'', λ and parameters; or the name of a column that every run has.
-    column : str
-    sigma : float or None
-        Standard deviation of a measured value; None where it is to be estimated.
-    sigma_si : bool
-        Whether sigma is in SI; otherwise in the unit of the column.
-    unit : str or None
-        Of the column.
-    location : SourceLocation
-    """
-
-    name: str
-    expression: Basic | str
-    column: str
-    sigma: float | None
-    sigma_si: bool
-    unit: str | None
-    location: SourceLocation
-
-
-class FittedQuantity(NamedTuple):
-    """A parameter or initial value to be found, and its bounds in SI."""
-
-    name: str
-    low: float
-    high: float
-    location: SourceLocation
-
-
-class FitBlock(NamedTuple):
-    """The `fit` block of a model file."""
-
-    data: tuple[DataFile, ...]
-    observed: tuple[ObservedQuantity, ...]
-    fitted: tuple[FittedQuantity, ...]
-    location: SourceLocation
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """A checked model.
 
@@ -396,7 +330,7 @@ class Model:
     set: Mapping[str, object]
     set_initial: Mapping[str, object]
     view: View | None = None
-    units: ModelUnits = field(default_factory=ModelUnits)
+    units: ModelUnits = NO_UNITS
     fit: FitBlock | None = None
     events: tuple[ModelEvent, ...] = ()
     closed: frozenset[str] = frozenset()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -23,8 +24,7 @@ def motion(name: str, order: int) -> Basic:
     return se.Symbol(name + "'" * order)
 
 
-@dataclass(frozen=True)
-class Context:
+class Context(NamedTuple):
     """Context of an expression: its description for messages, and the kinds of names it may use."""
 
     where: str
@@ -35,7 +35,7 @@ class Context:
     time: bool = True
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Symbols:
     """Symbol table of a model.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import shlex
 
 from lagcli.errors import FileError
 from lagcli.files import check_regular
@@ -30,6 +29,8 @@ def write_failure(path: str, error: OSError) -> FileError:
         case errno.EROFS:
             reason = f"{folder} is on a read-only file system; choose another folder"
         case errno.ENOENT if not os.path.isdir(folder):  # /proc says ENOENT to any new file
+            import shlex
+
             reason = f"there is no folder {folder}; create it with: mkdir -p {shlex.quote(folder)}"
         case errno.ENOTDIR:
             reason = f"{folder} is not a folder; choose another name"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 import symengine as se
@@ -17,12 +18,10 @@ from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.engine.tape.tape import Tape
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.symmetry.conserved import monitored_quantities
-from lagcli.model.dimensions.symbolic import symbolic_unit
 from lagcli.model.model import TIME
 
 
-@dataclass(frozen=True, eq=False)
-class Monitor:
+class Monitor(NamedTuple):
     """Evaluates conserved quantities.
 
     Parameters
@@ -35,9 +34,9 @@ class Monitor:
         Of their columns, as far as they are known.
     """
 
-    formulas: Mapping[str, str] = field(default_factory=dict)
+    formulas: Mapping[str, str] = MappingProxyType({})
     tape: Tape | None = None
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = MappingProxyType({})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -68,6 +67,8 @@ def monitor_of(equations: Equations) -> Monitor:
     quantities = monitored_quantities(eq)
     if not quantities:
         return NO_MONITOR
+    from lagcli.model.dimensions.symbolic import symbolic_unit
+
     parameters = [se.Symbol(name) for name in eq.model.parameters]
     tape = compile_tape(
         [q.expression for q in quantities],

@@ -1,13 +1,18 @@
-"""Arrays that follow from settings: sample times and absolute tolerances."""
+"""What a request takes from settings and units: sample times, absolute tolerances, kinds."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagcli.arrays import Array
+from lagcli.model.expression.units import si_notation
 from lagcli.settings.settings import Settings
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Coordinate
 
 
 def sample_times(settings: Settings) -> Array:
@@ -28,3 +33,10 @@ def absolute_tolerances(
         return given or 0.0
     names = (*coordinates, *(f"{q}'" for q in coordinates))
     return np.array([*(given.get(name, 0.0) for name in names), 0.0])
+
+
+def unit_kinds(coordinates: Iterable[Coordinate]) -> tuple[int, ...]:
+    """Return a number for the unit of each coordinate; see `IntegrationRequest.kinds`."""
+    numbers: dict[str, int] = {}
+    units = [si_notation(c.unit) if c.unit else "" for c in coordinates]
+    return tuple(numbers.setdefault(unit, len(numbers)) for unit in units)

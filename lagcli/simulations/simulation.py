@@ -19,19 +19,15 @@ from lagcli.engine.state import State
 from lagcli.engine.system import System
 from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import Equations, derive
-from lagcli.model.expression.units import si_notation
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
 from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
-from lagcli.simulations.contacts import true_at_start
 from lagcli.simulations.derived import DerivedColumns
-from lagcli.simulations.inputs.input_range import check_input_range
-from lagcli.simulations.inputs.input_tables import input_tables
 from lagcli.simulations.memory import check_fits
 from lagcli.simulations.monitor import NO_MONITOR, Monitor, monitor_of
-from lagcli.simulations.sampling import absolute_tolerances, sample_times
+from lagcli.simulations.sampling import absolute_tolerances, sample_times, unit_kinds
 from lagcli.simulations.start import find_start, freedom_at, negative_inertia, undefined_at
 from lagcli.simulations.threads import one_thread
 from lagcli.simulations.trust import Trust
@@ -42,6 +38,8 @@ if TYPE_CHECKING:
     from lagcli.engine.integrate.prepared import Prepared
     from lagcli.engine.sensitivity.integration import Derivatives
     from lagcli.simulations.sensitivity import SensitivityRun
+    from lagcli.trajectory.event_log import EventLog
+    from lagcli.trajectory.samples import InputTable
     from lagcli.trajectory.trajectory import Trajectory
 
 
@@ -151,7 +149,10 @@ def ready(
         Of the conserved quantities.
     """
     began = time.perf_counter()
-    check_input_range(equations.model, settings.t_start, settings.t_end)
+    if equations.model.inputs:
+        from lagcli.simulations.inputs.input_range import check_input_range
+
+        check_input_range(equations.model, settings.t_start, settings.t_end)
     with one_thread():
         start = find_start(equations, system, settings.t_start, settings.closed)
     seconds = {**seconds, "integrate": time.perf_counter() - began}
@@ -160,7 +161,7 @@ def ready(
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Simulation:
     """A model that is ready to run; made by `prepare`.
 
@@ -224,7 +225,7 @@ class Simulation:
             settings=self.settings,
             times=sample_times(self.settings),
             atol=absolute_tolerances(self.settings.atol, self.model.coordinate_names),
-            kinds=_kinds(self.model),
+            kinds=unit_kinds(self.model.coordinates),
             block_rows=self._block_rows,
             elimination=self.start.elimination,
             prepared=self.prepared,
@@ -319,7 +320,7 @@ class Simulation:
         def change_parameters(p: tuple[float, ...]) -> None:
             columns.p = trust.p = p
 
-        request = replace(self.request, on_parameters=change_parameters)
+        request = self.request._replace(on_parameters=change_parameters)
         # loads what it needs before threads are limited
         engine = engine_named(self.settings.engine)
         with one_thread():
@@ -342,18 +343,26 @@ class Simulation:
             options["method"] = ", ".join(run.methods)  # what `auto` was
         reached = [] if run.tolerances is None else run.tolerances[:-1].tolist()
         tolerances = dict(zip(self.initial, reached, strict=bool(reached)))
-        log = None
+        log: EventLog | None = None
+        tables: dict[str, InputTable] = {}
+        warnings: tuple[str, ...] = ()
         if self.system.switching is not None:
+            from lagcli.simulations.contacts import true_at_start
             from lagcli.simulations.switching.event_logs import event_log
 
             log = event_log(self.system, run, columns)
+            warnings = true_at_start(self.system, self.start.state)
+        if self.model.inputs:
+            from lagcli.simulations.inputs.input_tables import input_tables
+
+            tables = input_tables(self.model)
         return Record(
             events=log,
             tolerances=tolerances,
             warnings=(
-                *true_at_start(self.system, self.start.state),
+                *warnings,
                 *negative_inertia(self.system, self.start.state, self.start.rank),
-                *_distrust(trust, columns, self.settings, run.steps),
+                *trust.warnings(self.settings, run.steps, columns),
             ),
             scale_position=columns.scale_position,
             scale_velocity=columns.scale_velocity,
@@ -370,7 +379,7 @@ class Simulation:
             freedom=self.freedom.to_mapping(),
             conserved_formulas=dict(self.monitor.formulas),
             lagcli_version=__version__,
-            inputs=input_tables(self.model),
+            inputs=tables,
         )
 
     def _with(self, samples: Samples, found: Derivatives) -> Samples:
@@ -414,16 +423,8 @@ def warnings_of(
     first = Block.of_rows(samples[:1], layout)
     return (
         *negative_inertia(system, State(float(first.time[0]), first.q[0], first.v[0], p), rank),
-        *_distrust(trust, columns, settings, steps),
+        *trust.warnings(settings, steps, columns),
     )
-
-
-def _distrust(
-    trust: Trust, columns: DerivedColumns, settings: Settings, steps: int
-) -> tuple[str, ...]:
-    projected = settings.formulation == "projection"
-    scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
-    return trust.warnings(settings.rtol, steps, projected, scales)
 
 
 def _block_rows(system: System) -> int:
@@ -431,13 +432,6 @@ def _block_rows(system: System) -> int:
     held = max(system.dynamics.registers, system.report.registers)
     in_time = max(_BLOCK_NUMBERS // _stored(system), _LEAST_ROWS)
     return max(1, min(in_time, _BLOCK_REGISTERS // held))
-
-
-def _kinds(model: Model) -> tuple[int, ...]:
-    """Return a number for the unit of each coordinate."""
-    numbers: dict[str, int] = {}
-    units = [si_notation(c.unit) if c.unit else "" for c in model.coordinates]
-    return tuple(numbers.setdefault(unit, len(numbers)) for unit in units)
 
 
 def _stored(system: System) -> int:

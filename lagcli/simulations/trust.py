@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
 from lagcli.arrays import Array
 from lagcli.engine.evaluator import Batch
 from lagcli.engine.system import System
+from lagcli.settings.settings import Settings
+from lagcli.simulations.derived import DerivedColumns
 from lagcli.trajectory.samples import Samples
 
 #: Relative error of the energy per step, in relative tolerances: coordinates and velocities are
@@ -92,21 +93,18 @@ class Trust:
                     found = np.fmax(found, np.abs(energy - before) / _CHANGE)
         return np.where(np.isfinite(found), found, 0.0)
 
-    def warnings(
-        self, rtol: float, steps: int, projected: bool, scales: Mapping[str, Array]
-    ) -> tuple[str, ...]:
+    def warnings(self, settings: Settings, steps: int, columns: DerivedColumns) -> tuple[str, ...]:
         """Return why the result may not be trusted.
 
         Parameters
         ----------
-        rtol : float
+        settings : Settings
         steps : int
-        projected : bool
-            Whether the motion was brought back onto the constraints.
-        scales : mapping of "position" and "velocity" to (nc,) arrays
-            The constraints' own scales.
+        columns : DerivedColumns
+            With the constraints' own scales.
         """
-        found = []
+        found, rtol = [], settings.rtol
+        scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
         allowed = min(_LARGEST, max(_PER_STEP * rtol * steps, _ROUNDING))
         scale = float(np.fmax(max(self.energy, self.flow), np.diff(self._potential)[0]))
         if scale < rtol * self.parts:  # energies that cancel to less than the tolerance resolves
@@ -124,7 +122,7 @@ class Trust:
             with np.errstate(invalid="ignore"):
                 relative = np.nan_to_num(largest / terms)
             worst = int(np.argmax(relative)) if len(relative) else 0
-            limit = _RESIDUAL if projected else allowed
+            limit = _RESIDUAL if settings.formulation == "projection" else allowed
             if len(relative) and relative[worst] > limit:
                 what = "violated" if level == "position" else "violated in the velocities"
                 found.append(

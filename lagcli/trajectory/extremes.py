@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,22 +11,18 @@ from lagcli.arrays import Array
 from lagcli.columns import ERRORS, PANELS
 
 
-@dataclass(eq=False)
 class Drift:
     """The first value of a conserved quantity and the largest difference from it; NaN without."""
 
-    first: float = math.nan
-    drift: float = math.nan
+    def __init__(self) -> None:
+        self.first = self.drift = math.nan
 
 
-@dataclass(eq=False)
 class Extreme:
     """The least and the greatest value of one quantity, and when, s; NaN where it has none."""
 
-    low: float = math.nan
-    low_time: float = math.nan
-    high: float = math.nan
-    high_time: float = math.nan
+    def __init__(self) -> None:
+        self.low = self.low_time = self.high = self.high_time = math.nan
 
 
 class Extremes:

@@ -231,7 +231,7 @@ initial: {x: 1, x': 0}
 """)
     simulation = prepare(model, SettingsOverrides(t_end=5, samples=11))
     request = simulation.request
-    request = replace(request, prepared=prepare_batch(simulation.system, request))
+    request = request._replace(prepared=prepare_batch(simulation.system, request))
     assert suits_batch(simulation.system, request)
     sizes = np.array([1.0, 1e-9, 1e6, 1e-3, 1.0, 1e-9, 1e3, 1e-12, 5.0, 1e-7])
     found: dict[int, tuple[np.ndarray, int]] = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 from lagcli.engine.contract import IntegrationRequest
@@ -13,4 +12,4 @@ def changed(request: IntegrationRequest, **changes: Any) -> IntegrationRequest:
     settings = {k: x for k, x in changes.items() if k in request.settings.DECLARED and k != "times"}
     fields = {k: x for k, x in changes.items() if k not in settings}
     fields.setdefault("settings", request.settings.replace(**settings))
-    return dataclasses.replace(request, **fields)
+    return request._replace(**fields)

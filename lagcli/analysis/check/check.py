@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import symengine as se
 
@@ -101,8 +101,8 @@ def check(model: Model) -> Check:
         rank = check_rank(system, there, freedom, states)
         scales = time_scales(system, there)
     found = conserved_quantities(equations)
-    conserved = replace(
-        found, quantities=tuple(generalized(equations, q) for q in found.quantities)
+    conserved = found._replace(
+        quantities=tuple(generalized(equations, q) for q in found.quantities)
     )
     return Check(
         equations=equations,

@@ -13,7 +13,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.errors import FileError
 from lagcli.model.csv_table import CsvTable, read_bytes
-from lagcli.model.model import DataFile, ObservedQuantity
+from lagcli.model.sections.fit import DataFile, ObservedQuantity
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,8 @@ from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.derivation.column_expressions import column_expression
 from lagcli.equations.derivation.lagrange import Equations, with_forces
 from lagcli.errors import LagcliError, UsageError
-from lagcli.model.model import Model, ObservedQuantity
+from lagcli.model.model import Model
+from lagcli.model.sections.fit import ObservedQuantity
 from lagcli.settings.settings import Settings
 from lagcli.simulations.inputs.input_range import check_input_range
 from lagcli.simulations.sampling import absolute_tolerances

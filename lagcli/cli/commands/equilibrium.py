@@ -4,17 +4,8 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli.operating_point import load_along, load_steady
-from lagcli.cli.options import (
-    Force,
-    Json,
-    ModelPath,
-    Quiet,
-    SetInitial,
-    SetParameter,
-    refuse_same_file,
-)
-from lagcli.cli.streams import print_text, tell
+from lagcli.cli.operating_point import check_target, load_along, load_steady, print_analysis
+from lagcli.cli.options import Force, Json, ModelPath, Quiet, SetInitial, SetParameter
 from lagcli.errors import UsageError
 
 
@@ -74,16 +65,13 @@ def equilibrium(
     from lagcli.analysis.equilibria.description import describe_equilibria, format_equilibria
     from lagcli.analysis.equilibria.diagram import follow_equilibria
     from lagcli.analysis.equilibria.equilibrium import equilibrium as find
-    from lagcli.analysis.files import check_analysis_target, write_content
-    from lagcli.cli.summary import to_json
+    from lagcli.analysis.files import write_content
 
     if along is not None and all:
         raise UsageError("--along follows one equilibrium, --all looks for many; choose one")
     if branches and along is None:
         raise UsageError("--branches needs --along, as in --along P=0:3 --branches")
-    refuse_same_file(model, output)
-    if output is not None:
-        check_analysis_target(output, (".json", ".h5"), force)
+    check_target(model, output, (".json", ".h5"), force)
     loaded, held = load_steady(model, set, set_initial, steady)
     arrays = {}
     if along is None:
@@ -96,9 +84,4 @@ def equilibrium(
         text = format_diagram(content)
     if output is not None:
         write_content(content, arrays, loaded, output, force)
-    if json:
-        print(to_json(content))
-    elif output is None:
-        print_text(text)
-    elif not quiet:
-        tell(f"{text}\n  written  {output}")
+    print_analysis(content, text, output, json, quiet)

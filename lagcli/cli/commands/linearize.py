@@ -4,17 +4,15 @@ from typing import Annotated, Literal
 
 import typer
 
-from lagcli.cli.operating_point import At, Equilibrium, Steady, load_steady
-from lagcli.cli.options import (
-    Force,
-    Json,
-    ModelPath,
-    Quiet,
-    SetInitial,
-    SetParameter,
-    refuse_same_file,
+from lagcli.cli.operating_point import (
+    At,
+    Equilibrium,
+    Steady,
+    check_target,
+    load_steady,
+    print_analysis,
 )
-from lagcli.cli.streams import print_text, tell
+from lagcli.cli.options import Force, Json, ModelPath, Quiet, SetInitial, SetParameter
 
 
 def linearize(
@@ -64,15 +62,11 @@ def linearize(
 
     About the start, or about the point that --equilibrium, --steady or --at choose.
     """
-    from lagcli.analysis.files import check_analysis_target
     from lagcli.analysis.linear.description import describe_linear, format_linear
     from lagcli.analysis.linear.files import LINEAR_SUFFIXES, write_linear
     from lagcli.analysis.linear.linear_model import linearize as linear_model
-    from lagcli.cli.summary import to_json
 
-    refuse_same_file(model, file)
-    if file is not None:
-        check_analysis_target(file, LINEAR_SUFFIXES, force)
+    check_target(model, file, LINEAR_SUFFIXES, force)
     loaded, held = load_steady(model, set, set_initial, steady)
     found = linear_model(
         loaded,
@@ -86,9 +80,4 @@ def linearize(
     if file is not None:
         write_linear(found, loaded, file, force)
     content = describe_linear(found)
-    if json:
-        print(to_json(content))
-    elif file is None:
-        print_text(format_linear(content))
-    elif not quiet:
-        tell(f"{format_linear(content)}\n  {'written':<9}{file}")
+    print_analysis(content, format_linear(content), file, json, quiet)

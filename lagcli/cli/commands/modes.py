@@ -4,17 +4,15 @@ from typing import Annotated
 
 import typer
 
-from lagcli.cli.operating_point import At, Equilibrium, Steady, load_steady
-from lagcli.cli.options import (
-    Force,
-    Json,
-    ModelPath,
-    Quiet,
-    SetInitial,
-    SetParameter,
-    refuse_same_file,
+from lagcli.cli.operating_point import (
+    At,
+    Equilibrium,
+    Steady,
+    check_target,
+    load_steady,
+    print_analysis,
 )
-from lagcli.cli.streams import print_text, tell
+from lagcli.cli.options import Force, Json, ModelPath, Quiet, SetInitial, SetParameter
 
 
 def modes(
@@ -41,23 +39,14 @@ def modes(
 
     About the start, or about the point that --equilibrium, --steady or --at choose.
     """
-    from lagcli.analysis.files import check_analysis_target
     from lagcli.analysis.linear.description import describe_modes, format_modes
     from lagcli.analysis.linear.files import MODES_SUFFIXES, write_modes
     from lagcli.analysis.linear.modes import modes as find_modes
-    from lagcli.cli.summary import to_json
 
-    refuse_same_file(model, output)
-    if output is not None:
-        check_analysis_target(output, MODES_SUFFIXES, force)
+    check_target(model, output, MODES_SUFFIXES, force)
     loaded, held = load_steady(model, set, set_initial, steady)
     found = find_modes(loaded, at=at, equilibrium=equilibrium, steady=held)
     if output is not None:
         write_modes(found, loaded, output, force)
     content = describe_modes(found)
-    if json:
-        print(to_json(content))
-    elif output is None:
-        print_text(format_modes(content))
-    elif not quiet:
-        tell(f"{format_modes(content)}\n  written  {output}")
+    print_analysis(content, format_modes(content), output, json, quiet)

@@ -1,7 +1,5 @@
 """Runs whose constraints switch; engine/switching/switching.py."""
 
-from lagcli.engine.switching.problem import ContactLaw, ContactProblem, ContactSolution
-
 
 cdef class SwitchingIntegrator(Integrator):
     """Steps with projection on a System whose rows switch.
@@ -25,6 +23,8 @@ cdef class SwitchingIntegrator(Integrator):
     cdef int rows, conditions, kinks, first_branch
 
     def __init__(self, split, frozen, int impacts, double closed, long log_rows, *arguments):
+        from lagcli.engine.switching.problem import ContactLaw
+
         super().__init__(*arguments, len(split.rows))
         cdef _Arguments given = _Arguments()
         cdef lag_switching_rules r
@@ -146,6 +146,8 @@ cdef class SwitchingIntegrator(Integrator):
     @property
     def problem(self):
         """The last contact problem of accelerations: its rows, and (force, motion, modes) of its motions."""
+        from lagcli.engine.switching.problem import ContactProblem, ContactSolution
+
         cdef lag_contact_report r = lag_contacts_of(self.run)
         cdef int n = r.n
         problem = ContactProblem(

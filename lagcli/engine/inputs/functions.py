@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -137,8 +136,7 @@ def interpolated(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class InputFunctions:
+class InputFunctions(NamedTuple):
     """The known functions of time of a System.
 
     Parameters

@@ -10,7 +10,6 @@ other runs of the batch.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
 from collections.abc import Callable, Iterable
@@ -71,7 +70,7 @@ def prepare_batch(
         As for `run_batch`.
     """
     check_cancelled = progress or (lambda: None)
-    request = dataclasses.replace(request, times=np.empty(0))
+    request = request._replace(times=np.empty(0))
     integration = Integration(
         system, request, lambda block: None, lambda t: check_cancelled(), for_batch=True
     )
@@ -155,7 +154,7 @@ class _BatchRuns:
         self.request, self.steps = request, ("DOP853",) if request.settings.method == "auto" else ()
         first = _of_row(request, parameters, q, v, 0)
         # in the order of all, whatever that of the first one is
-        first = dataclasses.replace(first, elimination=prepared.elimination)
+        first = first._replace(elimination=prepared.elimination)
         single = Integration(system, first, lambda block: None, None)
         width = system.sample_layout.size
         held = min(_HELD, _MOST_NUMBERS // (width * max(1, len(request.times))) - binding.LANES)
@@ -213,7 +212,7 @@ def _of_row(
 ) -> IntegrationRequest:
     """Return the request of one run."""
     state = State(request.state.t, q[row].copy(), v[row].copy(), tuple(parameters[row].tolist()))
-    return dataclasses.replace(request, state=state, elimination=None)
+    return request._replace(state=state, elimination=None)
 
 
 def _singly(

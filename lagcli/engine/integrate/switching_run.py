@@ -7,7 +7,6 @@ of the model has actions: they are done here, and the core goes on with the inst
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -91,7 +90,7 @@ class SwitchingIntegration(Integration):
         self.core: binding.SwitchingIntegrator
         super().__init__(
             split.fixed,
-            replace(request, rank=rank, elimination=None, prepared=None, on_event=None),
+            request._replace(rank=rank, elimination=None, prepared=None, on_event=None),
             sink,
             progress,
         )

@@ -24,8 +24,8 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,8 +47,7 @@ class NoElimination(ArithmeticError):
     """There is no static order: the matrix is singular at a sampled state, or fills up."""
 
 
-@dataclass(frozen=True)
-class Elimination:
+class Elimination(NamedTuple):
     """The order of an elimination and the places of the nonzero entries of L.
 
     n unknowns: the accelerations, then −λ. Places are numbers in the order of elimination.
@@ -69,7 +68,13 @@ class Elimination:
     order: tuple[int, ...]
     paired: tuple[bool, ...]
     columns: tuple[tuple[int, ...], ...]
-    smallest: float = field(compare=False)
+    smallest: float
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Elimination) and self[:3] == other[:3]
+
+    def __hash__(self) -> int:
+        return hash(self[:3])
 
     @property
     def updates(self) -> int:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from lagcli.arrays import Indices, Numbers
 from lagcli.engine.program.nodes import INDEXED, LONGEST
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 #: Operations that a vector is worth: a shorter one takes as long as its parts.
 SHORTEST = 8

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -126,8 +125,7 @@ class TangentProblem:
         given, own = request.tolerances, request.kind_of
         # 0: by their size; of many runs, the steps are those of the motion alone
         followed = np.full(n * nq, np.inf if self._many_runs else 0.0)
-        return replace(
-            request,
+        return request._replace(
             state=State(
                 state.t,
                 np.concatenate([state.q, start.q.ravel()]),

@@ -149,8 +149,7 @@ class SplitSystem:
         outputs += range(first, first + power)
         first += power
         outputs += [*(first + k for k in self.base), first + counts.nc]
-        return replace(
-            given,
+        return given._replace(
             force_position=kept[0],
             force_velocity=kept[1],
             rhs_position=kept[2],

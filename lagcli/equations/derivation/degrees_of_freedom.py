@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 
@@ -22,8 +21,7 @@ class RedundantSet(NamedTuple):
     surplus: int
 
 
-@dataclass(frozen=True)
-class DegreesOfFreedom:
+class DegreesOfFreedom(NamedTuple):
     """Degrees of freedom at one state.
 
     Parameters

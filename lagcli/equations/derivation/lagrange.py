@@ -64,7 +64,7 @@ class ConstraintEquation(NamedTuple):
         return symbols.TIME in self.constraint.expression.free_symbols
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Equations:
     """Symbolic equations of motion of a model.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import symengine as se
@@ -47,7 +46,6 @@ class Occurrences(NamedTuple):
         return not (self.positions or self.rates or self.timed)
 
 
-@dataclass(eq=False)
 class Motion:
     """The coordinates and velocities of a system.
 
@@ -58,19 +56,16 @@ class Motion:
         Whether all functions are smooth; derivatives of other functions are slower.
     """
 
-    q: tuple[Basic, ...]
-    v: tuple[Basic, ...]
-    a: tuple[Basic, ...]
-    smooth: bool
-    _indices: dict[Basic, tuple[int, int]] = field(init=False, repr=False)
-    _slopes: dict[Basic, PartialDerivatives] = field(default_factory=dict, init=False, repr=False)
-    _occurring: dict[Basic, Occurrences] = field(default_factory=dict, init=False, repr=False)
-    _kinked: dict[Basic, bool] = field(default_factory=dict, init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        self._indices = {x: (0, i) for i, x in enumerate(self.q)}
-        self._indices.update({x: (1, i) for i, x in enumerate(self.v)})
+    def __init__(
+        self, q: tuple[Basic, ...], v: tuple[Basic, ...], a: tuple[Basic, ...], smooth: bool
+    ):
+        self.q, self.v, self.a, self.smooth = q, v, a, smooth
+        self._indices = {x: (0, i) for i, x in enumerate(q)}
+        self._indices.update({x: (1, i) for i, x in enumerate(v)})
         self._indices[symbols.TIME] = (2, 0)
+        self._slopes: dict[Basic, PartialDerivatives] = {}
+        self._occurring: dict[Basic, Occurrences] = {}
+        self._kinked: dict[Basic, bool] = {}
 
     @classmethod
     def of(cls, model: Model) -> Motion:

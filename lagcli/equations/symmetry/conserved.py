@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -25,8 +23,7 @@ Kind = Literal["energy", "jacobi", "momentum"]
 Row = Mapping[int, Basic]
 
 
-@dataclass(frozen=True, eq=False)
-class ConservedQuantity:
+class ConservedQuantity(NamedTuple):
     """I = p·ξ + F up to its sign, or τ h − p·ξ + F, which the motion leaves constant.
 
     Parameters
@@ -62,7 +59,7 @@ class ConservedQuantity:
     momentum_form: Basic
     general: bool = False
 
-    @cached_property
+    @property
     def in_momenta(self) -> str:
         """The quantity by the momenta p_q and h, as text: ``x*p_y - y*p_x``."""
         terms = list(coefficients(self.momentum_form).items())
@@ -72,8 +69,7 @@ class ConservedQuantity:
         return text.removeprefix(" + ").replace(" - ", "-", text.startswith(" - "))
 
 
-@dataclass(frozen=True, eq=False)
-class Conserved:
+class Conserved(NamedTuple):
     """The conserved quantities of a system, as far as they were looked for.
 
     Parameters
@@ -138,7 +134,7 @@ def _named(equations: Equations, symmetries: list[Symmetry]) -> tuple[ConservedQ
     found = [q for q in (_quantity(equations, s) for s in symmetries) if not is_zero(q.expression)]
     found.sort(key=lambda q: (q.time != ZERO, q.name == ""))
     numbers = iter(range(1, len(found) + 1))
-    return tuple(q if q.name else replace(q, name=f"J_{next(numbers)}") for q in found)
+    return tuple(q if q.name else q._replace(name=f"J_{next(numbers)}") for q in found)
 
 
 def _quantity(equations: Equations, symmetry: Symmetry) -> ConservedQuantity:

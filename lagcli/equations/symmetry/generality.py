@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from fractions import Fraction
 from itertools import combinations, product
 
@@ -31,7 +30,7 @@ def generalized(equations: Equations, quantity: ConservedQuantity) -> ConservedQ
         As `conserved_quantities` finds it.
     """
     if Proof(equations, quantity).holds_generally():
-        return replace(quantity, general=True)
+        return quantity._replace(general=True)
     for numbers in _namings(equations, quantity):
         other = quantity_of(
             equations,
@@ -41,7 +40,7 @@ def generalized(equations: Equations, quantity: ConservedQuantity) -> ConservedQ
             {place: _renamed(x, numbers) for place, x in quantity.multiples.items()},
         )
         if Proof(equations, other).holds_generally():
-            return replace(other, name=quantity.name, general=True)
+            return other._replace(name=quantity.name, general=True)
     return quantity
 
 

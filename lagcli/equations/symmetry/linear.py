@@ -22,10 +22,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -53,8 +52,7 @@ _SMALL = (-2, -1, 1, 2)
 _Use = tuple[Unknown, Basic]
 
 
-@dataclass(frozen=True)
-class Symmetry:
+class Symmetry(NamedTuple):
     """A field ξ = A q + b with a shift τ of time, and the gauge F = c·q + ½ qᵀC q.
 
     Parameters

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
 from typing import Any, NamedTuple, Protocol
@@ -102,7 +101,6 @@ _SIGNS = {"sign", "step"}
 _ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 
 
-@dataclass
 class DimensionEvaluator:
     """Evaluates the dimensions of trees.
 
@@ -112,13 +110,16 @@ class DimensionEvaluator:
     strict : bool
         Whether a number in an expression has no unit. Otherwise it may stand for a quantity: 0.3
         for one of any dimension, 2 and 1/2 beside a quantity for one in the same unit.
+
+    Attributes
+    ----------
     found : list of Disagreement
         What disagrees; a part in error has the dimension UNKNOWN, so that it is reported once.
     """
 
-    names: Lookup
-    strict: bool
-    found: list[Disagreement] = field(default_factory=list)
+    def __init__(self, names: Lookup, strict: bool):
+        self.names, self.strict = names, strict
+        self.found: list[Disagreement] = []
 
     def value(self, tree: Tree) -> Value:
         """Return the dimension of a tree."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import NamedTuple
 
 from lagcli.errors import SourceLocation
@@ -45,8 +45,7 @@ class UnitFinding(NamedTuple):
     location: SourceLocation | None = None
 
 
-@dataclass(frozen=True)
-class ModelUnits:
+class ModelUnits(NamedTuple):
     """Dimensions of a model's quantities, the units that follow, and what disagrees.
 
     A family whose members have one dimension has one entry, ``x[]``.
@@ -76,11 +75,11 @@ class ModelUnits:
     stated: bool = False
     throughout: bool = False
     missing: tuple[str, ...] = ()
-    names: Mapping[str, Value] = field(default_factory=dict)
-    constraints: Mapping[str, Value] = field(default_factory=dict)
-    multipliers: Mapping[str, Value] = field(default_factory=dict)
-    outputs: Mapping[str, Value] = field(default_factory=dict)
-    written: Mapping[str, str] = field(default_factory=dict)
+    names: Mapping[str, Value] = MappingProxyType({})
+    constraints: Mapping[str, Value] = MappingProxyType({})
+    multipliers: Mapping[str, Value] = MappingProxyType({})
+    outputs: Mapping[str, Value] = MappingProxyType({})
+    written: Mapping[str, str] = MappingProxyType({})
     findings: tuple[UnitFinding, ...] = ()
 
     def of(self, name: str) -> str | None:
@@ -109,6 +108,10 @@ class ModelUnits:
         """Return the SI unit of the generalized force on a coordinate."""
         value = find(self.names, coordinate)
         return text_of(conjugate(value)) if isinstance(value, Dimension) else None
+
+
+#: Of a model that states none.
+NO_UNITS = ModelUnits()
 
 
 def find(table: Mapping[str, Value], name: str) -> Value:

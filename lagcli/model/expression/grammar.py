@@ -28,7 +28,6 @@ from copy import copy
 from fractions import Fraction
 
 from lagcli.model.expression.numerals import read_number
-from lagcli.model.expression.syntax_hints import choice, unexpected_token
 from lagcli.model.expression.tokens import ExpressionError, Token, tokenize
 from lagcli.model.expression.trees import (
     BRACKETS,
@@ -125,9 +124,8 @@ class _Parser:
     def __init__(self, text: str, start: int = 0):
         self.text = text
         self.tokens = tokenize(text, start)
-        self.position = 0
+        self.position = self.nesting = 0
         self.current = self.tokens[0]
-        self.nesting = 0
         if self.current.kind == "end":
             raise ExpressionError("syntax", "missing expression", start, start)
 
@@ -156,10 +154,10 @@ class _Parser:
 
     def expect_end(self) -> None:
         """Raise ExpressionError unless all tokens are consumed."""
-        token = self.current
-        if token.kind != "end":
-            before = self.tokens[self.position - 1] if self.position else token
-            raise unexpected_token(before, token, self.tokens[self.position + 1], self.text)
+        if self.current.kind != "end":
+            from lagcli.model.expression.syntax_hints import unexpected_token
+
+            raise unexpected_token(self.tokens, self.position, self.text)
 
     @property
     def end(self) -> int:
@@ -333,6 +331,8 @@ class _Parser:
             end = self.advance().end
             primes += 1
         if token.text == "if":
+            from lagcli.model.expression.syntax_hints import choice
+
             raise self.fail("`if` needs three arguments", token, choice(self.text))
         if self.at("^", "**") and self.tokens[self.position + 1].kind == "number":
             power, following = self.tokens[self.position + 1 : self.position + 3]

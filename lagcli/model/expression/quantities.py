@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 import symengine as se
 from symengine import Basic
@@ -30,8 +30,7 @@ _WITH_UNIT = re.compile(
 _LARGEST = 2**1023  # larger numbers may be beyond a double, which building an expression reports
 
 
-@dataclass(frozen=True)
-class Quantity:
+class Quantity(NamedTuple):
     """A number with a unit, or an expression, parsed but not evaluated."""
 
     parsed: Parsed
@@ -85,7 +84,7 @@ def read_quantity(
     text = node.value
     if match := _WITH_UNIT.fullmatch(text):
         own = match[2].strip()
-        if re.fullmatch("0", match[1]) and re.match("[xXoObB][0-9a-fA-F]", own):
+        if match[1] == "0" and re.match("[xXoObB][0-9a-fA-F]", own):
             location = node.span(match.start(1), match.end(2))
             message = f"`{shorten(text.strip())}` is not a number"
             report.add("syntax", message, location, "write a decimal number")

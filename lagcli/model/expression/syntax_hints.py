@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.tokens import ExpressionError, Token
@@ -16,8 +17,9 @@ _PARTS = (
 _LONGEST = 60  # maximum number of characters of a conditional that is rewritten
 
 
-def unexpected_token(before: Token, token: Token, after: Token, text: str) -> ExpressionError:
-    """Return the error for an unexpected token, given its neighbors and the whole expression."""
+def unexpected_token(tokens: Sequence[Token], at: int, text: str) -> ExpressionError:
+    """Return the error for an unexpected token, given the tokens and the whole expression."""
+    before, token, after = tokens[max(0, at - 1)], tokens[at], tokens[at + 1]
     if word := next((x for x in (token, before) if x.text in _CHOICE), None):
         return _fail(f"`{word.text}` is not allowed here", word, choice(text))
     if token.text == "=":

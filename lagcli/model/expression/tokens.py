@@ -212,13 +212,13 @@ def words(text: str) -> list[str]:
     return re.findall(r"[^\W\d]\w*", text)
 
 
-_GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+")
-_SPECIAL = re.compile(r"[+-]?\.(?:inf|nan)\b", re.IGNORECASE)
+_GROUPED = r"[0-9]+(?:_[0-9]+)+"
+_SPECIAL = r"[+-]?\.(?:inf|nan)\b"
 
 
 def _unexpected(text: str, at: int) -> ExpressionError:
     """Return the error for an invalid character, with its likely meaning."""
-    for grouped in _GROUPED.finditer(text):
+    for grouped in re.finditer(_GROUPED, text):
         if grouped.start() <= at < grouped.end():
             plain = grouped[0].replace("_", "")
             return ExpressionError(
@@ -227,7 +227,7 @@ def _unexpected(text: str, at: int) -> ExpressionError:
                 *grouped.span(),
                 f"write the digits without `_`: {plain}",
             )
-    if special := _SPECIAL.match(text, at):
+    if special := re.compile(_SPECIAL, re.IGNORECASE).match(text, at):
         return ExpressionError(
             "syntax",
             f"`{special[0]}` is not allowed in a model",

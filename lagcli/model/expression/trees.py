@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from fractions import Fraction
 
 #: What stands for indices in the text of a name, by their number.
 BRACKETS = {1: "[]", 2: "[,]"}
 
 
-@dataclass(eq=False, slots=True)
 class Tree:
     """Node of a syntax tree, from offset ``start`` to ``end`` of the text."""
 
-    start: int
-    end: int
+    __slots__ = ("end", "start")
+
+    def __init__(self, start: int, end: int):
+        self.start, self.end = start, end
 
     @property
     def parts(self) -> tuple[Tree, ...]:
@@ -23,14 +23,15 @@ class Tree:
         return ()
 
 
-@dataclass(eq=False, slots=True)
 class NumberExpr(Tree):
     """A number, with its exact value."""
 
-    value: Fraction
+    __slots__ = ("value",)
+
+    def __init__(self, start: int, end: int, value: Fraction):
+        self.start, self.end, self.value = start, end, value
 
 
-@dataclass(eq=False, slots=True)
 class Name(Tree):
     """A name with its primes; ``text`` may be dotted (``lambda.guide``).
 
@@ -38,17 +39,22 @@ class Name(Tree):
     a pair of indices by ``[,]``: ``x[i, j]`` is ``x[,]``.
     """
 
-    text: str
-    primes: int
-    indices: tuple[Tree, ...] = ()
+    __slots__ = ("indices", "primes", "text")
+
+    def __init__(
+        self, start: int, end: int, text: str, primes: int, indices: tuple[Tree, ...] = ()
+    ):
+        self.start, self.end = start, end
+        self.text, self.primes, self.indices = text, primes, indices
 
 
-@dataclass(eq=False, slots=True)
 class CallExpr(Tree):
     """A function applied to arguments."""
 
-    function: str
-    arguments: tuple[Tree, ...]
+    __slots__ = ("arguments", "function")
+
+    def __init__(self, start: int, end: int, function: str, arguments: tuple[Tree, ...]):
+        self.start, self.end, self.function, self.arguments = start, end, function, arguments
 
     @property
     def parts(self) -> tuple[Tree, ...]:
@@ -56,11 +62,13 @@ class CallExpr(Tree):
         return self.arguments
 
 
-@dataclass(eq=False, slots=True)
 class SumExpr(Tree):
     """Terms with their signs, +1 or -1."""
 
-    terms: tuple[tuple[int, Tree], ...]
+    __slots__ = ("terms",)
+
+    def __init__(self, start: int, end: int, terms: tuple[tuple[int, Tree], ...]):
+        self.start, self.end, self.terms = start, end, terms
 
     @property
     def parts(self) -> tuple[Tree, ...]:
@@ -68,21 +76,22 @@ class SumExpr(Tree):
         return tuple(term for _, term in self.terms)
 
 
-@dataclass(eq=False, slots=True)
 class Range(Tree):
     """``first..last``, both included."""
 
-    first: Tree
-    last: Tree
+    __slots__ = ("first", "last")
+
+    def __init__(self, start: int, end: int, first: Tree, last: Tree):
+        self.start, self.end, self.first, self.last = start, end, first, last
 
 
-@dataclass(eq=False, slots=True)
 class IndexedSumExpr(Tree):
     """``sum(term, index = first..last)``."""
 
-    term: Tree
-    index: str
-    range: Range
+    __slots__ = ("index", "range", "term")
+
+    def __init__(self, start: int, end: int, term: Tree, index: str, range: Range):
+        self.start, self.end, self.term, self.index, self.range = start, end, term, index, range
 
     @property
     def parts(self) -> tuple[Tree, ...]:
@@ -90,11 +99,13 @@ class IndexedSumExpr(Tree):
         return (self.term,)
 
 
-@dataclass(eq=False, slots=True)
 class ProductExpr(Tree):
     """Factors with their exponents, +1 or -1, from left to right."""
 
-    factors: tuple[tuple[int, Tree], ...]
+    __slots__ = ("factors",)
+
+    def __init__(self, start: int, end: int, factors: tuple[tuple[int, Tree], ...]):
+        self.start, self.end, self.factors = start, end, factors
 
     @property
     def parts(self) -> tuple[Tree, ...]:
@@ -102,12 +113,13 @@ class ProductExpr(Tree):
         return tuple(factor for _, factor in self.factors)
 
 
-@dataclass(eq=False, slots=True)
 class PowerExpr(Tree):
     """Base and exponent."""
 
-    base: Tree
-    exponent: Tree
+    __slots__ = ("base", "exponent")
+
+    def __init__(self, start: int, end: int, base: Tree, exponent: Tree):
+        self.start, self.end, self.base, self.exponent = start, end, base, exponent
 
     @property
     def parts(self) -> tuple[Tree, ...]:
@@ -115,12 +127,15 @@ class PowerExpr(Tree):
         return (self.base, self.exponent)
 
 
-@dataclass(eq=False, slots=True)
 class Comparison(Tree):
     """A chain of comparisons: a < b <= c."""
 
-    operands: tuple[Tree, ...]
-    operators: tuple[str, ...]
+    __slots__ = ("operands", "operators")
+
+    def __init__(
+        self, start: int, end: int, operands: tuple[Tree, ...], operators: tuple[str, ...]
+    ):
+        self.start, self.end, self.operands, self.operators = start, end, operands, operators
 
     @property
     def parts(self) -> tuple[Tree, ...]:
@@ -128,12 +143,13 @@ class Comparison(Tree):
         return self.operands
 
 
-@dataclass(eq=False, slots=True)
 class LogicalExpr(Tree):
     """A logical operator, ``and``, ``or`` or ``not``, with its operands."""
 
-    operator: str
-    operands: tuple[Tree, ...]
+    __slots__ = ("operands", "operator")
+
+    def __init__(self, start: int, end: int, operator: str, operands: tuple[Tree, ...]):
+        self.start, self.end, self.operator, self.operands = start, end, operator, operands
 
     @property
     def parts(self) -> tuple[Tree, ...]:
@@ -141,11 +157,13 @@ class LogicalExpr(Tree):
         return self.operands
 
 
-@dataclass(eq=False, slots=True)
 class VectorExpr(Tree):
     """A vector of scalars, or a matrix of rows."""
 
-    items: tuple[Tree, ...]
+    __slots__ = ("items",)
+
+    def __init__(self, start: int, end: int, items: tuple[Tree, ...]):
+        self.start, self.end, self.items = start, end, items
 
     @property
     def parts(self) -> tuple[Tree, ...]:
@@ -153,7 +171,6 @@ class VectorExpr(Tree):
         return self.items
 
 
-@dataclass(eq=False, slots=True)
 class ComponentExpr(Tree):
     """A component of a vector, matrix or rotation: ``(A*b).x``, ``w[2]``, ``R[1, 3]``.
 
@@ -161,9 +178,10 @@ class ComponentExpr(Tree):
     select the component.
     """
 
-    base: Tree
-    key: str
-    indices: tuple[Tree, ...] = ()
+    __slots__ = ("base", "indices", "key")
+
+    def __init__(self, start: int, end: int, base: Tree, key: str, indices: tuple[Tree, ...] = ()):
+        self.start, self.end, self.base, self.key, self.indices = start, end, base, key, indices
 
     @property
     def parts(self) -> tuple[Tree, ...]:
@@ -171,12 +189,13 @@ class ComponentExpr(Tree):
         return (self.base,)
 
 
-@dataclass(eq=False, slots=True)
 class RateExpr(Tree):
     """The total time derivative of an expression, of the given order."""
 
-    operand: Tree
-    order: int
+    __slots__ = ("operand", "order")
+
+    def __init__(self, start: int, end: int, operand: Tree, order: int):
+        self.start, self.end, self.operand, self.order = start, end, operand, order
 
     @property
     def parts(self) -> tuple[Tree, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from lagcli.model.diagnostics import Broken
@@ -20,12 +19,11 @@ from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Scalar, YamlNode
 
 #: Component and derivative of a member: ``r[1].x'``.
-_AFTER = re.compile(r"(\.\w+?)?('|_dot)?")
+_AFTER = r"(\.\w+?)?('|_dot)?"
 MAX_ALL = 100_000  # members of all families of a model
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Declaration:
+class Declaration(NamedTuple):
     """Declaration by the key of an entry.
 
     Parameters
@@ -116,7 +114,7 @@ def read_key(
         return None
     closing = text.rfind("]")
     ending = text[closing + 1 :] if closing > 0 else ""
-    after = _AFTER.fullmatch(ending) if primed or not ending else None
+    after = re.fullmatch(_AFTER, ending) if primed or not ending else None
     if closing < 0 or after is None:
         draft.report.add(
             "bad-name",

@@ -18,7 +18,7 @@ from lagcli.model.spelling import shorten
 from lagcli.model.symbols import Context
 from lagcli.model.yaml.source import Scalar
 
-_KEY = re.compile(r"\s*([^\s(]+)\s*\(([^()]*)\)\s*")
+_KEY = r"\s*([^\s(]+)\s*\(([^()]*)\)\s*"
 _RESERVED = {*FUNCTIONS, *TENSOR_FUNCTIONS, *MACROS, *KEYWORDS, "sum"}
 
 
@@ -50,7 +50,7 @@ def read_functions(draft: Draft) -> list[Declaration]:
 
 def _head(draft: Draft, key: Scalar) -> tuple[str, tuple[str, ...]] | None:
     """Return name and arguments of a function; report an invalid key."""
-    match = _KEY.fullmatch(key.value)
+    match = re.fullmatch(_KEY, key.value)
     if match is None:
         draft.report.add(
             "bad-name",

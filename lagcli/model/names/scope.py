@@ -24,7 +24,6 @@ from lagcli.model.names.derivatives import check_derivative
 from lagcli.model.names.indices import Indices, form_errors, names_in
 from lagcli.model.names.members import descending, family_of, members_clause, with_indices
 from lagcli.model.names.scoping import Sized
-from lagcli.model.names.unknown import unknown, unknown_index, unknown_part
 from lagcli.model.symbols import Context, Symbols, motion
 
 
@@ -112,6 +111,8 @@ class ModelScope:
                 raise self._not_here(name, "time")
             check_derivative(names.inputs, name, text, primes)
         else:
+            from lagcli.model.names.unknown import unknown
+
             raise unknown(names, self.context, name)
 
     def check_index(self, tree: Tree) -> None:
@@ -139,6 +140,8 @@ class ModelScope:
                 message = "an index may use whole numbers and parameters; "
                 shown = text + "'" * name.primes
                 raise self._error("bad-index", name, f"{message}`{shown}` is a {what}")
+            from lagcli.model.names.unknown import unknown_index
+
             raise unknown_index(names, self.context, name)
 
     def check_series(self, tree: IndexedSumExpr) -> ModelScope:
@@ -318,9 +321,7 @@ class ModelScope:
     def _whole(self, name: Name) -> int:
         """Return the value of a parameter in an index."""
         names = self.names
-        text = name.text
-        if name.indices:
-            text = with_indices(text, [self.indices.at(tree) for tree in name.indices])
+        text = with_indices(name.text, [self.indices.at(tree) for tree in name.indices])
         if text not in names.constants:
             raise self._error("no-member", name, f"there is no parameter `{text}`{self.at()}")
         value = names.constants[text]()
@@ -421,12 +422,10 @@ class ModelScope:
         return part in names.coordinates or "coordinate" in names.families.get(part, ())
 
     def _known_part(self, name: Name, text: str, part: str, what: str) -> None:
-        names = self.names
         if not self._knows(what, part):
-            known = names.constraints if what == "constraint" else names.coordinates
-            raise unknown_part(
-                names, self.context, name, (text, part, self.at()), list(known), what
-            )
+            from lagcli.model.names.unknown import unknown_part
+
+            raise unknown_part(self.names, self.context, name, (text, part, self.at()), what)
 
 
 _HIGHEST = "the highest derivative of a coordinate is the acceleration, q''"

@@ -140,12 +140,7 @@ def _shown(text: str) -> str:
 
 
 def unknown_part(
-    names: Symbols,
-    context: Context,
-    name: Name,
-    used: tuple[str, str, str],
-    known: list[str],
-    what: str,
+    names: Symbols, context: Context, name: Name, used: tuple[str, str, str], what: str
 ) -> ExpressionError:
     """Return the error for a dotted name whose constraint or coordinate is not declared.
 
@@ -154,8 +149,6 @@ def unknown_part(
     names, context, name : Symbols, Context, Name
     used : three of str
         The whole name, its unknown part, and the index values for messages.
-    known : list of str
-        The constraints or coordinates.
     what : str
         "constraint" or "coordinate".
 
@@ -169,6 +162,7 @@ def unknown_part(
     base = part.partition("[")[0]
     if base in names.suspects or names.incomplete or f"{base}[]" in names.broken:
         raise Broken
+    known = list(names.constraints if what == "constraint" else names.coordinates)
     members = [k for k in known if k.startswith(f"{base}[")]
     close = nearest(_shown(part), known) or known[:3]
     help_ = f"the members are {format_members(base, members)}" if members else did_you_mean(close)

@@ -31,7 +31,6 @@ from lagcli.model.names.scoping import Value
 from lagcli.model.sections.coordinates import expanded
 from lagcli.model.sections.switching.contacts import ContactFields, has_friction, slip_equation
 from lagcli.model.symbols import Context, Symbols
-from lagcli.model.vectors.equations import component_equations
 from lagcli.model.vectors.kinds import unit_length
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
@@ -242,6 +241,8 @@ class _ConstraintBuilder:
 
     def components(self, name: str, values: list[Value], indices: Indices) -> Iterator[Constraint]:
         """Yield the constraints of the components, without those that always hold."""
+
+        from lagcli.model.vectors.equations import component_equations
 
         def build(tree: Tree) -> Value | None:
             formula = Formula(

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping as MappingOf
+from typing import NamedTuple
 
 from symengine import Basic
 
 from lagcli.columns import SCALARS
+from lagcli.errors import SourceLocation
 from lagcli.model.draft import Draft
 from lagcli.model.expression.quantities import evaluate, formula_of, read_quantity, unit_of
 from lagcli.model.expression.units import to_si
 from lagcli.model.keys import FIT, FITTED, MEASURED, OBSERVED, keys_of
-from lagcli.model.model import DataFile, FitBlock, FittedQuantity, ObservedQuantity, Parameter
+from lagcli.model.model import Parameter
 from lagcli.model.sections.coordinates import si_unit
 from lagcli.model.sections.initial import canonical_name
 from lagcli.model.spelling import did_you_mean, nearest, shorten
@@ -22,6 +25,73 @@ _EXAMPLE = (
     "fit:\n  data: {file: run.csv, time: t}\n  observe:\n    phi: {column: enc, sigma: 1e-3}\n"
     "  parameters:\n    m: {min: 0}"
 )
+
+
+class DataFile(NamedTuple):
+    """Measured data of one experiment.
+
+    Parameters
+    ----------
+    path : str
+        A CSV file, from the model's folder.
+    time : str
+        The column of the times.
+    set, initial : mappings of str to str
+        Values of the experiment, as ``--set`` and ``--set-initial`` have them.
+    location : SourceLocation
+    """
+
+    path: str
+    time: str
+    set: MappingOf[str, str]
+    initial: MappingOf[str, str]
+    location: SourceLocation
+
+
+class ObservedQuantity(NamedTuple):
+    """What a column of the data measures.
+
+    Parameters
+    ----------
+    name : str
+        As the file writes it.
+    expression : expression or str
+        In t, q, q', q'', λ and parameters; or the name of a column that every run has.
+    column : str
+    sigma : float or None
+        Standard deviation of a measured value; None where it is to be estimated.
+    sigma_si : bool
+        Whether sigma is in SI; otherwise in the unit of the column.
+    unit : str or None
+        Of the column.
+    location : SourceLocation
+    """
+
+    name: str
+    expression: Basic | str
+    column: str
+    sigma: float | None
+    sigma_si: bool
+    unit: str | None
+    location: SourceLocation
+
+
+class FittedQuantity(NamedTuple):
+    """A parameter or initial value to be found, and its bounds in SI."""
+
+    name: str
+    low: float
+    high: float
+    location: SourceLocation
+
+
+class FitBlock(NamedTuple):
+    """The `fit` block of a model file."""
+
+    data: tuple[DataFile, ...]
+    observed: tuple[ObservedQuantity, ...]
+    fitted: tuple[FittedQuantity, ...]
+    location: SourceLocation
 
 
 def read_fit(

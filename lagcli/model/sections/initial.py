@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import replace
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from lagcli.errors import SourceLocation
 from lagcli.model.draft import Draft
@@ -15,18 +15,20 @@ from lagcli.model.initial_values import InitialReader, guess_or, guessed
 from lagcli.model.model import Constraint, InitialValue
 from lagcli.model.names.families import Declaration, Member, members_of, read_key
 from lagcli.model.names.members import family_of, indices_of, members_clause
-from lagcli.model.names.unknown import meant_derivative
 from lagcli.model.sections.parameters import override_node
 from lagcli.model.spelling import did_you_mean, nearest, shorten
 from lagcli.model.symbols import Symbols
-from lagcli.model.vectors.initial import VectorReader, is_vector
 from lagcli.model.vectors.kinds import KINDS, components
 from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
+if TYPE_CHECKING:
+    from lagcli.model.vectors.initial import VectorReader
+
+    Reader = InitialReader | VectorReader
+
 _SHOWN = 12  # missing entries written out
 Values = dict[str, InitialValue]
-Reader = InitialReader | VectorReader
 
 
 def read_closed(draft: Draft, constraints: Iterable[Constraint]) -> frozenset[str]:
@@ -104,7 +106,9 @@ def _values(
     if isinstance(value, MappingNode) and "guess" in value.entries:
         value, fixed = value.entries["guess"][1], False
     rotation = kind == "quaternion" and not declaration.primes
-    split = isinstance(value, Sequence) and (kind is None or rotation or not is_vector(value))
+    split = isinstance(value, Sequence) and (
+        kind is None or rotation or any(isinstance(item, Sequence) for item in value.items)
+    )
     if not (split and declaration.several):
         yield from _readers(draft, declaration, members, kind, constants)
         return
@@ -119,7 +123,7 @@ def _values(
         )
         members = members[: len(value.items)]
     for member, item in zip(members, value.items, strict=False):
-        own = replace(declaration, node=item if fixed else guessed(declaration.node, item))
+        own = declaration._replace(node=item if fixed else guessed(declaration.node, item))
         yield from _readers(draft, own, [member._replace(declaration=own)], kind, constants)
 
 
@@ -135,8 +139,10 @@ def _readers(
         reader: Reader = InitialReader(draft, declaration, constants)
         yield from ((member, reader) for member in members)
         return
+    from lagcli.model.vectors.initial import VectorReader
+
     reader = VectorReader(draft, declaration, kind, constants)
-    parts = [replace(part, kind=kind) for part in components(declaration, kind)]
+    parts = [part._replace(kind=kind) for part in components(declaration, kind)]
     for member in members:
         for d in parts:
             yield Member(member.name + d.part, d, member.indices), reader
@@ -155,7 +161,7 @@ def _declaration(draft: Draft, name: str, key: Scalar, node: YamlNode) -> Declar
         return declaration
     if not declaration.primes:  # x_dot[1]
         base = declaration.name.removesuffix("_dot")
-        own = replace(declaration, name=base, primes=1)
+        own = declaration._replace(name=base, primes=1)
         if base != declaration.name and _is_coordinate(draft, own):
             return own
     _report_unknown(draft, declaration.title, key)
@@ -273,6 +279,8 @@ def _report_unknown(draft: Draft, name: str, key: Scalar) -> None:
         help_: str | None = "remove the entry"
     else:
         message = f"`initial` names `{shorten(name)}`, which is not a coordinate or a velocity"
+        from lagcli.model.names.unknown import meant_derivative
+
         velocity = meant_derivative(names, name)
         help_ = f"a velocity is written with a prime: `{velocity}`" if velocity else None
         help_ = help_ or did_you_mean(nearest(name, _every(draft)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -38,8 +38,7 @@ from lagcli.model.yaml.source import Mapping as MappingNode
 from lagcli.model.yaml.source import Scalar, Sequence, Source, YamlNode
 
 
-@dataclass
-class _ParameterEntry:
+class _ParameterEntry(NamedTuple):
     """A parameter's entry as it is given."""
 
     declaration: Declaration
@@ -187,7 +186,7 @@ class _ParameterReader:
         read = [read_quantity(draft, node, what, self.constants, unit) for node in nodes]
         quantities = tuple(q for q in read if q is not None)
         if len(quantities) == len(read):
-            entry.quantities = quantities
+            return entry._replace(quantities=quantities)
         return entry
 
     def overridden(self, member: Member, entry: _ParameterEntry) -> Quantity | None:
@@ -211,7 +210,7 @@ class _ParameterReader:
             return quantity
         if quantity.unit is None:
             plain = not set(names_used(quantity.parsed.tree)) - {"pi"}
-            return replace(quantity, unit=si_notation(stated)) if plain else quantity
+            return quantity._replace(unit=si_notation(stated)) if plain else quantity
         if not same(read_unit(quantity.unit).dimension, read_unit(stated).dimension):
             self.draft.report.add(
                 "units",

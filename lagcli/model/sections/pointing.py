@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from symengine import Basic
 
@@ -22,10 +22,9 @@ from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.symbols import Context, Symbols
 from lagcli.model.yaml.source import Scalar, Sequence, YamlNode
 
-_FOR = re.compile(r"\s+for\s+")
+_FOR = r"\s+for\s+"
 
 
-@dataclass
 class Points:
     """The points of a view, and what may stand for one.
 
@@ -33,6 +32,9 @@ class Points:
     ----------
     draft : Draft
     definitions : mapping of str to Definition
+
+    Attributes
+    ----------
     found : dict of str to expressions
         The points that have a value; a definition that stands for one is entered when it is used.
     declared : dict with str keys
@@ -41,11 +43,11 @@ class Points:
         2 or 3; 0 as long as it is not known.
     """
 
-    draft: Draft
-    definitions: Mapping[str, Definition]
-    found: dict[str, tuple[Basic, ...]] = field(default_factory=dict)
-    declared: dict[str, None] = field(default_factory=dict)
-    dimension: int = 0
+    def __init__(self, draft: Draft, definitions: Mapping[str, Definition]):
+        self.draft, self.definitions = draft, definitions
+        self.found: dict[str, tuple[Basic, ...]] = {}
+        self.declared: dict[str, None] = {}
+        self.dimension = 0
 
     def at(self, tree: Name, scope: ModelScope) -> str:
         """Return the name of the point that a tree stands for.
@@ -98,8 +100,7 @@ def member_name(tree: Name, scope: ModelScope) -> str:
     return with_indices(tree.text, [scope.indices.at(index) for index in tree.indices])
 
 
-@dataclass(frozen=True, eq=False)
-class Path:
+class Path(NamedTuple):
     """Points in a row as they are written, and the index over which the row repeats."""
 
     what: str
@@ -140,7 +141,7 @@ def read_path(
         return None
     with draft.report.expression(node):
         text = node.value
-        clause = _FOR.search(text)
+        clause = re.search(_FOR, text)
         tree = parse(text[: clause.start()] if clause else text)
         names = tuple(_names(tree, what, count, example))
         spans: list[Span] = []

@@ -41,7 +41,7 @@ _EXAMPLES = {
 }
 #: What components in a unit are.
 _MEASURED: dict[str, Literal["velocity", "force"]] = {"m/s": "velocity", "N": "force"}
-_SHORT = re.compile(r"[^\W\d_](?:\d|_[^\W_]{1,2})?")  # names that are labels: O, P1, x_A
+_SHORT = r"[^\W\d_](?:\d|_[^\W_]{1,2})?"  # names that are labels: O, P1, x_A
 
 
 def read_view(
@@ -219,7 +219,7 @@ class _ViewReader:
         """Return the labels: a mapping, a list, or by default the points with short names."""
         node = self.fields.get("labels")
         if node is None:
-            short = [name for name in self.plain if _SHORT.fullmatch(name)]
+            short = [name for name in self.plain if re.fullmatch(_SHORT, name)]
             return dict.fromkeys(name for name in short if name in self.points.found)
         if isinstance(node, Sequence):
             return dict.fromkeys(self.marked("labels"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from fractions import Fraction
 
 from lagcli.model.draft import Draft, Formula, Indices
@@ -80,7 +79,7 @@ class VectorReader:
             self.wrong_shape(node, f"a list of {len(node.items)}")
             return
         for part, item in zip(self.parts, node.items, strict=True):
-            own = replace(self.declaration, node=item, part=f".{part}")
+            own = self.declaration._replace(node=item, part=f".{part}")
             self.cells[part] = InitialReader(self.draft, own, self.constants, self.fixed)
 
     def written(self, node: YamlNode) -> None:
@@ -92,8 +91,8 @@ class VectorReader:
         tree = quantity.parsed.tree
         trees = self.parts_of(tree, quantity)
         for part, component in trees.items():
-            own = replace(quantity, parsed=replace(quantity.parsed, tree=component))
-            declared = replace(self.declaration, part=f".{part}", node=node)
+            own = quantity._replace(parsed=quantity.parsed._replace(tree=component))
+            declared = self.declaration._replace(part=f".{part}", node=node)
             reader = InitialReader(self.draft, declared, self.constants, self.fixed, own)
             self.cells[part] = reader
 
@@ -192,8 +191,3 @@ def _tree(value: InitialValue) -> Tree:
     if written.factor == 1:
         return tree
     return ProductExpr(0, 0, ((1, tree), (1, NumberExpr(0, 0, Fraction(written.factor)))))
-
-
-def is_vector(node: Sequence) -> bool:
-    """Whether a list holds the components of one vector, not a list for each member."""
-    return not any(isinstance(x, Sequence) for x in node.items)

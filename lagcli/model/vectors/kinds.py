@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -45,7 +44,7 @@ _INDICES = ("#i", "#j")  # no name of the grammar begins with #
 
 def components(declared: Declaration, kind: str) -> list[Declaration]:
     """Return the coordinates of a vector or rotation."""
-    return [replace(declared, part=f".{part}", kind=kind) for part in KINDS[kind].parts]
+    return [declared._replace(part=f".{part}", kind=kind) for part in KINDS[kind].parts]
 
 
 def definitions_of(declared: Iterable[Declaration]) -> list[Declaration]:
@@ -58,13 +57,13 @@ def definitions_of(declared: Iterable[Declaration]) -> list[Declaration]:
         if d.kind:
             spans = (span for _, span in d.spans)
             named = tuple(zip(_INDICES, spans, strict=False))
-            found.setdefault(id(d.key), replace(d, part="", node=d.key, spans=named))
+            found.setdefault(id(d.key), d._replace(part="", node=d.key, spans=named))
     return list(found.values())
 
 
 def constraints_of(definitions: Iterable[Declaration]) -> list[Declaration]:
     """Return the declarations of the constraints that keep quaternions at length 1."""
-    return [replace(d, part=".unit") for d in definitions if d.kind == "quaternion"]
+    return [d._replace(part=".unit") for d in definitions if d.kind == "quaternion"]
 
 
 def value_of(definition: Declaration) -> Tree:

@@ -7,7 +7,7 @@ interprets scalars, not YAML's rules for numbers, booleans and dates.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import yaml
 
@@ -91,8 +91,7 @@ def compose(source: Source) -> tuple[Mapping, list[Diagnostic]]:
         raise ModelError([explain(source, error)]) from None
 
 
-@dataclass(eq=False)
-class _ComposedEntry:
+class _ComposedEntry(NamedTuple):
     key: YamlNode
     value: YamlNode
     bare: bool  # inside { }, without a colon
@@ -279,9 +278,8 @@ class _Composer:
             return
         last, end = rejoined[-1], cut[-1].end
         text = self.source.between(last.value.start, end)
-        last.value = Scalar(self.source, last.value.start, end, text)
+        rejoined[-1] = last._replace(value=Scalar(self.source, last.value.start, end, text))
         name = last.key.value if isinstance(last.key, Scalar) else "…"
-        text = last.value.value if isinstance(last.value, Scalar) else "…"
         self.report(
             "comma",
             f"inside {{ }} a comma ends the value: {cut[0].what} is read as a separate entry",

@@ -247,7 +247,7 @@ def _values(entry: YamlNode) -> Iterator[tuple[YamlNode, bool]]:
 
 def _quoted(text: str) -> str:
     """Return a value quoted for YAML if necessary."""
-    if match := GUESS.fullmatch(text):
+    if match := re.fullmatch(GUESS, text):
         return f"{{guess: {_quoted(match[2])}}}"
     if _PLAIN.fullmatch(text):
         return text
@@ -259,7 +259,7 @@ def _with_unit(value_text: str, node: YamlNode) -> str:
     if isinstance(node, MappingNode) and "guess" in node.entries:
         node = node.entries["guess"][1]
     unit = unit_of(node)
-    match = GUESS.fullmatch(value_text)
+    match = re.fullmatch(GUESS, value_text)
     if match is not None:
         return f"{{guess: {_with_unit(match[2].strip(), node)}}}"
     if unit is None or to_si(unit) != 1 or not _is_number(value_text):

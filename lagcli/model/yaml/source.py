@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 from lagcli.errors import SourceLocation
 from lagcli.model.spelling import shorten
@@ -48,13 +47,13 @@ class Source:
         return " ".join(p.strip() for p in parts)
 
 
-@dataclass(eq=False, slots=True)
 class YamlNode:
     """A YAML node with its positions; lines and columns count from 0."""
 
-    source: Source
-    start: Position
-    end: Position
+    __slots__ = ("end", "source", "start")
+
+    def __init__(self, source: Source, start: Position, end: Position):
+        self.source, self.start, self.end = source, start, end
 
     @property
     def what(self) -> str:
@@ -67,13 +66,17 @@ class YamlNode:
         return _location_of(self.source, self.start, self.end)
 
 
-@dataclass(eq=False, slots=True)
 class Scalar(YamlNode):
     """A YAML scalar; ``value`` is its text, ``style`` one of ``' " | >`` or None (plain)."""
 
-    value: str
-    style: str | None = None
-    _positions: list[Position] | None = field(default=None, repr=False)
+    __slots__ = ("_positions", "style", "value")
+
+    def __init__(
+        self, source: Source, start: Position, end: Position, value: str, style: str | None = None
+    ):
+        self.source, self.start, self.end = source, start, end
+        self.value, self.style = value, style
+        self._positions: list[Position] | None = None
 
     @property
     def what(self) -> str:
@@ -109,11 +112,13 @@ class Scalar(YamlNode):
         return _location_of(self.source, self._positions[start], (last_line, last_column + 1))
 
 
-@dataclass(eq=False, slots=True)
 class Sequence(YamlNode):
     """A YAML sequence."""
 
-    items: list[YamlNode]
+    __slots__ = ("items",)
+
+    def __init__(self, source: Source, start: Position, end: Position, items: list[YamlNode]):
+        self.source, self.start, self.end, self.items = source, start, end, items
 
     @property
     def what(self) -> str:
@@ -121,11 +126,19 @@ class Sequence(YamlNode):
         return "a list"
 
 
-@dataclass(eq=False, slots=True)
 class Mapping(YamlNode):
     """A YAML mapping with scalar keys, in the order of the file."""
 
-    entries: dict[str, tuple[Scalar, YamlNode]]
+    __slots__ = ("entries",)
+
+    def __init__(
+        self,
+        source: Source,
+        start: Position,
+        end: Position,
+        entries: dict[str, tuple[Scalar, YamlNode]],
+    ):
+        self.source, self.start, self.end, self.entries = source, start, end, entries
 
     @property
     def what(self) -> str:

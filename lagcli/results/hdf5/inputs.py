@@ -16,9 +16,7 @@ _GROUP = "inputs"
 
 
 def write_inputs(root: h5py.Group, inputs: Mapping[str, InputTable]) -> None:
-    """Write the tables; nothing where there is none."""
-    if not inputs:
-        return
+    """Write the tables."""
     groups = root.create_group(_GROUP)
     for name, table in inputs.items():
         place = groups.create_group(name)

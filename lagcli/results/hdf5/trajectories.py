@@ -27,7 +27,6 @@ from lagcli.results.hdf5.container import (
     new_file,
     set_text,
 )
-from lagcli.results.hdf5.inputs import read_inputs, write_inputs
 from lagcli.results.hdf5.outputs import OutputDatasets, OutputFamily, output_families
 from lagcli.results.hdf5.structure import numbers, read_quantity, read_texts, text_attribute
 from lagcli.results.layout import NOT_STATED, shared_unit, term_names, unit
@@ -41,7 +40,7 @@ from lagcli.results.metadata import (
     to_json,
     to_metadata,
 )
-from lagcli.trajectory.samples import SCHEMA_VERSION, Record, Samples, Terms
+from lagcli.trajectory.samples import SCHEMA_VERSION, InputTable, Record, Samples, Terms
 
 if TYPE_CHECKING:
     from lagcli.results.hdf5.opening import Opened
@@ -157,7 +156,10 @@ class Hdf5Writer(FileWriter):
         assert root is not None
         for name, value in to_metadata(record).items():
             set_text(root["/"].id, name, value if isinstance(value, str) else to_json(value))
-        write_inputs(root, record.inputs)
+        if record.inputs:
+            from lagcli.results.hdf5.inputs import write_inputs
+
+            write_inputs(root, record.inputs)
         for name, shape in self._shapes.items():
             if name not in datasets:
                 datasets[name] = add_array(root, name, np.empty((self._written, *shape)))
@@ -290,10 +292,15 @@ class Hdf5Reader:
         self.record = Record(
             scale_position=self._array("scale_position"),
             scale_velocity=self._array("scale_velocity"),
-            inputs=read_inputs(self._root),
+            inputs=self._read_inputs(),
             events=self._read_events(),
             **from_metadata(metadata),
         )
+
+    def _read_inputs(self) -> dict[str, InputTable]:
+        from lagcli.results.hdf5.inputs import read_inputs
+
+        return read_inputs(self._root)
 
     def _read_events(self) -> EventLog | None:
         if _EVENTS not in self._root:

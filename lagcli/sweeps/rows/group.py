@@ -193,9 +193,9 @@ class RowGroup:
             simulation = ready(variants.equations, variants.system, variants.settings, {})
         except (ModelError, NumericalError):
             return False
-        request = dataclasses.replace(simulation.request, times=self.grid.all)
+        request = simulation.request._replace(times=self.grid.all)
         prepared = prepare_batch(variants.system, request, check_cancelled)
-        return dataclasses.replace(request, prepared=prepared)
+        return request._replace(prepared=prepared)
 
     @cached_property
     def _search(self) -> StartSearch:
@@ -267,7 +267,7 @@ class RowGroup:
             return FinishedRuns(
                 places, np.empty((1, 0, width)), [error], values.parameters[places], 0
             )
-        request = dataclasses.replace(simulation.request, times=self.grid.all)
+        request = simulation.request._replace(times=self.grid.all)
         rows = [np.empty((0, width))]
 
         def take(block: Block) -> None:

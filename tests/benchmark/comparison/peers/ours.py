@@ -46,7 +46,7 @@ class Ours:
         evaluator = Evaluator(system, request.state.p)
         order = request.elimination or find_elimination(evaluator, [request.state])
         prepared = unrolled(system, prepare(system, order))
-        return _Ready(system, replace(request, prepared=prepared))
+        return _Ready(system, request._replace(prepared=prepared))
 
     def positions(self, result: tuple[Outcome, list[Block]]) -> NDArray[np.float64]:
         """Return q, once the run is seen to be complete."""

@@ -10,7 +10,7 @@ import symengine as se
 
 from lagcli.analysis.fit.data import Measured, read_measured
 from lagcli.errors import FileError, SourceLocation
-from lagcli.model.model import DataFile, ObservedQuantity
+from lagcli.model.sections.fit import DataFile, ObservedQuantity
 
 HERE = SourceLocation("model.yaml", 1, 1)
 

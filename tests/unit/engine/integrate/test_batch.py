@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
 from pathlib import Path
@@ -51,7 +50,7 @@ class Runs:
         first = self.simulations[0]
         self.system = first.system
         request = first.request
-        self.request = dataclasses.replace(request, prepared=prepare_batch(self.system, request))
+        self.request = request._replace(prepared=prepare_batch(self.system, request))
         values = [s.start.state.p for s in self.simulations]
         self.parameters = np.array(values).reshape(len(rows), -1)
         self.q = np.array([s.start.state.q for s in self.simulations])
@@ -448,7 +447,7 @@ def test_an_interrupt_acts_at_once(leaving):
     system, request = simulation.system, simulation.request
     if not leaving:
         short = changed(request, t_end=1.0, times=np.array([1.0]))
-        request = dataclasses.replace(request, prepared=prepare_batch(system, short))
+        request = request._replace(prepared=prepare_batch(system, short))
     calls = []
 
     def check_cancelled():

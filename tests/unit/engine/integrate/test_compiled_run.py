@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
 from pathlib import Path
@@ -170,7 +169,7 @@ def test_a_new_order_takes_over_the_other_programs(counted):
     simulation = prepare_simulation(lagcli.load(chain, set={"N": 60}))
     order = simulation.start.elimination
     first = prepare(simulation.system, order)
-    again = prepare(simulation.system, dataclasses.replace(order, order=order.order[::-1]), first)
+    again = prepare(simulation.system, order._replace(order=order.order[::-1]), first)
     assert not again.unrolled
     assert again.dynamics is first.dynamics
     assert again.constraint is first.constraint

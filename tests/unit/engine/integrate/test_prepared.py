@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -66,7 +65,7 @@ def test_as_many_updates_as_are_worth_it_grow_with_the_unknowns() -> None:
 
 def test_what_is_known_is_taken_where_it_serves() -> None:
     one = prepare(SYSTEM, found())
-    assert prepare(SYSTEM, dataclasses.replace(found(), smallest=0.1), one) is one
+    assert prepare(SYSTEM, found()._replace(smallest=0.1), one) is one
     other = prepare(SYSTEM, None, one)
     assert other.constraint is one.constraint
     assert other.dynamics is not one.dynamics
@@ -79,5 +78,5 @@ def test_what_is_known_is_taken_where_it_serves() -> None:
 
 def test_an_order_is_found_where_states_allow_it() -> None:
     assert found() == found()
-    undefined = dataclasses.replace(STATE, q=np.array([math.nan, 0.0]))
+    undefined = STATE._replace(q=np.array([math.nan, 0.0]))
     assert find_elimination(Evaluator(SYSTEM, (G,)), [undefined]) is None

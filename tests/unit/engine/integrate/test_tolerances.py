@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -34,7 +33,7 @@ initial: {{q: 1, q': 0}}
     )
     state = State(0.0, np.array([q]), np.array([v]), p)
     changes = {"atol": 0.0, "rtol": RTOL, "times": np.array([1.0]), "t_end": 1.0, **changes}
-    made = dataclasses.replace(request(**changes), state=state, rank=0)
+    made = request(**changes)._replace(state=state, rank=0)
     return Sizes(Index1(Evaluator(system, p), 0), made, state.y), state.y
 
 
@@ -72,7 +71,7 @@ initial: {q: 5, q': 0}
 """)
     )
     state = State(0.0, np.array([5.0]), np.zeros(1), p)
-    made = dataclasses.replace(request(atol=0.0), state=state, rank=0)
+    made = request(atol=0.0)._replace(state=state, rank=0)
     motion = Index1(Evaluator(system, p), 0)
     assert motion.rate(0.0, state.y)[1] == 0.0
     assert 20.0 < Sizes(motion, made, state.y).acceleration_terms[0] <= 45.0
@@ -88,7 +87,7 @@ initial: {x: 2, y: 0, phi: 0, x': 0, y': 0, phi': 0}
 """)
     )
     state = State(0.0, np.array([2.0, 1e-3, 7.0]), np.zeros(3), p)
-    made = dataclasses.replace(request(atol=0.0, kinds=(0, 0, 1)), state=state, rank=0)
+    made = request(atol=0.0, kinds=(0, 0, 1))._replace(state=state, rank=0)
     sizes = Sizes(Index1(Evaluator(system, p), 0), made, state.y)
     np.testing.assert_allclose(sizes.largest(), [2.0, 2.0, 7.0])
     np.testing.assert_allclose(sizes.acceleration_terms, [200.0, 200.0, 0.0], rtol=1e-6)
@@ -104,7 +103,7 @@ initial: {x: 0, x': 0}
 """)
     )
     state = State(0.0, np.zeros(1), np.zeros(1), p)
-    made = dataclasses.replace(request(atol=0.0), state=state, rank=0)
+    made = request(atol=0.0)._replace(state=state, rank=0)
     sizes = Sizes(Index1(Evaluator(system, p), 0), made, state.y)
     np.testing.assert_array_equal(sizes.future_acceleration, [6.0])
     assert (sizes.tolerances > 0).all()
