@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -46,7 +45,7 @@ class SwitchedIntegration(ScipyIntegration):
         self.frozen = frozen_of(system)
         if self.frozen is not None:
             system = self.frozen.system
-            request = replace(request, state=self.frozen.frozen(request.state))
+            request = request._replace(state=self.frozen.frozen(request.state))
         super().__init__(system, request, sink, progress)
         self.entries = self.phases.entries
         self.phases.on_parameters = self._tell_parameters

@@ -7,6 +7,7 @@ of the model has actions: they are done here, and the core goes on with the inst
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -77,7 +78,7 @@ class SwitchingIntegration(Integration):
         self.whole, given = system, request
         if self.frozen is not None:
             system = self.frozen.system
-            request = replace(request, state=self.frozen.frozen(request.state))
+            request = request._replace(state=self.frozen.frozen(request.state))
         self.split_system = split = SplitSystem(system)
         start = request.state
         evaluator = Evaluator(split.fixed, start.p)

@@ -74,7 +74,7 @@ class FrozenSystem(NamedTuple):
             before, sides = sides, [side_of(k, x) for k, x in zip(self.kinks, found, strict=False)]
             if sides == before:
                 break
-        return replace(state, p=(*state.p, *sides))
+        return state._replace(p=(*state.p, *sides))
 
 
 def side_of(kink: Kink, value: float) -> float:
@@ -161,7 +161,7 @@ class _Freezer:
         assert self.original.variation is not None
         given = self.original.variation()
         self.complete = True
-        return replace(given, tape=self.tape(given.tape))
+        return given._replace(tape=self.tape(given.tape))
 
     def tape(self, tape: Tape, freeze: bool = True) -> Tape:
         """Return a tape of which comparisons of the state are those of branches."""
