@@ -37,4 +37,6 @@ def format_content(content: Mapping[str, Any]) -> str:
             from lagcli.analysis.equilibria.description import format_equilibria
 
             return format_equilibria(content)
-    raise FileError(f"the file is of lagcli {content['command']}, which this version does not know")
+    raise FileError(
+        f"the file was written by lagcli {content['command']}, which this version does not know"
+    )

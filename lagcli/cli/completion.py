@@ -1,4 +1,4 @@
-"""Completion of command lines: what can stand in place of the last word."""
+"""Completion of command lines: candidates for the last word."""
 
 from __future__ import annotations
 

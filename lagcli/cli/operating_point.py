@@ -1,4 +1,4 @@
-"""What the analyses of one point share: their options, the loading, and the printing."""
+"""Analyses of one operating point: shared options, loading, printing."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def resolve_name(template: str, model: Model) -> str:
         if not re.fullmatch(_FORMAT, form):
             raise _wrong(
                 template,
-                f"`{shorten(form)}` is no format of a number in a name",
+                f"`{shorten(form)}` is not a number format",
                 f"write for example {{{name}:.3f}}, {{{name}:05.1f}}, {{{name}:.2e}},"
                 f" or {{{name}:03d}} for whole numbers",
             )

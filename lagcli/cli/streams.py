@@ -1,4 +1,4 @@
-"""Standard streams that may be closed or full, and text that may hold commands to the terminal."""
+"""Standard streams: closed or full ones, escape sequences, line width, colour."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _ENTRY = re.compile(r"  \S{11} (?=\S)")  # a label of all columns that it has in
 
 
 def visible(text: str) -> str:
-    r"""Return a text with escapes such as ``\x1b`` in place of what a terminal would not show."""
+    r"""Return a text with invisible characters written as escapes such as ``\x1b``."""
     return re.sub(_UNSEEN, lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
@@ -77,7 +77,7 @@ class _Bytes(io.RawIOBase):
 
 
 def set_up() -> None:
-    """Make the standard streams such that they can be used, whatever they lead to.
+    """Make the standard streams usable, whatever they are connected to.
 
     One that is closed is opened to nowhere, so that no file of ours gets its number. What standard
     error refuses is dropped: the exit status says the same. What standard output refuses raises
@@ -112,7 +112,7 @@ def _refuse(error: OSError) -> None:
 
 
 def tell(text: str) -> None:
-    """Print what follows from a result file or an exit status; it may be lost."""
+    """Print text that may be lost, because a file or the exit status says the same."""
     try:
         print(text)
         sys.stdout.flush()
@@ -127,7 +127,7 @@ def print_notes(notes: Iterable[str]) -> None:
 
 
 def discard() -> None:
-    """Let standard output lead nowhere, so that what it still holds cannot fail again."""
+    """Redirect standard output to the null device, so that flushing cannot fail again."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""What `simulate` says about a run: one mapping, as JSON or as text."""
+"""Summary of a run, as JSON and as text."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def to_json(value: Mapping[str, Any]) -> str:
 
 
 def error_object(error: LagcliError) -> dict[str, Any]:
-    """Return what --json prints when there is no run."""
+    """Return the JSON object of an error."""
     found: dict[str, Any] = {
         "status": "failed" if error.exit_status == 3 else "error",
         "message": str(error),
@@ -248,6 +248,9 @@ def _redundancy(summary: Mapping[str, Any]) -> list[str]:
         names += f" and {more} more" if more > 0 else ""
         follow = "follows" if found["surplus"] == 1 else "follow"
         sets.append(f"{found['surplus']} of {names} {follow} from the others")
-    text += "; ".join(sets) + "; their multipliers are not unique, the constraint forces are"
+    text += "; ".join(sets) + (
+        "; their multipliers are not unique, the constraint forces are; remove redundant"
+        " constraints for unique multipliers"
+    )
     first, *rest = textwrap.wrap(text, 86)
     return [f"  {'constraints':<12}{first}", *(f"  {'':<12}{line}" for line in rest)]

@@ -323,7 +323,8 @@ class Limits:
         """Stop a run that takes more time than allowed."""
         if time.monotonic() - self.began > self.timeout:
             raise Stop(
-                f"gave up after {self.timeout:g} s of time at t = {t:.9g} s; --timeout allows more"
+                f"gave up after {self.timeout:g} s of computing time at t = {t:.9g} s;"
+                " --timeout allows more"
             )
 
 

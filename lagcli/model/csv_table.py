@@ -88,7 +88,7 @@ class CsvTable:
         except csv.Error as error:
             raise self.error(
                 "bad-data",
-                f"this is no CSV: {error}",
+                f"this is not CSV: {error}",
                 "write one row of numbers in each line",
                 reader.line_num,
             ) from None

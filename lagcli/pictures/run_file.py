@@ -1,4 +1,4 @@
-"""A run to be drawn: the one place that opens a result for pictures."""
+"""A run to be drawn, opened from its result file."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A page on which a model's values are moved and its motion follows."""
+"""Interactive simulation in the browser: server, runs, page."""

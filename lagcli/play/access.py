@@ -1,4 +1,4 @@
-"""Who may ask: only the page itself, opened with the address that was printed."""
+"""Access control: only the page opened with the printed address is served."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Access:
         return 200
 
     def middleware(self) -> Any:
-        """Return what stands before all handlers: refusals say nothing but their status."""
+        """Return the middleware that refuses requests; a refusal has only a status."""
 
         @web.middleware
         async def guard(request: web.Request, handler: Handler) -> web.StreamResponse:

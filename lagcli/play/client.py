@@ -1,4 +1,4 @@
-"""One client of the page: its requests in, answers out; the newest request wins."""
+"""A client of the page: it runs the newest request."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Client(threading.Thread):
         self._closed = False
 
     def ask(self, request: PlayRequest) -> None:
-        """Take a request, in place of one that waits and, soon, of one that runs."""
+        """Replace the pending request and stop the running one."""
         with self._change:
             self._waiting = request
             if self._running is not None:
@@ -60,7 +60,7 @@ class Client(threading.Thread):
             self._change.notify()
 
     def close(self) -> None:
-        """End what runs, and the thread."""
+        """Stop the current run and the thread."""
         with self._change:
             self._closed = True
             if self._running is not None:

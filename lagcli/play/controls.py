@@ -1,4 +1,4 @@
-"""Controls: what can be moved on the page, in which unit, and how far."""
+"""Controls of the page: parameters and initial values with unit and range."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TURNS = {"rad": (3.15, 0.01), "deg": (180.0, 1.0), "°": (180.0, 1.0)}
 
 @dataclass(frozen=True)
 class Control:
-    """A value that can be moved.
+    """A value with a slider.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class _Maker:
         return any(n in self.known or f"{n}[]" in self.known for n in used)
 
     def size(self, unit: str) -> float:
-        """Return how large a value of a unit may become that is 0."""
+        """Return the range of a slider whose value is 0, by its unit."""
         return self.sizes.get(unit) or _USUAL.get(unit, 1.0)
 
     def parameter(self, parameter: Parameter) -> Control:

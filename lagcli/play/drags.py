@@ -1,4 +1,4 @@
-"""Drags: a body moved on the page → initial values, and where everything is then."""
+"""Drags: initial values that follow from moving a body on the page."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class DragRequest:
 
 
 class Drags:
-    """The drags of one client: each gesture goes on from where it was.
+    """The drags of one client; each gesture continues from the previous place.
 
     Parameters
     ----------

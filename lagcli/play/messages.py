@@ -1,4 +1,4 @@
-"""Messages of the program in the words of the page: fields and marks in place of options."""
+"""Error messages in terms of the page: fields instead of options."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _WHERE = "Settings are given under `simulation` in the model file; then start th
 
 
 def on_page(text: str) -> str:
-    """Return a message that names what the page has in place of options of the command line.
+    """Return a message that names fields of the page instead of options.
 
     Values are those of fields, guesses are marks, and settings belong in the model file.
     """

@@ -1,4 +1,4 @@
-"""Runs: a model with the values of the page → motion, or what is wrong with them."""
+"""Runs of a model with the values of the page."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class PlayRequest:
 
 
 class Played:
-    """A model that is played with.
+    """A model that is simulated interactively.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ class Played:
         self._drags = Drags(model, self._evaluator) if self._evaluator is not None else None
 
     def check(self) -> None:
-        """Raise what is wrong with the values that the program was started with.
+        """Raise if the values of the command line are invalid.
 
         Raises
         ------
@@ -197,7 +197,7 @@ class Played:
         return found
 
     def description(self) -> dict[str, Any]:
-        """Return what the page is to know of the model, before the first run."""
+        """Return the description of the model for the page."""
         view = self.model.view
         return {
             "members": self.members,

@@ -1,4 +1,4 @@
-"""Results: a run to a file and back."""
+"""Result files: writers, readers, summaries."""
 
 from lagcli.results.formats import check_target, open_writer, read, write
 

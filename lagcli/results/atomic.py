@@ -1,4 +1,4 @@
-"""Whole-or-nothing files: a name appears only when everything under it is on the disk."""
+"""Atomic writing: a file name appears only once the complete file is on disk."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def check_writable(path: str, force: bool = False) -> None:
 
 @contextmanager
 def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
-    """Open a file that gets its name when the block ends well, and vanishes when it does not.
+    """Open a file that is named on success and discarded on failure.
 
     On Linux the file has no name until it is complete and synced, so that even ``kill -9``
     leaves nothing behind. Elsewhere, and on file systems without ``O_TMPFILE``, it grows under a
@@ -94,7 +94,7 @@ def whole_file(path: str, force: bool = False) -> Iterator[BinaryIO]:
 
 
 class FileWriter:
-    """A context in which files are written; of those that are not finished nothing remains.
+    """Context manager for writing files; unfinished files are removed.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ def _names(path: str, force: bool) -> tuple[str, str]:
 
 
 def _open_unnamed(folder: str) -> BinaryIO | None:
-    """Return a file without a name in the folder, or None where the system has no such thing."""
+    """Return an unnamed file in the folder; None where the system does not support it."""
     if not hasattr(os, "O_TMPFILE") or not os.path.isdir("/proc/self/fd"):
         return None
     try:

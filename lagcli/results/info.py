@@ -1,4 +1,4 @@
-"""What a result file holds: for programs as a dict, for people as text."""
+"""Description of a result file, as a dict and as text."""
 
 from __future__ import annotations
 

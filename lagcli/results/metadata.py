@@ -1,4 +1,4 @@
-"""What a result file says about its run besides the numbers, as JSON values."""
+"""Metadata of a result file, as JSON values."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def _pair(values: list[Any]) -> tuple[float, float]:
 
 
 def to_json(value: object, indent: int | None = None) -> str:
-    """Return JSON text; what JSON has no word for (a path, a date) becomes its text.
+    """Return JSON text; values outside JSON (a path, a date) become text.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def to_json(value: object, indent: int | None = None) -> str:
 
 
 def storable(text: str) -> str:
-    """Return the text without what UTF-8 or HDF5 refuse: no run is lost over an odd file name."""
+    """Return the text without characters that UTF-8 or HDF5 cannot store."""
     # The bytes of a file name that are not UTF-8 are lone surrogates in Python; HDF5 ends a text
     # at NUL. A model file has neither.
     return text.encode("utf-8", "replace").decode("utf-8").replace("\0", "�")
@@ -194,7 +194,7 @@ def to_number(value: float) -> float | str | None:
 
 
 def from_number(value: float | str | None) -> float:
-    """Return the float that `to_number` made a JSON value of.
+    """Invert `to_number`.
 
     Parameters
     ----------

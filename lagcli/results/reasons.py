@@ -1,4 +1,4 @@
-"""Why a result file cannot be written or read, in words that name the path and the remedy."""
+"""Errors of reading and writing result files, with path and remedy."""
 
 from __future__ import annotations
 

@@ -142,7 +142,9 @@ class SettingsOverrides(_Declared, GivenValues):
     def _time_problems(self) -> Iterator[SettingError]:
         start, end = self.t_start or 0.0, self.t_end
         if end is not None and end <= start:
-            yield SettingError("t_end", f"t_end {end:g} must lie after t_start {start:g}")
+            yield SettingError(
+                "t_end", f"t_end {end:g} is not after t_start {start:g}; give a later t_end"
+            )
         given = [name for name in _GRID if name in self.__dict__]
         if len(given) > 1:
             yield SettingError(

@@ -1,1 +1,1 @@
-"""Parameter sweeps: many runs of one model, measured, kept, and never lost."""
+"""Parameter sweeps: many runs of one model, their measures and their files."""

@@ -173,7 +173,7 @@ def _unit_of_name(model: Model, name: str) -> str:
 
 
 def default_measures(model: Model) -> tuple[tuple[str, str], ...]:
-    """Return what is measured where nothing is said: extremes of λ, the last state, and errors."""
+    """Return the default measures: extremes of λ, the last state, and errors."""
     multipliers = [ColumnName("multipliers", c) for c in model.constraint_names]
     texts = [f"{kind}({name})" for name in multipliers for kind in ("min", "max")]
     texts += [f"final({q}{dot})" for dot in ("", "'") for q in model.coordinate_names]

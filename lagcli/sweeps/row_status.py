@@ -109,7 +109,7 @@ class MissingRows:
 
 
 def runs_of(numbers: Numbers) -> Iterator[tuple[slice, slice]]:
-    """Yield the parts of increasing numbers without gaps: their places, and the numbers."""
+    """Yield runs of consecutive numbers, with their positions."""
     starts = np.flatnonzero(np.diff(numbers, prepend=numbers[:1] - 2) != 1)
     for start, end in zip(starts, [*starts[1:], len(numbers)], strict=True):
         first = int(numbers[start])

@@ -1,4 +1,4 @@
-"""The sweep itself: rows that are missing are run, journaled, and made into one file."""
+"""Execution of a sweep: run the missing rows, journal them, write the file."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def sweep(
 
 
 class _Sweep:
-    """One call: runs what is missing, and writes the file."""
+    """One execution of a sweep."""
 
     def __init__(self, prepared: PreparedSweep, state: OpenedSweep, path: str, began: float):
         self.prepared, self.state, self.path, self.began = prepared, state, path, began
@@ -215,7 +215,7 @@ class _Sweep:
         return self.summary("completed", self.path, done - before)
 
     def summary(self, status: str, output: str | None, run: int) -> Summary:
-        """Return what has become of the sweep; so many rows were run now."""
+        """Return the summary of the sweep, given the number of rows run now."""
         row_status, spec = self.row_status, self.prepared.spec
         seconds = time.monotonic() - self.began
         return Summary(
@@ -247,7 +247,7 @@ class _Sweep:
         self.row_status.enter(results)
 
     def _noted(self, error: FileError, kept: str, does: str) -> FileError:
-        """Return an error with what it leaves of the rows."""
+        """Return an error with the number of rows that are kept."""
         path = self.journal.path
         if self.journal.lost:
             note = f"{path} was removed while the sweep ran, and its rows with it; run it again"

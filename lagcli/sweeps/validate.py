@@ -79,7 +79,7 @@ def prepare_sweep(
     path: str,
     data: Mapping[str, InputData] | None = None,
 ) -> PreparedSweep:
-    """Check everything that can be wrong before the first row."""
+    """Validate a sweep before its first row."""
     model = load_text(text, name, set, set_initial, data)
     taken = {**set, **_dotted(set_initial)}
     plan = make_plan(model, request.vary, request.sample, request.seed, request.zipped, taken)

@@ -281,7 +281,7 @@ def test_workers_here_and_ctrl_c(tmp_path: Path) -> None:
     assert process.returncode == -signal.SIGINT
     lines = said.strip().splitlines()
     assert lines[0].startswith("error: interrupted; ")
-    assert lines[1:] == ["   help: the same command with --resume goes on"]
+    assert lines[1:] == ["   help: the same command with --resume continues"]
 
 
 # longer

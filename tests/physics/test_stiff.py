@@ -238,7 +238,7 @@ initial: {x: 1, y: 0, x': 0, y': 0}
 def test_auto_says_what_it_did(rtol: float, method: str) -> None:
     trajectory = completed(chain(2, c=1e5), t_end=1, samples=11, rtol=rtol, atol=rtol)
     assert trajectory.options["method"] == f"DOP853, {method}"
-    assert f"stiff: went on with {method} at t = " in trajectory.message
+    assert f"stiff: continued with {method} at t = " in trajectory.message
     assert trajectory.counts["steps"] < 500
 
 
@@ -305,7 +305,7 @@ initial: {x: 1, y: 0, x': 0, y': 0}
         check=True,
     )
     assert "DOP853, Radau with projection" in done.stdout
-    assert "the motion is stiff: went on with Radau at t = " in done.stdout
+    assert "the motion is stiff: continued with Radau at t = " in done.stdout
     assert max(map(len, done.stdout.splitlines())) <= 100
 
 

@@ -286,7 +286,7 @@ def test_a_million_samples_take_seconds_and_keep_their_peaks(tmp_path: Path) -> 
         (["slider_crank.h5", "nothing*"], 2, "has no `nothing*`"),
         (["slider_crank.h5", "phi:"], 2, "no pair"),
         (["slider_crank.h5", "phi:psi:phi"], 2, "no pair"),
-        (["slider_crank.h5", "phi:phi,psi"], 2, "give them apart"),
+        (["slider_crank.h5", "phi:phi,psi"], 2, "give them separately"),
         (["chain.h5", "x:theta"], 2, "has no `theta`"),
         (["slider_crank.h5", "chain.h5"], 2, "different models"),
         (["slider_crank.h5", "--size", "big"], 2, "is no size"),

@@ -71,7 +71,9 @@ def animate(
     ] = None,
     amplitude: Annotated[
         float | None,
-        typer.Option(help="With --mode: of the coordinate whose shape is 1. [default: to be seen]"),
+        typer.Option(
+            help="With --mode: amplitude of the coordinate whose shape is 1. [default: visible]"
+        ),
     ] = None,
     equilibrium: Equilibrium = False,
     steady: Steady = None,
@@ -154,5 +156,5 @@ def _size(text: str) -> tuple[int, int]:
     """Return the width and height that a text such as 640x480 gives."""
     found = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
     if found is None:
-        raise UsageError(f"--size {text!r} is no size; give width and height in pixels: 640x480")
+        raise UsageError(f"--size {text!r} is not a size; give width and height in pixels: 640x480")
     return int(found[1]), int(found[2])

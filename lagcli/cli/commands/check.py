@@ -1,4 +1,4 @@
-"""`lagcli check`: what a model tells before it moves."""
+"""`lagcli check`: analysis of a model at its initial state."""
 
 import sys
 from typing import Annotated

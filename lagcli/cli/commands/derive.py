@@ -33,7 +33,7 @@ def derive(
     model: ModelPath,
     format: Annotated[Format, typer.Option("--format", "-f", help="How to print.")] = Format.text,
     steps: Annotated[
-        bool, typer.Option("--steps", help="Show the derivation, the textbook's way.")
+        bool, typer.Option("--steps", help="Show the derivation step by step, as in the textbook.")
     ] = False,
     kind: Annotated[
         str | None,
@@ -55,10 +55,11 @@ def derive(
         ),
     ] = None,
     solve: Annotated[
-        bool, typer.Option("--solve", help="Give λ and q'' in closed form, where that is short.")
+        bool,
+        typer.Option("--solve", help="Solve for λ and q'' in closed form, where that is short."),
     ] = False,
     numeric: Annotated[
-        bool, typer.Option("--numeric", help="Put in the values of the parameters.")
+        bool, typer.Option("--numeric", help="Insert the values of the parameters.")
     ] = False,
     fragment: Annotated[
         bool, typer.Option("--fragment", help="LaTeX without preamble, to be included.")

@@ -1,4 +1,4 @@
-"""`lagcli equilibrium`: where a mechanism can rest, or move steadily."""
+"""`lagcli equilibrium`: equilibria and steady motions."""
 
 from typing import Annotated
 
@@ -12,7 +12,7 @@ from lagcli.errors import UsageError
 def equilibrium(
     model: ModelPath,
     all: Annotated[
-        bool, typer.Option("--all", help="Look for all of them, from many starts.")
+        bool, typer.Option("--all", help="Search for all equilibria, from many starts.")
     ] = False,
     starts: Annotated[
         int, typer.Option("--starts", metavar="N", help="Starts for --all.", min=1)

@@ -1,4 +1,4 @@
-"""`lagcli play`: a page on which a model's values are moved and its motion follows."""
+"""`lagcli play`: interactive simulation in the browser."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""`lagcli report`: a run, or an analysis, on one page."""
+"""`lagcli report`: report of a run or an analysis on one HTML page."""
 
 from typing import Annotated
 

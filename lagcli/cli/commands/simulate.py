@@ -82,7 +82,7 @@ def simulate(
     from lagcli.trajectory.samples import ENDED, Samples
 
     if output == "-" and json:
-        raise UsageError("-o - and --json both want standard output; write to a file, or drop one")
+        raise UsageError("-o - and --json both use standard output; write to a file, or drop one")
     began = time.perf_counter()
     loaded = load(model, assignments("--set", set), assignments("--set-initial", set_initial))
     load_seconds = time.perf_counter() - began

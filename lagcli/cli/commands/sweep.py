@@ -1,4 +1,4 @@
-"""`lagcli sweep`: many runs of one model, measured and kept in one file."""
+"""`lagcli sweep`: many runs of one model, in one file."""
 
 import sys
 from collections.abc import Iterator
@@ -200,7 +200,7 @@ def _kept(summary: Any) -> str:
         return "the journal was removed while the sweep ran, so that no rows are kept"
     return (
         f"{summary.done} of {summary.rows} rows are kept in {summary.output}\n"
-        "   help: the same command with --resume goes on"
+        "   help: the same command with --resume continues"
     )
 
 

@@ -237,7 +237,7 @@ class RankWatch:
             else "the motion is stiff or singular there; try --method Radau"
         )
         return Stop(
-            f"the step size fell to the floor at t = {t:.9g} s, where `{fastest}` changes fastest"
+            f"the step size fell to its minimum at t = {t:.9g} s, where `{fastest}` changes fastest"
             f" ({np.abs(v).max():.3g} per second): {why}{remark}"
         )
 
@@ -308,5 +308,5 @@ def _no_gradient(names: list[str]) -> str:
 
 def _start_stop(why: str) -> Stop:
     return Stop(
-        f"the start is a singular configuration: {why} how the motion begins; start beside it"
+        f"the start is a singular configuration: {why} how the motion begins; start away from it"
     )

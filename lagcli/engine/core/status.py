@@ -24,7 +24,7 @@ class Status(_Described):
     DONE = "t_end is reached"
     BLOCK_FULL = "the sample block is full"
     UNDEFINED = "the equations have no finite value at (t_bad, y_bad)"
-    FLOOR = "the step size fell to the floor"
+    FLOOR = "the step size fell to its minimum"
     NEAR = "the last step went towards a singular configuration"
     OVER = "the last step may have crossed a singular configuration"
     OFF = "(t_bad, y_bad) cannot be projected onto the constraints"

@@ -180,7 +180,7 @@ class Methods:
         if not self.changes:
             return self.refused
         t, method = self.changes[-1]
-        return f"the motion is stiff: went on with {method} at t = {t:.9g} s"
+        return f"the motion is stiff: continued with {method} at t = {t:.9g} s"
 
     @cached_property
     def _jacobians(self) -> JacobianTapes:

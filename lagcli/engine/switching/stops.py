@@ -74,7 +74,7 @@ def two_motions(
     if problem.laws[row] == ContactLaw.FREE:
         forces = ", ".join(f"lambda = {x.force[row]:.6g}" for x in motions)
         return Stop(
-            f"{len(motions)} answers for the friction at `{names[row]}` at t = {t:.9g} s: jamming"
+            f"{len(motions)} solutions for the friction at `{names[row]}` at t = {t:.9g} s: jamming"
             f" ({forces}){_bound(problem, row)}; reduce the friction"
         )
     ways = ", or ".join(_way(problem, names, row, x) for x in motions[:2])

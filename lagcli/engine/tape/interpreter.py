@@ -36,7 +36,7 @@ def _on_arrays(op: Op) -> Callable[..., Any]:
 def _on_floats(op: Op) -> Callable[..., float]:
     """Return an operation on floats that gives ±∞ or NaN, as IEEE 754 has it, and never raises."""
     function = op.scalar
-    assert function is not None, f"{op.name} is no operation of tapes"
+    assert function is not None, f"{op.name} is not an operation of tapes"
     if function in _TOTAL:
         return function
     if op.kind is Kind.RELATION:

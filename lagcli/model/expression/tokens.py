@@ -122,7 +122,7 @@ _HINTS = {
     "%": "write percent as a number, 0.05",
     "&": "write `and`",
     "!": "write `not`",
-    "~": "`~` means nothing in YAML; give an expression",
+    "~": "`~` is null in YAML; give an expression",
     "?": "write a choice as `if(condition, a, b)`",
     ":": "a time such as 12:30 is not a number: give seconds",
     ".": "a number needs a digit before or after its point",

@@ -1,4 +1,4 @@
-"""Names: the keys of a model, its coordinates, and what is declared twice."""
+"""Coordinates, unknown keys, and names that are declared twice."""
 
 from __future__ import annotations
 
@@ -330,7 +330,7 @@ def report_overlaps(draft: Draft) -> None:
                         "duplicate-name",
                         f"`{name}` is declared twice: as {other} and as {kind}",
                         names.locations[family],
-                        "let the ranges not overlap",
+                        "use ranges that do not overlap",
                     )
                     names.broken.add(family)
                     break

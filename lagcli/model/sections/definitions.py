@@ -1,4 +1,4 @@
-"""The definitions: named expressions, built in the order in which they need each other."""
+"""The definitions: named expressions, built in topological order."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def report_circle(draft: Draft, what: str, cycle: list[str], keys: Mapping[str, 
         "circular",
         f"the {what} `{cycle[0]}` is defined by itself: {arrows}",
         keys[cycle[0]].location,
-        "give one of them without the others" if len(cycle) > 1 else "give it without itself",
+        "define one of them without the others" if len(cycle) > 1 else "define it without itself",
         tuple((f"`{name}` is defined here", keys[name].location) for name in cycle[1:4]),
     )
     draft.names.broken.update(map(family_of, cycle))

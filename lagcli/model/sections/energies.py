@@ -137,7 +137,7 @@ def _read_force(
         if d.spans and name not in names.definitions:
             if d.family in names.families and d.family not in names.broken:
                 message = f"`Q` names `{name}`, but {members_clause(d.name, names.members(d.name))}"
-                help_ = "let the ranges be the same" if d.several else "name another member"
+                help_ = "use the same ranges" if d.several else "name another member"
                 draft.report.add("no-member", message, d.key.location, help_)
                 return
             continue

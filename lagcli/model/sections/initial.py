@@ -197,7 +197,7 @@ def _enter(draft: Draft, attempted: dict[str, Member], member: Member) -> bool:
                 f"`initial` names `{canonical}`, but"
                 f" {members_clause(d.name, _members(draft, d.name))}",
                 d.key.location,
-                "only coordinates have initial values: let the ranges be the same",
+                "only coordinates have initial values: use the same ranges",
             )
         return False
     first = attempted.get(canonical)

@@ -238,7 +238,7 @@ class _ViewReader:
                         "no-member",
                         f"the view has no point `{missing[0]}` to be labelled",
                         d.key.location,
-                        "let the ranges be the same",
+                        "use the same ranges",
                     )
                 found.update({name: text for name in members if name in self.points.found})
         return found

@@ -55,7 +55,7 @@ def check_film(suffix: str, frames: int, size: tuple[int, int], fps: float) -> N
     if suffix == ".mp4":
         if width % 2 or height % 2:
             raise UsageError(
-                f"MP4 wants even numbers of pixels, not {width}x{height};"
+                f"MP4 needs even numbers of pixels, not {width}x{height};"
                 f" give --size {width + width % 2}x{height + height % 2}"
             )
         _ffmpeg()
@@ -196,7 +196,7 @@ def write_mp4(
                 lines = said.read().decode(errors="replace").strip().splitlines()
                 raise FileError(
                     f"ffmpeg failed ({lines[-1] if lines else f'status {ffmpeg.returncode}'});"
-                    " write GIF or HTML in its place"
+                    " write GIF or HTML instead"
                 )
         with target.open("rb") as film:
             shutil.copyfileobj(film, file, 1 << 20)

@@ -228,7 +228,7 @@ class Catalogue:
             f"{self.run.name} has no `{shorten(text)}`"
             + (f"; {question}" if question else "")
             + "".join(f"\n   {what:<14} {names}" for what, names in lines if names)
-            + f"\n   * stands for anything: '{_EVERY_MULTIPLIER}'"
+            + f"\n   * matches any text, as in '{_EVERY_MULTIPLIER}'"
         )
 
     # looks

@@ -58,7 +58,7 @@ def size_of(text: str) -> tuple[float, float]:
     except ValueError:
         width = height = 0.0
     if not (width and height):
-        raise UsageError(f"--size {text!r} is no size; give width and height in inches: 7x4")
+        raise UsageError(f"--size {text!r} is not a size; give width and height in inches: 7x4")
     if min(width, height) < _LEAST or max(width, height) > 200:
         raise UsageError(f"--size {text}: a side of a plot has {_LEAST} to 200 inches, as in 7x4")
     return width, height

@@ -62,7 +62,7 @@ def asked(catalogue: Catalogue, names: Iterable[str]) -> list[Panel]:
             raise UsageError(f"{text!r} names nothing to plot")
         if pairs and len(pairs) < len(parts):
             raise UsageError(
-                f"{text!r} joins what is drawn over the time and what is not; give them apart"
+                f"{text!r} mixes quantities drawn over time with others; give them separately"
             )
         if pairs:
             phases.append(_phase(catalogue, pairs))
@@ -88,7 +88,7 @@ def _phase(catalogue: Catalogue, pairs: Sequence[str]) -> Panel:
     for pair in pairs:
         ends = pair.split(":")
         if len(ends) != 2 or not all(end.strip() for end in ends):
-            raise UsageError(f"{pair!r} is no pair of curves; write x:y, which draws y over x")
+            raise UsageError(f"{pair!r} is not a pair of curves; write x:y, which draws y over x")
         first, second = (catalogue.find(end) for end in ends)
         if len(first) != len(second):
             raise UsageError(f"{pair!r} pairs {len(first)} curves with {len(second)}")

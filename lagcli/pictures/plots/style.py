@@ -1,4 +1,4 @@
-"""How all pictures look: colours that the colour-blind tell apart, lines that print tells apart."""
+"""Style of all pictures: a colour-blind safe palette and line styles for print."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def shade(part: float) -> Any:
 
 
 def grades(values: Any, log: bool = False) -> Any:
-    """Return what gives curves the colours of their values, and a colour bar its scale.
+    """Return the colour map and its normalization for curves and a colour bar.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def grades(values: Any, log: bool = False) -> Any:
 
 
 def settings() -> Any:
-    """Return what matplotlib is to be set to while a picture is made."""
+    """Return the matplotlib settings of a picture."""
     return {
         # fonts that come with matplotlib: a picture looks the same everywhere
         "font.family": "DejaVu Sans",

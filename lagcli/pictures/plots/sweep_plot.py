@@ -1,4 +1,4 @@
-"""Plots of sweeps: measures over what was varied, as curves and as maps."""
+"""Plots of sweeps: measures over varied quantities, as curves and maps."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _TORNADO = "tornado:"
 
 
 class PlottedQuantity(NamedTuple):
-    """A number of each row: varied, or measured."""
+    """A varied or measured quantity, one number per row."""
 
     name: str
     label: str

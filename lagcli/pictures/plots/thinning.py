@@ -1,4 +1,4 @@
-"""Long runs made short enough to draw, without losing a peak."""
+"""Thinning of long runs for drawing, with all peaks kept."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tornado charts: which of the quantities that a sweep varied drives a measure.
+"""Tornado charts: effects of the varied quantities on a measure.
 
 The bar of a quantity spans the means of the measure over the rows with each of its values, where
 all values were combined; otherwise what a linear fit to all rows says of its range.
@@ -20,7 +20,7 @@ _LEVELS = 50
 
 
 class Effect(NamedTuple):
-    """What a quantity does to a measure.
+    """Effect of a varied quantity on a measure.
 
     Parameters
     ----------

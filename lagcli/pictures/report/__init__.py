@@ -1,4 +1,4 @@
-"""The report of a run, or of an analysis: one page that holds all that it needs."""
+"""The report of a run or an analysis: one self-contained HTML page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a report says in tables: extremes, what the start moved, solver, provenance, status."""
+"""Tables of a report: extremes, adjusted initial values, solver, provenance, status."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def status(run: RunFile) -> str:
 
 
 def extremes_table(found: Mapping[ReportCurve, Extreme], system: EquationSystem) -> str:
-    """Return the table of least and largest values, with the times to go to."""
+    """Return the table of extremes, with their times as links."""
     rows = []
     for curve, extreme in found.items():
         if math.isnan(extreme.low):
@@ -61,7 +61,7 @@ def extremes_table(found: Mapping[ReportCurve, Extreme], system: EquationSystem)
 
 
 def moved(run: RunFile, system: EquationSystem) -> str:
-    """Return what the consistent start moved; nothing where there are no constraints."""
+    """Return the adjusted initial values; nothing without constraints."""
     correction = run.record.initial_correction
     if not run.constraints:
         return ""
@@ -81,7 +81,7 @@ def moved(run: RunFile, system: EquationSystem) -> str:
 
 
 def solver(run: RunFile, found: Extremes) -> str:
-    """Return how the run was computed, and how well."""
+    """Return the solver and its accuracy."""
     record = run.record
     options = record.options
     counts = ", ".join(f"{value} {name}" for name, value in record.counts.items())
@@ -105,7 +105,7 @@ def solver(run: RunFile, found: Extremes) -> str:
 
 
 def provenance(run: RunFile) -> str:
-    """Return all that is needed to make the run again."""
+    """Return what is needed to reproduce the run."""
     record = run.record
     options = ", ".join(f"{k} = {_plain(v)}" for k, v in record.options.items() if v is not None)
     versions = f"run by lagcli {record.lagcli_version}" if record.lagcli_version else ""

@@ -1,4 +1,4 @@
-"""Cameras: where a point of a scene is in a picture; as ``assets/camera.js`` has it for pages."""
+"""Cameras: projection of a scene to a picture, as ``assets/camera.js`` does for pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenes drawn as pictures: what ``assets/scene.js`` is for pages, for frames and files."""
+"""Scenes drawn as pictures, as ``assets/scene.js`` does for pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the text of a point stands, so that it hides no line; the same as ``assets/labels.js``."""
+"""Placement of labels away from lines, as ``assets/labels.js`` does for pages."""
 
 from __future__ import annotations
 

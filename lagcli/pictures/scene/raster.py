@@ -57,7 +57,7 @@ class Raster:
         self._rgba = to_rgba
 
     def clear(self, still: Image | None = None) -> None:
-        """Begin with a clean sheet, or with a picture: (height, width, 4)."""
+        """Clear the raster, or copy a picture to it: (height, width, 4)."""
         self.renderer.clear()
         if still is not None:
             np.asarray(self.renderer.buffer_rgba())[...] = still

@@ -1,4 +1,4 @@
-"""How each kind of shape of a scene looks; as ``assets/shapes.js`` has it for pages."""
+"""Shapes of a scene as drawing commands, as ``assets/shapes.js`` does for pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trajectories from CSV: at once, or some columns piece by piece."""
+"""Reader of trajectories in CSV."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class CsvReader:
 
 
 def _check_last_line(path: str) -> None:
-    """Raise if the file does not end with a line end: then even its last number may be cut."""
+    """Raise if the file does not end with a newline: its last number may be truncated."""
     try:
         with open(path, "rb") as file:
             file.seek(-1, os.SEEK_END)
@@ -161,7 +161,7 @@ class HeaderNames(NamedTuple):
 
 
 def _names(path: str, header: list[str]) -> HeaderNames:
-    """Return the names of a header; raise FileError if it is none of lagcli."""
+    """Return the names of a header; raise FileError if lagcli did not write it."""
     # Forces follow the accelerations; without a coordinate there are none, and scalars follow.
     named = [read_dotted_name(text) or ColumnName("") for text in header]
     forces = ("multipliers", "constraint_force", "constraint_force_by")

@@ -1,4 +1,4 @@
-"""The sidecar of a CSV file: JSON beside it, with what CSV has no place for."""
+"""The sidecar of a CSV file: JSON with the metadata that CSV cannot hold."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def _listed(inputs: Mapping[str, InputTable]) -> dict[str, Any]:
 
 
 def _table(name: str, given: Mapping[str, Any]) -> InputTable:
-    """Return what `_listed` made JSON values of.
+    """Invert `_listed`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The mechanics of an HDF5 file that appears whole: datasets, attributes, axes.
+"""Writing of HDF5 files: datasets, attributes, dimension scales.
 
 h5py's low-level functions make an ordinary file in half the time of its usual ones.
 """
@@ -48,7 +48,7 @@ def new_file(path: str, force: bool) -> Iterator[tuple[h5py.File, Sink]]:
 
 
 class Sink:
-    """A binary file for HDF5 that keeps the first failure to itself until HDF5 is done.
+    """Binary file for HDF5 that stores the first failure until HDF5 is done.
 
     The HDF5 library does not recover when a disk fills up under it (with h5py 3.10 the process
     crashes). So it never hears of it, and what it writes after a failure is dropped.
@@ -117,7 +117,7 @@ def add_array(group: h5py.Group, name: str, values: Array) -> h5d.DatasetID:
 def add_growing(
     group: h5py.Group, name: str, shape: Sequence[int], rows: int, compressed: bool
 ) -> h5d.DatasetID:
-    """Make a dataset of no length yet, in chunks of so many rows of a shape without zeros."""
+    """Create an empty, growing dataset, with the rows of a chunk and their shape."""
     creation = _creation()
     creation.set_chunk((rows, *shape))
     if compressed:
@@ -186,7 +186,7 @@ def make_axis(dataset: h5d.DatasetID, name: str) -> None:
 
 
 def attach_axes(dataset: h5d.DatasetID, axes: Sequence[h5d.DatasetID]) -> None:
-    """Say along which axes the dimensions of a dataset run."""
+    """Attach the dimension scales of a dataset."""
     for dimension, axis in enumerate(axes):
         h5ds.attach_scale(dataset, axis, dimension)
 

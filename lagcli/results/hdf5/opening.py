@@ -1,4 +1,4 @@
-"""Open an HDF5 file of lagcli for reading, whoever it comes from and whatever happened to it.
+"""Opening of HDF5 files, which may be damaged or hostile.
 
 A file with a seal is checked byte for byte before the HDF5 library sees it. Files of layout 1 have
 none; another process, which may loop or crash without harm, copies them into the present layout.

@@ -1,4 +1,4 @@
-"""What a sweep file holds: for programs as a dict, for people as text."""
+"""Description of a sweep file, as a dict and as text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The journal of a sweep: what is known of its rows while it runs.
+"""The journal of a sweep: results of its rows, stored while it runs.
 
 A file that only grows, record by record. Each record has its length and a checksum over all
 records up to it, so that it is valid only in its place. A process that is killed leaves whole
@@ -50,7 +50,7 @@ class Mark(NamedTuple):
 
 
 class Journal:
-    """An open journal, which no other process can open.
+    """An open journal, locked against other processes.
 
     Parameters
     ----------
@@ -116,13 +116,13 @@ class Journal:
             os.close(file)  # finished and removed by its owner in between
 
     def close(self) -> None:
-        """Sync and close the file, which stays."""
+        """Sync and close the file without removing it."""
         with suppress(OSError):
             os.fsync(self._file)
         os.close(self._file)
 
     def remove(self) -> None:
-        """Remove the file, when all it holds is in the result file."""
+        """Remove the file, once its contents are in the result file."""
         with suppress(FileNotFoundError):
             os.unlink(self.path)
         os.close(self._file)
@@ -190,7 +190,7 @@ class Journal:
         self._add(encode(results))
 
     def recover(self, rows: int, measures: int) -> Iterator[Results]:
-        """Yield all results, in the order in which they came; cut off what is damaged.
+        """Yield all results in the order of writing; truncate a damaged end.
 
         Parameters
         ----------
@@ -291,7 +291,7 @@ def _following(before: Mark, record: bytes) -> Mark:
 
 
 def check_no_journal(output: str) -> None:
-    """Raise if an unfinished sweep stands beside a result file.
+    """Raise if a result file has the journal of an unfinished sweep.
 
     Raises
     ------

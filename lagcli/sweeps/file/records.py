@@ -1,4 +1,4 @@
-"""Results of rows as bytes, and back."""
+"""Serialization of row results."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def encode(results: Results) -> bytes:
 
 
 def decode(record: bytes, rows: int, measures: int) -> Results:
-    """Return the results in a record of a sweep with so many rows and measures.
+    """Return the results in a record, given the numbers of rows and measures.
 
     Raises
     ------

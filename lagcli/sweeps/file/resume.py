@@ -73,7 +73,7 @@ def _cut(journal: Journal, row_status: RowStatus) -> str:
 def _reopened(
     prepared: PreparedSweep, path: str, row_status: RowStatus, retry_failed: bool
 ) -> Journal | None:
-    """Take up a finished sweep again: its failed rows, if these are to be run again."""
+    """Reopen a finished sweep, to repeat its failed rows if requested."""
     from lagcli.sweeps.file.store import open_sweep
 
     if format_of(path).sweeps == "table":
@@ -96,7 +96,7 @@ def _reopened(
 
 
 def refuse_difference(before: Mapping[str, Any], now: Mapping[str, Any], path: str) -> None:
-    """Raise if a sweep that is to be resumed was begun as another.
+    """Raise if a sweep to be resumed was started with other settings.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def refuse_difference(before: Mapping[str, Any], now: Mapping[str, Any], path: s
 
 
 def _as_read(value: Any) -> Any:
-    """Return a JSON value as it comes back from a file."""
+    """Return a JSON value after a round trip through a file."""
     return json.loads(json.dumps(value))
 
 

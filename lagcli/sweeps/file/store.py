@@ -128,7 +128,7 @@ class _SweepWriter:
         return dataset
 
     def add_message(self, length: int) -> None:
-        """Make the dataset of messages of at most so many bytes, with those that there are."""
+        """Create the dataset of messages, with their maximum length in bytes."""
         before = self.root.get("message")
         kind = h5py.string_dtype("utf-8", length)
         rows = max(1, min(self.length, _MESSAGES // length))
@@ -344,14 +344,14 @@ class SweepFile:
         return [q.name for q in KEPT if q.name in self.root] + outputs
 
     def _fact(self, name: str) -> Any:
-        """Return a root attribute; what is JSON is read."""
+        """Return a root attribute, parsed if it is JSON."""
         text = text_attribute(self.root, name)
         assert text is not None
         return json.loads(text) if name in _FACTS and _FACTS[name] is not str else text
 
 
 def _check_plan(sweep: dict[str, Any]) -> None:
-    """Raise ValueError unless the plan of a sweep says what is shown of it."""
+    """Raise ValueError unless a stored plan has all fields."""
     plan = _checked(dict, sweep.get("plan"), "the plan")
     for text in _checked(list, plan.get("vary"), "vary"):
         _checked(str, text, "vary")

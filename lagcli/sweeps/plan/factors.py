@@ -29,7 +29,7 @@ class Factor(Protocol):
 
 @dataclass(frozen=True)
 class Steps:
-    """Values at equal distances, exact until the last rounding: 1 + 2·0.1 is 1.2.
+    """Equidistant values, each rounded once: 1 + 2·0.1 is 1.2.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Steps:
 
 @dataclass(frozen=True)
 class Ratios:
-    """Values of equal ratios from ``first`` to ``last``, both in SI and positive."""
+    """Geometric sequence from ``first`` to ``last``, both in SI and positive."""
 
     columns: tuple[str, ...]
     first: float

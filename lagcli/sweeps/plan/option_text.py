@@ -10,7 +10,7 @@ from lagcli.model.expression.tokens import ExpressionError
 
 @dataclass(frozen=True)
 class OptionText:
-    """What stands behind an option.
+    """The value of an option, with positions for messages.
 
     Parameters
     ----------

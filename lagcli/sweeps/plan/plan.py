@@ -63,7 +63,7 @@ class Plan:
         return np.hstack(parts[::-1])
 
     def described(self) -> dict[str, Any]:
-        """Return what the plan was made of, as JSON values; equal for equal plans alone."""
+        """Return the plan as JSON values; equal only for equal plans."""
         tables = {
             ", ".join(f.columns): hashlib.sha256(f.values.tobytes()).hexdigest()
             for f in self.factors

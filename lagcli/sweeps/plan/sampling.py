@@ -22,7 +22,7 @@ MOST_OF_SOBOL = 1 << 30
 
 @dataclass(frozen=True)
 class Distribution:
-    """How values lie in a range; numbers in SI.
+    """Distribution of values over a range, in SI.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Distribution:
     b: float
 
     def quantile(self, u: Array) -> Array:
-        """Return the values below which the parts ``u`` of all lie."""
+        """Return the quantiles of the probabilities ``u``."""
         a, b = self.a, self.b
         if self.kind == "uniform":
             return a + (b - a) * u

@@ -1,4 +1,4 @@
-"""What a sweep is: a model, a plan, settings and measures; small, and the same on every machine."""
+"""Specification of a sweep: model, plan, settings and measures, independent of the machine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lagcli.version import __version__
 
 @dataclass(frozen=True, eq=False)
 class Spec:
-    """Everything that the rows of a sweep are functions of, beside their numbers.
+    """Specification that determines the result of each row from its number.
 
     It can be sent to another process or machine, which needs no file.
 
@@ -58,7 +58,7 @@ class Spec:
         return self.plan.length, len(self.measures)
 
     def load(self, values: Mapping[str, object] | None = None) -> Model:
-        """Return the model, with some parameters of other values.
+        """Return the model with some parameters changed.
 
         Raises
         ------
@@ -69,7 +69,7 @@ class Spec:
         return load_text(self.text, self.path, values, self.set_initial, self.data)
 
     def described(self) -> dict[str, Any]:
-        """Return all of it as JSON values; equal for sweeps of equal rows alone."""
+        """Return the specification as JSON values; equal only for sweeps with equal rows."""
         inputs = {
             name: hashlib.sha256(x.times.tobytes() + x.values.tobytes()).hexdigest()
             for name, x in self.data.items()

@@ -32,7 +32,7 @@ def varied_name(model: Model, name: str) -> str:
 
 
 def si_factor(model: Model, name: str, unit: str | None) -> Factor:
-    """Return what brings values of a quantity to SI.
+    """Return the factor that converts values of a quantity to SI.
 
     Raises
     ------

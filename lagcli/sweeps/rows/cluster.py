@@ -1,4 +1,4 @@
-"""Rows on the workers of a Dask scheduler: chunks of numbers out, results back, few at a time."""
+"""Rows on the workers of a Dask scheduler, sent in chunks."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _TICK = 0.1  # s between two looks at whether to go on
 
 
 class Cluster:
-    """The workers of a scheduler; a context, in which `run` runs rows on them.
+    """Context manager for the workers of a scheduler; `run` runs rows on them.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ class Cluster:
             yield found.results
 
     def _look(self) -> None:
-        """Look who is there; say who is gone."""
+        """Report workers that have left."""
         try:
             threads = dict(self._client.nthreads())
         except (OSError, TimeoutError):
@@ -267,7 +267,7 @@ def _processes(n: int) -> str:
 
 
 def _lost(numbers: Numbers, spec: Spec, deaths: int) -> Results:
-    """Return the results of rows that no process survives."""
+    """Return failed results for rows that crash every process."""
     n = len(numbers)
     message = f"{_processes(deaths)} died while this row ran alone: killed, or out of memory"
     return Results(

@@ -1,4 +1,4 @@
-"""Chunks of rows that are under way to workers and back, and what a worker does with one."""
+"""Dispatch of chunks of rows to workers, and their execution there."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _PARTS = 8  # that a chunk is cut into when it ends processes
 
 
 class Flight:
-    """The chunks of a sweep that are under way: never more than the workers keep busy with.
+    """Chunks in flight: no more than keep the workers busy.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Flight:
         self.under_way: dict[Any, tuple[Future[Any], Numbers]] = {}
 
     def fill(self, threads: int) -> bool:
-        """Send chunks until all threads have theirs; return whether there is more to wait for."""
+        """Send chunks to all idle threads; return whether any are in flight."""
         # without workers too there is something to do, for what starts them as they are needed
         self.chunks.jobs = max(1, threads)
         while len(self.under_way) < (1 if self.alone else _AHEAD * self.chunks.jobs):
@@ -94,14 +94,14 @@ class Flight:
         return self.under_way.pop(future.key)
 
     def again(self, numbers: Numbers) -> None:
-        """Run rows again that ended the process that ran them, or were beside such rows."""
+        """Repeat the rows of a chunk whose process crashed."""
         if len(numbers) == 1:
             self.suspects.append(numbers)
         else:
             self.repeated.extend(np.array_split(numbers, min(_PARTS, len(numbers))))
 
     def cancel(self) -> None:
-        """Leave what is under way."""
+        """Cancel the chunks in flight."""
         with suppress(OSError, TimeoutError, RuntimeError):
             self.client.cancel([future for future, _ in self.under_way.values()])
 
@@ -110,7 +110,7 @@ class Flight:
 
 
 class Answer(NamedTuple):
-    """What a worker sends back: results, or a version that is not ours, or a bug's traceback."""
+    """Reply of a worker: results, a different version, or the traceback of a bug."""
 
     worker: str
     version: str
@@ -124,7 +124,7 @@ def _itself(spec: Spec) -> Spec:
 
 
 def _run(spec: Spec, numbers: Numbers, version: str) -> Answer:
-    """Run rows on a worker, unless its lagcli is not the one that asks."""
+    """Run rows on a worker, provided that its lagcli has the client's version."""
     from distributed import get_worker
 
     worker = get_worker()
@@ -153,7 +153,7 @@ _mine = threading.local()
 
 
 def _runner(spec: Spec) -> Runner:
-    """Return what runs a sweep's rows in this thread, made once: threads share no scratch."""
+    """Return this thread's runner of rows, made once: threads share no scratch memory."""
     if getattr(_mine, "sha256", None) != spec.sha256:
         _mine.runner, _mine.sha256 = Runner(spec), spec.sha256
     runner: Runner = _mine.runner

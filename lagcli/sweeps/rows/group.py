@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class FinishedRuns(NamedTuple):
-    """Runs that ended, or never began.
+    """Finished runs, including those that could not start.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ class RowGroup:
         return found
 
     def warnings(self, ended: FinishedRuns, i: int) -> tuple[str, ...]:
-        """Return why the i-th of some runs, a completed one, cannot be trusted."""
+        """Return the warnings of the i-th run, which completed."""
         run = ended.runs[i]
         assert isinstance(run, Outcome)
         variants, p = self.variants, tuple(ended.parameters[i].tolist())
@@ -308,7 +308,7 @@ class RowGroup:
         )
 
     def _explained(self, given: Array) -> Simulation:
-        """Let the model's own loading say what is wrong with the values of a row."""
+        """Raise the loader's error for the values of a row."""
         model = self.variants.model
         values = dict(zip(self.columns, given.tolist(), strict=True))
         return self.variants.varied(

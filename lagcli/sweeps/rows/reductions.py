@@ -1,4 +1,4 @@
-"""Signals of many runs → the numbers that measures are made of."""
+"""Reductions of the signals of many runs: extremes, means, times of conditions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lagcli.trajectory.event_log import EventLog
 
 
 class Grid:
-    """The sample times, and those at which measures look besides.
+    """Sample times, and the additional times that measures need.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Runs rows on this machine, in this process or in several."""
+"""Execution of rows on this machine, in one process or several."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def test_limits_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
     now[0] = 102.0
     limits.check_time(1.0)
     now[0] = 102.1
-    with pytest.raises(Stop, match=r"after 2 s of time at t = 1 s; --timeout"):
+    with pytest.raises(Stop, match=r"after 2 s of computing time at t = 1 s; --timeout"):
         limits.check(1.0, 0)
     Limits(request().settings).check(1.0, 0)
     assert request().settings.timeout == math.inf

@@ -29,7 +29,7 @@ def test_the_last_sample_time_is_the_end() -> None:
 def test_a_value_out_of_its_range_is_refused() -> None:
     with pytest.raises(UsageError, match="no method `rk45`; did you mean `RK45`"):
         resolve(SettingsOverrides(method="rk45"))
-    with pytest.raises(UsageError, match="t_end 10 must lie after t_start 20"):
+    with pytest.raises(UsageError, match="t_end 10 is not after t_start 20"):
         resolve(SettingsOverrides(t_start=20.0))
 
 

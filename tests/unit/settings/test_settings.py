@@ -57,7 +57,7 @@ def test_defaults_are_in_range(name: str) -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"t_end": -1}, "t_end -1 must lie after t_start 0"),
+        ({"t_end": -1}, "t_end -1 is not after t_start 0; give a later t_end"),
         ({"t_end": math.inf}, "t_end must be a finite number, not inf"),
         ({"t_end": "2"}, "t_end must be a number, not '2'"),
         ({"samples": 0}, "samples must lie between 1 and 10^8, not 0"),

@@ -219,7 +219,7 @@ class ConditionReader:
                     "no-member",
                     f"`when` of {self.what} names `{row}`, which is not a constraint",
                     self.node.location,
-                    "let the ranges be the same",
+                    "use the same ranges",
                 )
                 return None
         return ReadCondition(None, change=(row, change))

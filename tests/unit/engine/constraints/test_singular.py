@@ -114,7 +114,7 @@ def test_messages_name_constraints_and_ways_out(watch: RankWatch) -> None:
     assert "--through-singular" in text
     fast = np.array([0.5, 0.5, 1.0, -7.0, 0.0])
     text = str(watch.floor(0.25, fast, "DOP853", " (remark)"))
-    assert "fell to the floor at t = 0.25 s, where `psi` changes fastest (7 per second)" in text
+    assert "fell to its minimum at t = 0.25 s, where `psi` changes fastest (7 per second)" in text
     assert "try --method Radau (remark)" in text
     assert "Radau" not in str(watch.floor(0.25, fast, "auto"))
 

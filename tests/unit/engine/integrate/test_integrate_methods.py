@@ -91,7 +91,7 @@ def test_a_stiff_motion_goes_on_implicitly(rtol: float, implicit: str) -> None:
     assert found.running == implicit
     assert found.used == ("DOP853", implicit)
     assert found.steps == {"DOP853": 100, implicit: 30}
-    assert found.message() == f"the motion is stiff: went on with {implicit} at t = 0.1 s"
+    assert found.message() == f"the motion is stiff: continued with {implicit} at t = 0.1 s"
 
 
 def test_an_implicit_method_without_longer_steps_was_in_vain() -> None:
@@ -123,7 +123,7 @@ def test_derivatives_are_not_worth_it_for_a_few_steps() -> None:
     core.go(800, 1e-3)
     found.stiff()
     assert found.running == "DOP853"
-    found.stiff(forced=True)  # where the step size fell to the floor
+    found.stiff(forced=True)  # where the step size fell to its minimum
     assert found.running == "Radau"
     assert found.most_steps() == found.settings.max_steps
 

@@ -257,7 +257,8 @@ def test_friction_of_a_bilateral_constraint() -> None:
 
 
 @pytest.mark.parametrize(
-    ("load", "message"), [("6 N", "no motion is possible"), ("-6 N", "2 answers for the friction")]
+    ("load", "message"),
+    [("6 N", "no motion is possible"), ("-6 N", "2 solutions for the friction")],
 )
 def test_painleve(load: str, message: str) -> None:
     model = KLEIN.replace("MU", "1.2").replace("P2: 6 N", f"P2: {load}")

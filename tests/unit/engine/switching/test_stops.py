@@ -43,7 +43,7 @@ def test_no_motion() -> None:
 def test_jamming_in_a_guide() -> None:
     problem = klein(2.0, -6.0)
     found = stops.two_motions(0.0, ["rough", "rough.slip"], problem, contact_motions(problem))
-    assert str(found).startswith("2 answers for the friction at `rough` at t = 0 s: jamming (")
+    assert str(found).startswith("2 solutions for the friction at `rough` at t = 0 s: jamming (")
     assert "beyond the bound 1.155" in str(found)
 
 

@@ -110,7 +110,7 @@ JAM = (2 / math.sqrt(3) - 0.8) / 5
         (
             KLEIN,
             {"P": -6},
-            "2 answers for the friction at `rough` at t = 0 s: jamming (lambda = 2.54809,"
+            "2 solutions for the friction at `rough` at t = 0 s: jamming (lambda = 2.54809,"
             " lambda = -132.452); mu = 1.2 is beyond the bound 1.155 here (Painlevé); reduce the"
             " friction",
         ),

@@ -84,4 +84,4 @@ def test_two_motions_are_refused() -> None:
 
     model = contact_model("painleve_klein", mu=2.0, P2="-6 N")
     found = run_contact(model, "scipy")
-    assert found.outcome.message.startswith("2 answers for the friction at `rough` at t = 0 s")
+    assert found.outcome.message.startswith("2 solutions for the friction at `rough` at t = 0 s")
