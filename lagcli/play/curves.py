@@ -14,6 +14,7 @@ from lagcli.model.result_units import result_units
 from lagcli.pictures.event_marks import Jumps, marks
 from lagcli.pictures.report.curves import label
 from lagcli.pictures.report.writing import chosen, unit
+from lagcli.pictures.scale_groups import scale_groups
 from lagcli.trajectory.event_log import EventLog
 from lagcli.trajectory.samples import Samples
 
@@ -66,7 +67,7 @@ class Curves:
         return bool(self._model.constraints) or not of_constraints
 
     def plot(self, group: str, samples: Samples, log: EventLog | None) -> dict[str, Any]:
-        """Return a plot as ``plots.js`` takes it, with arrays.
+        """Return a plot as ``plots.js`` takes it, with arrays; its series name their panels.
 
         Parameters
         ----------
@@ -84,22 +85,22 @@ class Curves:
         jumps = Jumps(log, samples.coordinates, samples.constraints)
         table = np.array([c.values for c in shown]).reshape(len(shown), len(samples.time)).T
         time, table = jumps.inserted(samples.time, [c.name for c in shown], table)
-        units = {c.unit for c in shown}
-        common = units.pop() if len(units) == 1 else ""
+        residuals = any(q.role == "residual" for q in quantities)
+        panels = [0] * len(shown) if residuals else _panels(shown)
         return {
             "title": group.capitalize(),
-            "unit": common,
-            "log": any(q.role == "residual" for q in quantities),
+            "log": residuals,
             "time": time,
             "marks": marks(log),
             "series": [
                 {
                     "name": c.name,
-                    "label": c.label if common or not c.unit else f"{c.label} [{c.unit}]",
+                    "label": f"{c.label} [{c.unit}]" if residuals and c.unit else c.label,
                     "unit": c.unit,
+                    "panel": panel,
                     "values": values,
                 }
-                for c, values in zip(shown, table.T, strict=True)
+                for c, panel, values in zip(shown, panels, table.T, strict=True)
             ],
             "of": len(curves),
         }
@@ -123,3 +124,17 @@ class Curves:
             LiveCurve(name, self._names.text(name), unit(self._units.get(name)), np.asarray(values))
             for name, values in s.outputs.items()
         ]
+
+
+def _panels(curves: list[LiveCurve]) -> list[int]:
+    """Return the panel of each curve: those of one unit and of like size share one."""
+    found: list[list[int]] = []
+    for symbol in dict.fromkeys(c.unit for c in curves):
+        places = [i for i, c in enumerate(curves) if c.unit == symbol]
+        largest = [float(np.fmax.reduce(np.abs(curves[i].values), initial=0.0)) for i in places]
+        found += [[places[k] for k in group] for group in scale_groups(largest)]
+    panels = [0] * len(curves)
+    for number, group in enumerate(sorted(found)):
+        for i in group:
+            panels[i] = number
+    return panels

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from page_checks import AXES, TEXTS
 
 import lagcli
 from lagcli.pictures.plots.style import DARK_ROLES, PALETTE, ROLES
@@ -108,3 +109,16 @@ def test_play_draws_labels_in_the_same_places(result, visit, tmp_path: Path) -> 
     flipped = np.array([[(a, -b), (c, -d)] for a, b, c, d in lines], dtype=float)
     expected = label_place(np.array([60.0, -50.0]), (16, 13), flipped, 1.0)
     assert [found[0], -found[1]] == pytest.approx(expected.tolist())
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("name", ["slider_crank", "heavy_top", "chain", "rocking_block"])
+def test_no_text_of_a_report_is_cut_off_or_overlaps(
+    name: str, width: int, result, visit, tmp_path: Path
+) -> None:
+    report(result(name), tmp_path / "page.html")
+    page = visit(tmp_path / "page.html")
+    page.set_viewport_size({"width": width, "height": 800})
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done, 50)))")
+    assert page.evaluate(TEXTS) == []
+    assert page.evaluate(AXES) == []

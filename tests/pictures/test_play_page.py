@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from page_checks import AXES, TEXTS
 from patience import PATIENCE
 
 import lagcli
@@ -61,10 +62,10 @@ class Played:
         return self.page.evaluate("page.answer.values")
 
     def curve(self, slot, series):
-        """Return a curve as uPlot has it."""
-        return np.array(
-            self.page.evaluate(f"page.pictures.slots[{slot}].plot.chart.data[{series + 1}]")
-        )
+        """Return a curve as uPlot has it, counted through all panels."""
+        panels = f"page.pictures.slots[{slot}].plots.filter((p) => !p.container.hidden)"
+        every = f"{panels}.flatMap((p) => p.chart.data.slice(1))"
+        return np.array(self.page.evaluate(f"{every}[{series}]"))
 
     def command(self):
         return self.page.locator("#command").inner_text()
@@ -262,7 +263,7 @@ def test_a_run_is_kept_for_comparison(crank):
     assert np.allclose(crank.curve(1, 1), before)
     assert crank.page.evaluate("page.pictures.player.stage.ghost !== null")
     crank.page.locator("#keep").click()
-    assert crank.page.evaluate("page.pictures.slots[1].plot.data.series.length") == 1
+    assert crank.page.evaluate("page.pictures.slots[1].plots[0].data.series.length") == 1
     assert crank.page.evaluate("page.pictures.player.stage.ghost === null")
 
 
@@ -284,8 +285,10 @@ def test_phase_plane_and_equations(crank):
 
 
 def test_every_axis_has_a_symbol_and_a_unit(crank):
-    labels = crank.page.evaluate("page.pictures.slots.map((s) => s.plot.chart.axes[1].label)")
-    assert labels == ["φ, ψ [rad]", "λ [N]", "T, V, E [J]"]
+    plots = "page.pictures.slots.flatMap((s) => s.plots).filter((p) => !p.container.hidden)"
+    labels = crank.page.evaluate(f"{plots}.map((p) => p.chart.axes[1].label)")
+    # angles of 40 rad and of 0.3 rad have their own panels
+    assert labels == ["φ [rad]", "ψ [rad]", "λ [N]", "T, V, E [J]"]
 
 
 def test_the_command_line_reproduces_the_run(crank, tmp_path, monkeypatch):
@@ -633,10 +636,19 @@ def test_contacts_are_listed_marked_and_moved(browser, opened):
         entries.nth(1).locator("button").click()
         second = p.page.evaluate("page.answer.events.entries[1].time")
         assert p.page.evaluate("page.pictures.player.stage.motion.now") == second
-        marks = "Array.from(page.pictures.slots[0].plot.data.marks)"
+        marks = "Array.from(page.pictures.slots[0].plots[0].data.marks)"
         assert second in p.page.evaluate(marks)
         # e from 0.8 to 0.6: fewer impacts, sooner
         p.enter("e", "0.6")
         assert entries.count() < count
         assert p.page.evaluate("page.answer.events.entries[1].time") < second
         assert second not in p.page.evaluate(marks)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 800)])
+def test_no_text_is_cut_off_or_overlaps(crank, width, height):
+    crank.page.set_viewport_size({"width": width, "height": height})
+    crank.page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done, 50)))")
+    assert crank.page.evaluate(TEXTS) == []
+    assert crank.page.evaluate(AXES) == []
+    crank.page.set_viewport_size({"width": 1280, "height": 800})

@@ -135,4 +135,4 @@ def _sum(f: Formulas, products: Iterable[tuple[Basic, Basic]]) -> Node | None:
         node = sum_of((1, product_of([f.arrange(x), f.arrange(y)])) for x, y in kept)
         if weight(node) <= _LONG:
             return node
-    return Sign(f"({len(kept)} products)", rf"({len(kept)}\text{{ products}})")
+    return Sign(f"({len(kept)} products)", rf"({len(kept)}\;\text{{products}})")

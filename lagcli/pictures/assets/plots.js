@@ -71,10 +71,10 @@ const PlotNumbers = {
     return numbers.map((n) => (n === null ? null : PlotNumbers.typeset(write(n, digits))));
   },
 
-  /** Return the whole powers of ten within an interval, at most six of them. */
-  powers(low, high) {
+  /** Return the whole powers of ten within an interval, at most so many of them. */
+  powers(low, high, most) {
     const [first, last] = [Math.ceil(Math.log10(low) - 1e-9), Math.floor(Math.log10(high) + 1e-9)];
-    const every = Math.max(1, Math.ceil((last - first + 1) / 6));
+    const every = Math.max(1, Math.ceil((last - first + 1) / most));
     const found = [];
     for (let n = Math.ceil(first / every) * every; n <= last; n += every) found.push(10 ** n);
     return found;
@@ -101,6 +101,9 @@ class TimePlot {
   /** Dashes of the first round of colours, of the second, … */
   static DASHES = [[], [7, 3], [2, 3], [9, 3, 2, 3]];
   static STROKE = 1.6;
+  static LEAST_SPACE = 16; // between numbers of the upright axis, CSS pixels
+  static LETTER = 6.6; // width of a letter of its label
+  static CONSTANT = 1e-7; // of the size: changes that are errors of the integration
 
   /**
    * @param {HTMLElement} container  is filled
@@ -112,6 +115,7 @@ class TimePlot {
    */
   constructor(container, data, { link = new TimeLink(), palette = ["#0072B2"], height = 220 } = {}) {
     this.container = container;
+    container.plot = this; // to be found from the page
     this.data = data;
     this.link = link;
     this.held = false; // a mouse button is down on it
@@ -157,6 +161,7 @@ class TimePlot {
 
   /** Draw in a size, CSS pixels: for print. Without one, fill the container again. */
   resize(width = this.container.clientWidth, height = this.height) {
+    this.chart.axes[1].label = this.#quantity(height);
     if (width > 0) this.chart.setSize({ width, height });
     this.showTime(this.link.time);
   }
@@ -205,14 +210,17 @@ class TimePlot {
         },
         {
           ...axis,
-          space: 34,
+          // three numbers on a low plot too
+          space: (chart, axis, low, high, height) =>
+            Math.max(TimePlot.LEAST_SPACE, Math.min(34, height / 4)),
           size: (chart, labels) => TimePlot.#room(labels),
-          label: this.#quantity(),
+          label: this.#quantity(this.height),
           labelSize: 18,
           labelFont: axis.font,
           ...(data.log
             ? {
-                splits: (chart, i, low, high) => PlotNumbers.powers(low, high),
+                splits: (chart, i, low, high) =>
+                  PlotNumbers.powers(low, high, this.#most(chart)),
                 values: (chart, splits) => splits.map(PlotNumbers.power),
                 filter: (chart, splits) => splits,
               }
@@ -256,16 +264,23 @@ class TimePlot {
     ctx.restore();
   }
 
-  /** What the vertical axis shows: φ, ψ [rad]. */
-  #quantity() {
-    if (this.data.log) return "magnitude" + (this.data.unit ? ` [${this.data.unit}]` : "");
+  /** Return how many numbers the upright axis has room for. */
+  #most(chart) {
+    const height = chart.bbox.height / (window.devicePixelRatio || 1);
+    return Math.max(2, Math.min(6, Math.floor(height / TimePlot.LEAST_SPACE)));
+  }
+
+  /** What the vertical axis shows: φ, ψ [rad]; of many curves, without their numbers: x, y [m]. */
+  #quantity(height) {
+    const unit = this.data.unit ? `[${this.data.unit}]` : "";
+    if (this.data.log) return ["magnitude", unit].filter(Boolean).join(" ");
     const own = this.data.series.filter((s) => !("ghostOf" in s));
     const names = own.map((s) => s.label ?? s.name);
-    const some = names.length > 4 ? [names[0], "…", names[names.length - 1]] : names;
-    const text = some.join(", ");
-    const unit = this.data.unit ? `[${this.data.unit}]` : "";
-    const shown = text.length <= 26 ? text : this.data.title || "";
-    return [shown, unit].filter(Boolean).join(" ");
+    const plain = (name) => name.replace(/\[.*\]$/, "").replace(/([₀-₉,]+|_.*)$/, "") || name;
+    const choices = [names, [...new Set(names.map(plain))], [this.data.title || ""], [""]];
+    const texts = choices.map((some) => [some.join(", "), unit].filter(Boolean).join(" "));
+    const fits = (text) => text.length * TimePlot.LETTER <= height - TimePlot.LEAST_SPACE;
+    return texts.find((text, i) => fits(text) && choices[i].length <= 4) ?? unit;
   }
 
   /** A label with its subscript: of letters, not of words. */
@@ -284,7 +299,7 @@ class TimePlot {
 
   static #room(labels) {
     const longest = Math.max(0, ...(labels ?? []).map((text) => (text ? text.length : 0)));
-    return Math.max(58, 18 + 7.6 * longest); // one width for most, so that times line up
+    return Math.max(58, 24 + 7.6 * longest); // one width for most, so that times line up
   }
 
   #style(name, otherwise) {
@@ -312,11 +327,11 @@ class TimePlot {
 
   #scale() {
     if (this.data.log) return { distr: 3 };
-    // a constant shows its own value, not the noise of its last digits
+    // a constant shows its own value, not the errors of its last digits
     const range = (chart, low, high) => {
       if (low === null) return [0, 1];
       const size = Math.max(Math.abs(low), Math.abs(high));
-      if (high - low <= 1e-12 * size) return [low - (size || 1) / 10, high + (size || 1) / 10];
+      if (high - low <= TimePlot.CONSTANT * size) return [low - (size || 1) / 10, high + (size || 1) / 10];
       const margin = (high - low) * 0.06;
       return [low - margin, high + margin];
     };

@@ -9,6 +9,7 @@ from lagcli.columns import ColumnName
 from lagcli.errors import UsageError
 from lagcli.model.names.members import split_names
 from lagcli.pictures.plots.curves import Catalogue, Curve
+from lagcli.pictures.scale_groups import scale_groups
 
 
 class Panel(NamedTuple):
@@ -108,12 +109,6 @@ def usual(catalogue: Catalogue) -> list[Panel]:
     return asked(catalogue, names)
 
 
-#: Curves whose largest values differ by more than this factor get panels of their own.
-_RATIO = 20.0
-#: A panel with more curves shows a family, which stays together.
-_FAMILY = 10
-
-
 def split_by_scale(panels: Iterable[Panel], largest: Mapping[str, float]) -> list[Panel]:
     """Return panels of which no curve is too small to be seen beside another.
 
@@ -127,16 +122,9 @@ def split_by_scale(panels: Iterable[Panel], largest: Mapping[str, float]) -> lis
     """
     found: list[Panel] = []
     for panel in panels:
-        if panel.over or panel.log or panel.joined or len(panel.curves) > _FAMILY:
+        if panel.over or panel.log or panel.joined:
             found.append(panel)
             continue
-        groups: list[list[Curve]] = []
-        for curve in sorted(panel.curves, key=lambda c: -largest[c.name]):
-            size = largest[curve.name]
-            if not groups or 0 < size * _RATIO < largest[groups[-1][0].name]:
-                groups.append([])
-            groups[-1 if size else 0].append(curve)
-        ordered = [[c for c in panel.curves if c in group] for group in groups]
-        ordered.sort(key=lambda group: panel.curves.index(group[0]))
-        found += [Panel(tuple(group)) for group in ordered]
+        groups = scale_groups([largest[c.name] for c in panel.curves])
+        found += [Panel(tuple(panel.curves[i] for i in group)) for group in groups]
     return found

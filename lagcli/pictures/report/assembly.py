@@ -31,6 +31,7 @@ from lagcli.pictures.report.curves import (
     scalar_curves,
     sections,
     to_json,
+    without_errors,
 )
 from lagcli.pictures.report.equations import EquationSystem
 from lagcli.pictures.report.event_table import events_link, events_section
@@ -179,7 +180,7 @@ def _notable(found: list[Section], extremes: Mapping[ReportCurve, Extreme]) -> l
             if plot.title == POWERS and len(plot.time):
                 duration = float(plot.time[-1] - plot.time[0])
                 plot.least = _ROUNDING * scale / duration if duration else 0.0
-        plots = [part for plot in section.plots if plot.notable() for part in by_scale(plot)]
+        plots = [part for plot in without_errors(section.plots) for part in by_scale(plot)]
         if plots:
             kept.append(section._replace(plots=plots))
     return kept

@@ -15,6 +15,7 @@ from lagcli.pictures.event_marks import Jumps
 from lagcli.pictures.plots.thinning import thin
 from lagcli.pictures.report.writing import axis_unit, chosen
 from lagcli.pictures.run_file import RunFile
+from lagcli.pictures.scale_groups import ROUNDING, scale_groups
 from lagcli.trajectory.extremes import Extreme, widen
 
 #: Curves in one plot, and constraints whose forces are drawn: a reader cannot distinguish more.
@@ -85,11 +86,14 @@ class Plot:
     time: Array = field(default_factory=lambda: np.empty(0))
     values: Array = field(default_factory=lambda: np.empty((0, 0)))
 
+    def largest(self) -> Array:
+        """Return the largest magnitude of each curve."""
+        return np.asarray(np.fmax.reduce(np.abs(self.values), axis=0, initial=0.0))
+
     def notable(self) -> bool:
         """Leave out the curves that are small all along; return whether there are others."""
         if self.least is not None:
-            largest = np.fmax.reduce(np.abs(self.values), axis=0, initial=0.0)
-            kept = np.flatnonzero(largest > self.least)
+            kept = np.flatnonzero(self.largest() > self.least)
             self.curves = [self.curves[i] for i in kept]
             self.values = self.values[:, kept]
         return bool(self.curves)
@@ -191,26 +195,28 @@ def gather(run: RunFile, plots: Sequence[Plot], extremes: Mapping[ReportCurve, E
         plot.time, plot.values = _thinned(time, values, of_plot)
 
 
-#: Curves whose largest magnitudes differ by more than this factor get plots of their own, unless
-#: there are more of them.
-_RATIO, _FAMILY = 20.0, 10
-
-
 def by_scale(plot: Plot) -> list[Plot]:
     """Return plots in which no curve is too small to be seen beside another."""
-    if plot.log or len(plot.curves) > _FAMILY or not len(plot.time):
+    if plot.log or not len(plot.time):
         return [plot]
-    largest = np.fmax.reduce(np.abs(plot.values), axis=0, initial=0.0)
-    groups: list[list[int]] = []
-    for i in np.argsort(-largest, kind="stable"):
-        if not groups or 0 < largest[i] * _RATIO < largest[groups[-1][0]]:
-            groups.append([])
-        groups[-1 if largest[i] else 0].append(int(i))
-    ordered = sorted(map(sorted, groups))
     return [
         replace(plot, curves=[plot.curves[i] for i in group], values=plot.values[:, group])
-        for group in ordered
+        for group in scale_groups(plot.largest().tolist())
     ]
+
+
+def without_errors(plots: Sequence[Plot]) -> list[Plot]:
+    """Return plots without curves that are 0 but for errors, beside others of their unit.
+
+    Of plots that have a least magnitude of what they show.
+    """
+    sizes: dict[str, float] = {}
+    for plot in plots:
+        sizes[plot.unit] = max(sizes.get(plot.unit, 0.0), *plot.largest().tolist(), 0.0)
+    for plot in plots:
+        if plot.least is not None:
+            plot.least = max(plot.least, ROUNDING * sizes[plot.unit])
+    return [plot for plot in plots if plot.notable()]
 
 
 def to_json(plot: Plot, packed: Packed) -> dict[str, Any]:

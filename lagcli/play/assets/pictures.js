@@ -12,6 +12,8 @@
 
 class Pictures {
   static USUAL = ["coordinates", "multipliers", "energies"];
+  static HIGH = 190; // of a plot, CSS pixels
+  static LOW = 150; // of one of several panels
   static INSTEAD = "velocities"; // where a model has no constraints
 
   /**
@@ -37,7 +39,7 @@ class Pictures {
       this.player.setTime(time);
     });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-      for (const { plot } of this.slots) plot?.recolour();
+      for (const { plots } of this.slots) for (const plot of plots) plot.recolour();
     });
   }
 
@@ -97,17 +99,38 @@ class Pictures {
     }
     if (this.dragging) this.dragging.points = this.draggable;
     if (this.held) this.#goOn();
-    for (const slot of this.slots) {
-      const group = slot.select.value;
-      if (!plots[group]) continue; // chosen a moment ago: another answer has it
-      const data = this.#compared(group, plots[group]);
-      const { link, palette } = this;
-      if (slot.plot) slot.plot.setData(data);
-      else slot.plot = new TimePlot(slot.figure, data, { link, palette, height: 190 });
-      const some = data.of > plots[group].series.length ? `${plots[group].series.length} of ${data.of} curves` : "";
-      slot.more.textContent = [data.unit && `[${data.unit}]`, some].filter(Boolean).join(" ");
-    }
+    for (const slot of this.slots) this.#fill(slot, plots[slot.select.value]);
     this.phase.draw(plots, this.kept === answer ? null : this.kept?.plots);
+  }
+
+  /** Draw the panels of a plot: curves of different units or sizes have their own. */
+  #fill(slot, whole) {
+    if (!whole) return; // chosen a moment ago: another answer has it
+    const compared = this.#compared(slot.select.value, whole);
+    const count = 1 + Math.max(0, ...whole.series.map(({ panel }) => panel));
+    const height = count > 1 ? Pictures.LOW : Pictures.HIGH;
+    const { link, palette } = this;
+    for (let number = 0; number < count; number++) {
+      const series = compared.series.filter(({ panel }) => panel === number);
+      const ghosts = series.map((x) => ("ghostOf" in x ? { ...x, ghostOf: series.indexOf(compared.series[x.ghostOf]) } : x));
+      const data = { ...compared, unit: whole.log ? "" : series[0]?.unit, series: ghosts };
+      const plot = slot.plots[number];
+      if (plot) plot.setData(data);
+      else {
+        const figure = document.createElement("figure");
+        slot.box.append(figure);
+        slot.plots.push(new TimePlot(figure, data, { link, palette, height }));
+      }
+    }
+    for (const [number, plot] of slot.plots.entries()) {
+      plot.container.hidden = number >= count;
+      if (plot.height !== height) {
+        plot.height = height;
+        plot.resize();
+      }
+    }
+    const drawn = whole.series.length;
+    slot.more.textContent = whole.of > drawn ? `${drawn} of ${whole.of} curves` : "";
   }
 
   /** Show the start alone, seen from where the run was, its arrows at the same scale. */
@@ -137,13 +160,13 @@ class Pictures {
     this.dragging = new Dragging(this.player.frame, this.player.stage, {
       ...this.drag,
       begun: () => {
+        hint.remove();
         this.player.pause();
         begun();
       },
     });
-    this.hint = Row.text("p", "drag-hint", "Drag a body to move it at the start.");
-    this.hint.hidden = !this.draggable.length;
-    this.stage.append(this.hint);
+    const hint = Row.text("p", "drag-hint", "Drag a body to move it at the start.");
+    if (this.draggable.length) this.player.frame.append(hint);
   }
 
   /** A plot and the choice of what it shows. */
@@ -156,9 +179,8 @@ class Pictures {
     select.value = group;
     select.addEventListener("change", wanted);
     const more = Row.text("span", "slot-more", "");
-    const figure = document.createElement("figure");
-    box.append(select, more, figure);
+    box.append(select, more);
     plots.append(box);
-    return { select, figure, more, plot: null };
+    return { select, box, more, plots: [] };
   }
 }

@@ -1,0 +1,56 @@
+"""What a machine can see of a page: texts that overlap or are cut off, axes without room."""
+
+#: Returns pairs of texts of a page that overlap, and texts that are cut off or beyond the window.
+TEXTS = """() => {
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  const found = [], wrong = [];
+  for (let node = walker.nextNode(); node; node = walker.nextNode()) {
+    const box = node.parentElement;
+    if (!node.data.trim() || box.closest("math, option, script, style, pre, code, .skip")) continue;
+    if (!box.checkVisibility({ visibilityProperty: true, contentVisibilityAuto: true })) continue;
+    const range = document.createRange();
+    range.selectNodeContents(node);
+    let scrolls = box; // sideways: what is beyond its edge can be reached
+    while (scrolls && getComputedStyle(scrolls).overflowX !== "auto") scrolls = scrolls.parentElement;
+    const hides = scrolls || box.closest(".control-name, .control-note span"); // they end in an ellipsis
+    for (const { left, right, top, bottom, width, height } of range.getClientRects()) {
+      if (width < 2 || height < 2 || getComputedStyle(box).clipPath !== "none") continue;
+      if (!hides && (left < -1 || right > innerWidth + 1)) wrong.push(["outside", node.data]);
+      found.push({ node, left, right: hides ? Math.min(right, innerWidth) : right, top, bottom });
+    }
+  }
+  for (const [i, a] of found.entries())
+    for (const b of found.slice(i + 1)) {
+      if (a.node === b.node) continue;
+      const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+      const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+      if (across > 2 && down > 4) wrong.push(["overlap", a.node.data, b.node.data]);
+    }
+  for (const box of document.querySelectorAll("button, summary, th, td")) {
+    const shown = box.checkVisibility() && getComputedStyle(box).display !== "inline";
+    if (shown && box.clientWidth && box.scrollWidth > box.clientWidth + 1)
+      wrong.push(["cut off", box.textContent]);
+  }
+  return wrong;
+}"""
+
+#: Returns the charts whose numbers or labels have no room: upright numbers that touch, a label that
+#: is longer than its axis, fewer than two numbers.
+AXES = """() => {
+  const wrong = [], pen = document.createElement("canvas").getContext("2d");
+  pen.font = "12px system-ui, sans-serif";
+  const plots = [...document.querySelectorAll("figure.plot")].map(({ plot }) => plot);
+  for (const { chart, container, data } of plots) {
+    if (!container.checkVisibility()) continue;
+    const [, y] = chart.axes, density = devicePixelRatio;
+    const places = y._splits.filter((v, i) => v !== null && y._values[i]);
+    const at = places.map((v) => chart.valToPos(v, "y")).sort((a, b) => a - b);
+    if (at.length < 2) wrong.push(["few numbers", y.label, y._values]);
+    if (at.some((p, i) => i && p - at[i - 1] < 11)) wrong.push(["numbers touch", y.label]);
+    const widest = Math.max(...y._values.map((text) => pen.measureText(text ?? "").width));
+    if (widest + 15 > y._size - 2) wrong.push(["number under the label", y.label, y._values]);
+    if (pen.measureText(y.label).width > chart.height) wrong.push(["label cut off", y.label]);
+    if (!y.label) wrong.push(["no label", data.title]);
+  }
+  return wrong;
+}"""
