@@ -7,6 +7,7 @@ import warnings
 from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -301,6 +302,8 @@ def test_many_short_blocks_keep_no_more_than_few_long_ones():
     values = rng.standard_normal((count, width))
 
     class Blocks:
+        record, coordinates, constraints = SimpleNamespace(events=None), (), ()
+
         def __init__(self, length):
             self.count, self.length = count, length
 

@@ -11,8 +11,10 @@ TEXTS = """() => {
     const range = document.createRange();
     range.selectNodeContents(node);
     let scrolls = box; // sideways: what is beyond its edge can be reached
-    while (scrolls && getComputedStyle(scrolls).overflowX !== "auto") scrolls = scrolls.parentElement;
-    const hides = scrolls || box.closest(".control-name, .control-note span"); // they end in an ellipsis
+    while (scrolls && getComputedStyle(scrolls).overflowX !== "auto")
+      scrolls = scrolls.parentElement;
+    // the names of controls end in an ellipsis
+    const hides = scrolls || box.closest(".control-name, .control-note span");
     for (const { left, right, top, bottom, width, height } of range.getClientRects()) {
       if (width < 2 || height < 2 || getComputedStyle(box).clipPath !== "none") continue;
       if (!hides && (left < -1 || right > innerWidth + 1)) wrong.push(["outside", node.data]);

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from html import escape
 
-from lagcli.columns import read_column_name, unit_of_column
+from lagcli.columns import ColumnName, read_column_name, unit_of_column
 from lagcli.pictures.report.tables import time_button
-from lagcli.pictures.report.writing import number, table
+from lagcli.pictures.report.writing import axis_unit, number, table
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.event_log import MODES, EventLog, EventRecords, event_sentences
 
@@ -71,6 +71,15 @@ def _left_out(count: int) -> str:
     return f"<p class='note'>And {count} more between them.</p>" if count else ""
 
 
+def _impulse_unit(run: RunFile, log: EventLog) -> str:
+    """Return the unit of the impulses: of λ, times s; in general where they differ."""
+    struck = {name for name in log.names if name in run.constraints}
+    columns = [ColumnName("multipliers", name) for name in struck]
+    units = {axis_unit(unit_of_column(c, run.record.units)) for c in columns}
+    common = units.pop() if len(units) == 1 else ""
+    return f"{common} s" if common else "λ s"
+
+
 def _entries(run: RunFile, log: EventLog) -> str:
     places = _listed(len(log))
     rows = []
@@ -83,7 +92,7 @@ def _entries(run: RunFile, log: EventLog) -> str:
         amounts = [number(x[i], 4) if x[i] else "" for x in (log.loss, log.supplied, log.work)]
         time = time_button(float(log.time[i]), 9)
         rows.append([time, escape(name), log.kinds[i], mode, impulse, *amounts])
-    head = ["t [s]", "Name", "What", "Mode after", "Impulse [J s/unit]"]
+    head = ["t [s]", "Name", "What", "Mode after", f"Impulse [{_impulse_unit(run, log)}]"]
     head += ["Loss [J]", "Supplied [J]", "Work [J]"]
     caption = "What happened, in order"
     return table(caption, head, rows, numeric=(0, 4, 5, 6, 7), kind="extremes") + _left_out(
