@@ -26,7 +26,6 @@ from lagcli.equations.derivation.lagrange import Equations
 from lagcli.errors import Diagnostic, LagcliError, ModelError, NumericalError
 from lagcli.model.model import InitialValue, Model, velocity
 from lagcli.settings.settings import DEFAULTS
-from lagcli.simulations.inputs.input_range import check_input_range
 
 if TYPE_CHECKING:
     from lagcli.simulations.undefined import UndefinedExpression
@@ -57,7 +56,10 @@ def find_start(
         No consistent state near the guesses, no finite value there, a coordinate without inertia.
     """
     model = equations.model
-    check_input_range(model, t, t)
+    if model.inputs:
+        from lagcli.simulations.inputs.input_range import check_input_range
+
+        check_input_range(model, t, t)
     q, fixed_q = _initial(model, model.initial_positions)
     v, fixed_v = _initial(model, model.initial_velocities)
     given = State(t, q, v, tuple(model.parameter_values.values()))

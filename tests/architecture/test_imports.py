@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
 import subprocess
 import sys
@@ -65,6 +66,18 @@ SYMBOLIC = {
 #: Typer brings along.
 OF_TYPER = {"typer", "click", "annotated_doc", "shellingham"}
 OF_SIMULATE = {"numpy", "symengine", "yaml"} | OF_TYPER
+
+#: What a plain run has no use for: what only errors, inputs, contacts or vectors need.
+NOT_OF_PLAIN_RUNS = {
+    *("lagcli.engine.switching.problem", "lagcli.engine.switching.switching"),
+    *("lagcli.model.expression.identities", "lagcli.model.expression.syntax_hints"),
+    *("lagcli.model.locations", "lagcli.model.names.unknown", "lagcli.model.sections.fit"),
+    *("lagcli.model.vectors.equations", "lagcli.model.vectors.initial"),
+    *("lagcli.results.hdf5.inputs", "lagcli.results.hdf5.opening", "lagcli.simulations.contacts"),
+    *("lagcli.simulations.inputs", "numpy.ma", "numpy.random", "numpy.typing", "random"),
+}
+#: Data classes of a plain run: defining one takes two to five times as long as a named tuple.
+MOST_DATA_CLASSES = 10
 
 #: Packages that cost start-up time, and the rooms that may import them at the top of a module.
 HEAVY = {
@@ -414,6 +427,26 @@ def test_simulate_imports_what_it_uses(tmp_path: Path, suffix: str, format_: set
     out = str(tmp_path / f"run{suffix}")
     found = loaded("simulate", str(model), "--t-end", "0.1", "-o", out)
     assert {"numpy", "symengine", *format_} <= found <= OF_SIMULATE | format_
+
+
+def test_plain_runs_start_with_little(tmp_path: Path) -> None:
+    model = ROOT / "models" / "slider_crank.yaml"
+    code = (
+        "import dataclasses, json, sys\n"
+        "from lagcli.cli.app import run\n"
+        f"run(['simulate', {str(model)!r}, '-q', '-o', {str(tmp_path / 'run.h5')!r}])\n"
+        "own = [m for n, m in sys.modules.items() if n.startswith('lagcli')]\n"
+        "classes = {c for m in own for c in vars(m).values() if isinstance(c, type)}\n"
+        "data = [c.__qualname__ for c in classes if '__dataclass_fields__' in vars(c)]\n"
+        "print(json.dumps([list(sys.modules), sorted(data)]))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=True, timeout=PATIENCE, capture_output=True, text=True
+    )
+    modules, classes = json.loads(done.stdout)
+    assert "lagcli.results.hdf5.trajectories" in modules
+    assert not NOT_OF_PLAIN_RUNS & set(modules)
+    assert len(classes) <= MOST_DATA_CLASSES, classes
 
 
 @as_declared

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -216,6 +215,6 @@ def test_models_without_kinks_are_not_frozen() -> None:
     record = simulation.run(lambda samples: None)
     assert "kinks" not in record.counts
     plain = Integration(
-        simulation.system, replace(simulation.request), lambda block: None, None
+        simulation.system, simulation.request._replace(), lambda block: None, None
     ).run()
     assert record.counts["evaluations"] == plain.evaluations

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import symengine as se
@@ -20,8 +19,7 @@ class ShapeError(ValueError):
     """Incompatible shapes."""
 
 
-@dataclass(frozen=True)
-class Tensor:
+class Tensor(NamedTuple):
     """A matrix; a vector is a matrix with one column.
 
     Parameters
@@ -33,7 +31,13 @@ class Tensor:
     """
 
     rows: Rows
-    factors: tuple[RotationFactor, ...] = field(default=(), compare=False)
+    factors: tuple[RotationFactor, ...] = ()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Tensor) and self.rows == other.rows
+
+    def __hash__(self) -> int:
+        return hash(self.rows)
 
     @property
     def shape(self) -> tuple[int, int]:
