@@ -342,7 +342,11 @@ def test_types_of_arrays_are_named_once() -> None:
     defined = [
         module
         for module, path in MODULES.items()
-        if re.search(r"^(Array|Flags|Indices|Numbers)\b.*= NDArray", path.read_text("utf-8"), re.M)
+        if re.search(
+            r"^(Array|Flags|Indices|Numbers)\b.*= (NDArray|np.ndarray)",
+            path.read_text("utf-8"),
+            re.M,
+        )
     ]
     assert defined == ["lagcli.arrays"]
 
