@@ -46,7 +46,7 @@ def test_a_wrong_byte_is_located(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("modle.yaml", "did you mean .*model.yaml"),
+        ("model2.yaml", "did you mean .*model.yaml"),
         ("nowhere/model.yaml", "there is no folder"),
         ("", "is a folder"),
     ],
