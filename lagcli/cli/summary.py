@@ -6,7 +6,7 @@ import json
 import math
 import sys
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from typing import Any
 
@@ -28,10 +28,12 @@ def summarize(
     initial: Mapping[str, float],
     output: str | None,
     seconds: Mapping[str, float],
+    nonlinear: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return the summary of a run, as documented in docs/command-line.md.
 
-    Residuals are relative to the constraints' own scales; the energy balance is in J.
+    Residuals are relative to the constraints' own scales; the energy balance is in J. The
+    constraints that are nonlinear in the velocities are named, whose forces follow a postulate.
     """
     options = record.options
     return {
@@ -77,6 +79,7 @@ def summarize(
         "initial_correction": {k: list(v) for k, v in record.initial_correction.items()},
         "coordinates": len(initial) // 2,
         **_freedom(record),
+        "nonlinear": list(nonlinear),
         "sensitivity": list(options.get("sensitivity", ())),
         "seconds": dict(seconds),
     }
@@ -163,6 +166,9 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
         ]
     if s["redundant"]:
         lines += _redundancy(s)
+    if s["nonlinear"]:
+        names = ", ".join(s["nonlinear"][:_LISTED]) + ", …" * (len(s["nonlinear"]) > _LISTED)
+        lines.append(f"  {'postulate':<12}Chetaev's rule: the force of {names} is along ∂ψ/∂q̇")
     residuals = [f"{q.label} {s[q.name]:.1e}" for q in RESIDUALS if s[q.name] is not None]
     if residuals:
         lines.append(

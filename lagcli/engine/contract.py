@@ -85,7 +85,7 @@ class EventEntry(NamedTuple):
     supplied : float
         Energy that moving constraints supply by their impulses; J.
     work : float
-        Work of the event's actions; J.
+        Work of the event's actions, with what velocities lose where it engages a constraint; J.
     modes : (ns,) array of int
         `RowMode` of each switched row afterwards.
     """

@@ -123,7 +123,7 @@ class EventLog:
     supplied : (ne,) array
         Energy that moving constraints supply by their impulses, J.
     work : (ne,) array
-        Work of the event's actions, J.
+        Work of the event's actions, J, with what velocities lose where it engages a constraint.
     modes : (ne, ns) array of int
         Modes of the switched rows after the entry.
     records : EventRecords
@@ -235,7 +235,8 @@ class EventLog:
         """Return what happened in short, as JSON values.
 
         ``entries``, their number; ``counts`` by name and kind; ``rests`` (name, time, impacts);
-        ``loss``, ``supplied`` and ``work``, the sums; ``recorded`` by event: how many ``times``,
+        ``loss``, ``supplied`` and ``work``, the sums; ``at_end``, the mode of each row that
+        switches, of `MODES`; ``recorded`` by event: how many ``times``,
         how many ``columns``, and the ``last`` time and values, as {``time``, ``values``: column →
         [before, after]}, None for NaN; ``last`` is None where the columns are more than 8.
         """
@@ -246,8 +247,13 @@ class EventLog:
             "loss": float(self.loss.sum()),
             "supplied": float(self.supplied.sum()),
             "work": float(self.work.sum()),
+            "at_end": dict(zip(self.rows, self._words_at_end(), strict=True)),
             "recorded": self._last_records(),
         }
+
+    def _words_at_end(self) -> list[str]:
+        last = self.modes[-1] if len(self) else self.start
+        return [MODES[mode] for mode in last]
 
     def _last_records(self) -> dict[str, Any]:
         names = [self.names[entry] for entry in self.records.entry.tolist()]
@@ -286,7 +292,9 @@ def event_sentences(found: Mapping[str, Any]) -> list[str]:
     )
     sentences = ["; ".join(counts)]
     sentences += [f"note: {Rest(**rest)}" for rest in found["rests"]]
-    sentences += [_recorded(name, of) for name, of in found["recorded"].items()]
+    sentences += _at_end(found["at_end"])
+    few = ((name, of) for name, of in found["recorded"].items() if of["last"] is not None)
+    sentences += [_recorded(name, of) for name, of in few]
     energy = [
         f"{what} {found[name]:.6g} J"
         for name, what in (
@@ -299,9 +307,24 @@ def event_sentences(found: Mapping[str, Any]) -> list[str]:
     return sentences + [", ".join(energy)] * bool(energy)
 
 
+def _at_end(modes: Mapping[str, str]) -> list[str]:
+    """Say which rows hold and slip at the end of a run, and that the others are open."""
+    if not modes:
+        return []
+    words = {"holds": "holds", "forward": "slips", "backward": "slips"}
+    acting = [f"{name} {words[mode]}" for name, mode in modes.items() if mode in words]
+    shown = acting[:_LISTED]
+    if len(acting) > _LISTED:
+        shown.append(f"and {len(acting) - _LISTED} more")
+    rest = len(modes) - len(acting)
+    if rest:
+        shown.append(f"{rest} open" if acting else "all open")
+    return ["at the end: " + ", ".join(shown)]
+
+
 def _recorded(name: str, found: Mapping[str, Any]) -> str:
     times, count, last = found["times"], found["columns"], found["last"]
-    if last is None or times > 1:
+    if times > 1:
         columns = f"{count} column{'s' * (count != 1)}"
         return f"`{name}` recorded {columns} {times} time{'s' * (times != 1)}"
     values = (f"{column} = {_jump(*both)}" for column, both in last["values"].items())

@@ -31,7 +31,7 @@ SUMMARY_KEYS = {
     *("energy_balance", "energy_scale", "multipliers", "parameters", "initial"),
     *("initial_correction", "coordinates", "seconds", "warnings", "rtol", "atol", "tolerances"),
     *("constraints", "rank", "degrees_of_freedom", "redundant", "conserved", "sensitivity"),
-    "events",
+    *("events", "nonlinear"),
 }
 
 
@@ -297,6 +297,20 @@ def test_closed_pipe_ends_quietly(command: str) -> None:
     assert len(done.stdout.splitlines()) == 1
     assert "Traceback" not in done.stderr
     assert "Error" not in done.stderr
+
+
+def test_the_summary_states_the_postulate_that_a_run_uses(here: Here) -> None:
+    assert here("simulate", "appell_hamel") == 0
+    assert "\n  postulate   Chetaev's rule: the force of appell is along ∂ψ/∂q̇\n" in here.out
+    assert here("simulate", "appell_hamel", "--json") == 0
+    assert json.loads(here.out)["nonlinear"] == ["appell"]
+    assert here("simulate", PENDULUM, *SHORT) == 0
+    assert "postulate" not in here.out
+
+
+def test_the_summary_says_which_contacts_hold_at_the_end(here: Here) -> None:
+    assert here("simulate", "bouncing_ball") == 0
+    assert "at the end: floor holds" in here.out
 
 
 # runs that fail, and runs that are stopped

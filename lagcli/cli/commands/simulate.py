@@ -129,7 +129,8 @@ def simulate(
         "total": now - began,
     }
     written = output if extremes.samples else None
-    result = summary.summarize(record, extremes, simulation.initial, written, seconds)
+    nonlinear = [c.name for c in simulation.model.constraints if c.kind == "nonlinear"]
+    result = summary.summarize(record, extremes, simulation.initial, written, seconds, nonlinear)
     if json:
         print(summary.to_json(result))
     elif not quiet:

@@ -88,6 +88,8 @@ class SwitchingIntegration(Integration):
         self.log: list[EventEntry] = []
         self.waiting: list[EventEntry] = []
         self.stopped = ""
+        #: The entry of an event that engages, and the work before the velocities adapt.
+        self.engaging: tuple[int, float] | None = None
         self.core: binding.SwitchingIntegrator
         super().__init__(
             split.fixed,
@@ -164,6 +166,10 @@ class SwitchingIntegration(Integration):
         if self.actions.p != p and self.request.on_parameters is not None:
             self.request.on_parameters(tuple(self.actions.p))
         self.instants.add(len(self.log), entries)
+        if self.engaging is None and any(e.occurrence == "engages" for e in entries):
+            first = next(k for k, e in enumerate(entries) if e.occurrence == "engages")
+            of_event = max(k for k in range(first) if entries[k].occurrence == "event")
+            self.engaging = len(self.log) + of_event, float(core.state[-1])
         self.log += entries
         self.stopped = self.actions.stopped
         if self.stopped:
@@ -197,9 +203,21 @@ class SwitchingIntegration(Integration):
         for entry in range(self.instants.first, len(self.log)):
             if self.log[entry].occurrence in _OF_EVENTS:
                 self.log[entry] = self.log[entry]._replace(modes=modes)
+        self.complete_engagement()
         status, row = self.core.sample_here()
         right = self.whole_rows(row[None])[0] if status == Status.RUNNING else None
         self.instants.end(right, tuple(self.actions.p))
+
+    def complete_engagement(self) -> None:
+        """Complete the entry of the event that engages by what the velocities lose to that."""
+        if self.engaging is None:
+            return
+        (k, work), self.engaging = self.engaging, None
+        state, entry = self.core.state, self.log[k]
+        others = sum(e.supplied - e.loss + e.work for e in self.log[k + 1 :])
+        self.log[k] = entry._replace(
+            work=entry.work + float(state[-1]) - work - others, after=state[self.nq : -1].copy()
+        )
 
     # samples
 

@@ -12,7 +12,7 @@ from lagcli.model.expression import tensors
 from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.tensors import ShapeError, Tensor
 from lagcli.model.expression.tokens import ExpressionError, error_at
-from lagcli.model.expression.trees import CallExpr
+from lagcli.model.expression.trees import CallExpr, Name
 from lagcli.model.spelling import did_you_mean, nearest
 
 TENSOR_FUNCTIONS: dict[str, tuple[str, ...]] = {
@@ -96,8 +96,22 @@ def check_call(tree: CallExpr, scope: CallScope) -> None:
             "wrong-arguments",
             f"`{name}` takes {wanted} argument{'s' if wanted != '1' else ''}, not {count}",
             tree,
-            "write if(condition, a, b)" if name == "if" else None,
+            _count_help(tree),
         )
+
+
+def _count_help(tree: CallExpr) -> str | None:
+    """Return what helps against a wrong number of arguments."""
+    if tree.function == "if":
+        return "write if(condition, a, b)"
+    first = tree.arguments[0] if len(tree.arguments) == 1 else None
+    if tree.function == "quat" and isinstance(first, Name):
+        name = first.text
+        return (
+            f"a quaternion coordinate is a rotation already: write `{name}` if `{name}` is one;"
+            " else name the four components"
+        )
+    return None
 
 
 def _unknown(tree: CallExpr, scope: CallScope) -> ExpressionError:

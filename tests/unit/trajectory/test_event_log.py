@@ -57,7 +57,7 @@ def test_sentences() -> None:
     log = dataclasses.replace(
         make_log(), loss=np.full(6, 0.5), supplied=np.zeros(6), work=np.array([0.0] * 5 + [2.0])
     )
-    counts, note, recorded, energy = event_sentences(log.to_mapping())
+    counts, note, _, recorded, energy = event_sentences(log.to_mapping())
     assert counts == "floor: impact 2, rest 1; floor.slip: impact 1, slips 1; kick: event 1"
     assert note == "note: `floor` came to rest at t = 0.25 s after 2 impacts"
     assert recorded.startswith("`kick` recorded at t = 0.4 s: y_dot = ")
@@ -84,6 +84,20 @@ def test_a_log_without_sense_is_refused(change: dict[str, object], message: str)
     log: EventLog = dataclasses.replace(make_log(), **change)
     with pytest.raises(ValueError, match=message):
         log.check()
+
+
+def test_what_holds_at_the_end() -> None:
+    log = make_log(entries=((0.1, "floor", "closes"), (0.2, "floor.slip", "slips")))
+    for modes, said in (
+        ([1, 3], "at the end: floor holds, floor.slip slips"),
+        ([1, 0], "at the end: floor holds, 1 open"),
+        ([0, 0], "at the end: all open"),
+    ):
+        found = dataclasses.replace(log, modes=np.array([[1, 1], modes])).to_mapping()
+        assert said in event_sentences(found)
+    assert found["at_end"] == {"floor": "open", "floor.slip": "open"}
+    nothing = dataclasses.replace(make_log(entries=()), start=np.array([1, 2]))
+    assert nothing.to_mapping()["at_end"] == {"floor": "holds", "floor.slip": "forward"}
 
 
 def test_recorded_columns() -> None:

@@ -275,3 +275,17 @@ def test_wrong_kinds(coordinates: str, words: str) -> None:
     with pytest.raises(ModelError) as caught:
         load(source)
     assert words in str(caught.value)
+
+
+def test_a_quaternion_coordinate_needs_no_quat() -> None:
+    with pytest.raises(ModelError) as raised:
+        lagcli.load_text(text(output="'dot(quat(e)*[1, 0, 0], [1, 0, 0])'"))
+    (found,) = raised.value.diagnostics
+    assert found.message == "`quat` takes 4 arguments, not 1"
+    assert found.help == (
+        "a quaternion coordinate is a rotation already: write `e` if `e` is one; else name the four"
+        " components"
+    )
+    with pytest.raises(ModelError) as raised:
+        lagcli.load_text(text(output="'dot(quat(1, 0)*[1, 0, 0], [1, 0, 0])'"))
+    assert raised.value.diagnostics[0].help is None
