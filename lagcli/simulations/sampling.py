@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,3 +40,29 @@ def unit_kinds(coordinates: Iterable[Coordinate]) -> tuple[int, ...]:
     numbers: dict[str, int] = {}
     units = [si_notation(c.unit) if c.unit else "" for c in coordinates]
     return tuple(numbers.setdefault(unit, len(numbers)) for unit in units)
+
+
+#: Values of the parameters from a sample on, by the number of that sample.
+ParameterChanges = Sequence[tuple[int, tuple[float, ...]]]
+
+
+def parts_of_constant_parameters(
+    count: int, p: tuple[float, ...], changes: ParameterChanges
+) -> Iterator[tuple[slice, tuple[float, ...]]]:
+    """Yield the parts of so many samples in which parameters keep their values, with these.
+
+    Parameters
+    ----------
+    count : int
+    p : tuple of float
+        Values at the first sample.
+    changes : sequence of (int, tuple of float)
+        In order.
+    """
+    first = 0
+    for sample, values in changes:
+        if sample > first:
+            yield slice(first, sample), p
+        first, p = sample, values
+    if count > first:
+        yield slice(first, count), p

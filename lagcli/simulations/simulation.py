@@ -27,7 +27,13 @@ from lagcli.simulations.cancellation import Interruption
 from lagcli.simulations.derived import DerivedColumns
 from lagcli.simulations.memory import check_fits
 from lagcli.simulations.monitor import NO_MONITOR, Monitor, monitor_of
-from lagcli.simulations.sampling import absolute_tolerances, sample_times, unit_kinds
+from lagcli.simulations.sampling import (
+    ParameterChanges,
+    absolute_tolerances,
+    parts_of_constant_parameters,
+    sample_times,
+    unit_kinds,
+)
 from lagcli.simulations.start import find_start, freedom_at, negative_inertia, undefined_at
 from lagcli.simulations.threads import one_thread
 from lagcli.simulations.trust import Trust
@@ -400,6 +406,7 @@ def warnings_of(
     rank: int,
     samples: Array,
     steps: int,
+    changes: ParameterChanges = (),
 ) -> tuple[str, ...]:
     """Return why a completed run cannot be trusted, from its samples alone.
 
@@ -415,11 +422,16 @@ def warnings_of(
     samples : (nt, width) array
         Sample rows from the start on, as in `SampleLayout`.
     steps : int
+    changes : sequence of (int, tuple of float), optional
+        Samples from which events give other values to the parameters.
     """
     layout, held = system.sample_layout, _block_rows(system)
     columns, trust = DerivedColumns(system, p), Trust(system, p)
-    for start in range(0, len(samples), held):
-        trust.add(columns(Block.of_rows(samples[start : start + held], layout)))
+    for part, values in parts_of_constant_parameters(len(samples), p, changes):
+        columns.p = trust.p = values
+        for start in range(part.start, part.stop, held):
+            rows = samples[start : min(start + held, part.stop)]
+            trust.add(columns(Block.of_rows(rows, layout)))
     first = Block.of_rows(samples[:1], layout)
     return (
         *negative_inertia(system, State(float(first.time[0]), first.q[0], first.v[0], p), rank),

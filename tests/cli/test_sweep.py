@@ -497,13 +497,37 @@ def wait_for_rows(process: subprocess.Popen[str], tmp_path: Path) -> None:
     wait_until(lambda: process.poll() is not None or journal_size(tmp_path) > before)
 
 
-def killed_and_resumed(tmp_path: Path, times: int, rng: random.Random) -> None:
-    whole = subprocess.run(program(*LONG, "-o", "whole.h5"), cwd=tmp_path, env=environment(),
+#: Balls that bounce, of which an event softens the floor; rows without lanes.
+BOUNCES = """
+coordinates: {y: m}
+parameters: {m: 2 kg, g: 9.81 m/s^2, e: 0.8, k: 10 N/m}
+T: m/2*y'^2
+V: m*g*y + k/2*y^2
+constraints:
+  floor: {expr: y >= 0, restitution: e}
+events:
+  soft: {when: t >= 1, set: {k: 2*k}}
+initial: {y: 1, y': 0}
+simulation: {t_end: 2, samples: 101}
+"""
+CONTACTS = (
+    *("sweep", "balls.yaml", "--vary", "e=linspace(0.1, 0.9, 120)", "--quiet", "--jobs", "2"),
+    *("--measure", "n=count(floor impacts)", "--measure", "j=impulse.floor"),
+    *("--measure", "last=final(energy_total)", "--measure", "b=max(abs(energy_balance))"),
+)
+
+
+def killed_and_resumed(
+    tmp_path: Path, times: int, rng: random.Random, arguments: tuple[str, ...] = LONG
+) -> None:
+    others = {path.name for path in tmp_path.iterdir()}
+    whole = subprocess.run(program(*arguments, "-o", "whole.h5"), cwd=tmp_path, env=environment(),
                            capture_output=True, check=False)  # fmt: skip
-    assert whole.returncode == 3
+    expected = 3 if arguments is LONG else 0
+    assert whole.returncode == expected
     kills = 0
     while kills < times:
-        process = start(*LONG, "-o", "k.h5", "--resume", cwd=tmp_path)
+        process = start(*arguments, "-o", "k.h5", "--resume", cwd=tmp_path)
         wait_for_rows(process, tmp_path)
         time.sleep(rng.uniform(0, 0.2))
         process.kill()
@@ -513,15 +537,29 @@ def killed_and_resumed(tmp_path: Path, times: int, rng: random.Random) -> None:
             assert_same(tmp_path / "k.h5", tmp_path / "whole.h5")
             (tmp_path / "k.h5").unlink()
             (tmp_path / "k.h5.journal").unlink(missing_ok=True)
-    process = start(*LONG, "-o", "k.h5", "--resume", cwd=tmp_path)
+    process = start(*arguments, "-o", "k.h5", "--resume", cwd=tmp_path)
     _, said = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 3, said
+    assert process.returncode == expected, said
     assert_same(tmp_path / "k.h5", tmp_path / "whole.h5")
-    assert sorted(x.name for x in tmp_path.iterdir()) == ["k.h5", "whole.h5"]
+    assert {x.name for x in tmp_path.iterdir()} == {"k.h5", "whole.h5", *others}
 
 
 def test_killed_and_resumed_it_is_as_if_nothing_had_been(tmp_path: Path) -> None:
     killed_and_resumed(tmp_path, 2, random.Random(1))
+
+
+def test_with_contacts_too(tmp_path: Path) -> None:
+    (tmp_path / "balls.yaml").write_text(BOUNCES)
+    killed_and_resumed(tmp_path, 1, random.Random(3), CONTACTS)
+    whole = contents(tmp_path / "whole.h5")
+    # what the event and impacts change is in the balance
+    assert np.abs(whole["b"]).max() < 1e-8 * 24.62
+    model = lagcli.load(tmp_path / "balls.yaml", set={"e": repr(float(whole["e"][7]))})
+    one = lagcli.simulate(model)
+    assert one.events is not None
+    assert whole["n"][7] == one.events.kinds.count("impact")
+    assert whole["j"][7] == one.events.total_impulse()[0]
+    assert whole["last"][7] == pytest.approx(one.energy_total[-1])
 
 
 @pytest.mark.slow

@@ -127,7 +127,8 @@ def sweep(
     """Simulate a model for many values of its parameters and initial values.
 
     A failed row does not stop the others; its status and message are in the file, and the
-    exit status is 3. A sweep that is interrupted or killed goes on with --resume.
+    exit status is 3. A sweep that is interrupted or killed goes on with --resume. Each process
+    integrates eight rows at a time; rows of models with contacts or events one by one.
     """
     from lagcli.cli.progress import RowProgress
     from lagcli.sweeps.run import sweep as run_sweep

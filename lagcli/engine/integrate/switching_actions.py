@@ -136,14 +136,12 @@ class Actions:
     def _inputs(self, y: Array) -> tuple[float, ...]:
         """Return (t, q, v, a, λ, p)."""
         _, a, multipliers = self.core.motion
-        return (self.core.t, *y[:-1].tolist(), *a.tolist(), *multipliers.tolist(), *self._held)
+        return (self.core.t, *y[:-1].tolist(), *a.tolist(), *multipliers.tolist(), *self.p)
 
     def _energy(self, y: Array) -> float:
         """Return T + V."""
         nothing = [0.0] * (self.nq + len(self.system.constraints))
-        kinetic, potential = self._report((self.core.t, *y[:-1].tolist(), *nothing, *self._held))[
-            :2
-        ]
+        kinetic, potential = self._report((self.core.t, *y[:-1].tolist(), *nothing, *self.p))[:2]
         return float(kinetic + potential)
 
     def _check_gap(self, constraint: int, y: Array) -> None:
@@ -152,7 +150,7 @@ class Actions:
         if constraint not in system.holonomic:
             return
         place, counts = system.holonomic.index(constraint), system.counts
-        out = self._constraint((self.core.t, *y[:-1].tolist(), *self._held))
+        out = self._constraint((self.core.t, *y[:-1].tolist(), *self.p))
         gap, size = out[place], out[counts.nh + counts.nb + counts.nc + place]
         if abs(gap) > _ENGAGED * size:
             from lagcli.engine.switching.stops import cannot_engage

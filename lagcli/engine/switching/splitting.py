@@ -78,7 +78,8 @@ class SplitSystem:
     def functions(self) -> Tape:
         """(t, q, v, p) → φ, B entries, b_0, γ, the scales of ψ and of φ, of the rows."""
         system, rows = self.system, self.rows
-        builder = Builder(system.dynamics.inputs, system.dynamics.parameters)
+        given = system.dynamics
+        builder = Builder(given.inputs, given.parameters, functions=given.functions)
         inputs = range(builder.inputs)
         c, d = ConstraintLayout(system.counts), DynamicsLayout(system.counts)
         positions = [n for n, k in enumerate(system.holonomic) if k in rows]
@@ -122,7 +123,7 @@ class SplitSystem:
         """Return a tape of (t, q, v, a, λ, p) at λ = 0 of the rows."""
         layout, n = SampleLayout(self.system.counts), len(self.base)
         first, parameters = layout.multipliers.start, tape.inputs - layout.multipliers.stop
-        builder = Builder(first + n + parameters, tape.parameters)
+        builder = Builder(first + n + parameters, tape.parameters, functions=tape.functions)
         inputs = [*range(first)] + [builder.constant(0.0)] * len(self.system.constraints)
         for i, constraint in enumerate(self.base):
             inputs[first + constraint] = first + i
@@ -164,5 +165,5 @@ def _places(part: slice, numbers: Sequence[int]) -> list[int]:
 
 def _selected(tape: Tape, outputs: Sequence[int]) -> Tape:
     """Return a tape with some of the outputs, and no operation that these do not need."""
-    builder = Builder(tape.inputs, tape.parameters)
+    builder = Builder(tape.inputs, tape.parameters, functions=tape.functions)
     return builder.finish(builder.splice(tape, range(tape.inputs), outputs))

@@ -16,7 +16,7 @@ from lagcli.engine.layout import Counts, SampleLayout
 from lagcli.errors import LagcliError, ModelError, NumericalError, UsageError
 from lagcli.model.model import InitialValue, Model
 from lagcli.model.sections.measures import read_measures
-from lagcli.simulations.sampling import sample_times
+from lagcli.simulations.sampling import ParameterChanges, sample_times
 from lagcli.simulations.simulation import Simulation, ready, warnings_of
 from lagcli.simulations.start import undefined_at
 from lagcli.simulations.variants import Values, Variants
@@ -42,6 +42,8 @@ class FinishedRuns(NamedTuple):
     parameters : (k, np) array
     rank : int
         Of B at the starts.
+    changes : sequence of (int, tuple of float)
+        Of one run alone: samples from which events give other values to its parameters.
     """
 
     places: Indices
@@ -49,6 +51,7 @@ class FinishedRuns(NamedTuple):
     runs: list[Outcome | LagcliError]
     parameters: Array
     rank: int
+    changes: ParameterChanges = ()
 
 
 class RowGroup:
@@ -129,7 +132,7 @@ class RowGroup:
         ended : FinishedRuns
         """
         parameters = ended.parameters
-        signals = self.signals(ended.samples, parameters)
+        signals = self.signals(ended.samples, parameters, ended.changes)
         runs, _, reached = signals.shape
         split = len(self.measuring.reductions)
         measures = np.full((runs, self.measuring.count), np.nan)
@@ -167,9 +170,8 @@ class RowGroup:
         run = ended.runs[i]
         assert isinstance(run, Outcome)
         variants, p = self.variants, tuple(ended.parameters[i].tolist())
-        return warnings_of(
-            variants.system, p, variants.settings, ended.rank, ended.samples[i], run.steps
-        )
+        about = (variants.system, p, variants.settings, ended.rank, ended.samples[i], run.steps)
+        return warnings_of(*about, ended.changes)
 
     # eight at a time
 
@@ -267,8 +269,11 @@ class RowGroup:
             return FinishedRuns(
                 places, np.empty((1, 0, width)), [error], values.parameters[places], 0
             )
-        request = simulation.request._replace(times=self.grid.all)
         rows = [np.empty((0, width))]
+        changes: list[tuple[int, tuple[float, ...]]] = []
+        request = simulation.request._replace(
+            times=self.grid.all, on_parameters=lambda p: changes.append((sum(map(len, rows)), p))
+        )
 
         def take(block: Block) -> None:
             rows.append(np.column_stack(block))
@@ -279,7 +284,8 @@ class RowGroup:
             raise Interrupted
         said = self._said(run)
         parameters = values.parameters[places]
-        return FinishedRuns(places, np.concatenate(rows)[None], [said], parameters, request.rank)
+        samples = np.concatenate(rows)[None]
+        return FinishedRuns(places, samples, [said], parameters, request.rank, changes)
 
     def _simulation(self, place: int, given: Array, values: Values) -> Simulation:
         """Return the simulation of one row; raises what keeps it from beginning."""

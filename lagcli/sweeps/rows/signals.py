@@ -24,6 +24,7 @@ from lagcli.equations.derivation.column_expressions import (
 from lagcli.equations.derivation.lagrange import ConstraintEquation, Equations, with_forces
 from lagcli.errors import UsageError
 from lagcli.model.model import TIME, multiplier
+from lagcli.simulations.sampling import ParameterChanges, parts_of_constant_parameters
 
 #: What a trajectory is made of.
 STATE = ("time", "q", "v", "a", "multipliers")
@@ -69,7 +70,7 @@ class Signals:
         self._balance = any(ENERGY_BEFORE in x.free_symbols for x in found)
         self._energy = compile_tape([eq.energy - WORK], state, parameters, functions)
 
-    def __call__(self, samples: Array, parameters: Array) -> Array:
+    def __call__(self, samples: Array, parameters: Array, changes: ParameterChanges = ()) -> Array:
         """Return the signals, (runs, signals, nt).
 
         Parameters
@@ -77,12 +78,20 @@ class Signals:
         samples : (runs, nt, width) array
             By sample t, q, v, a, λ, W.
         parameters : (runs, np) array
+            At the first sample.
+        changes : sequence of (int, tuple of float), optional
+            Of one run alone: samples from which events give other values to the parameters.
         """
         runs, count = samples.shape[:2]
         before = np.zeros(runs)
         if self._balance and count:
             first = [*samples[:, 0].T, *parameters.T]
             before = run_arrays(self._energy, first, runs)[0]
+        if changes:
+            own = tuple(parameters[0].tolist())
+            parts = parts_of_constant_parameters(count, own, changes)
+            found = [self._evaluate(samples[:, k], np.array([[*p, before[0]]])) for k, p in parts]
+            return np.concatenate(found, axis=2)
         return self._evaluate(samples, np.column_stack([parameters, before]))
 
 
