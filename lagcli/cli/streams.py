@@ -30,8 +30,8 @@ _UNSEEN = "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2
 
 
 #: The label of a line, with the spaces before the text beside it.
-_LABEL = re.compile(r" *\S+(?: \S+)*? {2,}(?=\S)")
-_ENTRY = re.compile(r"  \S{11} (?=\S)")  # a label of all columns that it has in a summary
+_LABEL = r" *\S+(?: \S+)*? {2,}(?=\S)"
+_ENTRY = r"  \S{11} (?=\S)"  # a label of all columns that it has in a summary
 
 
 def visible(text: str) -> str:
@@ -154,7 +154,7 @@ def fitted(text: str, width: int) -> str:
             found.append(line)
             continue
         margin = len(line) - len(line.lstrip())
-        label = _LABEL.match(line) or _ENTRY.match(line)
+        label = re.match(_LABEL, line) or re.match(_ENTRY, line)
         below = label.end() if label else margin + 4 * (margin < 8)
         if label is None or below > width // 2:
             found += wrapped(line.strip(), width, " " * margin, " " * min(below, width // 3))
