@@ -46,6 +46,12 @@ def test_a_shipped_model_by_its_name(lagcli):
     status, _, err = lagcli("derive", "atwod")
     assert status == 4
     assert "did you mean `atwood`, which is shipped with lagcli?" in err
+    status, _, err = lagcli("derive", "models/atwood.yaml")  # outside a checkout
+    assert status == 4
+    assert "no file models/atwood.yaml; the name of the shipped model is `atwood`" in err
+    status, _, err = lagcli("derive", "quite_another.yaml")
+    assert status == 4
+    assert "no file quite_another.yaml; `lagcli models` lists the shipped ones" in err
 
 
 def test_a_new_model_runs(lagcli, tmp_path):

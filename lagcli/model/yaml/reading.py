@@ -55,6 +55,9 @@ def read_text(path: str | Path) -> tuple[str, str]:
 
 
 def _missing(path: Path) -> str:
+    """Say that there is no file, and which one may be meant."""
+    if path.stem in shipped_models():
+        return f"there is no file {path}; the name of the shipped model is `{path.stem}`"
     if not path.parent.is_dir():
         return f"there is no folder {path.parent}"
     try:
@@ -68,7 +71,7 @@ def _missing(path: Path) -> str:
     close = nearest(path.stem, list(shipped_models()))
     if close and path.parent == Path():
         return f"there is no file {path}; did you mean `{close[0]}`, which is shipped with lagcli?"
-    return f"there is no file {path}"
+    return f"there is no file {path}; `lagcli models` lists the shipped ones"
 
 
 def _not_text(
