@@ -1,6 +1,7 @@
 """`lagcli models`: the models that are installed with lagcli."""
 
 import json as json_module
+import sys
 import textwrap
 from typing import Annotated
 
@@ -35,7 +36,7 @@ def models(
         print(visible_json(json_module.dumps({"command": "models", "models": listed})))
         return
     indent = " " * (max(map(len, found), default=0) + 2)
-    width = text_width()
+    width = text_width() if sys.stdout.isatty() else 80
     for key, model in found.items():
         lines = textwrap.wrap(model.description or "", max(width - len(indent), 40))
         print(f"{key:<{len(indent)}}" + f"\n{indent}".join(lines))
