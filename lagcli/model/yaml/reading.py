@@ -56,10 +56,6 @@ def read_text(path: str | Path) -> tuple[str, str]:
 
 def _missing(path: Path) -> str:
     """Say that there is no file, and which one may be meant."""
-    if path.stem in shipped_models():
-        return f"there is no file {path}; the name of the shipped model is `{path.stem}`"
-    if not path.parent.is_dir():
-        return f"there is no folder {path.parent}"
     try:
         candidates = {p.stem: p for p in path.parent.iterdir() if p.suffix in (".yaml", ".yml")}
     except OSError:
@@ -68,7 +64,12 @@ def _missing(path: Path) -> str:
     close = nearest(path.stem, list(candidates))
     if close:
         return f"there is no file {path}; did you mean {candidates[close[0]]}?"
-    close = nearest(path.stem, list(shipped_models()))
+    shipped = shipped_models()
+    if path.stem in shipped:
+        return f"there is no file {path}; the name of the shipped model is `{path.stem}`"
+    if not path.parent.is_dir():
+        return f"there is no folder {path.parent}"
+    close = nearest(path.stem, list(shipped))
     if close and path.parent == Path():
         return f"there is no file {path}; did you mean `{close[0]}`, which is shipped with lagcli?"
     return f"there is no file {path}; `lagcli models` lists the shipped ones"
