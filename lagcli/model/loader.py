@@ -14,6 +14,7 @@ from lagcli.errors import ModelError
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
 from lagcli.model.draft import Draft
+from lagcli.model.dry_friction import dry_friction
 from lagcli.model.first_order import first_order_constraints
 from lagcli.model.inputs import Input, InputData
 from lagcli.model.keys import MODEL, keys_of
@@ -162,6 +163,8 @@ def _model(
         constraints += first_order_constraints(
             draft, coordinates, lagrangian, dissipation, forces, constraints
         )
+    forces, rows = dry_friction(draft, forces, constants)
+    constraints += rows
     closed = read_closed(draft, constraints)
     if inputs:
         from lagcli.model.sections.input_uses import InputUses

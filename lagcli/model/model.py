@@ -121,6 +121,8 @@ class MultiplierLimit(NamedTuple):
 
 #: Behind the name of a first-order coordinate: the constraint that is its equation.
 RATE = ".rate"
+#: Behind the name of a coordinate: the row of dry friction that its force with `sign` is.
+SIGN = ".sign"
 
 
 class Constraint(NamedTuple):
@@ -131,7 +133,7 @@ class Constraint(NamedTuple):
     velocity constraint that bears only so much a ``limit``. What is not ``active`` is engaged by an
     event. The friction of a constraint is a constraint of its own, after it in the model's order:
     ``floor.slip``. The equation of a first-order coordinate, ``x.rate``, is not written in the
-    file; it has no ``left``, and its λ is 0.
+    file; it has no ``left``, and its λ is 0. Nor is dry friction, ``x.sign``, a `sign` in Q.
     """
 
     name: str
@@ -151,6 +153,11 @@ class Constraint(NamedTuple):
     def sign(self) -> int:
         """Of φ and λ of a unilateral constraint, 1 or −1; 0 of any other."""
         return {">=": 1, "<=": -1, "=": 0}[self.relation]
+
+    @property
+    def from_sign(self) -> bool:
+        """Whether it is dry friction, written as a force with `sign`."""
+        return SIGN in self.name
 
     @property
     def lasting(self) -> bool:

@@ -102,6 +102,24 @@ def test_coulomb_oscillator_loses_amplitude_in_each_half_cycle_and_sticks(engine
     assert found.counts["kinks"] == 4
 
 
+def test_dry_friction_written_with_sign_is_a_row(engine: str) -> None:
+    text = particle("V: k/2*x^2\nQ: {x: -F*sign(x')}", k=100.0, F=12.0)
+    turn = math.pi / 10
+    found = run(text, engine, [0, turn, 2 * turn, 3 * turn, 4 * turn, 4])
+    np.testing.assert_allclose(found.q[:, 0], [1, -0.76, 0.52, -0.28, 0.04, 0.04], atol=1e-9)
+    assert found.multipliers[-1, 0] == pytest.approx(4.0, abs=1e-7)  # it balances the spring
+    assert found.events is not None
+    assert found.events.counts() == {"x.sign": {"slips": 3, "sticks": 1}}
+    # what slides on two surfaces at once as forces does not stop here
+    pair = particle(
+        "V: 50*(x - y)^2\nQ: {x: -10*sign(x'), y: -8*sign(y')}",
+        "x: 0.1, y: 0, x': 0.001, y': -0.001",
+    )
+    held = run(pair, engine, [0, 1, 2])
+    assert held.status == "completed"
+    np.testing.assert_allclose(held.v[-1], 0, atol=1e-14)
+
+
 def test_stuck_until_the_force_exceeds_friction(engine: str) -> None:
     text = particle('Q: {x: "3*t - if(x\' > 0, 6, -6)"}', "x: 0, x': 0")
     found = run(text, engine, [0, 1, 2, 3, 4])

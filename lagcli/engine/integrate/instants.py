@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
+from lagcli.engine.constraints.projection import jumped
 from lagcli.engine.contract import CHANGES, EventEntry, Occurrence
 from lagcli.engine.integrate.phases import Phases
 from lagcli.engine.switching.problem import ContactLaw
@@ -18,6 +19,8 @@ from lagcli.engine.switching.switching import RowMode
 
 #: Rounds at one instant after which it does not end.
 _ROUNDS = 100
+#: Of the scale of a constraint: a residual that a jump has left.
+_JUMPS = 1e-6
 
 
 class Resolved(NamedTuple):
@@ -205,10 +208,24 @@ class InstantResolution:
         for k in fallen:
             self._log("rest", self.rows[k].row, self.v, time=self._rest_time(k))
         self.modes, self.guess = found.modes, found.multipliers
+        self._check_jump()
         before = self.v
         self.q, self.v = self.problems.projected(self.t, self.q, self.v, self.modes)
         if self.run.branches is not None:
             self.run.branches.check_corner(self.t, before, self.v)
+
+    def _check_jump(self) -> None:
+        """Stop where the constraints on a new branch move the positions."""
+        branches, run = self.run.branches, self.run
+        if branches is None or not branches.surfaces:
+            return
+        c, held = run.full.constraints(self.t, self.q, self.v), self.problems.held(self.modes)
+        places = [k for k, row in enumerate(run.system.holonomic) if row in held]
+        rows = c.jacobian[[run.system.holonomic[k] for k in places]]
+        gaps, scales = c.position[places], self.problems.position_scale[places]
+        if (np.abs(gaps) > _JUMPS * scales).any():
+            change = np.linalg.lstsq(rows, gaps, rcond=None)[0]
+            raise jumped(run.system, self.t, self.q, self.q - change)
 
     def _modes(self, resting: set[int], pinned: dict[int, ContactLaw]) -> NextModes:
         return self.problems.modes(

@@ -176,6 +176,11 @@ class _Statements:
         if c.left is None:
             force = find(self.known.names, c.name.removesuffix(RATE))
             return UNKNOWN if isinstance(force, TensorDimension) else conjugate(force)
+        if c.from_sign:  # what is wrong with it is wrong in Q
+            known = len(self.known.findings)
+            found = self.known.evaluated(c.left, "constraints", c.name, c.indices)
+            del self.known.findings[known:]
+            return found if isinstance(found, Dimension) else UNKNOWN
         left = self.known.evaluated(c.left, "constraints", c.name, c.indices)
         if c.right is not None:
             right = self.known.evaluated(c.right, "constraints", c.name, c.indices)

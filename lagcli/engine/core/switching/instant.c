@@ -401,7 +401,7 @@ int lag_do_instant(lag_run *run)
         }
         memcpy(sw->start, y, (size_t)lag_size(&run->system) * sizeof(double));
         if (status == LAG_RUNNING && run->projection.active)
-            status = lag_project(run, t, y);
+            status = sw->kinks.undecided ? lag_return(run, t, y) : lag_project(run, t, y);
         if (status == LAG_RUNNING && sw->kinks.undecided && turns(run))
             status = LAG_CORNER;
         if (status != LAG_RUNNING)

@@ -50,7 +50,9 @@ class Branches:
     weight : float
         The part of the upper side in it at the last state.
     reached : set of int
-        Kinks whose functions vanish at the instant.
+        Kinks whose branches have ended there, before new ones are chosen.
+    surfaces : list of int
+        Kinks whose functions vanish at the last instant.
     crossed : int
         How often a branch has changed.
     """
@@ -65,7 +67,7 @@ class Branches:
         self._known: set[int] = set()
         self._bounds = np.zeros(len(self.kinks))
         self._sizes = np.zeros(len(self.kinks))
-        self._on: list[int] = []
+        self.surfaces: list[int] = []
         self._jump, self._rates = np.zeros(0), 0.0
         self.crossed = 0
 
@@ -156,7 +158,7 @@ class Branches:
         """
         crossed = bool(self.reached or self._known or self.slides is not None)
         on = self._clear(t, q, v)
-        self.reached, self._known, self._on = set(), set(), on
+        self.reached, self._known, self.surfaces = set(), set(), on
         if not on:
             return
         if len(on) > _MOST:
@@ -253,8 +255,8 @@ class Branches:
 
     def check_corner(self, t: float, before: Array, v: Array) -> None:
         """Stop where the constraints on a new branch change the velocities."""
-        if self._on and np.abs(v - before).max() > _TURNS * np.abs(before).max():
-            raise self._stop(Status.CORNER, t, self._on)
+        if self.surfaces and np.abs(v - before).max() > _TURNS * np.abs(before).max():
+            raise self._stop(Status.CORNER, t, self.surfaces)
 
     def _stop(self, status: Status, t: float, on: list[int]) -> Stop:
         return at_surfaces(status, t, [self.kinks[k].names for k in on])
