@@ -14,7 +14,6 @@ from lagcli.errors import ModelError
 from lagcli.model.diagnostics import Diagnostics
 from lagcli.model.dimensions.deriving import derive_units
 from lagcli.model.draft import Draft
-from lagcli.model.dry_friction import dry_friction
 from lagcli.model.first_order import first_order_constraints
 from lagcli.model.inputs import Input, InputData
 from lagcli.model.keys import MODEL, keys_of
@@ -35,6 +34,7 @@ from lagcli.model.sections.initial import read_closed, read_initial
 from lagcli.model.sections.outputs import read_outputs
 from lagcli.model.sections.parameters import read_parameters, structural
 from lagcli.model.sections.simulation import read_settings
+from lagcli.model.sections.switching.dry_friction import dry_friction
 from lagcli.model.sections.view import read_view
 from lagcli.model.vectors.kinds import constraints_of, definitions_of
 from lagcli.model.yaml.composing import compose
