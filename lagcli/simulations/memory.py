@@ -6,8 +6,12 @@ import re
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lagcli.errors import NumericalError
+
+if TYPE_CHECKING:
+    from lagcli.engine.system import System
 
 #: The files by which Linux tells the limit and the use of a group of processes, bytes.
 _GROUP = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory.current"))
@@ -23,6 +27,12 @@ def available() -> int | None:
     and what the limit of its group of processes leaves.
     """
     return min(_limits(), default=None)
+
+
+def numbers_per_sample(system: System) -> int:
+    """Return how many numbers are stored of each sample."""
+    nq, nc = len(system.coordinates), len(system.constraints)
+    return 3 * nq + 3 * nc + len(system.jacobian_pattern) + len(system.outputs) + 10
 
 
 def check_fits(needed: int, what: str, remedy: str) -> None:

@@ -25,7 +25,7 @@ from lagcli.settings.resolve import resolve
 from lagcli.settings.settings import Settings, SettingsOverrides
 from lagcli.simulations.cancellation import Interruption
 from lagcli.simulations.derived import DerivedColumns
-from lagcli.simulations.memory import check_fits
+from lagcli.simulations.memory import check_fits, numbers_per_sample
 from lagcli.simulations.monitor import NO_MONITOR, Monitor, monitor_of
 from lagcli.simulations.sampling import (
     ParameterChanges,
@@ -260,7 +260,7 @@ class Simulation:
         """
         count = self.settings.sample_count
         rows = min(count, self._block_rows)
-        stored = _stored(self.system) * self._copies
+        stored = numbers_per_sample(self.system) * self._copies
         numbers = 3 * count + _COPIES * rows * stored
         if kept:
             numbers += 2 * count * stored
@@ -442,11 +442,5 @@ def warnings_of(
 def _block_rows(system: System) -> int:
     """Return how many samples may be under way at once, by the memory and the time they take."""
     held = max(system.dynamics.registers, system.report.registers)
-    in_time = max(_BLOCK_NUMBERS // _stored(system), _LEAST_ROWS)
+    in_time = max(_BLOCK_NUMBERS // numbers_per_sample(system), _LEAST_ROWS)
     return max(1, min(in_time, _BLOCK_REGISTERS // held))
-
-
-def _stored(system: System) -> int:
-    """Return how many numbers are stored of each sample."""
-    nq, nc = len(system.coordinates), len(system.constraints)
-    return 3 * nq + 3 * nc + len(system.jacobian_pattern) + len(system.outputs) + 10
