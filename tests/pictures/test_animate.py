@@ -336,7 +336,7 @@ def test_the_command_says_what_it_made(result, tmp_path, capsys):
     [
         (["-o", "run.avi"], 2, "run.avi: the suffix .avi is not an animation format"),
         (["-o", "run"], 2, "use run.html"),
-        (["-o", "run.gif", "--size", "wide"], 2, "--size 'wide' is no size"),
+        (["-o", "run.gif", "--size", "wide"], 2, "--size 'wide' is not a size"),
         (["-o", "run.gif", "--size", "10x10"], 2, "between 64 and 8192 pixels, not 10"),
         (["-o", "run.gif", "--fps", "0"], 2, "--fps must lie between 0 and 1000, not 0"),
         (["-o", "run.html", "--fps", "30"], 2, "--fps is for films"),
@@ -377,10 +377,10 @@ def test_a_page_holds_as_many_samples_as_it_needs(result, tmp_path):
 
 WITHOUT_VIEW = """
 name: two_springs
-coordinates: {x: {unit: m}, theta: {unit: rad}}
-T: x'^2/2 + theta'^2/20
-V: 10*x^2 + 3/2*theta^2
-initial: {x: 0.1, x': 0, theta: 1, theta': 0}
+coordinates: {s: {unit: m}, theta: {unit: rad}}
+T: s'^2/2 + theta'^2/20
+V: 10*s^2 + 3/2*theta^2
+initial: {s: 0.1, s': 0, theta: 1, theta': 0}
 simulation: {t_end: 5, samples: 501}
 """
 
@@ -416,7 +416,7 @@ def test_without_a_view_coordinates_are_played(name, note, without_view, tmp_pat
     assert cursor.bounding_box()["x"] - first == pytest.approx(0.1 * plot["width"], abs=2)
     opened.mouse.click(plot["x"] + 0.5 * plot["width"], plot["y"] + 20)
     assert opened.evaluate("player.time") == pytest.approx(2.5, abs=0.05)
-    x = opened.locator("[data-series=x] .plot-value").text_content()
+    x = opened.locator("[data-series=s] .plot-value").text_content()
     assert float(x.replace("−", "-")) == pytest.approx(0.1 * np.cos(np.sqrt(20) * 2.5), abs=2e-3)
 
 

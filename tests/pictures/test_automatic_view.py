@@ -59,6 +59,26 @@ def test_definitions_are_points():
     assert list(found.points) == ["B", "C"]
 
 
+def test_bodies_on_a_line():
+    rail = view("x_A, x_B, phi")
+    assert rail.points == {"A": (Symbol("x_A"), 0), "B": (Symbol("x_B"), 0)}
+    assert view("y").points == {"P": (0, Symbol("y"))}
+    assert view("z, phi").points == {"P": (0, Symbol("z"))}
+    # of two heights it is not known where they are
+    assert view("y_1, y_2") is None
+    assert view("x, z") is None
+
+
+@pytest.mark.parametrize("name", ["bouncing_ball", "newtons_cradle", "stick_slip_belt"])
+def test_contact_models_on_a_line_have_a_view(name):
+    text = lagcli.load(name).text
+    model = lagcli.load_text(text[: text.index("\nview:")] + "\n")
+    assert model.view is None
+    found = with_view(model).view
+    assert found.dimension == 2
+    assert len(found.points) == len(model.coordinates)
+
+
 @pytest.mark.parametrize(
     "constraint",
     [

@@ -369,7 +369,7 @@ def test_dependent_values_follow_and_members_come_and_go(opened):
 def test_a_model_without_a_view_is_plotted_until_the_program_ends(opened, tmp_path):
     model = tmp_path / "falling <b>.yaml"
     model.write_text(
-        "coordinates: [x]\nparameters: {g: 9.81}\nT: x'^2/2\nV: g*x\ninitial: {x: 0, x': 1}\n"
+        "coordinates: [s]\nparameters: {g: 9.81}\nT: s'^2/2\nV: g*s\ninitial: {s: 0, s': 1}\n"
     )
     server = serving(model)
     p = opened(next(server))

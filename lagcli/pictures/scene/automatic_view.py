@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from symengine import Basic, expand
+from symengine import Basic, Integer, expand
 
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.model import Constraint, Model, Segment, View, coordinate
@@ -15,6 +15,7 @@ from lagcli.model.model import Constraint, Model, Segment, View, coordinate
 #: x, x_A, x1, xA, x[2]; partners differ in the first letter only.
 _FIRST = re.compile(r"(?P<letter>[xX])(?P<rest>|_\w+|\d+|[A-Z]\w*|\[\d+\])")
 _OTHERS = {"x": "yz", "X": "YZ"}
+_HEIGHT = re.compile(r"[yYzZ](?:|_\w+|\d+|[A-Z]\w*|\[\d+\])")
 #: Definitions of position vectors: r, r_A, rA.
 _VECTOR = re.compile(r"[rR](?P<rest>|_\w+|\d+|[A-Z]\w*|\[\d+\])")
 _TRAILS = 4  # more would cover the picture
@@ -27,7 +28,8 @@ def with_view(model: Model) -> Model:
     """Return a model with a view: its own, or one of the points that are recognized.
 
     Points are pairs or triples of coordinates or definitions such as ``x_A, y_A``, and vector
-    definitions such as ``r_A``. Holonomic constraints that keep a distance are drawn as rods.
+    definitions such as ``r_A``; without any, coordinates ``x`` along the horizontal, or one ``y``
+    or ``z`` along the vertical. Holonomic constraints that keep a distance are drawn as rods.
 
     Parameters
     ----------
@@ -40,7 +42,7 @@ def with_view(model: Model) -> Model:
     """
     if model.view is not None:
         return model
-    found = dict(_points(model))
+    found = dict(_points(model)) or dict(_on_a_line(model))
     if not found:
         return model
     dimension = max(map(len, found.values()))
@@ -90,6 +92,22 @@ def _points(model: Model) -> Iterator[tuple[str, Position]]:
             entries = tuple(value.entries)
             if not any(s.name.endswith("'") for s in _free(entries)):
                 yield _name(match["rest"]), entries
+
+
+def _on_a_line(model: Model) -> Iterator[tuple[str, Position]]:
+    """Yield the points of a model whose bodies move along one line.
+
+    Of several heights it is not known where beside each other they are.
+    """
+    zero = Integer(0)
+    lengths = [q.name for q in model.coordinates if q.unit in (None, "", "m")]
+    across = [name for name in lengths if _FIRST.fullmatch(name)]
+    upright = [name for name in lengths if _HEIGHT.fullmatch(name)]
+    if across and not upright:
+        for name in across:
+            yield _name(name[1:]), (coordinate(name), zero)
+    elif len(upright) == 1 and not across:
+        yield _name(upright[0][1:]), (zero, coordinate(upright[0]))
 
 
 def _scalars(model: Model) -> Iterator[tuple[str, Basic]]:
