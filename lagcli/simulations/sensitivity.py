@@ -128,6 +128,8 @@ class Sensitivity:
             )
         refuse_switching(equations, "sensitivities and fits")
         self.equations, self.system = equations, system
+        if system.has_kinks:
+            self._refuse_jumps(system, settings)
         self.directions = Directions(equations.model, tuple(names))
         self._evaluator = Evaluator(system, tuple(equations.model.parameter_values.values()))
         self._determines: bool | None = None
@@ -135,6 +137,19 @@ class Sensitivity:
         self.problem = TangentProblem(
             system, self.tangent, names, self.directions.scales, many_runs=many_runs
         )
+
+    def _refuse_jumps(self, system: System, settings: Settings) -> None:
+        from lagcli.simulations.switching.surfaces import jumping_names
+
+        model = self.equations.model
+        nothing, p = np.zeros(len(system.coordinates)), tuple(model.parameter_values.values())
+        names = jumping_names(system, State(settings.t_start, nothing, nothing, p))
+        if names:
+            listed = ", ".join(f"`{name}`" for name in names)
+            raise UsageError(
+                f"sensitivities and fits need forces without jumps, but one depends on the sign or"
+                f" the whole part of a function of {listed}; smooth it, as with `tanh`"
+            )
 
     def start(self, start: ConsistentState, values: Sequence[float]) -> StartDerivatives:
         """Return the derivatives of a consistent start with respect to θ / scale.

@@ -341,10 +341,8 @@ class Simulation:
             take(Block.of_rows(np.empty((0, layout.size)), layout), empty)
         if run.undefined is not None:
             run.message += "; " + undefined_at(self.equations, run.undefined).with_line
-        options = self.settings.as_dict()
-        if not self.model.switches:
-            for name in _OF_CONTACTS:
-                del options[name]
+        unused = () if self.model.switches else _OF_CONTACTS
+        options = {k: x for k, x in self.settings.as_dict().items() if k not in unused}
         if run.methods:
             options["method"] = ", ".join(run.methods)  # what `auto` was
         reached = [] if run.tolerances is None else run.tolerances[:-1].tolist()

@@ -7,12 +7,15 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.contract import Block
 from lagcli.engine.layout import DynamicsLayout
+from lagcli.engine.state import State
 from lagcli.engine.switching.kinks import Kink, frozen_of
 from lagcli.engine.system import System
-from lagcli.engine.tape.interpreter import run_arrays
+from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 
 #: Of the largest terms of a function: what counts as zero.
 _ON = 1e-9
+#: States that are tried, steps towards a surface, how near it is; a difference that is a jump.
+_TRIES, _NEWTON, _SOLVED, _JUMP = 3, 6, 1e-7, 1e-4
 
 
 def residual_with_surfaces(
@@ -78,3 +81,58 @@ def _beside(kink: Kink, whole: Array, upper: bool) -> Array:
     if not kink.whole:
         return np.full(len(whole), 1.0 if upper else -1.0)
     return np.asarray(whole - (not upper) + (kink.whole < 0))
+
+
+def jumping_names(system: System, start: State) -> tuple[str, ...]:
+    """Return what a branch depends on at which forces or constraints jump; nothing without any.
+
+    Both sides are compared at points of each surface that are found near random states.
+
+    Parameters
+    ----------
+    system : System
+    start : State
+    """
+    frozen = frozen_of(system) if system.has_kinks else None
+    if frozen is None:
+        return ()
+    functions, dynamics = ScalarTape(frozen.functions), ScalarTape(frozen.system.dynamics)
+    rng, nq = np.random.default_rng(0), len(start.q)
+    for _ in range(_TRIES):
+        change = rng.normal(size=(2, nq))
+        y = np.concatenate([start.q, start.v]) + change.ravel()
+        for k, kink in enumerate(frozen.kinks):
+            if kink.timed:
+                continue
+            at = frozen.frozen(start._replace(q=y[:nq], v=y[nq:]))
+            found = _on_surface(functions, k, at, y)
+            if found is None:
+                continue
+            sides = []
+            for upper in (True, False):
+                p = list(at.p)
+                whole = np.round(functions((at.t, *found, *p))[k])
+                p[len(start.p) + k] = float(_beside(kink, np.array([whole]), upper)[0])
+                sides.append(np.array(dynamics((at.t, *found, *p))))
+            if (np.abs(sides[0] - sides[1]) > _JUMP * (1 + np.abs(sides[0]))).any():
+                return kink.names
+    return ()
+
+
+def _on_surface(functions: ScalarTape, k: int, at: State, y: Array) -> list[float] | None:
+    """Return a state near another at which the function of a kink vanishes, or is whole."""
+    found = y.copy()
+
+    def value(x: Array) -> float:
+        return functions((at.t, *x.tolist(), *at.p))[k]
+
+    for _ in range(_NEWTON):
+        g = value(found)
+        slopes = np.array(
+            [(value(found + d) - value(found - d)) / 2e-6 for d in 1e-6 * np.eye(len(y))]
+        )
+        square = float(slopes @ slopes)
+        if not np.isfinite(g) or not square > 0:
+            return None
+        found = found - g / square * slopes
+    return found.tolist() if abs(value(found)) < _SOLVED * (1 + np.abs(found).max()) else None

@@ -1,0 +1,48 @@
+"""Surfaces at which forces jump."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lagcli
+from lagcli.engine.lowering import lower
+from lagcli.engine.state import State
+from lagcli.equations.derivation.lagrange import derive
+from lagcli.errors import UsageError
+from lagcli.simulations.switching.surfaces import jumping_names
+
+
+def text(force: str) -> str:
+    return (
+        "coordinates: [x, y]\nparameters: {h: 0.5}\nT: (x'^2 + y'^2)/2\n"
+        f"Q: {{x: \"{force}\"}}\ninitial: {{x: 1, y: 0, x': 0, y': 0}}\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("force", "names"),
+    [
+        ("-if(x > h, 1, 0)", ("x",)),
+        ("sign(x' + y)", ("y", "x'")),
+        ("floor(x*x')", ("x", "x'")),
+        ("-abs(x' - y)*x", ()),
+        ("max(x, y^2) + min(x', 0)", ()),
+        ("if(x > h, x - h, 0)^2", ()),
+        ("if(t < h, 1, 0)", ()),
+    ],
+)
+def test_forces_that_jump(force: str, names: tuple[str, ...]) -> None:
+    system = lower(derive(lagcli.load_text(text(force))))
+    nothing = np.zeros(2)
+    assert jumping_names(system, State(0.0, nothing, nothing, (0.5,))) == names
+
+
+def test_sensitivities_refuse_jumps_and_take_kinks() -> None:
+    model = lagcli.load_text(text("-if(x > h, 1, 0)"))
+    with pytest.raises(UsageError, match=r"need forces without jumps, .* a function of `x`"):
+        lagcli.simulate(model, sensitivity=("h",), t_end=0.1)
+    # x'' = −2 (x − h) from x = 1: x = h + (1 − h) cos √2 t
+    model = lagcli.load_text(text("-2*max(x - h, -3)"))
+    found = lagcli.simulate(model, sensitivity=("h",), t_end=1.0, samples=2)
+    assert found.dq[-1, 0, 0] == pytest.approx(1 - np.cos(np.sqrt(2)), rel=1e-8)
