@@ -16,6 +16,8 @@ from typing import Any
 
 import yaml
 
+#: The fast one, of libyaml, where PyYAML was built with it.
+LOADER = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 FOLDER = Path(__file__).parent / "cases"
 
 #: What a row of ``reference`` may state, beside its kind, time, source and digits.
@@ -109,7 +111,7 @@ class Case:
     def __init__(self, name: str):
         text = (FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
         # every scalar stays text: numbers go into the model digit by digit as they stand
-        self.data: dict[str, Any] = yaml.load(text, Loader=yaml.BaseLoader)
+        self.data: dict[str, Any] = yaml.load(text, Loader=LOADER)
         if unknown := set(self.data) - KEYS:
             raise ValueError(f"{name}: the reader does not know {sorted(unknown)}")
         self.name = name

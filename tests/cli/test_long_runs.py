@@ -9,11 +9,12 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 import pytest
 from patience import PATIENCE, children_time, processor_time, wait_until
+from peak_memory import peak
+from trajectories import environment
 
 from lagcli.results import atomic, read
 from lagcli.results.info import describe
@@ -32,37 +33,6 @@ pytestmark = [
     pytest.mark.skipif(not compiled_available(), reason="the reference engine takes too long"),
     pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc"),
 ]
-
-RUN = """
-import re, sys
-from lagcli.cli.app import run
-status = run(sys.argv[1:])
-found = re.search(r"VmHWM:\\s+(\\d+) kB", open("/proc/self/status").read())
-print("peak", found[1], file=sys.stderr)
-sys.exit(status)
-"""
-
-
-def environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-
-
-def peak(
-    *arguments: str, stdout: int | IO[bytes] = subprocess.DEVNULL, seconds: int = 200
-) -> float:
-    """Run the program, for so much time of the processor; return the most memory it had, MB."""
-    done = subprocess.run(
-        [sys.executable, "-c", RUN, *arguments],
-        stdout=stdout,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment(),
-        timeout=3600,  # of a machine that does much besides; the time of the processor is bounded
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds)),
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return int(re.search(r"^peak (\d+)$", done.stderr, re.MULTILINE)[1]) / 1024  # type: ignore[index]
 
 
 def started(*arguments: str, stdout: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
@@ -253,8 +223,6 @@ def test_a_killed_run_leaves_nothing(tmp_path: Path, suffix: str) -> None:
 
 @pytest.mark.parametrize("suffix", [".h5", ".csv"])
 def test_a_disk_that_fills_up_ends_the_run(tmp_path: Path, suffix: str) -> None:
-    import resource
-
     path = tmp_path / f"run{suffix}"
     (tmp_path / "old.h5").write_text("mine")
     process = subprocess.Popen(
