@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lagcli.model.names.dependencies import topological_order
@@ -26,6 +26,7 @@ def test_long_chains_need_no_recursion() -> None:
     assert cycles == []
 
 
+@settings(deadline=None)
 @given(st.dictionaries(st.integers(0, 9), st.lists(st.integers(0, 12), max_size=4), max_size=10))
 def test_any_graph(graph: dict[int, list[int]]) -> None:
     needs = {str(k): [str(v) for v in vs] for k, vs in graph.items()}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lagcli.errors import Diagnostic, ModelError, SourceLocation
@@ -68,6 +68,7 @@ def test_each_character_stands_where_its_place_says(text: str) -> None:
     assert place.text[place.column - 1 :][: place.length] in ("two", "\\u0074wo")
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.sampled_from(["x", "y_1", "'", '"', "\\", "ä", "高", "\t", " ", "\n", "#", ":"])),
     st.sampled_from(["'", '"', "|", ">", None]),

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -24,6 +24,7 @@ def test_short_curves_stay() -> None:
     assert np.array_equal(thin(x, x, 5), np.arange(10))
 
 
+@settings(deadline=None)
 @given(
     hnp.arrays(np.float64, st.integers(100, 400), elements=st.floats(-1e6, 1e6)),
     st.integers(1, 20),

@@ -271,6 +271,7 @@ def test_constraint_forces_are_stored_sparse(tmp_path: Path) -> None:
         np.testing.assert_array_equal(matrix.sum(axis=0), run.constraint_force[3])
 
 
+@settings(deadline=None)
 @given(
     st.sets(st.tuples(st.integers(0, 3), st.integers(0, 4))),
     st.integers(0, 2**32 - 1),
