@@ -350,6 +350,8 @@ void lag_contact_rouse(const lag_contact_work *w, int *mode)
 {
     for (int k = 0; k < w->n; ++k) {
         const int law = w->problem->law[k];
+        if (law == LAG_FREE || (law == LAG_UNILATERAL && mode[k] != LAG_OPEN))
+            mode[k] = LAG_HOLDS;
         if (!limited(law))
             continue;
         if (lag_contact_idle(w, mode, k))

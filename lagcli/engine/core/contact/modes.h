@@ -39,8 +39,8 @@ void lag_contact_prepare(lag_contact_work *work, const lag_contacts *problem, vo
 /* Whether all unilateral rows that give row k its limit are open in these modes. */
 int lag_contact_idle(const lag_contact_work *work, const int *mode, int k);
 
-/* Open the friction of open contacts, give other rows that slip already their modes, and let friction of
- * contacts that close anew hold. */
+/* Make modes those that the laws have: free rows hold, friction of open contacts is open, rows that slip
+ * already slip their way, and friction of contacts that close anew holds. */
 void lag_contact_rouse(const lag_contact_work *work, int *mode);
 
 /* Sign of x_j in the present modes. */

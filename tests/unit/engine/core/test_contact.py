@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -475,3 +476,20 @@ def test_random_impacts() -> None:
 @pytest.mark.slow
 def test_many_random_impacts() -> None:
     check_random(100_000, 15)
+
+
+@pytest.mark.parametrize("present", list(itertools.product(range(4), repeat=3)))
+def test_the_modes_that_are_tried_first_change_nothing(present: tuple[int, ...]) -> None:
+    """A contact, its friction and a bilateral row: also where this one is open at first."""
+    rows = [[0.0, 1.0, 0.3], [1.0, 0.0, 0.2], [0.4, 0.1, 1.0]]
+    given = problem(
+        inverse_inertia(np.eye(3), rows),
+        [-5.0, 3.0, 2.0],
+        [UNILATERAL, LIMITED, FREE],
+        {(1, 0): 0.4},
+    )
+    force, motion, modes = solve(given)
+    [(again, moves, found)] = binding.solve_contacts(given, present)
+    assert list(found) == modes
+    np.testing.assert_allclose(again, force, rtol=1e-13)
+    np.testing.assert_allclose(moves, motion, atol=1e-13)
