@@ -87,7 +87,7 @@ class SwitchingIntegration(Integration):
         rank = dense.count_rank(found.jacobian, sizes=sizes) if len(split.base) else 0
         self.log: list[EventEntry] = []
         self.waiting: list[EventEntry] = []
-        self.stopped = ""
+        self.stopped, self.acted = "", False
         #: The entry of an event that engages, and the work before the velocities adapt.
         self.engaging: tuple[int, float] | None = None
         self.core: binding.SwitchingIntegrator
@@ -115,9 +115,9 @@ class SwitchingIntegration(Integration):
             run.status, run.message = "stopped-by-event", self.stopped
         run.events, run.limits = self.log, self.instants.limits
         run.modes = self.actions.first_modes
-        acting = any(run.modes) or any(entry.modes.any() for entry in run.events)
         run.kinks, slid = self.core.crossings
-        if acting or slid or self.split_system.switching.force_coordinates:
+        acted = any(run.modes) or self.acted or slid
+        if acted or self.split_system.switching.force_coordinates:
             run.methods = tuple(dict.fromkeys([*(run.methods or (self.settings.method,)), _ACTING]))
         return run
 
@@ -223,28 +223,28 @@ class SwitchingIntegration(Integration):
 
     def collect(self) -> None:
         """Emit the samples that the core holds, and take over its log."""
-        entries = [self.entry(row) for row in self.core.take_log()]
+        entries = self.entries(self.core.take_log())
         self.log += entries
         self.waiting += entries
         super().collect()
 
-    def entry(self, row: Array) -> EventEntry:
-        """Return an entry of the core's log."""
+    def entries(self, rows: Array) -> list[EventEntry]:
+        """Return entries of the core's log, one for each row."""
         ns, nq = len(self.split_system.switching.rows), self.nq
-        q, before, after, impulse = np.split(row[6 + ns :], [nq, 2 * nq, 3 * nq])
-        return EventEntry(
-            time=float(row[0]),
-            occurrence=_OCCURRENCES[int(row[1])],
-            which=int(row[2]),
-            q=q,
-            before=before,
-            after=after,
-            impulse=impulse,
-            loss=float(row[3]),
-            supplied=float(row[4]),
-            work=float(row[5]),
-            modes=row[6 : 6 + ns].astype(int),
+        first = 6 + ns
+        places = [first, first + nq, first + 2 * nq, first + 3 * nq]
+        modes = rows[:, 6:first].astype(int)
+        self.acted = self.acted or bool(modes.any())
+        columns = (
+            rows[:, 0].tolist(),
+            [_OCCURRENCES[k] for k in rows[:, 1].astype(int).tolist()],
+            rows[:, 2].astype(int).tolist(),
+            *(rows[:, i : i + nq] for i in places[:3]),
+            rows[:, places[3] :],
+            *rows[:, 3:6].T.tolist(),
+            modes,
         )
+        return [EventEntry._make(x) for x in zip(*columns, strict=True)]
 
     def emit(self, rows: Array) -> None:
         """Emit samples."""
