@@ -6,13 +6,23 @@
 #include "linear/dense.h"
 
 #define DEGREE (NODES - 1)
-#define HALF_TURN 3.14159265358979323846
 #define RESOLVED 1e-9       /* of the largest value: the last coefficients of a function that is resolved */
 #define NARROW 1e-10        /* of the interval: brackets of more than one root are not halved further */
+#define ESTIMATE 1e-15      /* of the interval: where the root of a polynomial is known */
+#define ESTIMATE_STEPS 60
+
+/* cos(k pi / 8) */
+static double cosine(int k)
+{
+    static const double quarter[] = {1.0, 0.92387953251128676, 0.70710678118654752, 0.38268343236508977, 0.0};
+    k %= 2 * DEGREE;
+    k = k > DEGREE ? 2 * DEGREE - k : k;
+    return k <= DEGREE / 2 ? quarter[k] : -quarter[DEGREE - k];
+}
 
 double lag_node(int k)
 {
-    return 0.5 - 0.5 * cos(HALF_TURN * k / DEGREE);
+    return 0.5 - 0.5 * cosine(k);
 }
 
 void lag_bernstein_matrix(double *matrix)
@@ -44,7 +54,7 @@ int lag_resolved(const double *values)
         double sum = 0.0;
         for (int k = 0; k < NODES; ++k) {
             const double weight = k == 0 || k == DEGREE ? 0.5 : 1.0;
-            sum += weight * values[k] * cos(HALF_TURN * m * (DEGREE - k) / DEGREE);
+            sum += weight * values[k] * cosine(m * (DEGREE - k));
         }
         last = fmax(last, fabs(sum) / (m == DEGREE ? DEGREE : 0.5 * DEGREE));
     }
@@ -107,4 +117,40 @@ int lag_first_change(const double *bernstein, double from, double *low, double *
     memcpy(b, bernstein, sizeof b);
     b[0] = fmax(b[0], 0.0);
     return search(b, 0.0, 1.0, from, low, high);
+}
+
+/* A polynomial at x. */
+static double value_at(const double *b, double x)
+{
+    const double rest = 1.0 - x;
+    double power = 1.0, binomial = 1.0, sum = b[0] * rest;
+    for (int i = 1; i < DEGREE; ++i) {
+        power *= x;
+        binomial *= (double)(DEGREE - i + 1) / i;
+        sum = (sum + power * binomial * b[i]) * rest;
+    }
+    return sum + power * x * b[DEGREE];
+}
+
+double lag_estimate_root(const double *b, double low, double high)
+{
+    double before = value_at(b, low), after = value_at(b, high);
+    if (!(before > 0.0) || !(after < 0.0))
+        return 0.5 * (low + high);
+    for (int i = 0; i < ESTIMATE_STEPS && high - low > ESTIMATE; ++i) {
+        const double x = i % 8 == 7 ? 0.5 * (low + high) : high - after * (high - low) / (after - before);
+        const double value = value_at(b, x);
+        if (value == 0.0 || x <= low || x >= high)
+            return x;
+        if (value < 0.0) {
+            high = x;
+            after = value;
+            before *= 0.5;
+        } else {
+            low = x;
+            before = value;
+            after *= 0.5;
+        }
+    }
+    return 0.5 * (low + high);
 }

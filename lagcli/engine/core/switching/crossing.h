@@ -17,4 +17,7 @@ int lag_resolved(const double *values);
  * 0 to 1 to low and high. Returns whether there is one. The polynomial counts as positive at 0. */
 int lag_first_change(const double *bernstein, double from, double *low, double *high);
 
+/* The root in a bracket that lag_first_change has found, as well as the polynomial tells it. */
+double lag_estimate_root(const double *bernstein, double low, double high);
+
 #endif

@@ -18,6 +18,8 @@
 
 #define ROUNDS 100          /* at one instant without an end: there is none */
 #define SAME_INSTANT 1e-13  /* of the time, or of the step: an instant that is no later than the last one */
+#define BETWEEN 2.0         /* of the time between instants: a step after one; far beyond the next it is less exact */
+#define FORGOTTEN 0.1       /* of that time: what counts after a shorter one */
 #define BEYOND 10           /* gaps that count as none: what an action may not move a contact beyond */
 #define FALLS_BACK 1e-9     /* of an acceleration: a contact that has opened and closes again */
 #define TURNS 100.0         /* tolerances, and ... */
@@ -113,8 +115,10 @@ int lag_look_for_instant(lag_run *run)
     memset(sw->kinks.state, 0, (size_t)sw->kinks.count * sizeof(int));
     memcpy(sw->mode_before, sw->mode, (size_t)sw->rows * sizeof(int));
     memcpy(sw->before, run->step.y, n * sizeof(double));
-    if (sw->instant > sw->last + SAME_INSTANT * fmax(fabs(sw->instant), run->step.h_old))
+    if (sw->instant > sw->last + SAME_INSTANT * fmax(fabs(sw->instant), run->step.h_old)) {
         sw->rounds = 0;
+        sw->calm = fmax(sw->instant - sw->last, FORGOTTEN * sw->calm);
+    }
     sw->last = sw->instant;
     sw->due = 1;
     sw->settled = 0;
@@ -339,6 +343,8 @@ static int restart(lag_run *run)
     run->stiffness.stiff = run->stiffness.not_stiff = 0;
     run->watch.cancellation.last = 0.0;
     lag_restart(run);
+    if (sw->calm > 0.0)
+        run->step.h = fmin(run->step.h, BETWEEN * sw->calm);
     memset(change, 0, (size_t)n * sizeof(double));
     for (int i = 0; i < nq; ++i)
         change[nq + i] = -run->step.f[nq + i];
@@ -443,6 +449,7 @@ int lag_begin_modes(lag_run *run)
         sw->due = 1;
         sw->told = NOTHING_TOLD;
         sw->rounds = 0;
+        sw->last = run->step.t;
         memcpy(sw->before, run->step.y, (size_t)lag_size(&run->system) * sizeof(double));
         for (int i = 0; i < 3 * sw->rows; ++i)
             sw->recent[i] = NAN;

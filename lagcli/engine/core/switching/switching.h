@@ -139,6 +139,7 @@ typedef struct {
     int rounds;
     int found;                         /* of the last contact problem: what lag_solve_contacts returned */
     double instant, last, since;       /* when; the one before; up to where the last step was searched */
+    double calm;                       /* the time between instants, the longest one that is not long ago */
     int problem;                       /* rows of the last problem of accelerations */
     double gained;                     /* energy by the last impact ... */
     int rubbed, alike;                 /* ... whether it had friction, contacts of one restitution */

@@ -20,6 +20,9 @@
 #define TOGETHER 1e-12      /* of the time, or of the step: roots of one instant */
 #define EXACT 1e-14         /* of the step, beyond the rounding of the time: where a root is located */
 #define ITERATIONS 200
+#define NEAREST 4.0         /* of the error of a root: what is tried around the one of a polynomial, ... */
+#define WIDER 64.0          /* ... then so much more, ... */
+#define FARTHEST 0.01       /* ... up to this part of the bracket */
 #define HALVINGS 7          /* of a step, where values at the nodes do not determine a function */
 #define TRIES 20            /* brackets without a root, by rounding, until a function counts as positive */
 
@@ -309,6 +312,34 @@ static double locate(lag_run *run, int k, double low, double high, double b)
     return high;
 }
 
+/* The same, where the root is expected at `guess`: brackets around it are tried first. */
+static double locate_near(lag_run *run, int k, double low, double high, double b, double guess)
+{
+    const double least = EXACT * run->step.h_old + DBL_EPSILON * fabs(high), whole = high - low;
+    for (double width = NEAREST * least; width < FARTHEST * whole; width *= WIDER) {
+        const double before = guess - width, after = guess + width;
+        const double value = after < high && after > low ? value_inside(run, k, after) : b;
+        if (!(value < 0.0)) {
+            low = after;
+            continue;
+        }
+        if (after < high) {
+            high = after;
+            b = value;
+        }
+        if (!(before > low))
+            break;
+        const double earlier = value_inside(run, k, before);
+        if (!(earlier < 0.0)) {
+            low = before;
+            break;
+        }
+        high = before;
+        b = earlier;
+    }
+    return locate(run, k, low, high, b);
+}
+
 static double first_between(lag_run *run, int k, double low, double high, const double *given, int halvings);
 
 /* By the polynomial through values at the nodes of an interval. */
@@ -325,8 +356,10 @@ static double by_polynomial(lag_run *run, int k, double low, double high, const 
     for (int i = 0; i < TRIES && lag_first_change(bernstein, from, &begin, &end); ++i) {
         const double after = end == 1.0 ? high : low + end * (high - low);
         const double b = value_inside(run, k, after);
-        if (b < 0.0)
-            return locate(run, k, low + begin * (high - low), after, b);
+        if (b < 0.0) {
+            const double guess = low + lag_estimate_root(bernstein, begin, end) * (high - low);
+            return locate_near(run, k, low + begin * (high - low), after, b, guess);
+        }
         from = end; /* it only touches zero, as far as that can be told */
     }
     return INFINITY;

@@ -111,6 +111,15 @@ def test_ten_thousand_bounces() -> None:
     assert found.outcome.steps < 20_100
 
 
+def test_a_run_that_is_long_beside_its_bounces() -> None:
+    """Steps do not go far beyond an impact, where the gap is large and its rounding, too."""
+    period = 2 * math.sqrt(2 / G)
+    found = run(BALL.replace("e: 0.8", "e: 1"), [0, 30_000 * period], rtol=1e-9, max_steps=10**6)
+    times = found.times("impact")
+    assert len(times) == 30_000
+    np.testing.assert_allclose(times[:100], (np.arange(100) + 0.5) * period, atol=1e-12)
+
+
 def test_dry_friction_turns_and_sticks() -> None:
     found = run(
         """
