@@ -576,6 +576,6 @@ def test_ctrl_c_keeps_the_rows(tmp_path: Path) -> None:
     _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == -signal.SIGINT, said  # which a shell calls 130
     assert "rows are kept in k.h5.journal" in said
-    assert "--resume goes on" in said
+    assert "--resume continues" in said
     assert "Traceback" not in said
     assert [x.name for x in tmp_path.iterdir()] == ["k.h5.journal"]

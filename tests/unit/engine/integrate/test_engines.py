@@ -461,7 +461,7 @@ initial: {{phi: 0, phi': {speed}, psi: 0, psi': {speed}}}
     trajectory = failed(model, t_end=1, through_singular=through)
     assert "the start is a singular configuration" in trajectory.message
     assert "`guide`" in trajectory.message
-    assert "start beside it" in trajectory.message
+    assert "start away from it" in trajectory.message
     assert len(trajectory.time) == 0
 
 
