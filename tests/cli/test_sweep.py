@@ -338,7 +338,7 @@ def test_an_unfinished_sweep_is_not_overwritten(journaled: Here) -> None:
     here = journaled
     arguments = [x for x in RESUME if x != "--resume"]
     assert here(*arguments) == 4
-    assert "--resume goes on with it" in here.err
+    assert "--resume continues with it" in here.err
     assert here(*arguments, "--force", "--json") == 0
     assert json.loads(here.out)["run"] == 6
 

@@ -305,6 +305,6 @@ def check_no_journal(output: str) -> None:
     except OSError as error:
         raise read_failure(path, error) from error
     raise FileError(
-        f"{path} is there: this sweep was begun and not finished; --resume goes on with it,"
+        f"{path} is there: this sweep was not finished; --resume continues with it,"
         " --force begins anew"
     )
