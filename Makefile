@@ -89,6 +89,7 @@ bench: install $(BENCH)/.installed ## Run the long tests; measure beside other p
 	$(BIN)/python -m pytest -m slow --durations=0
 	$(BIN)/python tests/benchmark/shell_loop.py
 	$(BIN)/python tests/benchmark/sweep_rows.py
+	$(BIN)/python tests/benchmark/fitting.py
 	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check .
 	cd tests/benchmark && $(CURDIR)/$(BENCH)/bin/python -m comparison
 

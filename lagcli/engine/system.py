@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 _KINKS = frozenset(map(int, (Op.LT, Op.LE, Op.FLOOR, Op.CEIL)))
 Pattern = tuple[tuple[int, int], ...]
 
+#: Operations of a motion and of its derivatives' right sides up to which they are one stream.
+_ONE_STREAM = 1000
+
 
 class JacobianTapes(NamedTuple):
     """G = f − M a + Bᵀλ and Γ = γ − B a, differentiated at fixed a and λ.
@@ -100,6 +103,11 @@ class TangentBlocks(NamedTuple):
     def blocks(self) -> int:
         """The motion and its directions."""
         return 1 + self.directions
+
+    @property
+    def complete(self) -> bool:
+        """Whether an unrolled elimination goes on to the derivatives: one short stream is faster."""
+        return len(self.motion.dynamics.code) + len(self.tape.code) <= _ONE_STREAM
 
 
 @dataclass(frozen=True, eq=False, repr=False)

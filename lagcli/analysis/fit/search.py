@@ -24,6 +24,8 @@ from lagcli.arrays import Array, Flags
 #: Relative changes of the cost, of the quantities and of the gradient at which a search ends: of
 #: 10⁴ values, a change of chi-square by 1e-4, a hundredth of a standard error.
 _TOLERANCE = 1e-8
+#: Evaluations that are kept.
+_KEPT = 2
 #: Runs of one search.
 _MOST_RUNS = 300
 #: Starts of quantities without bounds lie within this factor of the first one.
@@ -78,7 +80,7 @@ class Problem:
         self.scales = scales
         self.runs = 0
         self.failures: Counter[str] = Counter()
-        self._last: tuple[bytes, Evaluation | None] = (b"", None)
+        self._known: dict[bytes, Evaluation | None] = {}
 
     @property
     def count(self) -> int:
@@ -88,13 +90,18 @@ class Problem:
     def evaluate(self, values: Array) -> Evaluation | None:
         """Return residuals and Jacobian of all experiments; None where a run fails."""
         key = values.tobytes()
-        if self._last[0] != key:
-            self._last = key, self._run(values.tolist())
-        return self._last[1]
+        if key not in self._known:
+            # the last accepted point, and one that is tried
+            for old in list(self._known)[: len(self._known) + 1 - _KEPT]:
+                del self._known[old]
+            self._known[key] = self._run(values.tolist())
+        else:
+            self._known[key] = self._known.pop(key)
+        return self._known[key]
 
     def forget(self) -> None:
-        """Forget the last evaluation, which is kept for its Jacobian."""
-        self._last = b"", None
+        """Forget the last evaluations, which are kept for their Jacobians."""
+        self._known.clear()
 
     def _run(self, values: list[float]) -> Evaluation | None:
         self.runs += 1

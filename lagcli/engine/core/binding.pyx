@@ -140,18 +140,19 @@ cdef class Integrator:
         free(functions)
         _checked(failed)
 
-    def use_tangent(self, tangent, int blocks):
+    def use_tangent(self, tangent, int blocks, bint complete):
         """Say that the System is the motion and its derivatives, in blocks; before the dynamics.
 
         Parameters
         ----------
         tangent : Program
             Of ``system.tangent.tape``.
-        blocks : int
+        blocks, complete
+            As in ``system.tangent``.
         """
         cdef _Arguments arguments = _Arguments()
         cdef lag_program program = arguments.program(tangent)
-        _checked(lag_use_tangent(self.run, &program, blocks))
+        _checked(lag_use_tangent(self.run, &program, blocks, complete))
 
     def use_dense(self, dynamics):
         """Solve for a and λ densely. Parameters: dynamics, the program of the System's tape."""

@@ -272,9 +272,10 @@ int lag_use_pivots(lag_run *run, const lag_pivots *pivots);
  * Say that the equations are those of the motion and, in further blocks that repeat it, of its derivatives: each
  * block has M and B of the motion. The dynamics yield f, gamma and the solution for the motion alone, and 0 for the
  * rest; `tangent` yields f and gamma of each further block, of (t, q, v, a, lambda, p), a and lambda those of
- * the motion. The order of elimination is that of one block. Call it before lag_use_dense and its like.
+ * the motion. The order of elimination is that of one block. `complete`: an unrolled elimination yields the
+ * solution for all blocks. Call it before lag_use_dense and its like.
  */
-int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks);
+int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks, int complete);
 
 /* Look for sign changes of functions of (t, q, v, p) along the motion, from lag_start on. */
 int lag_use_events(lag_run *run, const lag_program *functions);

@@ -221,7 +221,7 @@ cdef extern from "lagcore.h" nogil:
     long lag_take_log(lag_run *run)
     const double *lag_matrix(const lag_run *run)
     int lag_use_pivots(lag_run *run, const lag_pivots *pivots)
-    int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks)
+    int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks, int complete)
     int lag_use_events(lag_run *run, const lag_program *functions)
     int lag_use_breaks(lag_run *run, const double *times, long count)
     int lag_use_functions(lag_run *run, const lag_function *functions, int count)

@@ -131,18 +131,28 @@ int lag_accelerate(lag_run *run, double t, const double *y, int refined, double 
     return run->switching.acting && lag_add_forces(run, t, y, power) ? undefined(run, t, y) : 0;
 }
 
-/* The accelerations and multipliers of the derivatives, to x, with the last factors and those of the motion,
- * which are there. Returns a number that is finite if they are. */
-static double accelerate_derivatives(lag_run *run, double t, const double *y, int refined, double *x)
+/* Evaluate f and gamma of the derivatives, for a and lambda of the motion in x. */
+static void evaluate_tangent(const lag_system *s, double t, const double *y, const double *x)
 {
-    const lag_system *s = &run->system;
-    const int nq = s->nq, nc = s->nc, mq = nq / s->blocks, mc = nc / s->blocks;
-    double *r = s->tangent.registers, sum = 0.0;
+    const int nq = s->nq, mq = nq / s->blocks, mc = s->nc / s->blocks;
+    double *r = s->tangent.registers;
     r[0] = t;
     memcpy(r + 1, y, 2 * (size_t)nq * sizeof(double));
     memcpy(r + 1 + 2 * nq, x, (size_t)mq * sizeof(double));
     memcpy(r + 1 + 2 * nq + mq, x + nq, (size_t)mc * sizeof(double));
     lag_stream_run(s->tangent.stream, r);
+}
+
+/* The accelerations and multipliers of the derivatives, to x, with the last factors and those of the motion,
+ * which are there. Returns a number that is finite if they are. */
+static double accelerate_derivatives(lag_run *run, double t, const double *y, int refined, double *x)
+{
+    const lag_system *s = &run->system;
+    const int nq = s->nq, nc = s->nc, mc = nc / s->blocks;
+    double sum = 0.0;
+    evaluate_tangent(s, t, y, x);
+    if (lag_solving_by(run) == LAG_BY_TAPE && !refined && !run->baumgarte.active)
+        return lag_solve_tangent(run, x);
     right_side(run);
     add_derivatives_side(run);
     lag_turn(x + nq, mc);
@@ -184,7 +194,7 @@ int lag_accelerate_system(lag_run *run, double t, const double *y, int refined, 
             sum += x[i];
         bad = !isfinite(sum);
     }
-    if (!bad && s->blocks > 1)
+    if (!bad && s->blocks > 1 && !(own && s->complete && !refined))
         bad = !isfinite(accelerate_derivatives(run, t, y, refined, x));
     if (bad)
         return undefined(run, t, y);
@@ -207,7 +217,7 @@ int lag_derivative(lag_run *run, double t, const double *y, double *f)
     const int nq = s->nq;
     memcpy(f, y + nq, (size_t)nq * sizeof(double));
     if (lag_solving_by(run) != LAG_BY_TAPE || run->baumgarte.active || run->solver.refining
-        || run->switching.acting || s->blocks > 1) {
+        || run->switching.acting || (s->blocks > 1 && !s->complete)) {
         if (lag_accelerate(run, t, y, run->solver.refining, f + 2 * nq))
             return 1;
         memcpy(f + nq, run->solver.a, (size_t)nq * sizeof(double));
@@ -230,8 +240,11 @@ double lag_inaccuracy(lag_run *run, double t, const double *y, int refined)
         return 0;
     --run->step.evaluations;
     right_side(run);
-    if (s->blocks > 1)
+    if (s->blocks > 1) {
+        if (s->complete)
+            evaluate_tangent(s, t, y, run->solver.a);
         add_derivatives_side(run);
+    }
     for (int i = 0; i < n; ++i)
         x[i] = i < nq ? run->solver.a[i] : -run->solver.a[i];
     lag_residual(run, run->solver.right, x, r, size);

@@ -299,9 +299,10 @@ int lag_use_pivots(lag_run *run, const lag_pivots *given)
     return pool->failed;
 }
 
-int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks)
+int lag_use_tangent(lag_run *run, const lag_program *tangent, int blocks, int complete)
 {
     run->system.blocks = blocks;
+    run->system.complete = complete;
     return lag_bind(run, &run->pool, &run->system.tangent, tangent);
 }
 

@@ -238,6 +238,24 @@ static void refine_blocks(lag_run *run, int first, int end, const double *right,
     add_blocks(run, first, end, r, x);
 }
 
+double lag_solve_tangent(lag_run *run, double *x)
+{
+    const lag_system *s = &run->system;
+    const lag_tape *d = &s->dynamics, *w = &s->tangent;
+    const lag_vector_kernel *vectors = lag_vectors();
+    const int nq = s->nq / s->blocks, nc = s->nc / s->blocks;
+    const int32_t *found = d->outputs + first_other(run);
+    double sum = 0.0;
+    for (int k = 1; k < s->blocks; ++k) {
+        const int32_t *right = w->outputs + (k - 1) * (nq + nc);
+        vectors->pick(nq + nc, w->registers, right, d->registers + run->solver.other_right);
+        lag_stream_run(d->deferred[1], d->registers);
+        sum += vectors->pick(nq, d->registers, found, x + k * nq);
+        sum += vectors->pick(nc, d->registers, found + nq, x + s->nq + k * nc);
+    }
+    return sum;
+}
+
 void lag_refine(lag_run *run, const double *right, double *x)
 {
     refine_blocks(run, 0, 1, right, x);

@@ -32,6 +32,10 @@ void lag_solve_blocks(lag_run *run, int first, int end, double *right, double *x
 /* a and lambda (nq + nc) that generalized forces (nq) add, by the last factors. */
 void lag_respond(lag_run *run, const double *forces, double *x);
 
+/* a and lambda of the derivatives, to x, for f and gamma that the tangent tape holds, by the unrolled tape.
+ * Returns a number that is finite if they are. */
+double lag_solve_tangent(lag_run *run, double *x);
+
 /* One step of iterative refinement of the motion's solution x; not of the dense one. */
 void lag_refine(lag_run *run, const double *right, double *x);
 

@@ -15,6 +15,7 @@ typedef struct {
     const int32_t *unit;               /* nq: the first coordinate that has the same unit for certain */
     lag_tape dynamics, constraint;     /* their outputs lie as layout.h says */
     int blocks;                        /* the motion, and its derivatives in each direction */
+    int complete;                      /* whether the unrolled dynamics have the solution of all blocks */
     lag_tape tangent;                  /* f and gamma of the derivatives; where there are any */
 } lag_system;
 

@@ -125,7 +125,8 @@ class Integration:
             max(1, min(request.block_rows, len(request.times))),
         )
         if system.tangent is not None:
-            self.core.use_tangent(prepared.tangent, system.tangent.blocks)
+            blocks, complete = system.tangent.blocks, system.tangent.complete
+            self.core.use_tangent(prepared.tangent, blocks, complete)
         self.use(prepared)
         self.reordered = math.nan
         self.methods = Methods(self.core, system, request, self.no_series)

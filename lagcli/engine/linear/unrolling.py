@@ -34,7 +34,8 @@ def unroll(system: System, elimination: Elimination) -> Tape:
         terms, which is between 0 and 2; of order two the magnitude of its determinant over that
         of the determinant's terms, between 0 and 1. Cancellation and the two further solutions
         are deferred, and the further solutions are an output subset. With derivatives, the solution
-        is that of the motion, with zeros for the rest, and the others are those of one block.
+        is that of all blocks, or of the motion with zeros for the rest (see
+        `TangentBlocks.complete`), and the others are those of one block.
     """
     return _Unrolling(system, elimination).tape()
 
@@ -50,6 +51,7 @@ class _Unrolling(Arithmetic):
         super().__init__(given.inputs + rhs_inputs, given.parameters, rhs_inputs, given.functions)
         self.outputs = outputs = self.extend(given)
         self.nq, self.nc, self.plan = nq, nc, elimination
+        self.tangent = system.tangent
         self.blocks = 1 if system.tangent is None else system.tangent.blocks
         place = {unknown: k for k, unknown in enumerate(elimination.order)}
         self.place = place
@@ -85,8 +87,13 @@ class _Unrolling(Arithmetic):
             self.eliminate(k, 2 if self.plan.paired[k] else 1)
         solution = self.solution(self.right)
         a, multipliers = solution[: self.nq], solution[self.nq :]
-        rest = self.blocks - 1
-        whole = [*a, *[self.zero] * (rest * self.nq), *multipliers, *[self.zero] * (rest * self.nc)]
+        further = self.derivatives(solution)
+        whole = [
+            *a,
+            *(x for found in further for x in found[: self.nq]),
+            *multipliers,
+            *(x for found in further for x in found[self.nq :]),
+        ]
         main = [*self.outputs, *whole, self.power(multipliers)]
         watched = [*self.kept, *[*map(self.square, self.rows)] * self.blocks]
         rhs_inputs, moved = (
@@ -100,6 +107,19 @@ class _Unrolling(Arithmetic):
             output_subsets=(tuple(range(len(main) + len(watched), len(outputs))),),
             isomorphic=self.isomorphic,
         )
+
+    def derivatives(self, solution: Sequence[int]) -> list[list[int]]:
+        """Emit the solutions of the derivatives; zeros where the engine finds them."""
+        size = self.nq + self.nc
+        if self.tangent is None or not self.tangent.complete:
+            return [[self.zero] * size] * (self.blocks - 1)
+        first = 1 + 2 * self.nq * self.blocks
+        held = range(first, first + self.parameters)
+        sides = self.splice(self.tangent.tape, [*range(first), *solution, *held])
+        return [
+            self.solution([sides[k * size + unknown] for unknown in self.plan.order])
+            for k in range(self.blocks - 1)
+        ]
 
     def diagonal_entry(self, k: int) -> int:
         """Return the matrix' entry on the diagonal, as far as it is reduced."""

@@ -136,6 +136,8 @@ class TangentProblem:
             atol=np.concatenate([given[:nq], followed, given[nq:-1], followed, given[-1:]]),
             # with respect to θ / scale, the derivative of a coordinate has its unit and its size
             kinds=(*own, *[max(own, default=0) + 1 + kind for kind in own] * n),
+            # the run looks for another order where that of the last one does not suit
+            elimination=self._prepared.elimination if self._prepared else None,
             prepared=self._prepared,
         )
 

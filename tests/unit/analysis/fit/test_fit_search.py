@@ -64,3 +64,16 @@ def test_starts_lie_between_the_bounds_or_near_the_first() -> None:
     assert (np.abs(found[1:, 1]) <= 10).all()
     assert len(np.unique(found, axis=0)) == 9
     np.testing.assert_array_equal(found, problem(Line(), low=0.0).starts(first, 9))
+
+
+def test_no_run_of_a_search_is_repeated() -> None:
+    """The point found is known although the last one that was tried is another."""
+    seen: list[list[float]] = []
+
+    class Watched(Line):
+        def __call__(self, values: list[float]) -> Evaluation:
+            seen.append(values)
+            return super().__call__(values)
+
+    problem(Watched(limit=1.5)).search(np.array([0.0, 0.0]))
+    assert len(seen) == len({tuple(x) for x in seen})
