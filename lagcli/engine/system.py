@@ -106,7 +106,7 @@ class TangentBlocks(NamedTuple):
 
     @property
     def complete(self) -> bool:
-        """Whether an unrolled elimination goes on to the derivatives: one short stream is faster."""
+        """Whether an unrolled elimination goes on to the derivatives, in one short stream."""
         return len(self.motion.dynamics.code) + len(self.tape.code) <= _ONE_STREAM
 
 
