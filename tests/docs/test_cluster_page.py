@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE
 
 pytest.importorskip("distributed", reason="lagcli[cluster] is not installed")
 
@@ -61,7 +62,7 @@ def test_from_python(place: Path) -> None:
     )
     done = subprocess.run(
         [sys.executable, "sweep.py"], cwd=place, env=environment(place),
-        capture_output=True, text=True, timeout=120, check=False,
+        capture_output=True, text=True, timeout=PATIENCE, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "11 of 11"
@@ -96,13 +97,13 @@ def test_a_job_of_slurm_that_is_ended_and_submitted_again(place: Path) -> None:
         time.sleep(0.02)
     first.send_signal(signal.SIGTERM)
     try:
-        assert first.wait(30) == 130
+        assert first.wait(PATIENCE) == 130
     finally:
         assert "rows are kept in sweep.h5.journal" in clean(first)
     assert not (place / "sweep.h5").exists()
     second = submit()
     try:
-        assert second.wait(120) == 0
+        assert second.wait(PATIENCE) == 0
     finally:
         assert "rows done before" in clean(second)
     assert (place / "sweep.h5").exists()

@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE
 
 from lagcli.results import read
 
@@ -57,7 +58,7 @@ def run(
     }
     return subprocess.run(
         list(command), cwd=place, env=environment, input=text,
-        capture_output=True, text=True, timeout=120, check=False,
+        capture_output=True, text=True, timeout=PATIENCE, check=False,
     )  # fmt: skip
 
 

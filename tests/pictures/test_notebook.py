@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from patience import PATIENCE
 
 import lagcli
 from lagcli.pictures.notebook import trajectory_html
@@ -26,7 +27,7 @@ def test_a_notebook_is_executed():
         "run.to_xarray()",
     ]
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(s) for s in sources])
-    nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
+    nbclient.NotebookClient(notebook, timeout=int(PATIENCE), kernel_name="python3").execute()
     model, equations, run, dataset = (cell.outputs[-1].data for cell in notebook.cells)
     for shown in (model, equations):
         assert r"m \ddot{x} &= 2 \, \lambda \, x" in shown["text/markdown"]

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 #: Seconds after which a test gives up. No test waits for them to pass.
-PATIENCE = 120.0
+PATIENCE = 300.0
 
 
 def wait_until(condition: Callable[[], object], said: Callable[[], object] = lambda: None) -> None:
