@@ -70,10 +70,12 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Swept:
 def contents(path: Path) -> dict[str, object]:
     """Return the datasets and attributes of a sweep file, without times of the clock."""
     found: dict[str, object] = {}
+
+    def take(name: str, item: h5py.Dataset | h5py.Group) -> None:
+        found[name] = item[()].tobytes() if isinstance(item, h5py.Dataset) else "a group"
+
     with h5py.File(path) as root:
-        for name in root:
-            values = root[name][()]
-            found[name] = values.tolist() if values.dtype.kind == "O" else values.tobytes()
+        root.visititems(take)
         for name in ("rows", "failures", "sweep", "columns", "measures"):
             found[f"attribute {name}"] = root.attrs[name]
     return found

@@ -219,3 +219,15 @@ def test_the_particle_leaves_the_sphere_at_two_thirds(engine: str) -> None:
     z = 2 / 3 - speed * math.sqrt(5) / 3 * (t - left) - 9.81 / 2 * (t - left) ** 2
     np.testing.assert_allclose((r * np.sin(theta))[~touches], x[~touches], atol=1e-7)
     np.testing.assert_allclose((r * np.cos(theta))[~touches], z[~touches], atol=1e-7)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "scipy"])
+def test_slip_that_grows_from_rest_is_no_event_by_rounding(engine: str) -> None:
+    """For some 1e-9 s the speed of a slip is as small as its rounding error."""
+    model = lagcli.load(
+        "block_on_incline",
+        set={"mu": 0.28325771231896574, "v0": 0.8084373077513198},
+        set_initial={"n": 0.1398398547380813},
+    )
+    trajectory = lagcli.simulate(model, engine=engine)
+    assert trajectory.status == "completed", trajectory.message

@@ -16,7 +16,9 @@ _GROUP = "inputs"
 
 
 def write_inputs(root: h5py.Group, inputs: Mapping[str, InputTable]) -> None:
-    """Write the tables."""
+    """Write the tables; without any, no group."""
+    if not inputs:
+        return
     groups = root.create_group(_GROUP)
     for name, table in inputs.items():
         place = groups.create_group(name)

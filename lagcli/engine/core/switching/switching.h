@@ -43,6 +43,7 @@ typedef struct {
     int which;                         /* row or condition */
     double sign;                       /* of a function that may begin either way */
     double shift;                      /* by which it is below zero as the mode begins, by rounding */
+    double noise;                      /* what is no crossing soon after that: it grows from zero */
     double value, rate;                /* at the beginning of the step */
     int hit;                           /* whether it crosses zero at the instant */
 } lag_watched_function;

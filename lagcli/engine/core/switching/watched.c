@@ -251,6 +251,7 @@ int lag_watch_modes(lag_run *run, double t, const double *y, const double *f)
         const double rounding = rounding_of(sw, w);
         if (found[k] + SOON * slopes[k] * run->step.h < rounding) /* and it stays so */
             w->shift = rounding - fmin(found[k], 0.0);
+        w->noise = found[k] < rounding ? rounding : 0.0;
         w->value = fmax(found[k] + w->shift, 0.0);
         w->rate = slopes[k];
     }
@@ -356,7 +357,8 @@ static double by_polynomial(lag_run *run, int k, double low, double high, const 
     for (int i = 0; i < TRIES && lag_first_change(bernstein, from, &begin, &end); ++i) {
         const double after = end == 1.0 ? high : low + end * (high - low);
         const double b = value_inside(run, k, after);
-        if (b < 0.0) {
+        const int soon = after - sw->since < SOON * (run->step.t - sw->since);
+        if (b < (soon ? -sw->watched[k].noise : 0.0)) {
             const double guess = low + lag_estimate_root(bernstein, begin, end) * (high - low);
             return locate_near(run, k, low + begin * (high - low), after, b, guess);
         }
@@ -467,6 +469,8 @@ int lag_find_instant(lag_run *run)
         }
     }
     if (!busy) {
+        for (int k = 0; k < count; ++k)
+            sw->watched[k].noise = 0.0;
         sw->since = t;
         return 0;
     }
@@ -502,6 +506,7 @@ int lag_find_instant(lag_run *run)
         }
         w->value = fmax(ended ? -found[k] : found[k], 0.0);
         w->rate = ended ? -slopes[k] : slopes[k];
+        w->noise = 0.0;
     }
     sw->since = t;
     return 0;
