@@ -25,6 +25,7 @@ import pytest
 from patience import PATIENCE, wait_until
 
 import lagcli
+import lagcli.play
 from lagcli.cli.app import run
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -331,6 +332,8 @@ def test_what_is_wrong_is_said_before_anything_is_served(
 def test_without_aiohttp_it_says_what_to_install(
     fails: Fails, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # the package of the import below takes this one's place as an attribute, too
+    monkeypatch.setattr(lagcli, "play", lagcli.play, raising=False)
     for name in [m for m in sys.modules if m.startswith(("aiohttp", "lagcli.play"))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "aiohttp", None)
