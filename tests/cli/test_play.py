@@ -258,7 +258,7 @@ def test_errors_are_the_models_and_the_file_can_be_saved(program: Program) -> No
     model = lagcli.load_text(saved["file"])
     assert (model.parameters["m"].value, model.initial["phi"].value) == (2.0, 0.2)
     assert "# the other solution of the constraint" in saved["file"]
-    assert "m=0 0" in unsaved["error"]
+    assert "m = 0 0" in unsaved["error"]
 
 
 @pytest.mark.parametrize(

@@ -75,11 +75,26 @@ initial: {x: 0, x': 1, y: {guess: 1}, y': {guess: 0}}
     assert (trajectory.q[:, 1] > 0).all()
 
 
-def test_kinks_are_left_to_another_method() -> None:
+def test_kinks_are_frozen_within_a_step() -> None:
     model = lagcli.load_text("""
 coordinates: [x]
 T: x'^2/2
 Q: {x: -abs(x)*x}
+initial: {x: 1, x': 0}
+""")
+    trajectory = run(model, t_end=10)
+    assert trajectory.status == "completed"
+    assert trajectory.options["method"] == "Taylor"
+    (x,), (v,) = trajectory.q.T, trajectory.v.T
+    assert (x < -0.9).any()
+    assert np.allclose(v**2 / 2 + np.abs(x) ** 3 / 3, 1 / 3, atol=1e-8)
+
+
+def test_kinks_beside_a_root_are_left_to_another_method() -> None:
+    model = lagcli.load_text("""
+coordinates: [x]
+T: x'^2/2
+Q: {x: "-max(x, 0)^1.5"}
 initial: {x: 1, x': 0}
 """)
     trajectory = run(model, t_end=1)

@@ -128,7 +128,7 @@ def test_initial_values_from_the_command_line_alone(tmp_path: Path) -> None:
 
 
 def test_without_a_view_there_is_no_scene() -> None:
-    text = "coordinates: [x]\nT: x'^2/2\ninitial: {x: 1, x': 0}\n"
+    text = "coordinates: [phi]\nT: phi'^2/2\ninitial: {phi: 1, phi': 0}\n"
     trajectory = lagcli.simulate(lagcli.load_text(text), t_end=0.1, samples=3)
     assert scene_of(RunFile(trajectory)) is None
 
