@@ -181,7 +181,8 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     if s["conserved"]:
         lines += _conserved(s["conserved"])
     if s.get("kinks"):
-        lines.append(f"  {'kinks':<12}crossed {s['kinks']} times, each at the end of a step")
+        times = "once" if s["kinks"] == 1 else f"{s['kinks']} times, each"
+        lines.append(f"  {'kinks':<12}crossed {times} at the end of a step")
     if s["events"] is not None:
         lines += _events(s["events"])
     if s["multipliers"]:

@@ -209,7 +209,7 @@ def test_other_methods() -> None:
                 'V: 50*(x - y)^2\nQ: {x: "if(x\' > 0, -10, 10)", y: "if(y\' > 0, -8, 8)"}',
                 "x: 0.1, y: 0, x': 0.001, y': -0.001",
             ),
-            "those of `x'` and `y'`: write each `sign` of a velocity as a constraint with `limit`",
+            "2 surfaces (`x'`; `y'`) and push onto them from both sides: write each `sign` of",
         ),
         (
             particle('Q: {x: "if(x\' > 0, 1, -1)"}', "x: 0, x': 0"),

@@ -182,13 +182,13 @@ def at_surfaces(status: int, t: float, kinks: Sequence[Sequence[str]]) -> Stop:
     kinks : sequence of sequences of str
         Names on which the function of each kink depends.
     """
-    each = [", ".join(f"`{name}`" for name in names) or "time" for names in kinks]
-    where = " and ".join(dict.fromkeys(each))
+    each = dict.fromkeys(", ".join(f"`{name}`" for name in names) or "time" for names in kinks)
+    where = " and ".join(each)
     if status == Status.SURFACES:
         return Stop(
-            f"at t = {t:.9g} s forces push onto surfaces at which they jump from both sides, those"
-            f" of {where}: write each `sign` of a velocity as a constraint with `limit`, as in"
-            " `friction: {expr: x' = 0, limit: F}`"
+            f"at t = {t:.9g} s forces jump at {len(kinks)} surfaces ({'; '.join(each)}) and push"
+            " onto them from both sides: write each `sign` of a velocity as a constraint with"
+            " `limit`, as in `friction: {expr: x' = 0, limit: F}`"
         )
     if status == Status.FORKED:
         return Stop(

@@ -84,7 +84,8 @@ def _no_operator(before: Token, token: Token, text: str) -> ExpressionError:
         message, help_ = "two numbers without an operator between them", None
     else:
         message = f"an operator is missing between `{left}` and `{right}`"
-        help_ = f"write a product as `{left}*{right}`"
+        factors = ("(…)" if x in ("(", ")") else x for x in (left, right))
+        help_ = f"write a product as `{'*'.join(factors)}`"
         if left in FUNCTIONS:
             help_ = f"write a function as `{left}({right})`"
     return ExpressionError("syntax", message, before.start, token.end, help_)

@@ -16,6 +16,7 @@ def error(text: str, at: int) -> ExpressionError:
     [
         ("sin x", 1, (0, 5), "an operator is missing between `sin` and `x`", "as `sin(x)`"),
         ("3 x", 1, (0, 3), "an operator is missing between `3` and `x`", "as `3*x`"),
+        ("(a) x", 3, (2, 5), "an operator is missing between `)` and `x`", "as `(…)*x`"),
         ("2 3", 1, (0, 3), "two numbers without an operator between them", None),
         ("1,5", 1, (0, 3), "`1,5` is not a number", "as a dot: `1.5`"),
         ("a, b", 1, (1, 2), "unexpected comma", "separate arguments"),
