@@ -35,7 +35,11 @@ def compare(impact: ImpactProblem, law: ImpactLaw) -> bool | None:
     expected = resolve_impact(impact, law)
     if found == 2:
         return None
-    assert (expected is None) == (found == 0)
+    if (expected is None) != (found == 0):
+        assert (
+            law == "sequential"
+        )  # what is left of a sequence without end, after hundreds of impacts
+        return False
     if expected is None:
         return None
     size = np.abs(impact.before).max()
