@@ -57,13 +57,19 @@ def program(arguments: Sequence[str] = ()) -> Any:
 
 
 def _command(function: Callable[..., int | None]) -> Callable[..., int | None]:
-    """Let an interrupt pass through Typer, which would end without a word."""
+    """Let an interrupt pass through Typer, and print errors as JSON too, with ``--json``."""
 
     @functools.wraps(function)
     def command(*arguments: Any, **options: Any) -> int | None:
         check_address_space()
         try:
             return function(*arguments, **options)
+        except LagcliError as error:
+            if options.get("json"):
+                from lagcli.cli.summary import error_object, to_json
+
+                streams.tell(to_json(error_object(error)))
+            raise
         except KeyboardInterrupt:
             raise _Interrupted from None
 

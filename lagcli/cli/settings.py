@@ -7,8 +7,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from lagcli.cli.streams import tell
-from lagcli.errors import LagcliError, UsageError
+from lagcli.errors import UsageError
 from lagcli.model.names.members import split_names
 from lagcli.settings.kinds import Choice, Flag, Names, Setting, Times, WholeNumber
 from lagcli.settings.settings import SettingsOverrides
@@ -47,23 +46,6 @@ def with_settings(*names: str, without: tuple[str, ...] = ()) -> Callable[[Comma
         return command
 
     return decorate
-
-
-def errors_as_json(function: Command) -> Command:
-    """Let a command print its error as JSON too, where ``--json`` is given."""
-
-    @functools.wraps(function)
-    def command(**arguments: Any) -> int:
-        try:
-            return function(**arguments)
-        except LagcliError as error:
-            if arguments["json"]:
-                from lagcli.cli.summary import error_object, to_json
-
-                tell(to_json(error_object(error)))
-            raise
-
-    return command
 
 
 def _option(setting: Setting[Any]) -> inspect.Parameter:

@@ -165,6 +165,11 @@ def format_read(path: str | os.PathLike[str]) -> ResultFormat:
             f"{os.fspath(path)} is a model file, not a result;"
             f" `lagcli simulate {os.fspath(path)} -o {stem}.h5` makes one"
         )
+    if not suffix and stem != "-":
+        raise UsageError(
+            f"{stem} is not the name of a result, which ends in {SUFFIX_NAMES}; of a model,"
+            f" `lagcli simulate {stem} -o {stem}.h5` makes one"
+        )
     return format_of(path)
 
 

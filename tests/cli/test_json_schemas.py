@@ -11,7 +11,7 @@ import fastjsonschema
 import pytest
 
 import lagcli
-from lagcli.cli.app import run
+from lagcli.cli.app import COMMANDS, program, run
 
 ROOT = Path(__file__).parents[2]
 MODELS = sorted((ROOT / "models").rglob("*.yaml"))
@@ -61,3 +61,117 @@ def test_the_list_of_models_has_the_schema(capsys: pytest.CaptureFixture[str]) -
     found = json.loads(capsys.readouterr().out)
     schema("models")(found)
     assert len(found["models"]) == len(MODELS)
+
+
+def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
+    """Run a command with --json and return the object that it prints."""
+    assert run([*arguments, "--json"]) == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+WITH_JSON = [
+    name
+    for name in COMMANDS
+    if any("--json" in x.opts for x in program([name]).commands[name].params)
+]
+
+
+def described(part: Any) -> bool:
+    """Return whether every property of a schema, and of its parts, has a description."""
+    if isinstance(part, list):
+        return all(map(described, part))
+    if not isinstance(part, dict):
+        return True
+    properties = part.get("properties", {})
+    documented = all("description" in x or "$ref" in x for x in properties.values())
+    return documented and all(map(described, part.values()))
+
+
+@pytest.mark.parametrize("command", WITH_JSON)
+def test_every_command_with_json_has_a_schema_and_prints_its_errors(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ROOT / "docs" / "schemas" / f"{command}.json").read_text(encoding="utf-8")
+    assert described(json.loads(text))
+    assert f"(schemas/{command}.json)" in (ROOT / "docs" / "command-line.md").read_text()
+    arguments = {"sweep": ["--vary", "m=1", "-o", "x.h5"], "models": []}.get(command, [])
+    if command == "models":
+        return
+    assert run([command, "absent.h5", "--json", *arguments]) in (2, 4)
+    found = json.loads(capsys.readouterr().out)
+    schema("error")(found)
+
+
+def test_errors_in_a_model_have_the_schema(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "wrong.yaml").write_text("coordinates: [x]\nT: m/2*x'^2\n", encoding="utf-8")
+    assert run(["modes", str(tmp_path / "wrong.yaml"), "--json"]) == 2
+    found = json.loads(capsys.readouterr().out)
+    schema("error")(found)
+    assert [x["line"] for x in found["diagnostics"]] == [1, 2]
+
+
+def test_sweeps_and_what_info_says_of_them_have_the_schemas(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    measured, kept = str(tmp_path / "measured.h5"), str(tmp_path / "kept.h5")
+    few = ["--t-end", "0.1", "--samples", "5", "--jobs", "1"]
+    drawn = ["--vary", "l=0.2..0.3", "--sample", "sobol:4", "--measure", "peak=max(phi)"]
+    grid = ["--vary", "l=0.2,0.3", "--vary", "phi'=1,2", "--keep", "trajectories"]
+    for path, options in ((measured, drawn), (kept, grid)):
+        summary = printed(capsys, "sweep", "slider_crank", *options, *few, "-o", path)
+        schema("sweep")(summary)
+        found = printed(capsys, "info", path)
+        schema("info")(found)
+        assert found["kind"] == "sweep"
+    with pytest.raises(fastjsonschema.JsonSchemaValueException):
+        schema("sweep")({**summary, "rows": "4"})
+    with pytest.raises(fastjsonschema.JsonSchemaValueException):
+        schema("info")({**found, "zip": 1})
+
+
+@pytest.mark.parametrize(
+    ("name", "output", "options"),
+    [
+        ("slider_crank", "run.h5", ["--sensitivity", "l"]),
+        ("slider_crank", "alone.csv", []),
+        ("slider_crank", "run.csv", ["--meta"]),
+        ("bouncing_ball", "run.h5", []),
+        ("car_on_road", "run.h5", []),
+        ("chaplygin_sleigh", "run.h5", []),
+        ("parallelogram", "run.h5", []),
+    ],
+)
+def test_what_info_says_of_runs_has_the_schema(
+    name: str,
+    output: str,
+    options: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = str(tmp_path / output)
+    assert run(["simulate", name, "--t-end", "0.2", "--quiet", "-o", path, *options]) == 0
+    found = printed(capsys, "info", path)
+    schema("info")(found)
+    for spoil in ({"status": "done"}, {"unknown": 1}, {"multipliers": []}):
+        with pytest.raises(fastjsonschema.JsonSchemaValueException):
+            schema("info")({**found, **spoil})
+
+
+def test_what_info_says_of_analyses_has_the_schemas(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for command, arguments in (
+        ("modes", ["chain", "--set", "N=2", "--equilibrium"]),
+        ("linearize", ["chain", "--set", "N=2", "--equilibrium"]),
+        ("equilibrium", ["pendulum_cartesian"]),
+        ("compare", ["slider_crank", "--t-end", "0.1"]),
+    ):
+        path = str(tmp_path / f"{command}.h5")
+        assert run([command, *arguments, "-o", path, "--json"]) == 0
+        capsys.readouterr()
+        found = printed(capsys, "info", path)
+        schema("info")(found)
+        schema(command)(found)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ ComplexArray = NDArray[np.complex128]
 _PERIODS, _CONSTANTS = 3, 3  # that are shown of oscillations, and time constants of others
 _SAMPLES = 181
 _DRIFT = 2.0  # s that neutral motions are shown
+_CHOICES = 20  # modes that a message lists
 _LARGE = 0.25  # of the coordinates' lengths: the largest deviation
 
 
@@ -75,7 +77,7 @@ def mode_motion(
     local = LocalEquations(model)
     found = find_operating_point(local, at=at, equilibrium=equilibrium, steady=steady)
     modes = modes_about(local, found).modes
-    _check_number(number, len(modes), model)
+    _check_number(number, [(mode.eigenvalue, mode.kind) for mode in modes], model.name)
     return _motion(local, found.point, modes[number - 1], number, found.name, amplitude)
 
 
@@ -100,7 +102,7 @@ def stored_mode_motion(
     """
     content, given = read_analysis(path, "modes"), read_model_text(path)
     model = load_text(given.text, given.path, given.set, given.set_initial)
-    _check_number(number, len(content["modes"]), model)
+    _check_number(number, _stored(content), model.name)
     local, held = LocalEquations(model), content["operating_point"]
     q, v = (np.array([held[part][name] for name in model.coordinate_names]) for part in "qv")
     rank = np.linalg.matrix_rank(local.evaluator(local.p).constraints(held["time"], q, v).jacobian)
@@ -122,12 +124,46 @@ def stored_mode_motion(
     return _motion(local, point, mode, number, held["name"], amplitude)
 
 
-def _check_number(number: int, count: int, model: Model) -> None:
-    if not 1 <= number <= count:
-        raise UsageError(
-            f"--mode {number}: {model.name} has {count} mode{'s' * (count != 1)}"
-            + (", numbered from 1 as lagcli modes lists them" if count else "")
-        )
+def no_mode_chosen(path: str | os.PathLike[str]) -> UsageError:
+    """Return the error that a file of modes is to be animated without saying which mode.
+
+    Raises
+    ------
+    FileError
+        It cannot be read, or is no file of modes.
+    """
+    content = read_analysis(path, "modes")
+    modes = _stored(content)
+    return UsageError(
+        f"{os.fspath(path)} has the {_counted(modes)} of {content['model']}, and no run; choose"
+        f" a mode with --mode N{_listed(modes)}"
+    )
+
+
+def _stored(content: Mapping[str, Any]) -> list[tuple[complex, str]]:
+    """Return eigenvalues and kinds of the modes of a file."""
+    return [(complex(*mode["eigenvalue"]), mode["kind"]) for mode in content["modes"]]
+
+
+def _check_number(number: int, modes: Sequence[tuple[complex, str]], name: str) -> None:
+    if not 1 <= number <= len(modes):
+        raise UsageError(f"--mode {number}: {name} has {_counted(modes)}{_listed(modes)}")
+
+
+def _counted(modes: Sequence[object]) -> str:
+    return f"{len(modes) or 'no'} mode{'s' * (len(modes) != 1)}"
+
+
+def _listed(modes: Sequence[tuple[complex, str]]) -> str:
+    """Return a line for each mode, as far as there are few."""
+    lines = [
+        f"\n{'   help: ' if number == 1 else '':<9}--mode {number:<3}"
+        f"{f'{s.imag / (2 * np.pi):.6g} Hz' if s.imag else f's = {s.real:.6g} 1/s':<20}{kind}"
+        for number, (s, kind) in enumerate(modes[:_CHOICES], 1)
+    ]
+    if len(modes) > _CHOICES:
+        lines.append(f"\n{'':<9}and {len(modes) - _CHOICES} more, which lagcli modes lists")
+    return "".join(lines)
 
 
 def _motion(

@@ -101,7 +101,8 @@ def animate(
         "--set": set,
         "--set-initial": set_initial,
     }
-    if mode is not None and file.lower().endswith((".h5", ".hdf5")):
+    stored = file.lower().endswith((".h5", ".hdf5"))
+    if mode is not None and stored:
         from lagcli.analysis.linear.mode_motion import stored_mode_motion
 
         given = [name for name, value in of_modes.items() if value is not None]
@@ -117,6 +118,13 @@ def animate(
         )
     elif given := [name for name, value in of_modes.items() if value is not None]:
         raise UsageError(f"{given[0]} is for --mode N, which animates a mode of a model")
+    elif stored:
+        from lagcli.results.hdf5.analysis_file import analysis_kind
+
+        if analysis_kind(file) == "modes":
+            from lagcli.analysis.linear.mode_motion import no_mode_chosen
+
+            raise no_mode_chosen(file)
     made = make(
         source,
         output,

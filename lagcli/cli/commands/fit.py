@@ -16,7 +16,7 @@ from lagcli.cli.options import (
     refuse_same_file,
 )
 from lagcli.cli.settings import with_settings
-from lagcli.errors import LagcliError, UsageError
+from lagcli.errors import UsageError
 from lagcli.settings.settings import SettingsOverrides
 
 FAILED_STATUS = 3
@@ -56,45 +56,6 @@ def fit(
     The `fit` block of the model names the data, what they measure (coordinates, multipliers,
     outputs), and what is to be found.
     """
-    try:
-        return _run(
-            model,
-            output,
-            starts,
-            ci,
-            level,
-            write,
-            assignments("--set", set),
-            assignments("--set-initial", set_initial),
-            settings,
-            force=force,
-            quiet=quiet,
-            json=json,
-        )
-    except LagcliError as error:
-        if json:
-            from lagcli.cli.streams import tell
-            from lagcli.cli.summary import error_object, to_json
-
-            tell(to_json({"command": "fit", **error_object(error)}))
-        raise
-
-
-def _run(
-    model: str,
-    output: str | None,
-    starts: int,
-    ci: Literal["wald", "profile"],
-    level: float,
-    write: str | None,
-    parameters: dict[str, str],
-    initial: dict[str, str],
-    settings: SettingsOverrides,
-    *,
-    force: bool,
-    quiet: bool,
-    json: bool,
-) -> int:
     from lagcli.analysis.fit.file import write_fit
     from lagcli.analysis.fit.fit import fit as run_fit
     from lagcli.analysis.fit.text import format_fit
@@ -109,7 +70,11 @@ def _run(
             raise UsageError(f"{output}: a fit is written as HDF5; name it fit.h5")
         refuse_same_file(model, output)
         check_writable(output, force)
-    loaded = load(model, set=parameters, set_initial=initial)
+    loaded = load(
+        model,
+        set=assignments("--set", set),
+        set_initial=assignments("--set-initial", set_initial),
+    )
     if write is not None:
         refuse_same_file(model, write)
         check_written(write, force)

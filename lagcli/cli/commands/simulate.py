@@ -21,7 +21,7 @@ from lagcli.cli.options import (
     assignments,
     refuse_same_file,
 )
-from lagcli.cli.settings import errors_as_json, with_settings
+from lagcli.cli.settings import with_settings
 from lagcli.cli.streams import (
     Colour,
     fitted,
@@ -36,7 +36,6 @@ from lagcli.settings.settings import SettingsOverrides
 
 
 @with_settings()
-@errors_as_json
 def simulate(
     model: ModelPath,
     output: Annotated[

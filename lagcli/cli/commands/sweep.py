@@ -21,7 +21,7 @@ from lagcli.cli.options import (
     assignments,
     refuse_same_file,
 )
-from lagcli.cli.settings import errors_as_json, with_settings
+from lagcli.cli.settings import with_settings
 from lagcli.cli.streams import print_notes, tell, visible
 from lagcli.errors import UsageError
 from lagcli.settings.settings import SettingsOverrides
@@ -37,7 +37,6 @@ class Keep(StrEnum):
 
 
 @with_settings(without=("sensitivity",))
-@errors_as_json
 def sweep(
     model: ModelPath,
     output: Annotated[

@@ -122,7 +122,8 @@ def read_analysis(path: str | os.PathLike[str], command: str = "") -> dict[str, 
         text = text_attribute(opened.root, "content")
         if text is None or (command and opened.kind != command):
             made = f"lagcli {command}" if command else "an analysis"
-            raise FileError(f"cannot read {os.fspath(path)}: it is no file of {made}")
+            by = "" if text is None else f", but of lagcli {opened.kind}"
+            raise FileError(f"cannot read {os.fspath(path)}: it is no file of {made}{by}")
         content = json.loads(text)
         if not isinstance(content, dict) or content.get("command") != opened.kind:
             raise ValueError("the content is not that of an analysis")
