@@ -8,7 +8,7 @@
 #define LAGCLI_RUN_H
 
 #include "memory.h"
-#include "methods/series.h"
+#include "series/series.h"
 #include "switching/switching.h"
 #include "system.h"
 

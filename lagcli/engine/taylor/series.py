@@ -243,7 +243,7 @@ def _in_layers(
             placed = [_placed(node, place, in_rows, layers.place) for node in part]
             whole += stream(placed).tolist()[:-2]
     origin = -(-end // LINE) * LINE
-    # beyond the last order core/methods/series.c puts sums of the state, as far as W
+    # beyond the last order core/series/series.c puts sums of the state, as far as W
     last = layers.place[WORK]
     return SeriesProgram(
         values=_values(expansion, numbers, [*rows, *layers.kept.values()], outputs),

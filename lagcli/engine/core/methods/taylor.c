@@ -4,7 +4,7 @@
 
 #include "methods/method.h"
 #include "motion.h"
-#include "methods/series.h"
+#include "series/series.h"
 #include "sizes.h"
 #include "step.h"
 #include "tape/vectors.h"
