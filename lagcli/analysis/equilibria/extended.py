@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,24 +32,14 @@ class ModelParameter:
     """
 
     def __init__(self, local: LocalEquations, name: str):
-        import symengine as se
+        from lagcli.equations.derivation.parameter_jacobians import differentiate_parameters
 
         self.name, self.local = name, local
         self.path = ParameterPath(local.model, name)
-        eq = local.equations
-        symbols = [se.Symbol(n) for n in self.path.followers]
-        reactions: list[list[Any]] = [[] for _ in eq.q]
-        for multiplier, c in zip(eq.multipliers, eq.constraints, strict=True):
-            for j, b in c.row.items():
-                reactions[j].append(multiplier * b)
-        force = [
-            se.Add(f, *(-m * eq.a[j] for j, m in row.items()), *reaction)
-            for f, row, reaction in zip(eq.forcing, eq.mass_matrix, reactions, strict=True)
-        ]
-        rates = [se.Add(c.rhs, *(-b * eq.a[j] for j, b in c.row.items())) for c in eq.constraints]
-        positions = [c.position for c in eq.constraints if c.position is not None]
-        groups = (force, rates, positions, [c.velocity for c in eq.constraints])
-        self._gradients = [Gradients(eq, expressions, symbols) for expressions in groups]
+        found = differentiate_parameters(local.equations, self.path.followers)
+        groups = (found.force, found.rhs, found.position, found.velocity)
+        count = len(found.parameters)
+        self._gradients = [Gradients(local.equations, rows, count) for rows in groups]
 
     def problem(self, base: SteadyProblem, value: float) -> tuple[SteadyProblem, tuple[float, ...]]:
         """Return the steady problem and the values of the parameters at a value."""

@@ -68,7 +68,7 @@ class Inputs:
         #: The parameters that change with an input.
         self.parameters = tuple(changing)
         self.symbols = [se.Symbol(n) for n in self.parameters]
-        self._forcing = Gradients(eq, eq.forcing, self.symbols)
+        self._forcing = Gradients.of(eq, eq.forcing, self.symbols)
 
     def slopes(self, point: Point) -> Array:
         """Return the derivatives of the parameters that change by the inputs, (n, inputs)."""
@@ -132,7 +132,7 @@ class Outputs:
         eq = local.equations
         expressions = [_expression(eq, name) for name in self.names]
         groups = (eq.q, eq.v, eq.a, eq.multipliers, inputs.symbols)
-        self._gradients = [Gradients(eq, expressions, group) for group in groups]
+        self._gradients = [Gradients.of(eq, expressions, group) for group in groups]
 
     def at(self, point: Point) -> tuple[Array, ...]:
         """Return ∂y/∂q, ∂y/∂v, ∂y/∂a, ∂y/∂λ and ∂y/∂u."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from lagcli.engine.system import Pattern, System
     from lagcli.engine.tape.tape import Tape
-    from lagcli.equations.derivation.lagrange import Equations
+    from lagcli.equations.derivation.lagrange import Equations, Row
 
 
 class Point(NamedTuple):
@@ -43,49 +43,45 @@ class Point(NamedTuple):
 
 
 class Gradients:
-    """Nonzero partial derivatives of expressions by symbols, as a tape.
+    """Nonzero partial derivatives of expressions, as a tape.
 
     Parameters
     ----------
     equations : Equations
-    expressions : sequence of n expressions
-        In t, q, v, a, λ and the parameters.
-    symbols : sequence of m symbols
-        By which they are differentiated.
+    rows : sequence of n rows
+        The derivatives of each expression by the columns of the symbols, in t, q, v, a, λ and the
+        parameters.
+    columns : int
+        The number of symbols.
     """
 
-    def __init__(
-        self, equations: Equations, expressions: Sequence[Basic], symbols: Sequence[Basic]
-    ):
+    def __init__(self, equations: Equations, rows: Sequence[Row], columns: int):
         import symengine as se
 
         from lagcli.engine.inputs.tables import input_functions
         from lagcli.engine.tape.compiler import compile_tape
-        from lagcli.equations.derivation.motion import ZERO, Motion, addends
         from lagcli.model.model import TIME
 
-        motion, number = Motion.of(equations.model), {s: j for j, s in enumerate(symbols)}
-        self.shape = len(expressions), len(symbols)
-        entries, places = [], []
-        for i, expression in enumerate(expressions):
-            terms: dict[Basic, list[Basic]] = {}
-            for term in addends(expression):
-                for symbol in term.free_symbols:
-                    if symbol in number:
-                        terms.setdefault(symbol, []).append(term)
-            for symbol in sorted(terms, key=lambda s: number[s]):
-                slope = motion.sum_diff(terms[symbol], symbol)
-                if slope != ZERO:
-                    entries.append(slope)
-                    places.append((i, number[symbol]))
         eq = equations
-        self.pattern: Pattern = tuple(places)
+        self.shape = len(rows), columns
+        self.pattern: Pattern = tuple((i, j) for i, row in enumerate(rows) for j in row)
         self.tape: Tape = compile_tape(
-            entries,
+            [x for row in rows for x in row.values()],
             [TIME, *eq.q, *eq.v, *eq.a, *eq.multipliers],
             [se.Symbol(name) for name in eq.model.parameters],
             input_functions(eq.model),
         )
+
+    @classmethod
+    def of(
+        cls, equations: Equations, expressions: Sequence[Basic], symbols: Sequence[Basic]
+    ) -> Gradients:
+        """Differentiate expressions in t, q, v, a, λ and the parameters with respect to symbols."""
+        from lagcli.equations.derivation.motion import Motion
+
+        motion, columns = Motion.of(equations.model), {x: j for j, x in enumerate(symbols)}
+        rows = [motion.row([expression], columns) for expression in expressions]
+        return cls(equations, rows, len(symbols))
 
     def at(self, point: Point) -> Array:
         """Return the matrix of derivatives, (n, m)."""

@@ -53,7 +53,7 @@ class LocalEquations:
     @cached_property
     def _velocity_gradients(self) -> Gradients:
         eq = self.equations
-        return Gradients(eq, [c.velocity for c in eq.constraints], eq.q)
+        return Gradients.of(eq, [c.velocity for c in eq.constraints], eq.q)
 
     @cached_property
     def start(self) -> ConsistentState:

@@ -10,13 +10,14 @@ Only nonzero derivatives are formed, so that the cost is linear in the number of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from symengine import Basic
 
 from lagcli.equations.derivation.lagrange import Equations, Row
-from lagcli.equations.derivation.motion import ZERO, Motion, addends
+from lagcli.equations.derivation.motion import ZERO, Motion
 from lagcli.model.model import TIME
 
 
@@ -65,7 +66,8 @@ def differentiate(equations: Equations) -> Jacobians:
     force, rhs = defects(eq)
     power = [q * v for q, v in zip(eq.applied_forces, eq.v, strict=True)]
     power += [v * x for v, reaction in zip(eq.v, _reactions(eq), strict=True) for x in reaction]
-    differ = _Gradients(Motion.of(eq.model))
+    columns = {x: i for i, x in enumerate((*eq.q, *eq.v, TIME))}
+    differ = partial(_gradient, Motion.of(eq.model), columns)
     return Jacobians(
         force=tuple(differ(parts) for parts in force),
         rhs=tuple(differ(parts) for parts in rhs),
@@ -95,21 +97,11 @@ def _reactions(eq: Equations) -> list[list[Basic]]:
     return reactions
 
 
-class _Gradients:
-    """Gradients with respect to q, v and t."""
-
-    def __init__(self, motion: Motion):
-        self.motion = motion
-        self.positions = {x: i for i, x in enumerate(motion.q)}
-        self.rates = {x: i for i, x in enumerate(motion.v)}
-
-    def __call__(self, parts: Sequence[Basic]) -> Gradient:
-        known = self.motion.by_symbol(term for part in parts for term in addends(part))
-        slopes = {s: self.motion.sum_diff(terms, s) for s, terms in known.items()}
-        time = slopes.pop(TIME, ZERO)
-        return Gradient(self._row(slopes, self.positions), self._row(slopes, self.rates), time)
-
-    @staticmethod
-    def _row(slopes: dict[Basic, Basic], columns: dict[Basic, int]) -> Row:
-        found = {columns[s]: x for s, x in slopes.items() if s in columns and x != ZERO}
-        return dict(sorted(found.items()))
+def _gradient(motion: Motion, columns: Mapping[Basic, int], parts: Sequence[Basic]) -> Gradient:
+    """Return the gradient of a sum; the columns are those of q, v and t."""
+    row, count = motion.row(parts, columns), len(motion.q)
+    return Gradient(
+        position={j: x for j, x in row.items() if j < count},
+        velocity={j - count: x for j, x in row.items() if count <= j < 2 * count},
+        time=row.get(2 * count, ZERO),
+    )

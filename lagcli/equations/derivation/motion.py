@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Mapping
 from typing import NamedTuple
 
 import symengine as se
@@ -127,12 +127,21 @@ class Motion:
         terms = [x * self.v[j] for j, x in slopes.by_position.items()]
         return se.Add(*terms, slopes.by_time)
 
-    def by_symbol(self, terms: Iterable[Basic]) -> dict[Basic, list[Basic]]:
-        """Return the terms in which each q, v and t occurs."""
+    def row(self, parts: Iterable[Basic], columns: Mapping[Basic, int]) -> dict[int, Basic]:
+        """Return the nonzero derivatives of a sum with respect to symbols, by their columns."""
+        terms = self.by_symbol((term for part in parts for term in addends(part)), columns)
+        found = {columns[x]: self.sum_diff(of, x) for x, of in terms.items()}
+        return {i: x for i, x in sorted(found.items()) if x != ZERO}
+
+    def by_symbol(
+        self, terms: Iterable[Basic], among: Container[Basic] | None = None
+    ) -> dict[Basic, list[Basic]]:
+        """Return the terms in which each of some symbols occurs; by default each q, v and t."""
+        known = self._indices if among is None else among
         found: dict[Basic, list[Basic]] = defaultdict(list)
         for term in terms:
             for symbol in term.free_symbols:
-                if symbol in self._indices:
+                if symbol in known:
                     found[symbol].append(term)
         return found
 

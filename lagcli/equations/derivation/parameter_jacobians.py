@@ -11,15 +11,15 @@ Only nonzero derivatives are formed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import symengine as se
-from symengine import Basic
 
 from lagcli.equations.derivation.jacobians import defects
 from lagcli.equations.derivation.lagrange import Equations, Row
-from lagcli.equations.derivation.motion import ZERO, Motion, addends
+from lagcli.equations.derivation.motion import Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,8 @@ def differentiate_parameters(equations: Equations, parameters: Sequence[str]) ->
         if name not in equations.model.parameters:
             raise KeyError(name)
     eq = equations
-    rows = _Rows(Motion.of(eq.model), [se.Symbol(name) for name in parameters])
+    columns = {se.Symbol(name): i for i, name in enumerate(parameters)}
+    rows = partial(Motion.of(eq.model).row, columns=columns)
     force, rhs = defects(eq)
     return ParameterJacobians(
         parameters=tuple(parameters),
@@ -86,22 +87,3 @@ def differentiate_parameters(equations: Equations, parameters: Sequence[str]) ->
         velocity=tuple(rows([c.velocity]) for c in eq.constraints),
         outputs={name: rows([x]) for name, x in eq.outputs.items()},
     )
-
-
-class _Rows:
-    """Nonzero derivatives with respect to parameters."""
-
-    def __init__(self, motion: Motion, parameters: Sequence[Basic]):
-        self.motion = motion
-        self.numbers = {symbol: i for i, symbol in enumerate(parameters)}
-
-    def __call__(self, parts: Iterable[Basic]) -> Row:
-        """Return the derivatives of a sum of parts."""
-        terms: dict[Basic, list[Basic]] = {}
-        for part in parts:
-            for term in addends(part):
-                for symbol in term.free_symbols:
-                    if symbol in self.numbers:
-                        terms.setdefault(symbol, []).append(term)
-        found = {self.numbers[s]: self.motion.sum_diff(of, s) for s, of in terms.items()}
-        return {i: x for i, x in sorted(found.items()) if x != ZERO}

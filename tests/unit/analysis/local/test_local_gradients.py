@@ -26,7 +26,7 @@ initial: {x: 0.25, y: 0.5, x': 0, y': 0}
 def test_gradients_are_filled_into_a_matrix() -> None:
     local = LocalEquations(lagcli.load_text(TEXT))
     eq = local.equations
-    found = Gradients(eq, [eq.q[0] ** 2 * eq.v[1], eq.multipliers[0] * eq.a[0]], [*eq.q, *eq.v])
+    found = Gradients.of(eq, [eq.q[0] ** 2 * eq.v[1], eq.multipliers[0] * eq.a[0]], [*eq.q, *eq.v])
     point = Point(0.0, *np.array([[2.0, 3], [5, 7], [11, 13]]), np.array([17.0]), local.p)
     expected = [[2 * 2 * 7, 0, 0, 2**2], [0, 0, 0, 0]]
     assert found.at(point).tolist() == expected
