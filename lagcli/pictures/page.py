@@ -59,6 +59,8 @@ def page(
     styles: Iterable[str] = (),
     scripts: Sequence[str] = (),
     start: str = "",
+    layout: str = "",
+    images: bool = False,
 ) -> str:
     """Return a page that holds all that it needs.
 
@@ -72,21 +74,28 @@ def page(
         Their text; see `asset`.
     start : str
         What to run at last.
+    layout : str
+        The class of the body.
+    images : bool
+        Whether images whose data are in the page may be shown.
     """
     style = "\n".join(styles)
-    script = "\n".join([*scripts, start])
+    script = "\n".join([*scripts, start] if start else scripts)
+    policy = content_policy(script, style) + ("; img-src data:" if images else "")
+    kind = f' class="{layout}"' if layout else ""
     return f"""<!doctype html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{content_policy(script, style)}">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
 <meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
 <title>{escape(title)}</title>
 <style>
 {style}
 </style>
 </head>
-<body>
+<body{kind}>
 {body}
 <script>
 {script}

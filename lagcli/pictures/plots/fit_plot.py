@@ -91,7 +91,7 @@ def draw_fit(
         points = {"linestyle": "none", "marker": ".", "markersize": 3, "color": _GREY}
         above.plot(time, data.measured[there, j], **points, label="measured")
         above.plot(data.times, data.model[:, j], **style.line(0), label="fitted")
-        above.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        style.legend_beside(above)
         unit = pretty_unit(result.units.get(panel.name, ""))
         label = panel.name.replace("$", r"\$")
         above.set_ylabel(f"{label} [{unit}]" if unit else label)

@@ -257,8 +257,7 @@ class PanelDrawing:
                 entries[label.replace("$", r"\$")] = style.line(number)
         if entries:
             handles = [Line2D([], [], **look) for look in entries.values()]
-            # beside the panel, where it covers nothing
-            ax.legend(handles, list(entries), loc="upper left", bbox_to_anchor=(1.0, 1.0))
+            style.legend_beside(ax, handles, list(entries))
 
 
 def _points(number: int) -> dict[str, Any]:

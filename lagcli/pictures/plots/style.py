@@ -95,6 +95,18 @@ def grades(values: Any, log: bool = False) -> Any:
     return ScalarMappable(norm, ListedColormap([shade(i / 255) for i in range(256)]))
 
 
+def legend_beside(ax: Any, *entries: Any) -> None:
+    """Draw the legend of a panel beside it, where it covers nothing.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    *entries
+        Handles and labels; by default those of the curves.
+    """
+    ax.legend(*entries, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+
+
 def settings() -> Any:
     """Return the matplotlib settings of a picture."""
     return {

@@ -260,7 +260,7 @@ def _draw_family(
             look = {"color": graded.to_rgba(by.values[mine][0])}
         ax.plot(x[mine][order], y[mine][order], **look, marker=marker, label=label)
     if few and len(told) > 1:
-        ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        style.legend_beside(ax)
     elif graded and by is not None and not few:
         rest = ", ".join(q.name for q in others if q is not by)
         verb = "vary" if len(others) > 2 else "varies"

@@ -99,4 +99,4 @@ def draw_tornado(ax: Any, found: list[Effect], label: str) -> None:
     from matplotlib.patches import Patch
 
     handles = [Patch(color=style.PALETTE[i]) for i in (0, 1)]
-    ax.legend(handles, ["lowest value", "highest value"], loc="upper left", bbox_to_anchor=(1, 1))
+    style.legend_beside(ax, handles, ["lowest value", "highest value"])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from html import escape
-from string import Template
 from typing import NamedTuple
 
 from lagcli.equations.derivation.lagrange import derive
@@ -13,18 +12,26 @@ from lagcli.equations.presentation.formulas import Formulas
 from lagcli.model.loader import load_text
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
-from lagcli.pictures.page import asset, content_policy
+from lagcli.pictures.page import asset
 from lagcli.pictures.report.analysis_sections import (
     AnalysisSection,
     content_sections,
     fit_sections,
 )
 from lagcli.pictures.report.equations import EquationSystem
-from lagcli.pictures.report.writing import paragraphs, table
-from lagcli.pictures.report.yaml_text import highlighted
+from lagcli.pictures.report.report_page import report_page
+from lagcli.pictures.report.writing import table
 from lagcli.version import __version__
 
 _STYLES = ("report.css", "analysis.css")
+
+#: The sections after those of the analysis.
+_CONTENTS = (
+    ("equations", "Equations"),
+    ("system", "System"),
+    ("provenance", "Provenance"),
+    ("model", "Model file"),
+)
 
 
 class _Values(NamedTuple):
@@ -82,9 +89,6 @@ def _assembled(
     title: str | None,
 ) -> str:
     system = EquationSystem(_AnalysedModel(model, parameters), Formulas(derive(model)))
-    script = asset("theme.js")
-    style = "\n".join(map(asset, _STYLES))
-    name = escape(title or model.title)
     sections = "".join(
         f'<section id="{x.anchor}"><h2>{escape(x.title)}</h2>{x.body}</section>' for x in found
     )
@@ -95,23 +99,15 @@ def _assembled(
         ("Changed", escape(", ".join(f"{k} = {x}" for k, x in changed.items()))),
         ("Model", f"<code>sha256 {escape(model.sha256)}</code>"),
     ]
-    return Template(asset("analysis.html")).substitute(
-        policy=content_policy(script, style) + "; img-src data:",
-        title=name,
-        style=style,
-        script=script,
-        description=paragraphs(model.description),
-        contents="".join(f'<li><a href="#{x.anchor}">{escape(x.title)}</a></li>' for x in found),
+    return report_page(
+        model,
+        system,
+        template="analysis.html",
+        title=title,
+        contents=[*((x.anchor, escape(x.title)) for x in found), *_CONTENTS],
+        styles=map(asset, _STYLES),
+        scripts=[asset("theme.js")],
+        images=True,
         sections=sections,
-        freedom=system.freedom(),
-        coordinates=system.coordinates([]),
-        parameters=system.parameters(),
-        definitions=system.definitions(),
-        energies=system.energies(),
-        forces=system.forces(),
-        constraints=system.constraints(),
-        equations=system.motion(),
-        convention=system.convention(),
         provenance=table("Provenance", ["", ""], [x for x in rows if x[1]], kind="facts"),
-        model=highlighted(model.text),
     )

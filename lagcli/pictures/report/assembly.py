@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from html import escape
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from lagcli.equations.derivation.degrees_of_freedom import DegreesOfFreedom
 from lagcli.equations.derivation.lagrange import derive
 from lagcli.equations.presentation.formulas import Formulas
 from lagcli.pictures.event_marks import marks
-from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, content_policy, script_data
+from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, script_data
 from lagcli.pictures.plots.style import PALETTE
 from lagcli.pictures.plots.thinning import evenly
 from lagcli.pictures.report import tables
@@ -34,9 +33,9 @@ from lagcli.pictures.report.curves import (
     without_errors,
 )
 from lagcli.pictures.report.equations import EquationSystem
-from lagcli.pictures.report.event_table import events_link, events_section
-from lagcli.pictures.report.writing import chosen, paragraphs
-from lagcli.pictures.report.yaml_text import highlighted
+from lagcli.pictures.report.event_table import events_contents, events_section
+from lagcli.pictures.report.report_page import report_page
+from lagcli.pictures.report.writing import chosen
 from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.timing import timing
 from lagcli.pictures.scene.view_evaluator import scene_of
@@ -88,39 +87,37 @@ def assembled(run: RunFile, title: str | None = None) -> str:
         "marks": marks(run.record.events).tolist(),
     }
     start = run.columns(("q", "v"), np.zeros(1, dtype=np.intp))
-    name = escape(title or model.title)
-    script = "\n".join([f"/*\n{asset(_UPLOT + 'LICENSE')}\n*/", *map(asset, _SCRIPTS)])
-    style = "\n".join(map(asset, _STYLES))
-    return Template(asset("report.html")).substitute(
-        policy=content_policy(script, style),
-        title=name,
-        style=style,
-        script=script,
-        data=script_data(data),
-        description=paragraphs(model.description),
-        status=tables.status(run),
-        motion=_MOTION if scene else "",
+    plotted = [x for x in found if x.title != RESIDUALS_TITLE]
+    return report_page(
+        model,
+        system,
+        template="report.html",
+        title=title,
+        contents=[
+            ("equations", "Equations"),
+            *((_anchor(x.title), x.title) for x in plotted),
+            *events_contents(run),
+            ("system", "System"),
+            ("extremes", "Extremes"),
+            ("computation", "Computation"),
+            ("model", "Model file"),
+        ],
+        styles=map(asset, _STYLES),
+        scripts=[f"/*\n{asset(_UPLOT + 'LICENSE')}\n*/", *map(asset, _SCRIPTS)],
         layout="with-motion" if scene else "without-motion",
-        freedom=system.freedom(),
-        coordinates=system.coordinates([x[0] for x in start.values()] if run.count else []),
-        parameters=system.parameters(),
-        definitions=system.definitions(),
-        energies=system.energies(),
-        forces=system.forces(),
-        constraints=system.constraints(),
+        status=tables.status(run),
+        start=[x[0] for x in start.values()] if run.count else (),
         conserved=system.conserved(),
-        equations=system.motion(),
         steps=system.steps(),
-        convention=system.convention(),
-        plots=_plots([x for x in found if x.title != RESIDUALS_TITLE], run.count),
+        data=script_data(data),
+        motion=_MOTION if scene else "",
+        plots=_plots(plotted, run.count),
         residuals=_residual_plots(found),
-        contents=_contents([x for x in found if x.title != RESIDUALS_TITLE]) + events_link(run),
         events=events_section(run),
         extremes=tables.extremes_table(extremes, system),
         moved=tables.moved(run, system),
         solver=tables.solver(run, _residuals(run)),
         provenance=tables.provenance(run),
-        model=highlighted(model.text),
     )
 
 
@@ -218,10 +215,6 @@ def _section(section: Section) -> str:
 def _place(plot: Plot) -> str:
     note = f'<p class="note">{escape(plot.note)}</p>' if plot.note else ""
     return f'<div class="place"><figure></figure>{note}</div>'
-
-
-def _contents(found: list[Section]) -> str:
-    return "".join(f'<li><a href="#{_anchor(s.title)}">{s.title}</a></li>' for s in found)
 
 
 def _anchor(title: str) -> str:

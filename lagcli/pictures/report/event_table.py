@@ -29,9 +29,9 @@ def events_section(run: RunFile) -> str:
     )
 
 
-def events_link(run: RunFile) -> str:
-    """Return the entry in the table of contents; nothing of a run without contacts and events."""
-    return "" if run.record.events is None else '<li><a href="#events">Contacts and events</a></li>'
+def events_contents(run: RunFile) -> list[tuple[str, str]]:
+    """Return the entry in the table of contents; none of a run without contacts and events."""
+    return [] if run.record.events is None else [("events", "Contacts and events")]
 
 
 def _recorded(run: RunFile, records: EventRecords, log: EventLog) -> str:
