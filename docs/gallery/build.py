@@ -32,15 +32,15 @@ SHOWN = "slider_crank"
 
 INTRODUCTION = """# Gallery
 
-The shipped models, each at one moment of its run: orange are constraint forces, blue are
-velocities, light blue is the path of the recent past. Anybody gets the animation of one by
+The shipped models, each at one moment of its run. Constraint forces are orange, velocities blue,
+and recent paths light blue. To animate a model:
 
 ```sh
 lagcli simulate models/four_bar.yaml -o run.h5
 lagcli animate run.h5 -o run.html
 ```
 
-and `make gallery` makes this page, and `docs/gallery/index.html` with the animations and reports of
+`make gallery` builds this page, and `docs/gallery/index.html` with the animations and reports of
 all models.
 
 """

@@ -111,7 +111,7 @@ METHODS = {
         ),
         Method(
             name="LSODA",
-            description="Adams or BDF, as the stiffness asks for",
+            description="Adams or BDF, depending on the stiffness",
             order="1 to 12",
             implicit=True,
             dense="Nordsieck array",
