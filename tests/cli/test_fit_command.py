@@ -88,7 +88,7 @@ def test_text_files_and_the_fitted_model(folder: Path, command: Command) -> None
     assert shown.returncode == 0, shown.stderr
     assert shown.stdout.splitlines()[0] == lines[0]
     described = json.loads(command("info", "fit.h5", "--json").stdout)
-    assert described["kind"] == "fit"
+    assert described["command"] == "fit"
     assert described["parameters"]["k"]["value"] == pytest.approx(fitted.parameters["k"].value)
     drawn = command("plot", "fit.h5", "-o", "fit.svg", "--force")
     assert drawn.returncode == 0, drawn.stderr

@@ -1,4 +1,6 @@
-"""Fit files: HDF5 with the quantities along ``parameter``, and one group for each experiment."""
+"""Fit files: files of an analysis with the quantities along ``parameter``, and one group for each
+experiment.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +12,11 @@ import numpy as np
 
 from lagcli.analysis.fit.result import FitResult, FittedData
 from lagcli.analysis.fit.uncertainty import ParameterCombination
-from lagcli.errors import FileError
-from lagcli.results.hdf5.container import (
-    add_array,
-    add_texts,
-    attach_axes,
-    make_axis,
-    new_file,
-    set_text,
-)
-from lagcli.results.hdf5.opening import not_of_lagcli, open_verified
+from lagcli.results.hdf5.analysis_file import new_analysis_file, opened_analysis
+from lagcli.results.hdf5.container import add_array, add_texts, attach_axes, make_axis, set_text
 from lagcli.results.hdf5.structure import group, numbers, read_texts, text_attribute
-from lagcli.results.metadata import check_model, storable, to_json
-from lagcli.trajectory.samples import SCHEMA_VERSION
+from lagcli.results.metadata import check_model, storable
 from lagcli.version import __version__
-
-#: What the file says that it is.
-KIND = "fit"
 
 #: Datasets with one number for each quantity, and what they are.
 _BY_PARAMETER = {
@@ -39,11 +29,16 @@ _BY_PARAMETER = {
     "high": "upper ends of the confidence intervals",
 }
 _MATRICES = {"covariance": "covariance", "correlation": "correlation"}
-_BY_START = {"starts": "where searches began", "ends": "where searches ended"}
-_TEXTS = ("model_name", "model", "model_sha256", "intervals", "message")
-_FACTS = (
-    *("units", "active", "level", "chi_square", "freedom", "probability", "sigma_estimated"),
-    *("converged", "runs", "failures", "parameters", "options", "seconds"),
+_BY_START = {
+    "starts": "where searches began",
+    "ends": "where searches ended",
+    "costs": "chi-square at the ends",
+}
+_FACTS = ("model", "model_sha256", "units", "parameters", "options")
+#: Fields of a result that its content has by the same name.
+_IN_CONTENT = (
+    *("level", "intervals", "chi_square", "sigma_estimated"),
+    *("probability", "message", "runs", "seconds"),
 )
 
 
@@ -63,14 +58,10 @@ def write_fit(result: FitResult, path: str | os.PathLike[str], force: bool = Fal
     FileError
         The file exists and ``force`` is false, or it cannot be written.
     """
-    with new_file(os.fspath(path), force) as (root, sink):
-        place = root["/"].id
-        texts = {"kind": KIND, "schema_version": SCHEMA_VERSION, "lagcli_version": __version__}
-        texts |= {name: getattr(result, name) for name in _TEXTS}
-        texts |= {name: to_json(getattr(result, name)) for name in _FACTS}
-        texts["combinations"] = to_json([[x.names, x.changes] for x in result.combinations])
-        for name, text in texts.items():
-            set_text(place, name, storable(text))
+    facts = {name: getattr(result, name) for name in _FACTS}
+    facts["lagcli_version"] = __version__
+    content = {"command": "fit", **result.as_dict()}
+    with new_analysis_file(os.fspath(path), content, facts, force) as root:
         parameter = add_texts(root, "parameter", result.names)
         observed = add_texts(root, "observed", result.observed)
         for axis, name in ((parameter, "parameter"), (observed, "observed")):
@@ -79,14 +70,12 @@ def write_fit(result: FitResult, path: str | os.PathLike[str], force: bool = Fal
         for names, axes in (
             (_BY_PARAMETER, [parameter]),
             (_MATRICES, [parameter, parameter]),
+            (_BY_START, []),
         ):
             for name, said in names.items():
                 dataset = add_array(root, name, getattr(result, name))
                 attach_axes(dataset, axes)
                 set_text(dataset, "long_name", said)
-        for name, said in _BY_START.items():
-            set_text(add_array(root, name, getattr(result, name)), "long_name", said)
-        set_text(add_array(root, "costs", result.costs), "long_name", "chi-square at the ends")
         for number, data in enumerate(result.data):
             folder = root.create_group(f"data_{number}")
             set_text(folder.id, "path", storable(data.path))
@@ -96,7 +85,6 @@ def write_fit(result: FitResult, path: str | os.PathLike[str], force: bool = Fal
             for name in ("measured", "model", "residuals"):
                 attach_axes(add_array(folder, name, getattr(data, name)), [time, observed])
             attach_axes(add_array(folder, "sigmas", data.sigmas), [observed])
-        sink.check()
 
 
 def read_fit(path: str | os.PathLike[str]) -> FitResult:
@@ -116,52 +104,35 @@ def read_fit(path: str | os.PathLike[str]) -> FitResult:
     FileError
         The file is missing, damaged, or holds no fit.
     """
-    path = os.fspath(path)
-    with open_verified(path, SCHEMA_VERSION) as opened:
-        if opened.kind != KIND:
-            raise (
-                FileError(f"cannot read {path}: it holds a {opened.kind} and not a fit")
-                if opened.kind
-                else not_of_lagcli(path)
-            )
-        root = opened.root
-        fields: dict[str, Any] = {name: text_attribute(root, name) or "" for name in _TEXTS}
-        check_model(fields["model"], fields["model_sha256"])
-        for name in _FACTS:
-            fields[name] = json.loads(text_attribute(root, name) or "null")
-        combinations = json.loads(text_attribute(root, "combinations") or "[]")
-        for name in (*_BY_PARAMETER, *_MATRICES, *_BY_START, "costs"):
-            fields[name] = np.asarray(numbers(root, name)[()], dtype=np.float64)
+    with opened_analysis(path, "fit") as (root, content):
+        fields: dict[str, Any] = {
+            name: np.asarray(numbers(root, name)[()], dtype=np.float64)
+            for name in (*_BY_PARAMETER, *_MATRICES, *_BY_START)
+        }
+        text, digest = (text_attribute(root, name) or "" for name in ("model", "model_sha256"))
+        check_model(text, digest)
+        for name in ("units", "parameters", "options"):
+            fields[name] = json.loads(text_attribute(root, name) or "{}")
+        for name in _IN_CONTENT:
+            fields[name] = content[name]
         data: list[FittedData] = []
         while f"data_{len(data)}" in root:
             folder = group(root, f"data_{len(data)}")
             parts = [numbers(folder, x)[()] for x in ("time", "measured", "model", "sigmas")]
             data.append(FittedData(text_attribute(folder, "path") or "", *parts))
-        probability = fields.pop("probability")
         return FitResult(
+            model_name=content["model"],
+            model=text,
+            model_sha256=digest,
             names=read_texts(root, "parameter"),
             observed=read_texts(root, "observed"),
             data=tuple(data),
-            active=tuple(fields.pop("active")),
-            combinations=tuple(ParameterCombination(tuple(n), tuple(x)) for n, x in combinations),
-            probability=np.nan if probability is None else probability,
+            active=tuple(x["active_bound"] or "" for x in content["parameters"].values()),
+            combinations=tuple(
+                ParameterCombination(tuple(x), tuple(x.values())) for x in content["unidentified"]
+            ),
+            freedom=content["degrees_of_freedom"],
+            converged=content["status"] == "completed",
+            failures=content["failed_runs"],
             **fields,
         )
-
-
-def describe_fit(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what a fit file holds, as JSON values: its size, and `FitResult.as_dict`."""
-    found = read_fit(path).as_dict()
-    return {
-        "path": os.fspath(path),
-        "format": "hdf5",
-        "bytes": os.path.getsize(path),
-        "kind": KIND,
-        **found,
-    }
-
-
-def is_fit(path: str | os.PathLike[str]) -> bool:
-    """Return whether an HDF5 file holds a fit; for the errors see `read_fit`."""
-    with open_verified(path, SCHEMA_VERSION) as opened:
-        return opened.kind == KIND

@@ -34,17 +34,11 @@ def _described(file: str) -> tuple[dict[str, Any], str]:
     from lagcli.results.formats import format_read
 
     if format_read(file).sweeps == "all":
-        from lagcli.analysis.fit.file import is_fit
         from lagcli.results.hdf5.analysis_file import analysis_kind
         from lagcli.sweeps.file.store import is_sweep
 
         if analysis_kind(file):
             return _analysis(file)
-        if is_fit(file):
-            from lagcli.analysis.fit.file import describe_fit, read_fit
-            from lagcli.analysis.fit.text import format_fit
-
-            return describe_fit(file), format_fit(read_fit(file))
         if is_sweep(file):
             from lagcli.sweeps.file.description import describe_sweep, format_sweep
 
@@ -62,4 +56,9 @@ def _analysis(file: str) -> tuple[dict[str, Any], str]:
     from lagcli.results.hdf5.analysis_file import read_analysis
 
     content = read_analysis(file)
+    if content["command"] == "fit":
+        from lagcli.analysis.fit.file import read_fit
+        from lagcli.analysis.fit.text import format_fit
+
+        return content, format_fit(read_fit(file))
     return content, format_content(content)

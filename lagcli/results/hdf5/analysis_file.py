@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
+import h5py
 import numpy as np
 
 from lagcli.arrays import Array
@@ -14,30 +16,30 @@ from lagcli.errors import FileError
 from lagcli.results.hdf5.container import add_array, new_file, set_text
 from lagcli.results.hdf5.opening import open_verified
 from lagcli.results.hdf5.structure import text_attribute
-from lagcli.results.metadata import to_json
+from lagcli.results.metadata import storable, to_json
 from lagcli.trajectory.samples import SCHEMA_VERSION, SIGN_CONVENTION
 
 
-def write_analysis(
-    path: str,
-    content: Mapping[str, Any],
-    arrays: Mapping[str, Array],
-    facts: Mapping[str, Any],
-    force: bool = False,
-) -> None:
-    """Write the result of an analysis, whole or not at all.
+@contextmanager
+def new_analysis_file(
+    path: str, content: Mapping[str, Any], facts: Mapping[str, Any], force: bool = False
+) -> Iterator[h5py.File]:
+    """Open a file for the result of an analysis, which is written whole or not at all.
 
     Parameters
     ----------
     path : str
     content : mapping
         As ``--json`` prints it; its ``command`` is the kind of the file.
-    arrays : mapping of str to array of float
-        Datasets; what the content has as nested lists, and more.
     facts : mapping
         Provenance: ``lagcli_version``, ``model``, ``model_sha256``, ``parameters``, ….
     force : bool
         Replace an existing file.
+
+    Yields
+    ------
+    h5py.File
+        The file without its arrays.
 
     Raises
     ------
@@ -53,10 +55,23 @@ def write_analysis(
     }
     with new_file(path, force) as (root, sink):
         for name, value in texts.items():
-            set_text(root["/"].id, name, value if isinstance(value, str) else to_json(value))
+            text = value if isinstance(value, str) else to_json(value)
+            set_text(root["/"].id, name, storable(text))
+        yield root
+        sink.check()
+
+
+def write_analysis(
+    path: str,
+    content: Mapping[str, Any],
+    arrays: Mapping[str, Array],
+    facts: Mapping[str, Any],
+    force: bool = False,
+) -> None:
+    """Write the result of an analysis with arrays by name; see `new_analysis_file`."""
+    with new_analysis_file(path, content, facts, force) as root:
         for name, values in arrays.items():
-            add_array(root["/"], name, np.ascontiguousarray(values, dtype=float))
-            sink.check()
+            add_array(root["/"], name, np.asarray(values, dtype=float))
 
 
 class ModelText(NamedTuple):
@@ -104,14 +119,22 @@ def analysis_kind(path: str | os.PathLike[str]) -> str | None:
         return opened.kind if "content" in opened.root.attrs else None
 
 
-def read_analysis(path: str | os.PathLike[str], command: str = "") -> dict[str, Any]:
-    """Return the content of a file of an analysis.
+@contextmanager
+def opened_analysis(
+    path: str | os.PathLike[str], command: str = ""
+) -> Iterator[tuple[h5py.File, dict[str, Any]]]:
+    """Open a file of an analysis.
 
     Parameters
     ----------
     path : str or path
     command : str
         The command that must have made it; any by default.
+
+    Yields
+    ------
+    root : h5py.File
+    content : dict
 
     Raises
     ------
@@ -122,9 +145,14 @@ def read_analysis(path: str | os.PathLike[str], command: str = "") -> dict[str, 
         text = text_attribute(opened.root, "content")
         if text is None or (command and opened.kind != command):
             made = f"lagcli {command}" if command else "an analysis"
-            by = "" if text is None else f", but of lagcli {opened.kind}"
-            raise FileError(f"cannot read {os.fspath(path)}: it is no file of {made}{by}")
+            raise FileError(f"cannot read {os.fspath(path)}: it is no file of {made}")
         content = json.loads(text)
         if not isinstance(content, dict) or content.get("command") != opened.kind:
             raise ValueError("the content is not that of an analysis")
+        yield opened.root, content
+
+
+def read_analysis(path: str | os.PathLike[str], command: str = "") -> dict[str, Any]:
+    """Return the content of a file of an analysis; see `opened_analysis`."""
+    with opened_analysis(path, command) as (_, content):
         return content

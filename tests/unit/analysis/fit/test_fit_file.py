@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lagcli
-from lagcli.analysis.fit.file import describe_fit, is_fit, read_fit, write_fit
+from lagcli.analysis.fit.file import read_fit, write_fit
 from lagcli.analysis.fit.result import FitResult
 from lagcli.analysis.fit.text import format_fit
 from lagcli.errors import FileError
@@ -56,9 +56,17 @@ def test_a_file_reads_as_it_was_written(tmp_path: Path, result: FitResult) -> No
             assert after["rtol"] == before["rtol"]
         elif before == before:  # but for NaN
             assert after == before, field.name
-    assert is_fit(path)
-    assert describe_fit(path)["kind"] == "fit"
     assert format_fit(found) == format_fit(result)
+
+
+def test_a_fit_opens_like_any_other_analysis(tmp_path: Path, result: FitResult) -> None:
+    path = tmp_path / "fit.h5"
+    write_fit(result, path)
+    content = lagcli.open(path)
+    assert content["command"] == "fit"
+    assert content["parameters"]["k"]["max"] == 50
+    assert np.isnan(content["parameters"]["m"]["standard_error"])  # not identified
+    assert content["chi_square"] == result.chi_square
 
 
 def test_files_are_not_overwritten_silently(tmp_path: Path, result: FitResult) -> None:
@@ -72,8 +80,7 @@ def test_files_are_not_overwritten_silently(tmp_path: Path, result: FitResult) -
 def test_other_files_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     lagcli.write(lagcli.simulate(lagcli.load_text(MODEL), samples=3), path)
-    assert not is_fit(path)
-    with pytest.raises(FileError, match="trajectory and not a fit"):
+    with pytest.raises(FileError, match="no file of lagcli fit"):
         read_fit(path)
 
 
