@@ -226,10 +226,11 @@ class Block(NamedTuple):
 class Outcome:
     """What an engine returns: how it ended, and what it took.
 
-    ``undefined`` is the state at which the equations had no finite value, where that
-    ended the run. ``methods`` are those that took steps, where the engine chose. ``tolerances``
-    are the absolute ones on q, v and the work at the end, (2 nq + 1,). ``events`` is what happened
-    at contacts and events, in order, and ``modes`` the modes of the switched rows at the start:
+    ``undefined`` is the state at which the equations had no finite value, where that ended the run;
+    ``constraints`` are those that did, where they have no gradient at the start. ``methods`` are
+    those that took steps, where the engine chose. ``tolerances`` are the absolute ones on q, v and
+    the work at the end, (2 nq + 1,). ``events`` is what happened at contacts and events, in order,
+    and ``modes`` the modes of the switched rows at the start:
     those at a sample are those after the last entry up to its time. ``limits`` are those of the
     events of the model that record something. ``kinks`` counts how often branches of the
     equations changed: `lagcli.engine.switching.kinks`.
@@ -241,6 +242,7 @@ class Outcome:
     rejected: int = 0
     evaluations: int = 0
     undefined: State | None = None
+    constraints: tuple[str, ...] = ()
     methods: tuple[str, ...] = ()
     tolerances: Array | None = None
     events: list[EventEntry] = field(default_factory=list)
@@ -263,12 +265,15 @@ class Stop(Exception):
     message : str
         For the user: what happened, when, and a remedy.
     undefined : State, optional
-        As in Run.
+    constraints : tuple of str
+        As in Outcome.
     """
 
-    def __init__(self, message: str, undefined: State | None = None):
+    def __init__(
+        self, message: str, undefined: State | None = None, constraints: tuple[str, ...] = ()
+    ):
         super().__init__(message)
-        self.undefined = undefined
+        self.undefined, self.constraints = undefined, constraints
 
 
 class Undefined(Stop):
@@ -333,7 +338,7 @@ def outcome(integrate: Callable[[], None]) -> Outcome:
     try:
         integrate()
     except Stop as stop:
-        return Outcome("failed", str(stop), undefined=stop.undefined)
+        return Outcome("failed", str(stop), undefined=stop.undefined, constraints=stop.constraints)
     except Stopped as stopped:
         return Outcome("stopped-by-event", str(stopped))
     except Interrupted:

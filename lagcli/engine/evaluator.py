@@ -10,10 +10,13 @@ import numpy as np
 
 from lagcli.arrays import Array, Indices
 from lagcli.engine.layout import ConstraintLayout, DynamicsLayout
-from lagcli.engine.scales import coordinate_sizes, row_lengths
+from lagcli.engine.scales import apart, coordinate_sizes, largest, lengths_of_rows, row_lengths
 from lagcli.engine.state import State
 from lagcli.engine.system import Pattern, System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
+
+#: Powers of ten that the change of a constraint is looked for in: beyond, its terms are rounding.
+_DECADES = 20
 
 
 class Dynamics(NamedTuple):
@@ -166,13 +169,42 @@ class Evaluator:
         d = self.dynamics(t, q, v)
         return coordinate_sizes(self.system.inertia(np.diag(d.mass_matrix)), d.jacobian)
 
-    def row_lengths(self, c: Constraints, q: Array, v: Array, sizes: Array) -> Array:
-        """Return scales for the rows of B times sizes that do not vanish with the rows."""
-        length = row_lengths(c.jacobian, sizes, c.velocity_scale, v)
-        if self._holonomic:
-            rows = c.jacobian[self._holonomic]
-            length[self._holonomic] = row_lengths(rows, sizes, c.position_scale, q)
+    def row_lengths(self, t: float, q: Array, v: Array, c: Constraints, sizes: Array) -> Array:
+        """Return scales for the rows of B times sizes that do not vanish with the rows, (nc,).
+
+        Parameters
+        ----------
+        t, q, v
+            A state.
+        c : Constraints
+            Their values there.
+        sizes : (nq,) array
+            Changes of the coordinates that count as equal.
+        """
+        length = row_lengths(c.jacobian, sizes, c.velocity_scale, largest(v, sizes))
+        if some := self._holonomic:
+            rows, terms = c.jacobian[some], c.position_scale
+            reach = np.full(len(some), largest(q, sizes))
+            found = row_lengths(rows, sizes, terms, reach)
+            for k in np.flatnonzero(found > lengths_of_rows(rows, sizes)):
+                reach[k] = self.reach(t, q, v, some[k], terms[k], sizes, reach[k])
+            length[some] = row_lengths(rows, sizes, terms, reach)
         return length
+
+    def reach(
+        self, t: float, q: Array, v: Array, row: int, change: float, sizes: Array, least: float
+    ) -> float:
+        """Return the change of the coordinates that changes a constraint by an amount.
+
+        In sizes, by powers of ten from the least. The size of the coordinates themselves is none
+        where they are zero but for rounding, while l in x + l cos φ = l is not.
+        """
+        for far in least * 10.0 ** np.arange(_DECADES):
+            beside = self.constraints(t, q + far * apart(sizes), v)
+            length = lengths_of_rows(beside.jacobian[[row]], sizes)[0]
+            if not far * length < change:
+                break
+        return float(far)
 
 
 class Batch:

@@ -14,6 +14,8 @@ from lagcli.engine.system import Pattern
 #: Part of the system's size √max(M_jj x_j²) that a coordinate has at least, by its own inertia.
 #: With 1, a light body's constraints would be judged by the size of the heaviest.
 LEAST_PART = 1e-3
+#: Of the length that a constraint's terms give its row: the least that is told from zero.
+_PART = 1e-6
 
 
 def least_scales(inertia: Array, jacobian: Array, x: Array) -> Array:
@@ -80,16 +82,41 @@ def coordinate_sizes(inertia: Array, jacobian: Array) -> Array:
     return sizes
 
 
-def row_lengths(jacobian: Array, sizes: Array, terms: Array, x: Array, part: float = 1e-6) -> Array:
+def row_lengths(jacobian: Array, sizes: Array, terms: Array, reach: Array | float) -> Array:
     """Return scales for the rows of B times sizes that do not vanish with the rows, (n,).
 
-    A row's length or, if that is smaller, a small part of the constraint's terms over the
-    size of the coordinates (velocities) x that they are functions of.
+    A row's length or, if that is smaller, a small part of the constraint's terms over the change of
+    the coordinates (velocities) that changes it by so much.
+
+    Parameters
+    ----------
+    jacobian : (n, nq) array
+        B.
+    sizes : (nq,) array
+        Changes of the coordinates that count as equal.
+    terms : (n,) array
+        Sums of the magnitudes of the constraints' terms.
+    reach : (n,) array or float
+        The change, in sizes; 0 if it is not known.
     """
+    floor = np.divide(_PART * terms, reach, out=np.zeros(len(terms)), where=np.asarray(reach) > 0)
+    return usable(np.maximum(lengths_of_rows(jacobian, sizes), floor))
+
+
+def lengths_of_rows(jacobian: Array, sizes: Array) -> Array:
+    """Return the lengths of the rows of B times sizes, (n,)."""
     scaled = jacobian * sizes
-    length = np.sqrt((scaled * scaled).sum(axis=1))
-    size = np.abs(x / sizes).max(initial=0.0)
-    return usable(np.maximum(length, part * terms / size if size else 0.0))
+    return np.asarray(np.sqrt((scaled * scaled).sum(axis=1)))
+
+
+def largest(x: Array, sizes: Array) -> float:
+    """Return the largest coordinate (velocity), in sizes."""
+    return float(np.abs(x / sizes).max(initial=0.0))
+
+
+def apart(sizes: Array) -> Array:
+    """Return a direction in which no coordinate moves as another does, (nq,)."""
+    return np.asarray(sizes * np.cos(1.0 + np.arange(len(sizes))))
 
 
 def usable(scale: Array) -> Array:

@@ -166,7 +166,7 @@ def held_at(
     if not held:
         return held, 0
     sizes = evaluator.sizes(state.t, q, v)
-    lengths = evaluator.row_lengths(constraints, q, v, sizes)[held]
+    lengths = evaluator.row_lengths(state.t, q, v, constraints, sizes)[held]
     return held, dense.count_rank(constraints.jacobian[held], scale=lengths, sizes=sizes)
 
 

@@ -205,7 +205,7 @@ class Sensitivity:
 
         Raises
         ------
-        NoConsistentState, UndefinedStart
+        NoStart
         """
         if near is not None and self.determined(near):
             fixed_q, fixed_v = self.directions.fixed

@@ -34,7 +34,7 @@ from lagcli.simulations.sampling import (
     sample_times,
     unit_kinds,
 )
-from lagcli.simulations.start import find_start, freedom_at, negative_inertia, undefined_at
+from lagcli.simulations.start import find_start, freedom_at, message_of, negative_inertia
 from lagcli.simulations.threads import one_thread
 from lagcli.simulations.trust import Trust
 from lagcli.trajectory.samples import Record, Samples
@@ -339,8 +339,7 @@ class Simulation:
             empty = None if self.sensitivity is None else self.sensitivity.no_derivatives
             layout = self.system.sample_layout
             take(Block.of_rows(np.empty((0, layout.size)), layout), empty)
-        if run.undefined is not None:
-            run.message += "; " + undefined_at(self.equations, run.undefined).with_line
+        run.message = message_of(self.equations, run)
         unused = () if self.model.switches else _OF_CONTACTS
         options = {k: x for k, x in self.settings.as_dict().items() if k not in unused}
         if run.methods:

@@ -14,9 +14,11 @@ from lagcli.engine.constraints.initial import (
     ConsistentState,
     NoConsistentState,
     UndefinedStart,
+    VanishingGradient,
     consistent_state,
 )
 from lagcli.engine.constraints.redundancy import dependent_sets
+from lagcli.engine.contract import Outcome
 from lagcli.engine.evaluator import Dynamics, Evaluator
 from lagcli.engine.lowering import lower
 from lagcli.engine.state import State
@@ -69,6 +71,8 @@ def find_start(
         raise _undefined_start(equations, error.state) from None
     except NoConsistentState as error:
         raise _no_start(model, error) from None
+    except VanishingGradient as error:
+        raise _no_gradient(model, error.constraints) from None
     if system.switching is not None:
         from lagcli.simulations.contacts import check_contacts
 
@@ -154,6 +158,17 @@ def undefined_at(equations: Equations, state: State) -> UndefinedExpression:
     return undefined_expression(equations, state)
 
 
+def message_of(equations: Equations, run: Outcome) -> str:
+    """Return the message of a run with the place in the model of what ended it."""
+    message = run.message
+    if run.undefined is not None:
+        message += "; " + undefined_at(equations, run.undefined).with_line
+    for c in equations.model.constraints:
+        if c.name in run.constraints and c.location is not None:
+            message += f"; `{c.name}` is on line {c.location.line} of the model"
+    return message
+
+
 def _undefined_start(equations: Equations, state: State) -> NumericalError:
     found = undefined_at(equations, state)
     return NumericalError(
@@ -219,6 +234,22 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
             first.location,
             "guess values nearer to a solution"
             + ("; check that the constraints do not contradict each other" if plural else ""),
+        )
+    )
+
+
+def _no_gradient(model: Model, constraints: list[str]) -> NumericalError:
+    names = ", ".join(f"`{name}`" for name in constraints)
+    first = next(c for c in model.constraints if c.name == constraints[0])
+    one = len(constraints) == 1
+    return NumericalError(
+        Diagnostic(
+            "vanishing-gradient",
+            f"the constraint{'' if one else 's'} {names} hold{'s' if one else ''} only where"
+            f" {'it has' if one else 'they have'} no gradient: the motion is undetermined",
+            first.location,
+            "check lengths that are 0; hold a point by its coordinates: x = 0 and y = 0 in place of"
+            " x^2 + y^2 = 0",
         )
     )
 

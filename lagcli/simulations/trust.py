@@ -19,6 +19,8 @@ _PER_STEP = 3.0
 #: Of the energy: beyond it no tolerance excuses an error, and rounding alone stays below it.
 _LARGEST = 0.01
 _ROUNDING = 1e-11
+#: Of what the energies are made of: below it they are rounding and errors of the state.
+_CANCELLED = 1e-9
 #: Of the state: the change that shows what the energy is made of.
 _CHANGE = 1e-7
 #: Of a constraint's terms: the most that projection leaves, which aims at 1e-14.
@@ -105,10 +107,13 @@ class Trust:
         """
         found, rtol = [], settings.rtol
         scales = {"position": columns.scale_position, "velocity": columns.scale_velocity}
-        allowed = min(_LARGEST, max(_PER_STEP * rtol * steps, _ROUNDING))
+        explained = max(_PER_STEP * rtol * steps, _ROUNDING)
+        allowed = min(_LARGEST, explained)
         scale = float(np.fmax(max(self.energy, self.flow), np.diff(self._potential)[0]))
-        if scale < rtol * self.parts:  # energies that cancel to less than the tolerance resolves
+        if scale < min(rtol, _CANCELLED) * self.parts:
             scale = self.parts
+        elif scale < rtol * self.parts:  # less than the tolerance resolves, but not nothing
+            allowed = min(_LARGEST, explained * self.parts / scale)
         if not self.balance <= allowed * scale:
             share = f", {self.balance / scale:.2g} of the energies involved" if scale else ""
             found.append(

@@ -11,8 +11,7 @@ import numpy as np
 from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import (
     ConsistentState,
-    NoConsistentState,
-    UndefinedStart,
+    NoStart,
     consistent_state,
 )
 from lagcli.engine.evaluator import Evaluator
@@ -143,7 +142,7 @@ def random_states(system: System, start: ConsistentState) -> list[ConsistentStat
         try:
             guess = State(state.t, state.q + step, v, state.p)
             found.append(consistent_state(system, guess, free, free))
-        except (NoConsistentState, UndefinedStart, np.linalg.LinAlgError):
+        except (NoStart, np.linalg.LinAlgError):
             state = start.state
             continue
         state = found[-1].state
@@ -175,7 +174,7 @@ def _null_space(system: System, start: ConsistentState) -> Array:
     evaluator, s = Evaluator(system, start.state.p), start.state
     c = evaluator.constraints(s.t, s.q, s.v)
     sizes = evaluator.sizes(s.t, s.q, s.v)
-    lengths = evaluator.row_lengths(c, s.q, s.v, sizes)
+    lengths = evaluator.row_lengths(s.t, s.q, s.v, c, sizes)
     d = decompose(c.jacobian, start.rank, scale=lengths, sizes=sizes)
     null = d.dependent / d.scale[:, None]
     return np.asarray(null / np.linalg.norm(null, axis=0))

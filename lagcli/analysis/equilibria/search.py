@@ -10,7 +10,7 @@ import numpy as np
 from lagcli.analysis.local.steady import Residual, SteadyProblem
 from lagcli.analysis.local.steady_states import SteadyState, completed, none_found
 from lagcli.arrays import Array, Flags
-from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart, consistent_state
+from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.errors import LagcliError, UsageError
 from lagcli.sweeps.plan.sampling import unit_points
 
@@ -81,7 +81,7 @@ def _on_constraints(problem: SteadyProblem, q: Array) -> Array | None:
     given = local.evaluator(local.p).state(local.t, q, np.zeros(len(q)))
     try:
         return consistent_state(local.system, given, free, free).state.q
-    except (NoConsistentState, UndefinedStart):
+    except NoStart:
         return None
 
 

@@ -15,7 +15,7 @@ from lagcli.arrays import Array
 from lagcli.engine.constraints.initial import (
     ConsistentState,
     NoConsistentState,
-    UndefinedStart,
+    NoStart,
 )
 from lagcli.engine.contract import Block, IntegrationRequest
 from lagcli.engine.sensitivity.integration import Derivatives
@@ -150,7 +150,7 @@ class Experiment:
         except NoConsistentState as error:
             names = ", ".join(x.constraint for x in error.violations)
             raise FailedRun(f"no consistent start: {names} cannot be met") from None
-        except (UndefinedStart, LagcliError, ArithmeticError) as error:
+        except (NoStart, LagcliError, ArithmeticError) as error:
             raise FailedRun(f"no start: {error}") from None
         state = start.state
         request = IntegrationRequest(

@@ -14,7 +14,7 @@ from lagcli.analysis.linear.operating_points import find_operating_point
 from lagcli.analysis.local.gradients import Point
 from lagcli.analysis.local.local_equations import LocalEquations
 from lagcli.arrays import Array
-from lagcli.engine.constraints.initial import NoConsistentState, UndefinedStart, consistent_state
+from lagcli.engine.constraints.initial import NoStart, consistent_state
 from lagcli.engine.contract import Block
 from lagcli.engine.state import State
 from lagcli.errors import UsageError
@@ -238,5 +238,5 @@ def _placed(local: LocalEquations, t: float, q: Array) -> Array:
     given = local.evaluator(local.p).state(t, q, np.zeros(len(q)))
     try:
         return consistent_state(local.system, given, free, free).state.q
-    except (NoConsistentState, UndefinedStart):
+    except NoStart:
         return q

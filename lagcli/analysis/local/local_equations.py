@@ -16,7 +16,7 @@ from lagcli.engine.constraints.initial import ConsistentState
 from lagcli.engine.evaluator import Constraints, Evaluator
 from lagcli.engine.linear.dense import Decomposition, SingularSystem, decompose
 from lagcli.engine.lowering import lower
-from lagcli.engine.scales import LEAST_PART, row_lengths
+from lagcli.engine.scales import LEAST_PART, largest, row_lengths
 from lagcli.engine.state import State
 from lagcli.equations.derivation.lagrange import Equations, derive
 from lagcli.errors import NumericalError
@@ -125,8 +125,9 @@ class LocalEquations:
         coordinates is judged by these, so that one that vanishes is seen to vanish.
         """
         rows = list(self.system.holonomic)
-        scale = row_lengths(c.jacobian, sizes, c.velocity_scale, v)
-        scale[rows] = row_lengths(c.jacobian[rows], sizes, c.position_scale, self.lengths)
+        scale = row_lengths(c.jacobian, sizes, c.velocity_scale, largest(v, sizes))
+        reach = largest(self.lengths, sizes)
+        scale[rows] = row_lengths(c.jacobian[rows], sizes, c.position_scale, reach)
         return decompose(c.jacobian, scale=scale, sizes=sizes)
 
     def response(self, point: Point, tangent: Tangent) -> Response:

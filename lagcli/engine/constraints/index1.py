@@ -68,7 +68,7 @@ class Index1:
         if c.finite:
             if not self.lengths.any():
                 self.sizes = self.evaluator.sizes(t, q, v)
-            lengths = self.evaluator.row_lengths(c, q, v, self.sizes)
+            lengths = self.evaluator.row_lengths(t, q, v, c, self.sizes)
             self.lengths = np.maximum(self.lengths, lengths)
 
     def decompose(self, jacobian: Array) -> dense.Decomposition:

@@ -8,10 +8,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
-from lagcli.engine.evaluator import Evaluator
+from lagcli.engine.evaluator import Constraints, Evaluator
 from lagcli.engine.linear import dense
 from lagcli.engine.linear.elimination import Elimination, NoElimination, order_at
-from lagcli.engine.scales import least_scales, usable
+from lagcli.engine.scales import apart, least_scales, lengths_of_rows, usable
 from lagcli.engine.state import State
 from lagcli.engine.system import System
 
@@ -59,7 +59,11 @@ class Violation(NamedTuple):
     relative: float
 
 
-class NoConsistentState(Exception):
+class NoStart(Exception):
+    """A start that cannot be used."""
+
+
+class NoConsistentState(NoStart):
     """No consistent initial state was found.
 
     Parameters
@@ -81,7 +85,7 @@ class NoConsistentState(Exception):
         self.stuck, self.contradiction = stuck, contradiction
 
 
-class UndefinedStart(Exception):
+class UndefinedStart(NoStart):
     """The equations have no finite value at the initial state."""
 
     def __init__(self, state: State):
@@ -120,9 +124,24 @@ def consistent_state(
         With the residuals and what could be freed.
     UndefinedStart
         The equations have no finite value there.
+    VanishingGradient
+        A constraint holds only where it has no gradient.
     """
     known = Evaluator(system, given.p) if evaluator is None else evaluator
     return _Start(known.with_parameters(given.p), given.t, fixed_q, fixed_v).solve(given.q, given.v)
+
+
+class VanishingGradient(NoStart):
+    """Constraints that hold only where they have no gradient, as for a rod of length 0.
+
+    Parameters
+    ----------
+    constraints : list of str
+    """
+
+    def __init__(self, constraints: list[str]):
+        super().__init__(f"{', '.join(constraints)} without gradient")
+        self.constraints = constraints
 
 
 class _Start:
@@ -145,8 +164,10 @@ class _Start:
         rank = len(self.held)
         if rank and not elimination:
             sizes = self.evaluator.sizes(self.t, new_q, new_v)
-            lengths = self.evaluator.row_lengths(c, new_q, new_v, sizes)[self.held]
+            lengths = self.evaluator.row_lengths(self.t, new_q, new_v, c, sizes)[self.held]
             rank = dense.count_rank(c.jacobian[self.held], scale=lengths, sizes=sizes)
+        if rank == len(self.held):
+            self.check_gradients(c, new_q, new_v)
         names = self.system.coordinates
         moved = {}
         for labels, before, after in (
@@ -203,10 +224,34 @@ class _Start:
         sizes = self.evaluator.sizes(self.t, first, v)
         raise self.failure("position", phi, scale, jacobian * sizes, self.fixed_q)
 
+    def check_gradients(self, c: Constraints, q: Array, v: Array) -> None:
+        """Stop where the gradient of a constraint has no direction.
+
+        All terms of a constraint may vanish at the start, as those of x = 0 do; it is then judged
+        by what they were at the guess. Within the accuracy of that, its gradient must not turn.
+        """
+        if self.of_guess is None:
+            return
+        small = np.flatnonzero(c.position_scale[self.places] < self.of_guess)
+        sizes = self.evaluator.sizes(self.t, q, v) if len(small) else q
+        turned = []
+        for k in small:
+            row, accuracy = self.holonomic[k], 10 * REACHED * self.of_guess[k]
+            least = accuracy / float(lengths_of_rows(c.jacobian[[row]], sizes)[0])
+            far = self.evaluator.reach(self.t, q, v, row, accuracy, sizes, least)
+            first, second = (
+                self.evaluator.constraints(self.t, q + x * apart(sizes), v).jacobian[row] * sizes
+                for x in (-far, far)
+            )
+            both = np.linalg.norm(first) + np.linalg.norm(second)
+            if np.linalg.norm(second - first) > 0.5 * both:
+                turned.append(self.system.constraints[row])
+        if turned:
+            raise VanishingGradient(turned)
+
     def aside(self, q: Array, v: Array, part: float) -> Array:
         """Return a guess with its free coordinates moved by a part of their size, each its own."""
-        size = part * self.size(q, v)
-        return q + np.where(self.fixed_q, 0.0, size * np.cos(1.0 + np.arange(len(q))))
+        return q + np.where(self.fixed_q, 0.0, part * apart(self.size(q, v)))
 
     def inertia(self, q: Array, v: Array) -> Array:
         """Return the inertia of each coordinate, (nq,)."""

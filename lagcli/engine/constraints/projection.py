@@ -105,7 +105,7 @@ class Projection:
         self.position_scale = np.maximum.reduce([self.position_scale, c.position_scale, least])
         least = least_scales(inertia, c.jacobian, v)
         self.velocity_scale = np.maximum.reduce([self.velocity_scale, c.velocity_scale, least])
-        lengths = self.evaluator.row_lengths(c, q, v, self.sizes)
+        lengths = self.evaluator.row_lengths(t, q, v, c, self.sizes)
         self.lengths = np.maximum(self.lengths, lengths)
 
     def _count_rank(self, jacobian: Array, lengths: Array) -> int:

@@ -46,7 +46,7 @@ def dependent_sets(
     evaluator, t, q, v = Evaluator(system, state.p), state.t, state.q, state.v
     c = evaluator.constraints(t, q, v)
     sizes = evaluator.sizes(t, q, v)
-    lengths = evaluator.row_lengths(c, q, v, sizes)[held]
+    lengths = evaluator.row_lengths(t, q, v, c, sizes)[held]
     found = dense.decompose(c.jacobian[held], rank, scale=lengths, sizes=sizes).dependent
     projection = found @ found.T
     joined = np.abs(projection) > _TAKES_PART

@@ -22,6 +22,7 @@ from lagcli.engine.constraints.projection import Projection
 from lagcli.engine.contract import Stop
 from lagcli.engine.evaluator import Constraints
 from lagcli.engine.linear import dense
+from lagcli.engine.scales import lengths_of_rows
 
 Path = Callable[[float], Array]  # time → (q, v, …)
 
@@ -38,6 +39,8 @@ _LOOK = 0.04
 _NODES = 4
 #: Places inside a step at which the rank is watched.
 _WATCH = (0.25, 0.5, 0.75, 1.0)
+#: Of a row's scale, which is one millionth of its usual length: below it, it is none.
+_VANISHING = 0.1
 #: Part of the coordinates' size by which a start is moved to see whether it is singular.
 _ASIDE = 1e-3
 
@@ -220,8 +223,9 @@ class RankWatch:
 
     def stop(self, t: float, q: Array, v: Array) -> Stop:
         """Return the end of a run in a singular configuration."""
+        why = _dependency(self._dependent(t, q, v), "become")
         return Stop(
-            f"singular configuration at t = {t:.9g} s: {self._dependency(t, q, v, 'become')}"
+            f"singular configuration at t = {t:.9g} s: {why}"
             " the motion; --through-singular passes it"
         )
 
@@ -258,8 +262,7 @@ class RankWatch:
         c = self.motion.evaluator.constraints(t, q, v)
         if self.rank == self.motion.nc or not c.finite:
             return
-        system = self.motion.evaluator.system
-        gone = {i for i, _ in system.jacobian_pattern if not c.jacobian[i].any()}
+        gone = self._vanishing(c.jacobian)
         free = self.motion.decompose(c.jacobian).null  # of unit size, each direction
         size = _ASIDE * (np.abs(q / self.motion.sizes).max(initial=0.0) or self._length(c))
         # branches may lie between the directions, so a mixture of all is tried too
@@ -272,28 +275,30 @@ class RankWatch:
                     continue
                 values = self.values(t, beside, v)
                 jacobian = self.motion.evaluator.constraints(t, beside, v).jacobian
-                gone = {i for i in gone if not jacobian[i].any()}
+                gone &= self._vanishing(jacobian)
                 # beside a singular point the weakest value grows like the distance
                 if values is not None and self.rank < len(values) and values[self.rank] > SINGULAR:
-                    raise _start_stop(self._dependency(t, q, v, "are"))
+                    raise _start_stop(self._dependent(t, q, v))
         if gone:
-            raise _start_stop(_no_gradient([self.names[i] for i in sorted(gone)]))
+            raise _start_stop([self.names[i] for i in sorted(gone)], _no_gradient)
+
+    def _vanishing(self, jacobian: Array) -> set[int]:
+        """Return the rows of B that are zero, or rounding beside what their constraints give."""
+        own = lengths_of_rows(jacobian, self.motion.sizes)
+        return set(np.flatnonzero((own == 0.0) | (own < _VANISHING * self.motion.lengths)).tolist())
 
     def _length(self, c: Constraints) -> float:
         """Return the size of the constraints' terms as a change of the coordinates."""
         lengths = self.motion.lengths[self.motion.holonomic]
         return float((c.position_scale / lengths).max(initial=0.0)) or 1.0
 
-    def _dependency(self, t: float, q: Array, v: Array, verb: str) -> str:
-        """Say which constraints depend on each other at a state."""
+    def _dependent(self, t: float, q: Array, v: Array) -> list[str]:
+        """Return the constraints that depend on each other at a state."""
         jacobian = self.motion.evaluator.constraints(t, q, v).jacobian
         scaled = jacobian * self.motion.sizes / self.motion.lengths[:, None]
         u, _, _ = np.linalg.svd(scaled)
         parts = np.abs(u[:, max(0, self.rank - 1) :]).max(axis=1)
-        names = [name for name, x in zip(self.names, parts, strict=True) if x > 0.05]
-        if len(names) == 1:
-            return _no_gradient(names)
-        return f"the constraints {_listed(names)} {verb} dependent there and do not determine"
+        return [name for name, x in zip(self.names, parts, strict=True) if x > 0.05]
 
 
 def _listed(names: list[str]) -> str:
@@ -306,7 +311,15 @@ def _no_gradient(names: list[str]) -> str:
     return f"the constraints {_listed(names)} have no gradient there and do not determine"
 
 
-def _start_stop(why: str) -> Stop:
+def _dependency(names: list[str], verb: str = "are") -> str:
+    if len(names) == 1:
+        return _no_gradient(names)
+    return f"the constraints {_listed(names)} {verb} dependent there and do not determine"
+
+
+def _start_stop(names: list[str], why: Callable[[list[str]], str] = _dependency) -> Stop:
     return Stop(
-        f"the start is a singular configuration: {why} how the motion begins; start away from it"
+        f"the start is a singular configuration: {why(names)} how the motion begins;"
+        " start away from it",
+        constraints=tuple(names),
     )

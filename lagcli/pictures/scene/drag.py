@@ -10,7 +10,7 @@ import numpy as np
 import symengine as se
 
 from lagcli.arrays import Array
-from lagcli.engine.constraints.initial import ConsistentState, NoConsistentState, consistent_state
+from lagcli.engine.constraints.initial import ConsistentState, NoStart, consistent_state
 from lagcli.engine.constraints.nearest import nearest_position
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.inputs.tables import input_functions
@@ -137,7 +137,7 @@ class Drag:
         system = self._simulation.system
         try:
             found = consistent_state(system, given, fixed, as_given, self._evaluator)
-        except NoConsistentState:
+        except NoStart:
             found = consistent_state(system, given, fixed, free, self._evaluator)
         return found
 

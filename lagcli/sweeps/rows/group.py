@@ -18,7 +18,7 @@ from lagcli.model.model import InitialValue, Model
 from lagcli.model.sections.measures import read_measures
 from lagcli.simulations.sampling import ParameterChanges, sample_times
 from lagcli.simulations.simulation import Simulation, ready, warnings_of
-from lagcli.simulations.start import undefined_at
+from lagcli.simulations.start import message_of
 from lagcli.simulations.variants import Values, Variants
 from lagcli.sweeps.rows.reductions import Grid, Measuring, of_log
 from lagcli.sweeps.rows.signals import Signals, kept_signals
@@ -237,10 +237,8 @@ class RowGroup:
         return np.flatnonzero(~starts.found)
 
     def _said(self, run: Outcome) -> Outcome:
-        """Return a run whose message says what was undefined, if that ended it."""
-        if run.undefined is not None:
-            found = undefined_at(self.variants.equations, run.undefined)
-            run.message += "; " + found.with_line
+        """Return a run whose message says where the model says what ended it."""
+        run.message = message_of(self.variants.equations, run)
         return run
 
     # one by one

@@ -75,12 +75,12 @@ def test_sizes_and_lengths_have_no_units() -> None:
     sizes = evaluator.sizes(T, Q, V)
     np.testing.assert_allclose(sizes, 1 / math.sqrt(M))
     c = evaluator.constraints(T, Q, V)
-    lengths = evaluator.row_lengths(c, Q, V, sizes)
+    lengths = evaluator.row_lengths(T, Q, V, c, sizes)
     np.testing.assert_allclose(lengths, np.linalg.norm(c.jacobian * sizes, axis=1))
     # where a row vanishes, its terms say how long it may be
     origin = np.zeros(2)
     c = evaluator.constraints(T, origin, V)
-    assert (evaluator.row_lengths(c, origin, V, sizes) > 0).all()
+    assert (evaluator.row_lengths(T, origin, V, c, sizes) > 0).all()
 
 
 def test_many_states_are_evaluated_as_one_by_one() -> None:

@@ -12,6 +12,7 @@ from lagcli.engine.linear import dense
 from lagcli.engine.scales import (
     LEAST_PART,
     coordinate_sizes,
+    largest,
     least_scales,
     least_scales_of_entries,
     row_lengths,
@@ -52,8 +53,9 @@ def test_units_change_scales_as_they_change_residuals(seed: int) -> None:
     other = coordinate_sizes(mass * inertia / columns**2, scaled)
     np.testing.assert_allclose(other, sizes * columns / np.sqrt(mass), rtol=1e-12)
     terms = np.abs(jacobian) @ np.abs(x)
-    one = dense.singular_values(jacobian, row_lengths(jacobian, sizes, terms, x), sizes)
-    lengths = row_lengths(scaled, other, rows * terms, x * columns)
+    lengths = row_lengths(jacobian, sizes, terms, largest(x, sizes))
+    one = dense.singular_values(jacobian, lengths, sizes)
+    lengths = row_lengths(scaled, other, rows * terms, largest(x * columns, other))
     np.testing.assert_allclose(dense.singular_values(scaled, lengths, other), one, atol=1e-12)
 
 
@@ -143,5 +145,38 @@ def test_a_row_of_zeros_at_the_start_need_not_be_singular() -> None:
 def test_a_constraint_without_any_gradient_is_refused() -> None:
     text = "coordinates: [x, y]\nT: (x'^2 + y'^2)/2\nV: y\nconstraints: {c: (x - y)^2 = 0}\n"
     t = lagcli.simulate(lagcli.load_text(text + "initial: {x: 1, y: 1, x': 0, y': 0}\n"), t_end=1)
+    assert t.status == "failed"
+    assert "the constraint `c` has no gradient there" in t.message
+
+
+CLOSE_TO_ZERO = """
+coordinates: [x, phi]
+parameters: {{l: 2}}
+T: (x'^2 + phi'^2)/2
+V: 0
+constraints: {{c: {constraint}}}
+initial: {{x: {{guess: 0}}, phi: {phi}, x': {{guess: 0}}, phi': 1}}
+simulation: {{t_end: 1, samples: 3, engine: {engine}}}
+"""
+
+
+@pytest.mark.parametrize("engine", ["compiled", "scipy"])
+@pytest.mark.parametrize("phi", [0.0, 1e-30, 1e-17, 1e-9])
+@pytest.mark.parametrize("constraint", ["x + l*cos(phi) = l", "1e6*x + 1e6*l*cos(phi) = 1e6*l"])
+def test_coordinates_that_are_zero_but_for_rounding_are_no_scale(
+    constraint: str, phi: float, engine: str
+) -> None:
+    """x = l (1 − cos φ) determines x, however small φ is at the start; l is the scale."""
+    text = CLOSE_TO_ZERO.format(constraint=constraint, phi=phi, engine=engine)
+    t = lagcli.simulate(lagcli.load_text(text))
+    assert t.status == "completed", t.message
+    assert (t.freedom["rank"], t.freedom["redundant"]) == (1, [])
+    np.testing.assert_allclose(t.q[:, 0], 2 * (1 - np.cos(t.q[:, 1])), atol=1e-12)
+
+
+@pytest.mark.parametrize("phi", [0.0, 1e-30, 1e-17])
+def test_a_gradient_of_rounding_is_none(phi: float) -> None:
+    text = CLOSE_TO_ZERO.format(constraint="cos(phi) = 1", phi=phi, engine="compiled")
+    t = lagcli.simulate(lagcli.load_text(text.replace("phi': 1", "phi': {guess: 1}")))
     assert t.status == "failed"
     assert "the constraint `c` has no gradient there" in t.message

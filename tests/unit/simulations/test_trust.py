@@ -53,6 +53,16 @@ def test_lost_energy_is_said() -> None:
     assert any("energy balance is off by" in warning for warning in run.warnings)
 
 
+@pytest.mark.parametrize("rtol", [0.1, 0.01])
+def test_lost_energy_is_said_of_angles_of_many_turns(rtol: float) -> None:
+    """A tolerance relative to an angle of 30 rad excuses no loss of energy."""
+    run = lagcli.simulate(lagcli.load(ROOT / "models" / "slider_crank.yaml"), rtol=rtol)
+    share = abs(run.energy_balance).max() / run.energy_kinetic.max()
+    said = any("energy balance is off by" in warning for warning in run.warnings)
+    assert said == (share > 0.01)
+    assert (share > 0.01) == (rtol == 0.1)
+
+
 def test_a_coarse_absolute_tolerance_is_said() -> None:
     run = lagcli.simulate(lagcli.load_text(FAST), atol=0.1)
     assert any("energy balance is off by" in warning for warning in run.warnings)

@@ -103,7 +103,7 @@ class InstantProblems:
         inertia = self.system.inertia(np.diag(d.mass_matrix))
         least = least_scales(inertia, c.jacobian, q)[list(self.system.holonomic)]
         self.position_scale = np.maximum.reduce([self.position_scale, c.position_scale, least])
-        lengths = self.evaluator.row_lengths(c, q, v, self.sizes(t, q, v))
+        lengths = self.evaluator.row_lengths(t, q, v, c, self.sizes(t, q, v))
         self.lengths = np.maximum(self.lengths, lengths)
         fall = np.abs(c.jacobian) @ np.abs(a) * _HORIZON * self.duration
         least = least_scales(inertia, c.jacobian, v)
@@ -152,7 +152,7 @@ class InstantProblems:
     def rank(self, t: float, q: Array, v: Array, rows: Sequence[int]) -> int:
         """Return the rank of rows of B."""
         c, sizes, some = self.evaluator.constraints(t, q, v), self.sizes(t, q, v), list(rows)
-        lengths = np.maximum(self.lengths, self.evaluator.row_lengths(c, q, v, sizes))[some]
+        lengths = np.maximum(self.lengths, self.evaluator.row_lengths(t, q, v, c, sizes))[some]
         return dense.count_rank(c.jacobian[some], scale=lengths, sizes=sizes) if some else 0
 
     def dynamics(self, t: float, q: Array, v: Array) -> Dynamics:
