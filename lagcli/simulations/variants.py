@@ -86,9 +86,10 @@ class Variants:
     def prepared(self) -> Prepared | None:
         """What the compiled engine need not make ready again for each variant.
 
-        None where the model's own values have no start to make it for.
+        None where the model's own values have no start to make it for, and where something
+        switches: the engine keeps that itself.
         """
-        if self.settings.engine != "compiled":
+        if self.settings.engine != "compiled" or self.system.switching is not None:
             return None
         from lagcli.engine.integrate.prepared import find_elimination, prepare, unrolled
 

@@ -40,7 +40,8 @@ class ConsistentState(NamedTuple):
         Rank of B.
     elimination : Elimination or None
         An order found on the way that shows [[M, Bᵀ], [B, 0]] to be regular: B has full rank and
-        inertia resists every motion that it allows. None says nothing.
+        inertia resists every motion that it allows. None says nothing. B has the rows of
+        ``System.held_at_start``.
     moved : mapping of str to (float, float)
         What was moved, coordinate or velocity (``phi'``), from where to where.
     """
@@ -185,10 +186,10 @@ class _Start:
         Singular values would cost the third power of its size.
         """
         system = self.system
-        if len(system.coordinates) + len(system.constraints) < _LARGE or system.switching:
+        if len(system.coordinates) + len(self.held) < _LARGE:
             return None
         try:
-            found = order_at(system, [self.evaluator.entries(self.t, q, v)])
+            found = order_at(system, [self.evaluator.entries(self.t, q, v)], self.held)
         except NoElimination:
             return None
         return found if found.smallest > REGULAR else None

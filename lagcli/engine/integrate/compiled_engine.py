@@ -16,13 +16,17 @@ def run(
     progress: Callable[[float], None] | None = None,
 ) -> Outcome:
     """Integrate a System; see the contract in `lagcli.engine.contract`."""
-    switches = system.switching is not None
-    if system.has_kinks and request.on_event is None and not switches:
-        from lagcli.engine.switching.kinks import frozen_of
-
-        switches = frozen_of(system) is not None
-    if switches:
+    if system.switching is not None or (request.on_event is None and freezes(system)):
         from lagcli.engine.integrate.switching_run import SwitchingIntegration
 
         return SwitchingIntegration(system, request, sink, progress).run()
     return Integration(system, request, sink, progress).run()
+
+
+def freezes(system: System) -> bool:
+    """Return whether branches of the equations are fixed within a step."""
+    if not system.has_kinks:
+        return False
+    from lagcli.engine.switching.kinks import frozen_of
+
+    return frozen_of(system) is not None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -25,8 +26,11 @@ from lagcli.engine.core import binding
 from lagcli.engine.core.status import Status
 from lagcli.engine.evaluator import Evaluator
 from lagcli.engine.integrate.compiled_run import Integration
+from lagcli.engine.integrate.prepared import Prepared, prepare
 from lagcli.engine.integrate.switching_actions import Actions
 from lagcli.engine.linear import dense
+from lagcli.engine.linear.elimination import Elimination
+from lagcli.engine.state import State
 from lagcli.engine.switching.kinks import frozen_of, no_switching
 from lagcli.engine.switching.recorded_instants import RecordedInstants
 from lagcli.engine.switching.splitting import SplitSystem
@@ -51,6 +55,35 @@ _REFUSED = (
 _ACTING = "DOP853"
 _AT_SURFACES = (Status.SURFACES, Status.FORKED, Status.CORNER)
 _IMPACTS = ("poisson", "newton", "sequential")
+
+
+def rank_at(system: System, state: State) -> int:
+    """Return the rank of B at a state."""
+    if not system.constraints:
+        return 0
+    evaluator = Evaluator(system, state.p)
+    found = evaluator.dynamics(state.t, state.q, state.v)
+    return dense.count_rank(found.jacobian, sizes=evaluator.sizes(state.t, state.q, state.v))
+
+
+class _Common:
+    """What runs of a System have in common: its parts, and what the rows that always hold need.
+
+    Parameters
+    ----------
+    system : System
+        With ``switching``.
+    """
+
+    def __init__(self, system: System):
+        self.split = SplitSystem(system)
+        self.prepared: Prepared | None = None
+
+
+@lru_cache(maxsize=4)
+def _common_to(system: System) -> _Common:
+    """Return what is common to runs; that of many is made once."""
+    return _Common(system)
 
 
 class SwitchingIntegration(Integration):
@@ -79,12 +112,11 @@ class SwitchingIntegration(Integration):
         if self.frozen is not None:
             system = self.frozen.system
             request = request._replace(state=self.frozen.frozen(request.state))
-        self.split_system = split = SplitSystem(system)
-        start = request.state
-        evaluator = Evaluator(split.fixed, start.p)
-        found = evaluator.dynamics(start.t, start.q, start.v)
-        sizes = evaluator.sizes(start.t, start.q, start.v)
-        rank = dense.count_rank(found.jacobian, sizes=sizes) if len(split.base) else 0
+        self.common = _common_to(system)
+        self.split_system = split = self.common.split
+        if split.base != system.held_at_start:  # the start says nothing of these rows alone
+            rank = rank_at(split.fixed, request.state)
+            request = request._replace(rank=rank, elimination=None)
         self.log: list[EventEntry] = []
         self.waiting: list[EventEntry] = []
         self.stopped, self.acted = "", False
@@ -93,12 +125,17 @@ class SwitchingIntegration(Integration):
         self.core: binding.SwitchingIntegrator
         super().__init__(
             split.fixed,
-            request._replace(rank=rank, elimination=None, prepared=None, on_event=None),
+            request._replace(on_event=None),
             sink,
             progress,
         )
         self.actions = Actions(self.whole, given, self.core)
         self.instants = RecordedInstants(self.split_system.switching.events)
+
+    def ready(self, order: Elimination | None, known: Prepared | None) -> Prepared:
+        """Return the programs for an order, or for none; later runs of the System take them."""
+        self.common.prepared = prepare(self.system, order, self.common.prepared)
+        return super().ready(order, self.common.prepared)
 
     def integrator(self, *arguments: Any) -> binding.SwitchingIntegrator:
         """Return a core whose rows switch."""

@@ -123,7 +123,9 @@ class Elimination(NamedTuple):
         return found
 
 
-def order_at(system: System, states: Sequence[Sequence[float]]) -> Elimination:
+def order_at(
+    system: System, states: Sequence[Sequence[float]], rows: Sequence[int] | None = None
+) -> Elimination:
     """Find a static order of elimination for [[M, Bᵀ], [B, 0]].
 
     Beside the given states it is to suit M and B near the first one: an entry that vanishes there
@@ -134,6 +136,8 @@ def order_at(system: System, states: Sequence[Sequence[float]]) -> Elimination:
     system : System
     states : sequence of outputs of ``system.dynamics``
         Those with values that are not finite are left out.
+    rows : sequence of int, optional
+        The constraints to take; all of them without.
 
     Raises
     ------
@@ -145,32 +149,41 @@ def order_at(system: System, states: Sequence[Sequence[float]]) -> Elimination:
     values = np.array(finite).T
     layout = DynamicsLayout(system.counts)
     mass, jacobian = values[layout.mass_matrix], values[layout.jacobian]
-    beside_mass, beside_jacobian = _beside(system, mass[:, 0], jacobian[:, 0])
+    pattern, count = system.jacobian_pattern, len(system.constraints)
+    if rows is not None and len(rows) < count:
+        number = {row: k for k, row in enumerate(rows)}
+        kept = [n for n, (i, _) in enumerate(pattern) if i in number]
+        jacobian, count = jacobian[kept], len(rows)
+        pattern = tuple((number[i], j) for i, j in (pattern[n] for n in kept))
     return find_order(
         len(system.coordinates),
-        len(system.constraints),
+        count,
         system.mass_pattern,
-        system.jacobian_pattern,
-        np.column_stack([mass, beside_mass]),
-        np.column_stack([jacobian, beside_jacobian]),
+        pattern,
+        np.column_stack([mass, _mass_beside(system, mass[:, 0])]),
+        np.column_stack([jacobian, _jacobian_beside(pattern, count, jacobian[:, 0])]),
     )
 
 
-def _beside(system: System, mass: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Return entries of M and B near given ones: changed by a part of what is in their rows."""
-    count = len(system.coordinates)
+def _mass_beside(system: System, mass: Array) -> Array:
+    """Return entries of M near given ones: changed by a part of what is in their rows."""
     m = np.array(system.mass_pattern, dtype=np.intp).reshape(-1, 2)
-    inertia = np.zeros(count)
+    inertia = np.zeros(len(system.coordinates))
     diagonal = m[:, 0] == m[:, 1]
     inertia[m[diagonal, 0]] = np.abs(mass[diagonal])
     # alike for both triangles, and small enough that M stays positive where it has few entries
     size = np.sqrt(inertia[m[:, 0]] * inertia[m[:, 1]])
-    changed = mass + 0.05 * size * np.cos(1.7 * (m[:, 0] + m[:, 1]) + m[:, 0] * m[:, 1])
-    row = np.array([i for i, _ in system.jacobian_pattern], dtype=np.intp)
-    largest = np.zeros(len(system.constraints))
+    changed: Array = mass + 0.05 * size * np.cos(1.7 * (m[:, 0] + m[:, 1]) + m[:, 0] * m[:, 1])
+    return changed
+
+
+def _jacobian_beside(pattern: Pattern, count: int, jacobian: Array) -> Array:
+    """Return entries of B near given ones, likewise."""
+    row = np.array([i for i, _ in pattern], dtype=np.intp)
+    largest = np.zeros(count)
     np.maximum.at(largest, row, np.abs(jacobian))
-    change = 0.5 * largest[row] * np.cos(1.0 + 1.7 * np.arange(len(row)))
-    return changed, jacobian + change
+    change: Array = 0.5 * largest[row] * np.cos(1.0 + 1.7 * np.arange(len(row)))
+    return jacobian + change
 
 
 def find_order(

@@ -264,9 +264,8 @@ class _Freezer:
             values.append(a if b == zero else builder.emit(Op.SUB, a, b))
             parts = [builder.emit(Op.ABS, x) for x in (a, b) if x != zero]
             sizes.append(parts[0] if len(parts) == 1 else builder.emit(Op.ADD, *parts))
-        whole = builder.finish([*values, *sizes])
-        selected = Builder(whole.inputs, whole.parameters, 0, whole.functions)
-        return selected.finish(selected.splice(whole, range(whole.inputs)))
+        outputs = [*values, *sizes]
+        return builder.finish(outputs).selected(range(len(outputs)))
 
 
 class _Taint:

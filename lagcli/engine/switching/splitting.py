@@ -40,13 +40,26 @@ class SplitSystem:
 
     @cached_property
     def fixed(self) -> System:
-        """The System of the constraints that always hold; it has no events and no switching."""
+        """The System of the constraints that always hold, without reports, events and switching.
+
+        It is what it would be if the model had no other constraints.
+        """
         system, base = self.system, self.base
+        alone = replace(
+            system,
+            report=system.report.selected(()),
+            outputs=(),
+            events=None,
+            switching=None,
+            parameter_variation=None,
+        )
+        if len(base) == len(system.constraints):
+            return alone
         number = {constraint: i for i, constraint in enumerate(base)}
         holonomic = [k for k in system.holonomic if k in number]
         variation = system.variation
         return replace(
-            system,
+            alone,
             constraints=tuple(system.constraints[k] for k in base),
             holonomic=tuple(number[k] for k in holonomic),
             jacobian_pattern=tuple(
@@ -54,11 +67,7 @@ class SplitSystem:
             ),
             dynamics=self._dynamics(base),
             constraint=self._constraint(base, holonomic),
-            report=self._without_multipliers(system.report, range(len(system.report.outputs))),
             nonlinear=tuple(number[k] for k in system.nonlinear if k in number),
-            events=None,
-            switching=None,
-            parameter_variation=None,
             variation=None if variation is None else lambda: self._variation(variation()),
         )
 
@@ -105,7 +114,7 @@ class SplitSystem:
             *_places(layout.rhs, base),
             layout.power.start,
         ]
-        return _selected(given, outputs)
+        return given.selected(outputs)
 
     def _constraint(self, base: Sequence[int], holonomic: Sequence[int]) -> Tape:
         layout = ConstraintLayout(self.system.counts)
@@ -117,7 +126,7 @@ class SplitSystem:
             *_places(layout.position_scale, positions),
             *_places(layout.velocity_scale, base),
         ]
-        return _selected(self.system.constraint, outputs)
+        return self.system.constraint.selected(outputs)
 
     def _without_multipliers(self, tape: Tape, outputs: Sequence[int]) -> Tape:
         """Return a tape of (t, q, v, a, λ, p) at λ = 0 of the rows."""
@@ -161,9 +170,3 @@ class SplitSystem:
 
 def _places(part: slice, numbers: Sequence[int]) -> list[int]:
     return [part.start + n for n in numbers]
-
-
-def _selected(tape: Tape, outputs: Sequence[int]) -> Tape:
-    """Return a tape with some of the outputs, and no operation that these do not need."""
-    builder = Builder(tape.inputs, tape.parameters, functions=tape.functions)
-    return builder.finish(builder.splice(tape, range(tape.inputs), outputs))

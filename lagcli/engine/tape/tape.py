@@ -58,6 +58,34 @@ class Tape(NamedTuple):
         """Size of the register file."""
         return self.inputs + len(self.constants) + len(self.code)
 
+    def selected(self, outputs: Iterable[int]) -> Tape:
+        """Return the tape of some outputs alone, with no operation that these do not need."""
+        wanted = [self.outputs[i] for i in outputs]
+        code, fixed = _needed(self, wanted), self.inputs + len(self.constants)
+        if len(code) == len(self.code):
+            return self._replace(outputs=tuple(wanted))
+        place = [*range(self.registers)]
+        for to, line in enumerate(code, fixed):
+            place[line[1]] = to
+        return Tape(
+            self.inputs,
+            self.constants,
+            tuple([(op, place[to], place[a], place[b], place[c]) for op, to, a, b, c in code]),
+            tuple([place[x] for x in wanted]),
+            self.parameters,
+            functions=self.functions,
+        )
+
+
+def _needed(tape: Tape, registers: Iterable[int]) -> list[tuple[int, int, int, int, int]]:
+    """Return the operations of a tape that some of its registers depend on."""
+    needed, code = set(registers), []
+    for line in reversed(tape.code):
+        if line[1] in needed:
+            needed.update(line[2 : 2 + ARITY[line[0]]])
+            code.append(line)
+    return code[::-1]
+
 
 _UNUSED = ((), (), (0, 0), (0,), ())  # operands, by the number of used ones and one
 _COMMUTATIVE = {Op.ADD, Op.MUL, Op.EQ, Op.NE, Op.AND, Op.OR}
@@ -114,12 +142,7 @@ class Builder:
             Their registers here.
         """
         wanted = tape.outputs if outputs is None else [tape.outputs[i] for i in outputs]
-        needed, code = set(wanted), []
-        for line in reversed(tape.code):
-            if line[1] in needed:
-                needed.update(line[2 : 2 + ARITY[line[0]]])
-                code.append(line)
-        return self._splice(tape, inputs, reversed(code), wanted)
+        return self._splice(tape, inputs, _needed(tape, wanted), wanted)
 
     def _splice(
         self,

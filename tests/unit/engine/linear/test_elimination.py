@@ -123,6 +123,20 @@ def test_states_that_are_not_finite_say_nothing() -> None:
         order_at(system, [undefined])
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_order_of_some_rows_is_that_without_the_others(seed: int) -> None:
+    mass, jacobian = random_parts(seed)
+    mass[0, 0] = 1.0
+    system, few = (
+        hand_written(mass, b, np.zeros(len(mass) + len(b))) for b in (jacobian, jacobian[[0, 2]])
+    )
+    entries, rest = mass[mass != 0], [0.0] * len(mass)
+    states = [
+        (*entries, *rest, *b[b != 0], *[0.0] * len(b), 0.0) for b in (jacobian, jacobian[[0, 2]])
+    ]
+    assert order_at(system.system, [states[0]], [0, 2]) == order_at(few.system, [states[1]])
+
+
 def test_an_entry_that_vanishes_at_the_state_is_not_taken_for_zero() -> None:
     """B = (0, 1) at the state, but its first entry is in the pattern."""
     mass, jacobian = np.diag([0.0, 1.0]), np.array([[1.0, 1.0]])

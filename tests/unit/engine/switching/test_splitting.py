@@ -56,6 +56,21 @@ def test_the_fixed_system_is_that_of_the_other_constraints() -> None:
     assert SPLIT.fixed.switching is None
 
 
+def test_where_all_constraints_hold_the_fixed_system_has_the_tapes_of_the_whole() -> None:
+    text = """
+coordinates: {x: m, y: m}
+T: (x'^2 + y'^2)/2
+constraints: {rod: x^2 + y^2 = 1}
+events: {flat: {when: y <= 0, stop: true}}
+initial: {x: 0, y: 1, x': 0, y': 0}
+"""
+    system = lower(derive(lagcli.load_text(text)))
+    fixed = SplitSystem(system).fixed
+    assert fixed.dynamics is system.dynamics
+    assert fixed.constraint is system.constraint
+    assert fixed.events is None
+
+
 def test_functions_of_the_rows() -> None:
     d = Evaluator(SYSTEM, P).dynamics(0.1, Q, V)
     found = ScalarTape(SPLIT.functions)((0.1, *Q, *V, *P))

@@ -60,6 +60,20 @@ def test_a_tape_goes_on_in_another_builder() -> None:
     assert ScalarTape(tape)((1.0, 5.0, 10.0)) == [(2.0 - 5.0) * 10.0]
 
 
+def test_a_tape_of_some_outputs_has_no_operation_that_they_do_not_need() -> None:
+    builder = Builder(2, parameters=1)
+    square = builder.emit(Op.MUL, 0, 0)
+    shifted = builder.emit(Op.ADD, square, builder.constant(3.0))
+    cube = builder.emit(Op.MUL, square, 1)
+    tape = builder.finish([square, shifted, cube])
+    found = tape.selected([2, 0])
+    assert found.code == ((Op.MUL, 3, 0, 0, 0), (Op.MUL, 4, 1, 3, 0))
+    assert found.parameters == 1
+    assert ScalarTape(found)((2.0, 5.0)) == [20.0, 4.0]
+    assert tape.selected([1, 2, 0]).code is tape.code
+    assert tape.selected([]).code == ()
+
+
 def test_results_that_are_used_alike_are_named_by_their_final_registers() -> None:
     builder = Builder(1)
     square = builder.emit(Op.MUL, 0, 0)
