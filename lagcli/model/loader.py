@@ -163,7 +163,7 @@ def _model(
         constraints += first_order_constraints(
             draft, coordinates, lagrangian, dissipation, forces, constraints
         )
-    forces, rows = dry_friction(draft, forces, constants)
+    forces, dissipation, rows = dry_friction(draft, forces, dissipation, constants)
     constraints += rows
     closed = read_closed(draft, constraints)
     if inputs:

@@ -121,7 +121,7 @@ class MultiplierLimit(NamedTuple):
 
 #: Behind the name of a first-order coordinate: the constraint that is its equation.
 RATE = ".rate"
-#: Behind the name of a coordinate: the row of dry friction that its force with `sign` is.
+#: Behind the name of a coordinate: the row of dry friction, a `sign` in Q or an `abs` in D.
 SIGN = ".sign"
 
 
@@ -133,7 +133,7 @@ class Constraint(NamedTuple):
     velocity constraint that bears only so much a ``limit``. What is not ``active`` is engaged by an
     event. The friction of a constraint is a constraint of its own, after it in the model's order:
     ``floor.slip``. The equation of a first-order coordinate, ``x.rate``, is not written in the
-    file; it has no ``left``, and its λ is 0. Nor is dry friction, ``x.sign``, a `sign` in Q.
+    file; it has no ``left``, and its λ is 0. Nor is dry friction, ``x.sign``, in Q or D.
     """
 
     name: str
@@ -156,7 +156,7 @@ class Constraint(NamedTuple):
 
     @property
     def from_sign(self) -> bool:
-        """Whether it is dry friction, written as a force with `sign`."""
+        """Whether it is dry friction, written as a force or a dissipation."""
         return SIGN in self.name
 
     @property

@@ -162,7 +162,8 @@ def message_of(equations: Equations, run: Outcome) -> str:
     """Return the message of a run with the place in the model of what ended it."""
     message = run.message
     if run.undefined is not None:
-        message += "; " + undefined_at(equations, run.undefined).with_line
+        given = run.undefined.p[: len(equations.model.parameters)]  # without branches
+        message += "; " + undefined_at(equations, run.undefined._replace(p=given)).with_line
     for c in equations.model.constraints:
         if c.name in run.constraints and c.location is not None:
             message += f"; `{c.name}` is on line {c.location.line} of the model"

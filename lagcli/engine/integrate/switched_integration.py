@@ -181,6 +181,8 @@ class SwitchedIntegration(ScipyIntegration):
         logged, records = len(self.phases.entries), self.instants.records
         if records:
             self.instants.begin(self.row(t, y, moving=started), self.phases.parameters)
+        if self.phases.branches is not None and self.sizes is not None:
+            self.phases.branches.acceleration_terms = self.sizes.acceleration_terms
         found = InstantResolution(self.phases, t, y).resolve(numbers, started)
         if self.phases.branches is not None:
             self.kinks = self.phases.branches.crossed

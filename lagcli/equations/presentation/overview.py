@@ -134,7 +134,7 @@ def kind_of(c: ConstraintEquation, equations: Equations) -> str:
     if c.constraint.sign:
         return f"unilateral, {time}"
     if c.constraint.from_sign:
-        return "dry friction, written as `sign` in Q: it sticks or slips"
+        return f"{c.constraint.description}: it sticks or slips"
     if c.constraint.left is None:
         return "the equation of a first-order coordinate; its multiplier is 0"
     if c.position is not None:

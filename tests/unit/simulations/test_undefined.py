@@ -100,6 +100,14 @@ def test_a_run_that_reaches_an_undefined_value_names_the_line() -> None:
     assert "**" not in message
 
 
+@pytest.mark.parametrize("engine", ["compiled", "scipy"])
+def test_a_run_with_branches_names_the_line_too(engine: str) -> None:
+    text = HEAD + "T: (x'^2 + y'^2)/2\nV: 0\nQ: {x: \"abs(x) + sqrt(0.5 - t)\"}\n" + TAIL
+    found = lagcli.simulate(load_text(text), t_end=1, engine=engine)
+    assert found.status == "failed"
+    assert "`sqrt(0.5 - t)` in the force on `x` has no finite value at t = 0.5" in found.message
+
+
 def test_zero_mass_names_energy_parameter_and_place() -> None:
     found = problem("T: m/2*x'^2 + z/2*y'^2\nV: x\n")
     assert "`T` gives `y` no inertia (`z` is 0)" in found.message

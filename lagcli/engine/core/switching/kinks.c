@@ -9,7 +9,7 @@
 #define AHEAD 1e-7          /* of a step, or of the run: how far ahead a side shows by its accelerations */
 #define AROUND 1e-4         /* of a step: what the rate of a surface's function is a difference over */
 #define ON_SURFACE 1e-9     /* of the terms of a function: what counts as zero where its surface was reached */
-#define CONTINUOUS 1e-10    /* of the terms of accelerations: a difference of both sides that is rounding */
+#define CONTINUOUS 1e-10    /* of the terms of accelerations: what is rounding */
 #define MOST_AT_ONCE 10     /* surfaces at one instant */
 
 enum { UPPER, LOWER };
@@ -95,30 +95,41 @@ static double off_surface(const lag_kinks *k, int kink)
     return fabs(g) > ON_SURFACE * k->size[kink] ? g : 0.0;
 }
 
-/* How the functions leave their surfaces: what they are, where another branch has moved these, or how much they
- * grow in a short time with accelerations a; to `growth`. */
-static void look_ahead(lag_run *run, const double *a, double *growth)
+/* The functions after a time d with accelerations a + terms. */
+static void evaluate_ahead(lag_run *run, double d, const double *a, const double *terms)
 {
     lag_kinks *k = &run->switching.kinks;
     const int nq = run->system.nq;
+    const double *y = run->step.y;
+    for (int i = 0; i < nq; ++i) {
+        const double x = a[i] + (terms ? terms[i] : 0.0);
+        k->y[i] = y[i] + d * (y[nq + i] + 0.5 * d * x);
+        k->y[nq + i] = y[nq + i] + d * x;
+    }
+    k->y[2 * nq] = y[2 * nq];
+    evaluate(run, run->step.t + d, k->y);
+}
+
+/* How the functions leave their surfaces: what they are, where another branch has moved these, or how much they
+ * grow in a short time with accelerations a, 0 if that is rounding; to `growth`. */
+static void look_ahead(lag_run *run, const double *a)
+{
+    lag_kinks *k = &run->switching.kinks;
     const double t = run->step.t, *y = run->step.y;
     const double d = AHEAD * (run->step.h > 0.0 ? fmin(run->step.h, run->step.t_end - run->step.t_start)
                                                 : run->step.t_end - run->step.t_start);
-    evaluate(run, t, y);
+    evaluate_ahead(run, d, a, run->tolerances.acceleration_terms);
     for (int i = 0; i < k->count; ++i)
-        growth[i] = -OUT(&k->tape, i);
-    for (int i = 0; i < nq; ++i) {
-        k->y[i] = y[i] + d * (y[nq + i] + 0.5 * d * a[i]);
-        k->y[nq + i] = y[nq + i] + d * a[i];
+        k->rounding[i] = OUT(&k->tape, i);
+    evaluate_ahead(run, d, a, NULL);
+    for (int i = 0; i < k->count; ++i) {
+        k->growth[i] = OUT(&k->tape, i);
+        k->rounding[i] = CONTINUOUS * fabs(k->rounding[i] - k->growth[i]);
     }
-    k->y[2 * nq] = y[2 * nq];
-    evaluate(run, t + d, k->y);
-    for (int i = 0; i < k->count; ++i)
-        growth[i] += OUT(&k->tape, i);
     evaluate(run, t, y);
     for (int i = 0; i < k->count; ++i) {
-        const double off = off_surface(k, i);
-        growth[i] = off != 0.0 ? off : growth[i];
+        const double off = off_surface(k, i), grown = k->growth[i] - OUT(&k->tape, i);
+        k->growth[i] = off != 0.0 ? off : fabs(grown) > k->rounding[i] ? grown : 0.0;
     }
 }
 
@@ -251,7 +262,7 @@ static int choose_surface(lag_run *run, int n, const int *list, int preferred)
             if (bad || continuous(run))
                 continue;
             jumps = 1;
-            look_ahead(run, run->solver.a, k->growth);
+            look_ahead(run, run->solver.a);
             if (k->weight >= 0.0 && k->weight <= 1.0 && leaves(k, n, list, sides, list[which], 0)) {
                 k->slides = list[which];
                 ++k->slid;
@@ -295,7 +306,7 @@ int lag_choose_branches(lag_run *run)
         if (lag_accelerate(run, run->step.t, run->step.y, 0, &power))
             continue;
         --run->step.evaluations;
-        look_ahead(run, run->solver.a, k->growth);
+        look_ahead(run, run->solver.a);
         if (!leaves(k, n, list, sides, -1, 0))
             continue;
         if (chosen >= 0 && !crossed && leaves(k, n, list, sides, -1, 1))

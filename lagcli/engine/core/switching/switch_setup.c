@@ -51,7 +51,7 @@ static void allocate(lag_run *run)
     sw->recent = lag_doubles(pool, 3L * rows);
     sw->begin = lag_doubles(pool, nq + sw->nc);
     lag_kinks *k = &sw->kinks;
-    double **by_kink[] = {&k->branch, &k->bound, &k->size, &k->growth};
+    double **by_kink[] = {&k->branch, &k->bound, &k->size, &k->growth, &k->rounding};
     for (size_t i = 0; i < sizeof by_kink / sizeof *by_kink; ++i)
         *by_kink[i] = lag_doubles(pool, k->count);
     k->state = lag_get(pool, (size_t)k->count, sizeof(int));

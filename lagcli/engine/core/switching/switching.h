@@ -63,7 +63,7 @@ typedef struct {
     const int32_t *time;               /* count: whether its function depends on t alone */
     lag_tape tape;                     /* of (t, q, v, p): the functions, their sizes */
     double *branch, *bound;            /* count: values; the whole numbers that functions are at */
-    double *size, *growth;             /* count: largest sizes so far; scratch */
+    double *size, *growth, *rounding;  /* count: largest sizes so far; scratch */
     int *state;                        /* count: what the instant does to it */
     int slides;                        /* the kink on whose surface the motion slides; -1 */
     double weight, rates;              /* the part of the upper side in it; the rate less that below */

@@ -20,7 +20,7 @@ from lagcli.engine.switching.stops import at_surfaces
 from lagcli.engine.tape.interpreter import ScalarTape
 
 #: Of the terms of a function: what counts as zero where its surface was reached. Of those of the
-#: accelerations: a difference of both sides that is rounding.
+#: accelerations: what is rounding.
 _ON, _CONTINUOUS = 1e-9, 1e-10
 #: Of the run: how far ahead a side shows by its accelerations; s: what rates are differences over.
 _AHEAD, _AROUND = 1e-9, 1e-5
@@ -55,6 +55,8 @@ class Branches:
         Kinks whose functions vanish at the last instant.
     crossed : int
         How often a branch has changed.
+    acceleration_terms : (nq,) array or float
+        What the accelerations are made of, as `Sizes` has it.
     """
 
     def __init__(self, frozen: FrozenSystem, full: Evaluator, span: float):
@@ -70,6 +72,7 @@ class Branches:
         self.surfaces: list[int] = []
         self._jump, self._rates = np.zeros(0), 0.0
         self.crossed = 0
+        self.acceleration_terms: Array | float = 0.0
 
     @property
     def given(self) -> tuple[float, ...]:
@@ -211,14 +214,19 @@ class Branches:
         return self._ahead(t, q, v, accelerations(t, q, v)[0])
 
     def _ahead(self, t: float, q: Array, v: Array, a: Array) -> Array:
-        """Return how the functions leave their surfaces with accelerations."""
+        """Return how the functions leave their surfaces with accelerations; 0 for rounding."""
         d, sizes = _AHEAD * self.span, self._sizes
         now = self._functions(t, q, v)
-        later = self._functions(t + d, q + d * (v + d / 2 * a), v + d * a)
+        later, beside = (
+            self._functions(t + d, q + d * (v + d / 2 * x), v + d * x)
+            for x in (a, a + self.acceleration_terms)
+        )
         self._sizes = sizes
+        growth = later - now
+        growth[np.abs(growth) <= _CONTINUOUS * np.abs(beside - later)] = 0.0
         # another branch may have moved a surface
         off = now - self._bounds
-        return np.where(np.abs(off) > _ON * sizes, off, later - now)
+        return np.where(np.abs(off) > _ON * sizes, off, growth)
 
     def _choose_surface(
         self,
@@ -239,7 +247,7 @@ class Branches:
                 if abs(off) > _ON * self._sizes[which]:
                     continue
                 a, _, _ = self.combined(which, t, q, v, accelerations)
-                terms = np.abs(a) + np.abs(accelerations(t, q, v)[0])
+                terms = np.abs(a) + np.abs(accelerations(t, q, v)[0]) + self.acceleration_terms
                 if not (np.abs(self._jump) > _CONTINUOUS * terms).any():
                     continue
                 jumps = True

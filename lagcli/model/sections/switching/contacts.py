@@ -220,7 +220,7 @@ class ContactFields:
                 "name the constraint that presses: `limit: mu*abs(lambda.floor)`",
             )
             return None
-        return MultiplierLimit(static, kinetic, _normal(self.draft, static, kinetic))
+        return MultiplierLimit(static, kinetic, normal_of(self.draft, static, kinetic))
 
     def slip(self, constraint: Constraint, slipping: Constraint) -> Constraint | None:
         """Return the friction of a constraint, given the one that its slip makes."""
@@ -283,7 +283,7 @@ class ContactFields:
         return value
 
 
-def _normal(draft: Draft, static: Basic, kinetic: Basic) -> str | None:
+def normal_of(draft: Draft, static: Basic, kinetic: Basic) -> str | None:
     """Return the constraint to whose |λ| both limits are proportional; None if there is none."""
     symbol = se.Symbol("|lambda|")
     for name in draft.names.constraints:
