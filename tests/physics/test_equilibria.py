@@ -124,7 +124,7 @@ def test_bead_on_a_hoop_has_a_pitchfork() -> None:
     model = lagcli.load(MODELS / "bead_on_rotating_hoop.yaml", set=values)
     diagram = lagcli.follow_equilibria(model, "Omega", 1.0, 6.0, branches=True)
     (pitchfork,) = diagram.special
-    assert pitchfork.kind == "branch point"
+    assert (pitchfork.kind, pitchfork.crossing) == ("branch point", "pitchfork")
     assert pitchfork.parameter**2 == pytest.approx(9.81, rel=1e-12)
     main, *others = diagram.branches
     assert (main.stable == (main.parameter < math.sqrt(9.81))).all()
@@ -186,13 +186,44 @@ def test_whipple_bicycle_is_stable_between_its_weave_and_its_capsize_speed() -> 
     diagram = lagcli.follow_equilibria(model, "x'", 3.0, 8.0)
     weave, capsize = diagram.special
     assert (weave.kind, capsize.kind) == ("Hopf point", "branch point")
-    # the growth rate is known to 1e-9 of the largest eigenvalue; five neutral coordinates disturb
-    # the determinant
-    assert weave.parameter == pytest.approx(4.29238253634111, rel=1e-8)
-    assert capsize.parameter == pytest.approx(6.02426201538837, rel=1e-6)
+    # 15 digits are published; 2e-15 is reached
+    assert weave.parameter == pytest.approx(4.29238253634111, rel=1e-12)
+    assert capsize.parameter == pytest.approx(6.02426201538837, rel=1e-12)
+    assert capsize.crossing == "pitchfork"
     (branch,) = diagram.branches
     between = (branch.parameter > weave.parameter) & (branch.parameter < capsize.parameter)
     assert (branch.stable == between).all()
+
+
+def test_exchange_of_stability_is_transcritical_and_its_branches_are_followed() -> None:
+    # V = x³/3 − s x²/2: x = 0 and x = s exchange their stability at s = 0
+    text = (
+        "coordinates: [x]\nparameters: {s: -1}\nT: x'^2/2\nV: x^3/3 - s*x^2/2\n"
+        "initial: {x: 0, x': 0}\n"
+    )
+    diagram = lagcli.follow_equilibria(lagcli.load_text(text), "s", -1.0, 0.9, branches=True)
+    (point,) = diagram.special
+    assert (point.kind, point.crossing) == ("branch point", "transcritical")
+    assert abs(point.parameter) < 1e-12
+    assert abs(point.q[0]) < 1e-12
+    _, one, other = diagram.branches
+    for branch in (one, other):
+        np.testing.assert_allclose(branch.q[:, 0], branch.parameter, rtol=1e-9)
+        assert (branch.stable == (branch.parameter > 0)).all()
+
+
+def test_branch_point_on_a_curved_branch_is_located_to_rounding_errors() -> None:
+    # x = s² with y = 0, and y² = s − 1 with x between
+    text = (
+        "coordinates: [x, y]\nparameters: {s: 0.3}\nT: (x'^2 + y'^2)/2\n"
+        "V: (x - s^2)^2/2 + (1 + 0.1*x)*(y^4/4 - (s - 1)*y^2/2)\n"
+        "initial: {x: 0.09, y: 0, x': 0, y': 0}\n"
+    )
+    diagram = lagcli.follow_equilibria(lagcli.load_text(text), "s", 0.3, 1.7)
+    (point,) = diagram.special
+    assert (point.kind, point.crossing) == ("branch point", "pitchfork")
+    assert point.parameter == pytest.approx(1.0, rel=1e-12)
+    assert point.q == pytest.approx([1.0, 0.0], abs=1e-10)
 
 
 def test_velocity_is_a_parameter_of_steady_motions() -> None:

@@ -50,6 +50,7 @@ def _special(point: SpecialPoint, diagram: BifurcationDiagram) -> dict[str, Any]
         "v": dict(zip(diagram.coordinates, point.v.tolist(), strict=True)),
         "multipliers": dict(zip(diagram.constraints, point.multipliers.tolist(), strict=True)),
         "frequency": point.frequency,
+        "crossing": point.crossing,
     }
 
 
@@ -83,8 +84,9 @@ def format_diagram(content: Mapping[str, Any]) -> str:
             lines += entry("λ", listed(ends), 4)
     for point in content["special_points"]:
         rate = f", {point['frequency']:.6g} rad/s" if point["frequency"] is not None else ""
+        crossing = f" ({point['crossing']})" if point.get("crossing") else ""
         lines.append(
-            f"  {point['kind']} on branch {point['branch']}:"
+            f"  {point['kind']}{crossing} on branch {point['branch']}:"
             f" {name} = {point['parameter']:.12g}{rate}"
         )
         values = without_rounding(point["q"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -25,10 +26,13 @@ from lagcli.arrays import Array, Flags
 from lagcli.errors import UsageError
 from lagcli.model.model import Model
 
+Crossing = Literal["pitchfork", "transcritical"]
+
 _MOST_BRANCHES = 32
 #: Of scaled unknowns: the step with which another branch is entered, and what counts as the same.
 _ENTRY, _SAME = 1e-2, 1e-4
 _ROUNDING = 1e-13  # of scaled unknowns
+_VERTICAL = 1e-9  # of scaled unknowns: changes of s that are none where another branch is entered
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +51,10 @@ class SpecialPoint:
     multipliers : (nc,) array
     frequency : float or None
         Of the oscillation that begins there, rad/s.
+    crossing : str or None
+        Of a branch point: ``pitchfork``, where the other branch lies on one side of it, or
+        ``transcritical``, where it goes on to both; None if it was not found or leaves at a
+        constant parameter.
     """
 
     kind: SpecialKind
@@ -56,6 +64,7 @@ class SpecialPoint:
     v: Array
     multipliers: Array
     frequency: float | None
+    crossing: Crossing | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +210,7 @@ class _Diagram:
         self.tracer, self.extended = tracer, extended
         self.branches: list[Branch] = []
         self.special: list[SpecialPoint] = []
-        self.crossings: list[tuple[int, Traced]] = []
+        self.crossings: list[tuple[int, list[Traced]]] = []
         self.seen: list[Array] = []
 
     def trace(self, point: Traced, origin: int | None) -> None:
@@ -220,8 +229,11 @@ class _Diagram:
             if any(np.abs(z - other).max() < _SAME for other in self.seen):
                 return
             self.seen.append(z)
-            self.crossings.append((number, found.point))
-        point, frequency = found.point.place.found.point, None
+        point, frequency, crossing = found.point.place.found.point, None, None
+        if found.kind == "branch point":
+            entered = [self._entered(found.point, direction) for direction in (1.0, -1.0)]
+            self.crossings.append((number, [x for x in entered if x is not None]))
+            crossing = _crossing(found.point, self.crossings[-1][1])
         if found.kind in ("Hopf point", "flutter"):
             values = self.tracer.stability(found.point).eigenvalues
             oscillating = values[values.imag > 0]
@@ -229,7 +241,9 @@ class _Diagram:
                 frequency = float(oscillating[np.argmax(oscillating.real)].imag)
         value, q = self._clean(found.point)
         self.special.append(
-            SpecialPoint(found.kind, number, value, q, point.v, point.multipliers, frequency)
+            SpecialPoint(
+                found.kind, number, value, q, point.v, point.multipliers, frequency, crossing
+            )
         )
 
     def _clean(self, traced: Traced) -> tuple[float, Array]:
@@ -242,12 +256,10 @@ class _Diagram:
         """Trace the branches that cross those that are known, both ways."""
         done = 0
         while done < len(self.crossings) and len(self.branches) < _MOST_BRANCHES:
-            number, crossing = self.crossings[done]
+            number, entered = self.crossings[done]
             done += 1
-            for direction in (1.0, -1.0):
-                entered = self._entered(crossing, direction)
-                if entered is not None:
-                    self.trace(entered, number)
+            for point in entered:
+                self.trace(point, number)
 
     def _entered(self, crossing: Traced, direction: float) -> Traced | None:
         """Return a point on the other branch near a crossing."""
@@ -278,3 +290,13 @@ class _Diagram:
             np.array([x if np.isfinite(x) else 0.0 for x in growth]),
             origin,
         )
+
+
+def _crossing(point: Traced, entered: list[Traced]) -> Crossing | None:
+    """Say on which sides of a branch point the other branch lies."""
+    if len(entered) < 2:
+        return None
+    one, other = (x.place.z[-1] - point.place.z[-1] for x in entered)
+    if min(abs(one), abs(other)) < _VERTICAL:
+        return None
+    return "pitchfork" if one * other > 0 else "transcritical"

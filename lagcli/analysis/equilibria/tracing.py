@@ -19,6 +19,7 @@ SpecialKind = Literal["fold", "branch point", "Hopf point", "flutter"]
 _FIRST, _LONGEST, _SHORTEST = 5e-3, 2e-2, 1e-7
 _TURN = 0.9  # cosine of the largest angle between successive tangents
 _MOST = 2000  # points of a branch
+_BESIDE = 1e-3  # of a step: distance of the points between which special points are interpolated
 _BISECTIONS = 60
 #: Growth rates below this part of the largest eigenvalue are rounding errors.
 _GROWING = 1e-9
@@ -33,15 +34,11 @@ class Traced(NamedTuple):
     tangent : (n,) array
         Of length 1.
     frame : Frame
-    sign : float
-        Sign of the determinant of the bordered matrix.
-    dimension : int
     """
 
     place: Place
     tangent: Array
     frame: Frame
-    sign: float
 
 
 class Frame(NamedTuple):
@@ -83,8 +80,7 @@ class Tracer:
     def framed(self, place: Place, along: Array, before: Frame | None = None) -> Traced:
         """Return the point with its tangent next to a direction.
 
-        The tangent and the null spaces are those of the point before, projected, so that the
-        determinant is continuous along the branch.
+        The tangent and the null spaces are those of the point before, projected.
         """
         u, _, vt = np.linalg.svd(place.matrix)
         null, left = vt[self.rank :].T, u[:, self.rank :]
@@ -95,11 +91,7 @@ class Tracer:
         right = right[:, : self.neutral]
         if before is not None:
             right, left = _nearest(right, before.right), _nearest(left, before.left)
-        m, e = left.shape
-        corner = np.zeros((1 + self.neutral, e))
-        bordered = np.block([[place.matrix, left], [np.vstack([tangent, right.T]), corner]])
-        assert bordered.shape[0] == bordered.shape[1], (m, e)
-        return Traced(place, tangent, Frame(right, left), float(np.linalg.slogdet(bordered)[0]))
+        return Traced(place, tangent, Frame(right, left))
 
     def start(self, z: Array, direction: float) -> Traced:
         """Return a root with the tangent along which the parameter changes in a direction."""
@@ -203,27 +195,86 @@ class Tracer:
             yield LocatedPoint(
                 "fold", self._bisected(before, length, lambda x: sign * x.tangent[-1] < 0)[1]
             )
-        if before.sign != after.sign:
-            changed = self._bisected(before, length, lambda x: x.sign != before.sign)
-            yield LocatedPoint("branch point", changed[1])
-        was, now = oscillating_growth(stable), oscillating_growth(following)
+        crossing = self._determinant(before)
+        if crossing(after) < 0:
+            yield LocatedPoint("branch point", self._root(before, length, crossing))
+        was, now = _growing(stable), _growing(following)
         # where real eigenvalues meet, an oscillation begins that grew before
         if np.isfinite(was) and np.isfinite(now) and (was > 0) != (now > 0):
-            undamped = min(was, now) == 0.0
-            changed = self._bisected(
-                before, length, lambda x: (oscillating_growth(self.stability(x)) > 0) != (was > 0)
-            )
-            yield LocatedPoint("flutter" if undamped else "Hopf point", changed[1])
+            if min(was, now) == 0.0:
+                changed = self._bisected(
+                    before, length, lambda x: (_growing(self.stability(x)) > 0) != (was > 0)
+                )
+                yield LocatedPoint("flutter", changed[1])
+            else:
+                found = self._root(before, length, lambda x: _growth(self.stability(x)))
+                yield LocatedPoint("Hopf point", found)
+
+    def _determinant(self, before: Traced) -> Callable[[Traced], float]:
+        """Return the determinant of the bordered ∂R/∂z, relative to that of a point.
+
+        The border is the same for all points, so that it is a smooth function along the branch:
+        null spaces of each point would be taken for one another where a branch crosses.
+        """
+        left, right = before.frame.left, before.frame.right
+        below = np.hstack(
+            [np.vstack([before.tangent, right.T]), np.zeros((1 + self.neutral, left.shape[1]))]
+        )
+
+        def parts(matrix: Array) -> tuple[float, float]:
+            sign, logarithm = np.linalg.slogdet(np.vstack([np.hstack([matrix, left]), below]))
+            return float(sign), float(logarithm)
+
+        sign, logarithm = parts(before.place.matrix)
+
+        def relative(point: Traced) -> float:
+            s, x = parts(point.place.matrix)
+            return sign * s * float(np.exp(x - logarithm))
+
+        return relative
+
+    def _root(self, before: Traced, length: float, function: Callable[[Traced], float]) -> Traced:
+        """Return the point within a length of another at which a smooth function changes its sign.
+
+        Newton's method is ill-conditioned where a branch crosses. The point is interpolated
+        between points beside it.
+        """
+        from scipy.optimize import brentq
+
+        def value(distance: float) -> float:
+            moved = self.advanced(before, distance)
+            return function(moved[0]) if moved is not None else 0.0
+
+        near = brentq(value, 0.0, length, xtol=_BESIDE * length)
+        beside = [self.advanced(before, near + k * _BESIDE * length) for k in (-3, -1, 1, 3)]
+        points = [found[0] for found in beside if found is not None]
+        z = _at_zero([function(x) for x in points], np.array([x.place.z for x in points]))
+        tangent = sum(x.tangent for x in points)
+        place = self.problem.place(z)
+        assert place is not None
+        return self.framed(place, np.asarray(tangent), before.frame)
 
 
-def oscillating_growth(stability: Stability) -> float:
-    """Return the largest growth rate of an oscillation; 0 where it is a rounding error."""
+def _at_zero(values: list[float], curve: Array) -> Array:
+    """Return where the values vanish along a curve through some points, by Lagrange's formula."""
+    weights = [
+        np.prod([b / (b - a) for j, b in enumerate(values) if j != i]) for i, a in enumerate(values)
+    ]
+    return np.asarray(np.array(weights) @ curve)
+
+
+def _growth(stability: Stability) -> float:
+    """Return the largest growth rate of an oscillation."""
     values = stability.eigenvalues
-    growth = values.real[values.imag > 0]
-    if not len(growth):
-        return -np.inf
-    largest = float(growth.max())
-    return largest if abs(largest) > _GROWING * np.abs(values).max() else 0.0
+    return float(values.real[values.imag > 0].max(initial=-np.inf))
+
+
+def _growing(stability: Stability) -> float:
+    """Return the largest growth rate of an oscillation; 0 where it is a rounding error."""
+    largest = _growth(stability)
+    if not np.isfinite(largest):
+        return largest
+    return largest if abs(largest) > _GROWING * np.abs(stability.eigenvalues).max() else 0.0
 
 
 def _nearest(basis: Array, before: Array) -> Array:

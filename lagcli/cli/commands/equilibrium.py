@@ -82,6 +82,8 @@ def equilibrium(
         found = follow_equilibria(loaded, name, start, end, steady=held, branches=branches)
         content, arrays = describe_diagram(found), diagram_arrays(found)
         text = format_diagram(content)
+        if not branches and any(x.kind == "branch point" for x in found.special):
+            text += "\n  note: other branches cross at branch points; --branches follows them"
     if output is not None:
         write_content(content, arrays, loaded, output, force)
     print_analysis(content, text, output, json, quiet)

@@ -266,7 +266,7 @@ def _branches(content: Mapping[str, Any], units: Mapping[str, str]) -> list[Anal
         head += [*map(_named, first["q"]), *(_named(f"lambda.{c}") for c in first["multipliers"])]
         rows = [
             [
-                escape(x["kind"]),
+                escape(x.get("crossing") or x["kind"]),
                 str(x["branch"]),
                 number(x["parameter"], 12),
                 "" if x["frequency"] is None else number(x["frequency"], 8),
