@@ -8,7 +8,7 @@ import numpy as np
 
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.taylor.expansion import SeriesExpansion
-from lagcli.engine.taylor.series_nodes import BEFORE, NUMBER, ZERO, SeriesOp
+from lagcli.engine.taylor.series_nodes import ZERO, Delayed, SeriesOp
 
 Series = Mapping[int, Sequence[float]]
 
@@ -34,7 +34,7 @@ def coefficients(
     """
     results = [expansion.result(register) for register in registers]
     nodes = expansion.wanted(results)
-    numbers = {x - NUMBER for _, _, operands in nodes for x in operands if x < 0}
+    numbers = {operands[i] for op, _, operands in nodes for i in op.numbers}
     names = [to for _, (to,), _ in nodes]
     asked = [*numbers, *map(expansion.begin, [*names, *registers])]
     values = dict(zip(asked, ScalarTape(expansion.builder.finish(asked))(inputs), strict=True))
@@ -45,8 +45,8 @@ def coefficients(
     for k in range(1, orders):
         for op, (to,), operands in nodes:
             parts = [
-                values[x - NUMBER] if x < 0 else found[x - BEFORE if x >= BEFORE else x]
-                for x in operands
+                values[x] if i in op.numbers else found[x.series if isinstance(x, Delayed) else x]
+                for i, x in enumerate(operands)
             ]
             found[to].append(_coefficient(SeriesOp(op), k, parts))
     # what is added to a series changes its first coefficient alone

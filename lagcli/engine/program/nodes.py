@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 #: Added to an operation, it is one on vectors.
 VECTOR = 64
 #: The number of elements that a vector has at most.
@@ -9,4 +11,5 @@ LONGEST = 256
 #: The step of an operand whose places are listed one by one.
 INDEXED = -(2**31)
 
-Node = tuple[int, tuple[int, ...], tuple[int, ...]]  # operation, destinations, operands
+#: Operation, destinations, operands: places, or what has a place later, such as registers.
+Node = tuple[int, tuple[Any, ...], tuple[Any, ...]]

@@ -9,7 +9,7 @@ cosine of one angle become one; registers are used again when their values are d
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from lagcli.engine.tape.tape import Tape
 
 #: Operations that are put in order at a time: the values that live at once stay near each other.
 _WINDOW = 4096
+
+AnyNode = TypeVar("AnyNode", bound=Node)
 
 
 class Program(NamedTuple):
@@ -216,7 +218,7 @@ def _sines_with_cosines(nodes: list[Node]) -> list[Node]:
     return found
 
 
-def in_order(nodes: list[Node]) -> list[Node]:
+def in_order(nodes: Sequence[AnyNode]) -> list[AnyNode]:
     """Return operations in runs of a kind, window by window. They come with operands first."""
     return [
         node
@@ -225,7 +227,7 @@ def in_order(nodes: list[Node]) -> list[Node]:
     ]
 
 
-def _in_runs(nodes: list[Node]) -> list[Node]:
+def _in_runs(nodes: Sequence[AnyNode]) -> list[AnyNode]:
     """Order operations so that those of a kind follow each other as far as they can."""
     producer = {x: i for i, (_, destinations, _) in enumerate(nodes) for x in destinations}
     users: list[list[int]] = [[] for _ in nodes]
@@ -239,7 +241,7 @@ def _in_runs(nodes: list[Node]) -> list[Node]:
     for i, (op, _, _) in enumerate(nodes):
         if not waiting[i]:
             ready.setdefault(op, []).append(i)
-    ordered: list[Node] = []
+    ordered: list[AnyNode] = []
     while ready:
         op = max(ready, key=lambda kind: len(ready[kind]))
         queue = ready.pop(op)
@@ -254,19 +256,19 @@ def _in_runs(nodes: list[Node]) -> list[Node]:
 
 
 def allocate(
-    nodes: list[Node], place: dict[int, int], count: int, kept: set[int]
+    nodes: Sequence[Node], place: dict[Any, int], count: int, kept: Collection[Any]
 ) -> tuple[list[Node], int]:
     """Give results places; those of dead values are used again.
 
     Parameters
     ----------
-    nodes : list of Node
+    nodes : sequence of Node
         In order.
-    place : dict of int to int
+    place : dict to int
         What has a place keeps it; the others are added.
     count : int
         The first free place.
-    kept : set of int
+    kept : collection
         Results needed at the end.
 
     Returns
@@ -274,7 +276,7 @@ def allocate(
     nodes, count
         With places in place of names; the first place after all.
     """
-    last: dict[int, int] = {}
+    last: dict[Any, int] = {}
     own = {x for _, destinations, _ in nodes for x in destinations}
     for i, (_, _, operands) in enumerate(nodes):
         for x in operands:
@@ -301,12 +303,12 @@ def allocate(
     return placed, count
 
 
-def _placed(node: Node, place: dict[int, int]) -> Node:
+def _placed(node: Node, place: dict[Any, int]) -> Node:
     op, destinations, operands = node
     return op, tuple(place[x] for x in destinations), tuple(place[x] for x in operands)
 
 
-def stream(nodes: list[Node], end: int = Op.END) -> Int32:
+def stream(nodes: Sequence[Node], end: int = Op.END) -> Int32:
     """Return the stream of operations whose operands have places."""
     numbers: list[int] = []
     at, kind = 0, -1

@@ -13,9 +13,9 @@ sets, PLDI 2000, doi:10.1145/349299.349320.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -279,7 +279,9 @@ def together(nodes: Sequence[Node]) -> list[list[int]]:
     return [levels[key] for key in sorted(levels)]
 
 
-def last_uses(nodes: Sequence[Node], sets: Sequence[list[int]], kept: set[int]) -> list[list[int]]:
+def last_uses(
+    nodes: Sequence[Node], sets: Sequence[list[int]], kept: Collection[Any]
+) -> list[list[int]]:
     """Return, for each set of operations, the results that are not needed after it."""
     last: dict[int, int] = {}
     for at, group in enumerate(sets):

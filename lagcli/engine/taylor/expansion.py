@@ -14,11 +14,16 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
-from lagcli.engine.program.nodes import Node
 from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.operations import OPERATIONS, Op
-from lagcli.engine.taylor.forms import SeriesForms
-from lagcli.engine.taylor.series_nodes import BEFORE, NUMBER, NUMBERS, ZERO, SeriesOp
+from lagcli.engine.taylor.forms import Form, SeriesForms
+from lagcli.engine.taylor.series_nodes import (
+    ZERO,
+    Delayed,
+    Name,
+    SeriesNode,
+    SeriesOp,
+)
 
 
 class NotAnalytic(ArithmeticError):
@@ -37,13 +42,13 @@ class SeriesExpansion(SeriesForms):
 
     def __init__(self, builder: Arithmetic, moving: Iterable[int]):
         super().__init__(builder)
-        self.moving = set(moving)
+        self.moving: set[Name] = set(moving)
         self.taken = set(self.moving)  # no operation makes them, or it is there
-        self.slopes: dict[int, int] = {}  # CHAIN → g
-        self.rates: dict[int, int] = {}
-        self.sums: dict[tuple[int, ...], int] = {}
+        self.slopes: dict[Name, int] = {}  # CHAIN → g
+        self.rates: dict[Name, Name] = {}
+        self.sums: dict[tuple[Form, Form], Name] = {}
 
-    def is_invariant(self, x: int) -> bool:
+    def is_invariant(self, x: Name) -> bool:
         """Return whether a register is a number, not a series."""
         return x not in self.moving
 
@@ -84,16 +89,16 @@ class SeriesExpansion(SeriesForms):
             self.tails[to] = self.tail(a)
         else:
             s, x = self.tail(a)
-            opposite = self.sums.get((negative(s), x, negative(t), y))
+            opposite = self.sums.get(((negative(s), x), (negative(t), y)))
             if opposite is not None:
                 self.tails[to] = self.minus_one, opposite
                 return
-            self.sums[s, x, t, y] = to
+            self.sums[(s, x), (t, y)] = to
             self.nodes[to] = SeriesOp.SUM, (to,), (s, x, t, y)
 
     def selected(self, to: int, a: int, b: int, c: int) -> None:
         """Make b where a is true, c elsewhere; a is the same along a step."""
-        emit, parts = self.builder.emit, list[tuple[int, int]]()
+        emit, parts = self.builder.emit, list[Form]()
         for x, choice in ((b, (self.one, self.zero)), (c, (self.zero, self.one))):
             if not self.is_invariant(x):
                 number, base = self.tail(x)
@@ -109,9 +114,9 @@ class SeriesExpansion(SeriesForms):
             number, x = (a, b) if self.is_invariant(a) else (b, a)
             self.scaled(to, partial(self.builder.times, number), x)
             return
-        (s, x), (t, y) = self.form(a), self.form(b)
-        base = self.mul(x, y)
-        self.nodes[base] = SeriesOp.MUL, (base,), (x, y)
+        (s, y), (t, z) = self.form(a), self.form(b)
+        base = self.mul(y, z)
+        self.nodes[base] = SeriesOp.MUL, (base,), (y, z)
         if base != to:
             self.whole[to] = self.builder.times(s, t), base
 
@@ -142,7 +147,7 @@ class SeriesExpansion(SeriesForms):
             logarithm = self.builder.emit(Op.LOG, a)
             self.two_parts(to, (a, self.div(self.mul(to, b), a)), (b, self.mul(to, logarithm)))
 
-    def chain(self, to: int, scale: int, a: int, slope: int) -> None:
+    def chain(self, to: Name, scale: int, a: int, slope: int) -> None:
         """c′ = s g a′, where ``slope`` is g."""
         number, base = self.tail(a)
         if base not in self.rates:
@@ -169,15 +174,15 @@ class SeriesExpansion(SeriesForms):
 
     # values of slopes
 
-    def mul(self, a: int, b: int) -> int:
+    def mul(self, a: Name, b: Name) -> int:
         """Return the register of a product of values."""
-        return self.builder.emit(Op.MUL, a, b)
+        return self.builder.emit(Op.MUL, self.begin(a), self.begin(b))
 
-    def div(self, a: int, b: int) -> int:
+    def div(self, a: Name, b: Name) -> int:
         """Return the register of a quotient of values."""
-        return self.builder.emit(Op.DIV, a, b)
+        return self.builder.emit(Op.DIV, self.begin(a), self.begin(b))
 
-    def inverse(self, a: int) -> int:
+    def inverse(self, a: Name) -> int:
         """Return the register of an inverse."""
         return self.div(self.one, a)
 
@@ -188,7 +193,7 @@ class SeriesExpansion(SeriesForms):
 
     # what is wanted
 
-    def expand(self, results: Iterable[int], names: Mapping[int, int] | None = None) -> None:
+    def expand(self, results: Iterable[int], names: Mapping[int, Name] | None = None) -> None:
         """Take the operations that results need; ``names`` are other names of what they make."""
         while needed := self.needed([*results, *self.slopes.values()]):
             for x, (op, *operands) in needed:
@@ -211,7 +216,7 @@ class SeriesExpansion(SeriesForms):
                 waiting += operations[x - first][1:]
         return [(x, operations[x - first]) for x in sorted(found)]
 
-    def rename(self, x: int, name: int) -> None:
+    def rename(self, x: int, name: Name) -> None:
         """Give a series another name, that of a register with its first coefficient."""
         form = (self.one, ZERO) if self.is_invariant(x) else self.tail(x)
         self.tails.pop(x, None)
@@ -222,7 +227,7 @@ class SeriesExpansion(SeriesForms):
         else:
             self.nodes[name] = SeriesOp.SCALE, (name,), form
 
-    def result(self, x: int) -> int:
+    def result(self, x: Name) -> Name:
         """Return the series that is an output, made from its base where it must be."""
         if self.is_invariant(x):
             return ZERO
@@ -232,7 +237,7 @@ class SeriesExpansion(SeriesForms):
         self.nodes[x] = SeriesOp.SCALE, (x,), (number, base)
         return x
 
-    def node(self, x: int) -> Node | None:
+    def node(self, x: Name) -> SeriesNode | None:
         """Return the operation that makes a series; None for those of the state."""
         if x not in self.nodes and x in self.tails:  # convolved: its first coefficient counts
             return SeriesOp.SCALE, (x,), self.tails[x]
@@ -240,32 +245,29 @@ class SeriesExpansion(SeriesForms):
         if node and node[0] == SeriesOp.CHAIN and len(node[2]) == 2:
             number, slope = self.form(self.slopes[x])
             scale, rate = node[2]
-            node = SeriesOp.CHAIN, (x,), (self.builder.times(scale, number), rate, slope + BEFORE)
+            node = SeriesOp.CHAIN, (x,), (self.builder.times(scale, number), rate, Delayed(slope))
         return node
 
-    def wanted(self, results: Sequence[int]) -> list[Node]:
+    def wanted(self, results: Sequence[Name]) -> list[SeriesNode]:
         """Return the operations that results need, operands first; slopes count as earlier."""
-        found: dict[int, Node] = {}
+        found: dict[Name, SeriesNode] = {}
         waiting = [(x, False) for x in reversed(results)]
-        later: list[int] = []
+        later: list[Name] = []
         while waiting or later:
             x, ready = waiting.pop() if waiting else (later.pop(), False)
             node = None if x in found else self.node(x)
             if node is None:
                 continue
             op, _, operands = node
-            numbers = NUMBERS.get(op, ())
             if ready:
-                tagged = [y + NUMBER if i in numbers else y for i, y in enumerate(operands)]
-                if op == SeriesOp.INVERSE:
-                    tagged.append(x + BEFORE)
-                found[x] = op, (x,), tuple(tagged)
+                delayed = (Delayed(x),) if op == SeriesOp.INVERSE else ()
+                found[x] = op, (x,), (*operands, *delayed)
                 continue
             waiting.append((x, True))
             for i, y in enumerate(operands):
-                if y >= BEFORE:
-                    later.append(y - BEFORE)
-                elif i not in numbers:
+                if isinstance(y, Delayed):
+                    later.append(y.series)
+                elif i not in op.numbers:
                     waiting.append((y, False))
         return list(found.values())
 

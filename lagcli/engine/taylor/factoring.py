@@ -7,18 +7,22 @@ shorter to write or where elements meet: f a + f b becomes f (a + b).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from operator import itemgetter
 
-from lagcli.engine.program.nodes import Node
 from lagcli.engine.taylor.expansion import SeriesExpansion
 from lagcli.engine.taylor.forms import Form
-from lagcli.engine.taylor.series_nodes import BEFORE, NUMBER, NUMBERS, SeriesOp
+from lagcli.engine.taylor.series_nodes import (
+    Delayed,
+    Name,
+    SeriesNode,
+    SeriesOp,
+    UnnamedSeries,
+)
 
 #: Sums of one term or two.
 _SUMS = SeriesOp.SUM, SeriesOp.SCALE
 
 
-def factored(expansion: SeriesExpansion, results: Sequence[int]) -> list[Node]:
+def factored(expansion: SeriesExpansion, results: Sequence[Name]) -> list[SeriesNode]:
     """Return the operations that results need, with common factors taken out of sums."""
     return _Factoring(expansion, results).nodes()
 
@@ -26,23 +30,22 @@ def factored(expansion: SeriesExpansion, results: Sequence[int]) -> list[Node]:
 class _Factoring:
     """Rewrites the sums of an expansion, each with the sums inside that nothing else uses."""
 
-    def __init__(self, expansion: SeriesExpansion, results: Sequence[int]):
+    def __init__(self, expansion: SeriesExpansion, results: Sequence[Name]):
         self.expansion, self.results = expansion, results
         self.given = {to: node for node in expansion.wanted(results) for to in node[1]}
-        self.uses: dict[int, int] = dict.fromkeys(results, 2)
+        self.uses: dict[Name, int] = dict.fromkeys(results, 2)
         self.named = set(results)  # what has uses other than in sums
-        self.inside: set[int] = set()  # sums that are parts of others
-        self.multiples: dict[int, Form] = {}  # sums that have come down to one term
+        self.inside: set[Name] = set()  # sums that are parts of others
+        self.multiples: dict[Name, Form] = {}  # sums that have come down to one term
         for op, _, operands in self.given.values():
-            numbers = NUMBERS.get(op, ())
             for i, x in enumerate(operands):
-                if i not in numbers:
-                    x = x - BEFORE if x >= BEFORE else x
+                if i not in op.numbers:
+                    x = x.series if isinstance(x, Delayed) else x
                     self.uses[x] = self.uses.get(x, 0) + 1
                     if op not in _SUMS:
                         self.named.add(x)
 
-    def nodes(self) -> list[Node]:
+    def nodes(self) -> list[SeriesNode]:
         """Rewrite all sums."""
         sums = [(to, _terms(node)) for to, node in self.given.items() if node[0] in _SUMS]
         for to, terms in reversed(sums):
@@ -57,7 +60,7 @@ class _Factoring:
                     self.expansion.add(terms, to)
         return self.expansion.wanted(self.results)
 
-    def alone(self, x: int, *ops: SeriesOp) -> Node | None:
+    def alone(self, x: Name, *ops: SeriesOp) -> SeriesNode | None:
         """Return an operation of some kinds whose result is used once."""
         node = self.given.get(x)
         return node if node and node[0] in ops and self.uses[x] == 1 else None
@@ -84,7 +87,7 @@ class _Factoring:
         """Return terms with common factors of products taken out, the most common first."""
         expansion = self.expansion
         while True:
-            members: dict[int, list[int]] = {}
+            members: dict[Name, list[int]] = {}
             for i, (_, x) in enumerate(terms):
                 node = self.alone(x, SeriesOp.MUL)
                 for factor in set(node[2] if node else ()):
@@ -97,14 +100,19 @@ class _Factoring:
                 number, x = terms[i]
                 a, b = self.given[x][2]
                 others.append((number, b if a == factor else a))
-            others.sort(key=itemgetter(1))  # those of other sums too, however they are written
+            others.sort(key=_in_order)  # those of other sums too, however they are written
             number, rest = expansion.bracket(others, lambda x: self.taken_out(self.flat(x)))
             product = number, expansion.multiply(factor, rest)
             terms = [x for i, x in enumerate(terms) if i not in which[1:]]
             terms[which[0]] = product
 
 
-def _terms(node: Node) -> list[Form]:
+def _in_order(term: Form) -> tuple[bool, Name]:
+    """Return by what terms are sorted: series with registers come first."""
+    return isinstance(term[1], UnnamedSeries), term[1]
+
+
+def _terms(node: SeriesNode) -> list[Form]:
     """Return the terms of a sum."""
     _, _, operands = node
-    return list(zip([x - NUMBER for x in operands[::2]], operands[1::2], strict=True))
+    return list(zip(operands[::2], operands[1::2], strict=True))

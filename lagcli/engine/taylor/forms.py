@@ -9,17 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-from lagcli.engine.program.nodes import Node
 from lagcli.engine.tape.arithmetic import Arithmetic
-from lagcli.engine.taylor.series_nodes import BEFORE, NAMELESS, ZERO, SeriesOp
+from lagcli.engine.taylor.series_nodes import (
+    ZERO,
+    Delayed,
+    Name,
+    SeriesNode,
+    SeriesOp,
+    UnnamedSeries,
+)
 
-Form = tuple[int, int]  # the registers of a number and of a series' first coefficient
+Form = tuple[int, Name]  # the register of a number, and a series
 
 
 class SeriesForms:
     """Knows series as multiples, and makes sums and products of them.
 
-    A series is named by the register of its first coefficient; what has none is nameless.
+    A series is named by the register of its first coefficient, if it has one.
 
     Parameters
     ----------
@@ -31,32 +37,33 @@ class SeriesForms:
         self.builder = builder
         self.zero, self.one = builder.zero, builder.one
         self.minus_one = builder.negative(builder.one)
-        self.nodes: dict[int, Node] = {}
-        self.whole: dict[int, Form] = {}
-        self.tails: dict[int, Form] = {}  # what counts beyond the first coefficient
-        self.begins: dict[int, int] = {}  # what a nameless series begins with
-        self.brackets: dict[tuple[Form, ...], int] = {}
-        self.products: dict[tuple[int, int], int] = {}  # that no register has
+        self.nodes: dict[Name, SeriesNode] = {}
+        self.whole: dict[Name, Form] = {}
+        self.tails: dict[Name, Form] = {}  # what counts beyond the first coefficient
+        self.begins: dict[Name, int] = {ZERO: self.zero}  # of series without a register
+        self.brackets: dict[tuple[Form, ...], Name] = {}
+        self.products: dict[tuple[Name, Name], Name] = {}  # that no register has
+        self.tail_products: dict[tuple[Name, Name], Name] = {}  # less the first coefficient of x
 
-    def new(self, begin: int) -> int:
+    def new(self, begin: int) -> UnnamedSeries:
         """Return a name for a series without a register."""
-        name = NAMELESS + len(self.begins)
+        name = UnnamedSeries(ZERO.number + len(self.begins))
         self.begins[name] = begin
         return name
 
-    def begin(self, x: int) -> int:
+    def begin(self, x: Name) -> int:
         """Return the register of a series' first coefficient."""
-        return self.begins.get(x, x)
+        return self.begins[x] if isinstance(x, UnnamedSeries) else x
 
-    def form(self, x: int) -> Form:
+    def form(self, x: Name) -> Form:
         """Return a series as a number times another."""
         return self.whole.get(x, (self.one, x))
 
-    def tail(self, x: int) -> Form:
+    def tail(self, x: Name) -> Form:
         """Return a series as a number times another, their first coefficients apart."""
         return self.tails.get(x) or self.form(x)
 
-    def scaled(self, to: int, scale: Callable[[int], int], x: int) -> None:
+    def scaled(self, to: Name, scale: Callable[[int], int], x: Name) -> None:
         """Make a series another's multiple, by what ``scale`` makes of its number."""
         number, base = self.form(x)
         self.whole[to] = scale(number), base
@@ -64,9 +71,9 @@ class SeriesForms:
             number, base = self.tails[x]
             self.tails[to] = scale(number), base
 
-    def add(self, terms: Iterable[Form], to: int | None = None) -> Form:
+    def add(self, terms: Iterable[Form], to: Name | None = None) -> Form:
         """Make the sum of multiples of series, their first coefficients apart; ``to``: its name."""
-        numbers: dict[int, int] = {}
+        numbers: dict[Name, int] = {}
         for s, x in terms:
             if x != ZERO and s != self.zero:
                 numbers[x] = self.builder.plus(numbers[x], s) if x in numbers else s
@@ -104,11 +111,12 @@ class SeriesForms:
             self.add(rewrite(left), name)
         return number, self.brackets[key]
 
-    def multiply(self, x: int, y: int, tail: bool = False) -> int:
+    def multiply(self, x: Name, y: Name, tail: bool = False) -> Name:
         """Return the name of a product; ``tail``: less x's first coefficient times y."""
-        op, y = (SeriesOp.MUL_TAIL, y + BEFORE) if tail else (SeriesOp.MUL, y)
-        if (x, y) not in self.products:
+        products = self.tail_products if tail else self.products
+        if (x, y) not in products:
             begin = self.zero if tail else self.builder.times(self.begin(x), self.begin(y))
-            self.products[x, y] = name = self.new(begin)
-            self.nodes[name] = op, (name,), (x, y)
-        return self.products[x, y]
+            products[x, y] = name = self.new(begin)
+            factors = (x, Delayed(y) if tail else y)
+            self.nodes[name] = SeriesOp.MUL_TAIL if tail else SeriesOp.MUL, (name,), factors
+        return products[x, y]

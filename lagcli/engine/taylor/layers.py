@@ -16,7 +16,15 @@ from lagcli.engine.program.nodes import VECTOR, Node
 from lagcli.engine.program.progressions import SHORTEST, pieces, progressions, steps
 from lagcli.engine.program.slots import LINE, Slots
 from lagcli.engine.program.vectorize import WORTH, last_uses, together
-from lagcli.engine.taylor.series_nodes import AHEAD, BEFORE, CONVOLVED, LONGEST, NUMBERS, SeriesOp
+from lagcli.engine.taylor.series_nodes import (
+    LONGEST,
+    Delayed,
+    Name,
+    NextCoefficient,
+    Operand,
+    SeriesNode,
+    SeriesOp,
+)
 
 #: Operations from which on vectors are looked for: those of a chain of 20 bodies.
 LONG = 500
@@ -27,14 +35,14 @@ _TEMPORARY = 1 << 24
 class SeriesVector(NamedTuple):
     """One operation on vectors: the places of its results and, for each operand, its elements."""
 
-    op: int
+    op: SeriesOp
     results: list[int]
-    operands: list[list[int]]
+    operands: list[list[Any]]
 
     @property
     def numbers(self) -> list[tuple[int, ...]]:
         """The registers of the operands that are numbers; one if all elements have the same."""
-        found = [tuple(self.operands[n]) for n in NUMBERS.get(self.op, ())]
+        found = [tuple(self.operands[n]) for n in self.op.numbers]
         return [x[:1] if len(set(x)) == 1 else x for x in found]
 
 
@@ -45,38 +53,38 @@ class Layers(NamedTuple):
     ----------
     parts : list
         In order: vectors, and lists of nodes.
-    place : dict of int to int
+    place : dict of names to int
         Places of series in a layer. Temporary ones lie beyond it, where later layers will be.
     size : int
         Of a layer.
     end : int
         The first place after all.
-    kept : dict of int to int
+    kept : dict of int to names
         Places in the layer → the series there, but for those of the state.
     """
 
-    parts: list[SeriesVector | list[Node]]
-    place: dict[int, int]
+    parts: list[SeriesVector | list[SeriesNode]]
+    place: dict[Operand, int]
     size: int
     end: int
-    kept: dict[int, int]
+    kept: dict[int, Operand]
 
 
 def layered(
-    nodes: Sequence[Node],
-    kept: Collection[int],
-    state: Sequence[Sequence[int]],
-    results: Sequence[Sequence[int]],
+    nodes: Sequence[SeriesNode],
+    kept: Collection[Name],
+    state: Sequence[Sequence[Name]],
+    results: Sequence[Sequence[Name]],
 ) -> Layers | None:
     """Put operations on series in vectors; None where too few of them fit.
 
     Parameters
     ----------
-    nodes : sequence of Node
+    nodes : sequence of SeriesNode
         In an order in which every operand is ready.
-    kept : collection of int
+    kept : collection of names
         Series whose coefficients of all orders are needed.
-    state, results : sequences of sequences of int
+    state, results : sequences of sequences of names
         Families: series that are to lie side by side.
     """
     layering = _Layering(nodes, kept, state, results)
@@ -84,11 +92,12 @@ def layered(
     return layering.finished() if layering.packed >= WORTH * len(nodes) else None
 
 
-def _needs(node: Node) -> tuple[int, ...]:
+def _needs(node: SeriesNode) -> tuple[Name, ...]:
     """Return the series that must be there before an operation."""
     op, _, operands = node
-    numbers = NUMBERS.get(op, ())
-    return tuple([x for i, x in enumerate(operands) if i not in numbers and x < BEFORE])
+    return tuple(
+        [x for i, x in enumerate(operands) if i not in op.numbers and not isinstance(x, Delayed)]
+    )
 
 
 class _Layering:
@@ -96,33 +105,35 @@ class _Layering:
 
     def __init__(
         self,
-        nodes: Sequence[Node],
-        kept: Collection[int],
-        state: Sequence[Sequence[int]],
-        results: Sequence[Sequence[int]],
+        nodes: Sequence[SeriesNode],
+        kept: Collection[Name],
+        state: Sequence[Sequence[Name]],
+        results: Sequence[Sequence[Name]],
     ):
         self.nodes, self.kept = nodes, set(kept)
-        self.place: dict[int, int] = {}
+        self.place: dict[Operand, int] = {}
         self.size = 0
         self.slots = Slots(_TEMPORARY)
         self.vectors: list[Sequence[int] | None] = []  # the nodes of each, or None: see below
         self.singles: list[list[int]] = []  # the nodes of each None
         self.packed = 0
-        self.copies: dict[tuple[int, ...], list[int]] = {}  # side by side, of series that are not
-        self.copied: dict[int, int] = {}  # places in the layer → the series there
+        self.copies: dict[tuple[Name, ...], list[int]] = {}  # side by side, of series that are not
+        self.copied: dict[int, Operand] = {}  # places in the layer → the series there
         for family in state:
             first = self.keep(len(family))
             self.put(family, first)
-            self.put([x + AHEAD for x in family], first)
+            self.put([NextCoefficient(x) for x in family], first)
         self.state = self.size
         for family in results:
             self.take(family)
 
-    def put(self, names: Sequence[int], first: int) -> None:
+    def put(self, names: Sequence[Operand], first: int) -> None:
         """Note places side by side."""
         self.place.update(zip(names, range(first, first + len(names)), strict=True))
 
-    def copy(self, names: Sequence[int], copies: dict[tuple[int, ...], list[int]]) -> SeriesVector:
+    def copy(
+        self, names: Sequence[Name], copies: dict[tuple[Name, ...], list[int]]
+    ) -> SeriesVector:
         """Return the operation that puts series side by side, and note where."""
         first, places = self.keep(len(names)), [self.place[x] for x in names]
         side_by_side = list(range(first, first + len(names)))
@@ -163,7 +174,7 @@ class _Layering:
             self.vectors.append(None)
             self.singles.append(singles)
 
-    def take(self, names: Sequence[int]) -> None:
+    def take(self, names: Sequence[Operand]) -> None:
         """Give results places side by side."""
         if self.kept.isdisjoint(names):
             self.put(names, self.slots.take(len(names)))
@@ -182,19 +193,19 @@ class _Layering:
     def finished(self) -> Layers:
         """Return the parts, with what goes from layers to rows."""
         kept = {at: x for x, at in self.place.items() if self.state <= at < _TEMPORARY}
-        parts: list[SeriesVector | list[Node]] = []
-        later: list[SeriesVector | list[Node]] = []
-        late: dict[tuple[int, ...], list[int]] = {}
-        entered: set[int] = set()
-        entering: dict[int, None] = {}
+        parts: list[SeriesVector | list[SeriesNode]] = []
+        later: list[SeriesVector | list[SeriesNode]] = []
+        late: dict[tuple[Name, ...], list[int]] = {}
+        entered: set[Name] = set()
+        entering: dict[Name, None] = {}
         singles = iter(self.singles)
         for members in self.vectors:
             if members is None:
                 batch = [self.nodes[i] for i in next(singles)]
-                enter: list[Node] = []
+                enter: list[SeriesNode] = []
                 for op, _, operands in batch:
-                    entering.update((x - BEFORE, None) for x in operands if x >= BEFORE)
-                    needed = dict.fromkeys(operands[n] for n in CONVOLVED.get(op, ()))
+                    entering.update((x.series, None) for x in operands if isinstance(x, Delayed))
+                    needed = dict.fromkeys(operands[n] for n in op.convolved)
                     enter += [_enters(x) for x in needed if x not in entered]
                     entered.update(needed)
                 parts += [enter, batch] if enter else [batch]
@@ -203,12 +214,12 @@ class _Layering:
             op = nodes[0][0]
             columns = [list(column) for column in zip(*[o for _, _, o in nodes], strict=True)]
             for n in range(len(columns)):
-                if n in NUMBERS.get(op, ()):
+                if n in op.numbers:
                     continue
-                before = columns[n][0] >= BEFORE
-                names = tuple([x - BEFORE if before else x for x in columns[n]])
+                before = isinstance(columns[n][0], Delayed)
+                names = tuple([x.series if before else x for x in columns[n]])
                 columns[n] = [self.place[x] for x in names]
-                if (before or n in CONVOLVED.get(op, ())) and steps(columns[n])[1] != 1:
+                if (before or n in op.convolved) and steps(columns[n])[1] != 1:
                     # what is not there before the operation is copied at the end
                     known = late if before and names not in self.copies else self.copies
                     if names not in known:
@@ -219,7 +230,9 @@ class _Layering:
         parts += [*later, *([enter] if enter else [])]
         return self.moved(parts, {**kept, **self.copied})
 
-    def moved(self, parts: list[SeriesVector | list[Node]], kept: dict[int, int]) -> Layers:
+    def moved(
+        self, parts: list[SeriesVector | list[SeriesNode]], kept: dict[int, Operand]
+    ) -> Layers:
         """Put temporary places beyond the layer and the next one's state."""
         # an odd number of lines of the cache: those of one place do not get into each other's way
         size = -(-self.size // LINE) * LINE
@@ -229,11 +242,12 @@ class _Layering:
         def to(places: list[int]) -> list[int]:
             return [at + offset if at >= _TEMPORARY else at for at in places]
 
-        found: list[SeriesVector | list[Node]] = []
+        found: list[SeriesVector | list[SeriesNode]] = []
         for part in parts:
             if isinstance(part, SeriesVector):
-                numbers = NUMBERS.get(part.op, ())
-                operands = [x if n in numbers else to(x) for n, x in enumerate(part.operands)]
+                operands = [
+                    x if n in part.op.numbers else to(x) for n, x in enumerate(part.operands)
+                ]
                 part = SeriesVector(part.op, to(part.results), operands)
             found.append(part)
         place = dict(zip(self.place, to(list(self.place.values())), strict=True))
@@ -245,14 +259,14 @@ def vector_stream(vector: SeriesVector, place: Mapping[Any, int]) -> list[int]:
 
     Parameters
     ----------
-    vector : Vector
+    vector : SeriesVector
     place : mapping
-        Places of its numbers; see `Vector.numbers`.
+        Places of its numbers; see `SeriesVector.numbers`.
     """
     numbers = iter(vector.numbers)
     found = [VECTOR + vector.op, len(vector.results), *steps(vector.results)]
     for n, x in enumerate(vector.operands):
-        if n in NUMBERS.get(vector.op, ()):
+        if n in vector.op.numbers:
             part = next(numbers)
             found += (place[part], int(len(part) > 1))
         else:
@@ -260,6 +274,6 @@ def vector_stream(vector: SeriesVector, place: Mapping[Any, int]) -> list[int]:
     return found
 
 
-def _enters(x: int) -> Node:
+def _enters(x: Name) -> SeriesNode:
     """Return the operation that copies a series' coefficient to its row."""
     return SeriesOp.TO_ROW, (x,), (x,)

@@ -18,6 +18,7 @@ from lagcli.engine.layout import UnrolledLayout
 from lagcli.engine.system import System
 from lagcli.engine.taylor.expansion import SeriesExpansion
 from lagcli.engine.taylor.forms import Form
+from lagcli.engine.taylor.series_nodes import Name
 
 
 class LinearSystem:
@@ -47,18 +48,18 @@ class LinearSystem:
         self.solution = outputs[len(outputs) - nq - size : len(outputs) - nq]
         self.other_right = range(system.dynamics.inputs, system.dynamics.inputs + size)
 
-    def solve(self) -> list[int]:
+    def solve(self) -> list[Name]:
         """Take the matrix and the right side, then the substitutions; return the unknowns."""
         expansion = self.expansion
         expansion.expand([*(x for _, _, x, _ in self.entries), *self.right])
         unknowns = self.unknowns()
-        rows: list[dict[int, list[Form]]] = [{} for _ in unknowns]
+        rows: list[dict[Name, list[Form]]] = [{} for _ in unknowns]
         for i, j, x, sign in self.entries:
             if not expansion.is_invariant(x):
                 number, base = expansion.tail(x)
                 number = number if sign > 0 else expansion.builder.negative(number)
                 rows[i].setdefault(base, []).append((number, unknowns[j]))
-        moving = set()
+        moving: set[Name] = set()
         for to, right, row in zip(self.other_right, self.right, rows, strict=True):
             terms = [] if expansion.is_invariant(right) else [expansion.tail(right)]
             terms += [self.product(base, factors) for base, factors in row.items()]
@@ -74,10 +75,10 @@ class LinearSystem:
         expansion.moving = before
         return unknowns
 
-    def unknowns(self) -> list[int]:
+    def unknowns(self) -> list[Name]:
         """Return names of the series of a and λ: registers where these are not made otherwise."""
         expansion = self.expansion
-        found: list[int] = []
+        found: list[Name] = []
         for x in self.values:
             known = x in expansion.taken or x < expansion.builder.inputs
             if not known:
@@ -86,7 +87,7 @@ class LinearSystem:
             found.append(expansion.new(x) if known else x)
         return found
 
-    def product(self, base: int, factors: list[Form]) -> Form:
+    def product(self, base: Name, factors: list[Form]) -> Form:
         """Return a series, but its first coefficient, times a sum."""
         expansion = self.expansion
         number, x = factors[0] if len(factors) == 1 else expansion.bracket(factors, list)

@@ -31,14 +31,15 @@ from lagcli.engine.taylor.factoring import factored
 from lagcli.engine.taylor.layers import LONG, Layers, SeriesVector, layered, vector_stream
 from lagcli.engine.taylor.linear_series import LinearSystem
 from lagcli.engine.taylor.series_nodes import (
-    AHEAD,
-    BEFORE,
-    CONVOLVED,
     MAX_ORDER,
-    NUMBER,
-    NUMBERS,
     WORK,
     ZERO,
+    Delayed,
+    Name,
+    NextCoefficient,
+    Operand,
+    RegisterValue,
+    SeriesNode,
     SeriesOp,
 )
 
@@ -120,7 +121,7 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     expansion.expand([power])
     rates = [*v, *unknowns[:nq], expansion.result(power)]
     kinds = system.families[1 : 1 + 2 * nq]
-    families = (
+    families: tuple[list[list[Name]], list[list[Name]]] = (
         [[0], [ZERO], *_alike(state[1:], kinds), [WORK]],
         [
             *_alike(unknowns[:nq], kinds[:nq]),
@@ -130,9 +131,9 @@ def expand(system: System, tape: Tape, order: int, working: Iterable[int]) -> Se
     return _program(expansion, families, rates, [*outputs[layout.solution][:nq], power], order)
 
 
-def _alike(values: Iterable[int], kinds: Iterable[str | None]) -> list[list[int]]:
+def _alike(values: Iterable[Name], kinds: Iterable[str | None]) -> list[list[Name]]:
     """Return the values of each kind."""
-    members: dict[str | None, list[int]] = {}
+    members: dict[str | None, list[Name]] = {}
     for x, kind in zip(values, kinds, strict=True):
         members.setdefault(kind, []).append(x)
     return list(members.values())
@@ -171,44 +172,48 @@ def _power(system: System, builder: Builder, outputs: Sequence[int], working: It
 
 def _program(
     expansion: SeriesExpansion,
-    families: tuple[list[list[int]], list[list[int]]],
-    rates: Sequence[int],
+    families: tuple[list[list[Name]], list[list[Name]]],
+    rates: Sequence[Name],
     outputs: Sequence[int],
     order: int,
 ) -> SeriesProgram:
     """Return the program; rates are the series v, a, power, and outputs the values of a, power."""
     nodes = _merged(factored(expansion, rates), rates, SeriesOp.MUL, SeriesOp.MULSUM)
-    state = [*range(len(rates)), WORK]
+    state: list[Name] = [*range(len(rates)), WORK]
     kept = _kept(nodes, {*state, ZERO})
-    ends: list[Node] = [
-        (SeriesOp.INTEGRATE, (x + AHEAD,), (y,)) for x, y in zip(state[1:], rates, strict=True)
+    ends: list[SeriesNode] = [
+        (SeriesOp.INTEGRATE, (NextCoefficient(x),), (y,))
+        for x, y in zip(state[1:], rates, strict=True)
     ]
     found = layered([*nodes, *ends], kept, *families) if len(nodes) >= LONG else None
     if found is None:
         nodes = _merged(nodes, rates, SeriesOp.MUL_TAIL, SeriesOp.MUL_TAIL_SUM)
-        return _in_rows(expansion, [*in_order(nodes), *ends], state, kept, outputs, order)
+        return _in_rows(expansion, nodes, ends, state, kept, outputs, order)
     return _in_layers(expansion, found, state, outputs, order)
 
 
 def _in_rows(
     expansion: SeriesExpansion,
-    nodes: list[Node],
-    state: Sequence[int],
-    kept: Sequence[int],
+    nodes: list[SeriesNode],
+    ends: list[SeriesNode],
+    state: Sequence[Name],
+    kept: Sequence[Name],
     outputs: Sequence[int],
     order: int,
 ) -> SeriesProgram:
     """Return a program with rows for what is convolved; those of the state are the first."""
-    place, numbers, invariant = _place_numbers(expansion, _numbers(nodes), [])
+    places, numbers, invariant = _place_numbers(expansion, _numbers(nodes), [])
+    place: dict[Operand, int] = {RegisterValue(x): at for (x,), at in places.items()}
     row, first = _row(order), _first(numbers)
     rows = [*state, ZERO, *kept]
     end = _place_rows(place, rows, first, row)
-    place.update((x + AHEAD, place[x]) for x in state)
-    ordered, count = allocate(nodes, place, end, {*rows, *(x + AHEAD for x in state)})
+    place.update((NextCoefficient(x), place[x]) for x in state)
+    marked = in_order([*map(_marked, nodes)])
+    ordered, count = allocate([*marked, *ends], place, end, {*rows, *map(NextCoefficient, state)})
     return SeriesProgram(
         values=_values(expansion, numbers, kept, outputs),
         stream=stream(ordered, SeriesOp.END),
-        convolutions=sum(op in CONVOLVED for op, _, _ in nodes),
+        convolutions=sum(bool(op.convolved) for op, _, _ in nodes),
         order=order,
         invariant=invariant,
         numbers=len(numbers),
@@ -223,7 +228,7 @@ def _in_rows(
 def _in_layers(
     expansion: SeriesExpansion,
     layers: Layers,
-    state: Sequence[int],
+    state: Sequence[Name],
     outputs: Sequence[int],
     order: int,
 ) -> SeriesProgram:
@@ -248,7 +253,7 @@ def _in_layers(
     return SeriesProgram(
         values=_values(expansion, numbers, [*rows, *layers.kept.values()], outputs),
         stream=_array([*whole, SeriesOp.END, 0]),
-        convolutions=sum(op in CONVOLVED for op, _, _ in singles),
+        convolutions=sum(bool(op.convolved) for op, _, _ in singles),
         order=order,
         invariant=invariant,
         numbers=len(numbers),
@@ -265,7 +270,10 @@ def _array(values: Iterable[int]) -> Int32:
 
 
 def _placed(
-    node: Node, numbers: Mapping[Any, int], rows: Mapping[Any, int], layer: Mapping[int, int]
+    node: SeriesNode,
+    numbers: Mapping[tuple[int, ...], int],
+    rows: Mapping[Any, int],
+    layer: Mapping[Operand, int],
 ) -> Node:
     """Return an operation with the places of numbers, of rows, and in the layer."""
     op, (to,), operands = node
@@ -273,25 +281,38 @@ def _placed(
         return op, (rows[to],), (layer[to],)
     places = []
     for i, x in enumerate(operands):
-        if i in NUMBERS.get(op, ()):
-            places.append(numbers[x])
+        if i in op.numbers:
+            places.append(numbers[x,])
         else:
-            places.append(rows[x] if x >= BEFORE or i in CONVOLVED.get(op, ()) else layer[x])
+            convolved = i in op.convolved or isinstance(x, Delayed)
+            places.append((rows if convolved else layer)[x])
     return op, (layer[to],), tuple(places)
 
 
-def _numbers(nodes: Iterable[Node]) -> Iterator[tuple[int]]:
-    return ((o[i],) for op, _, o in nodes for i in NUMBERS.get(op, ()))
+def _marked(node: SeriesNode) -> SeriesNode:
+    """Return an operation whose numbers are known by themselves."""
+    op, to, operands = node
+    return (
+        op,
+        to,
+        tuple([RegisterValue(x) if i in op.numbers else x for i, x in enumerate(operands)]),
+    )
+
+
+def _numbers(nodes: Iterable[SeriesNode]) -> Iterator[tuple[int]]:
+    return ((o[i],) for op, _, o in nodes for i in op.numbers)
 
 
 def _place_numbers(
-    expansion: SeriesExpansion, numbers: Iterable[tuple[int]], of_vectors: Iterable[tuple[int, ...]]
-) -> tuple[dict[Any, int], list[int], int]:
+    expansion: SeriesExpansion,
+    numbers: Iterable[tuple[int]],
+    of_vectors: Iterable[tuple[int, ...]],
+) -> tuple[dict[tuple[int, ...], int], list[int], int]:
     """Give numbers places, those of vectors side by side and steady ones first.
 
     Returns
     -------
-    place : dict
+    place : dict of tuple of int to int
         A number's; of a vector's numbers, the first one's.
     found : list of int
         The registers.
@@ -301,14 +322,12 @@ def _place_numbers(
     known = expansion.builder.invariant
     parts: tuple[list[tuple[int, ...]], list[tuple[int, ...]]] = [], []
     for part in dict.fromkeys(chain(numbers, of_vectors)):
-        changing = any(x - NUMBER >= 0 and x - NUMBER not in known for x in part)
+        changing = any(x >= 0 and x not in known for x in part)
         parts[changing].append(part)
-    place: dict[Any, int] = {}
+    place: dict[tuple[int, ...], int] = {}
     found: list[int] = []
     for part in chain(*parts):
         place[part] = len(found)
-        if len(part) == 1:
-            place[part[0]] = len(found)
         found += part
     return place, found, sum(map(len, parts[0]))
 
@@ -322,38 +341,38 @@ def _first(numbers: Sequence[int]) -> int:
     return -(-(len(numbers) + PADDING) // LINE) * LINE
 
 
-def _place_rows(place: dict[int, int], rows: Sequence[int], first: int, row: int) -> int:
+def _place_rows(place: dict[Any, int], rows: Sequence[Name], first: int, row: int) -> int:
     """Give series rows, the same when orders up to k − 1 are needed; return their end."""
     for n, x in enumerate(rows):
-        place[x] = place[x + BEFORE] = first + n * row
+        place[x] = place[Delayed(x)] = first + n * row
     return first + len(rows) * row
 
 
 def _values(
     expansion: SeriesExpansion,
     numbers: Sequence[int],
-    begins: Sequence[int],
+    begins: Iterable[Any],
     outputs: Sequence[int],
 ) -> Tape:
     first = map(expansion.begin, begins)
-    return expansion.builder.finish([*(x - NUMBER for x in numbers), *first, *outputs])
+    return expansion.builder.finish([*numbers, *first, *outputs])
 
 
 def _merged(
-    nodes: list[Node], results: Sequence[int], product: SeriesOp, merged: SeriesOp
-) -> list[Node]:
+    nodes: list[SeriesNode], results: Sequence[Name], product: SeriesOp, merged: SeriesOp
+) -> list[SeriesNode]:
     """Merge each product of a kind that is used once, by a sum, into that sum."""
-    uses: dict[int, int] = dict.fromkeys(results, 2)
+    uses: dict[Name, int] = dict.fromkeys(results, 2)
     for op, _, operands in nodes:
         for i, x in enumerate(operands):
-            if i not in NUMBERS.get(op, ()):
-                x = x - BEFORE if x >= BEFORE else x
+            if i not in op.numbers:
+                x = x.series if isinstance(x, Delayed) else x
                 # a series that is convolved keeps a row of its own
                 uses[x] = uses.get(x, 0) + (1 if op == SeriesOp.SUM else 2)
     products = {
         to: operands for op, (to,), operands in nodes if op == product and uses.get(to) == 1
     }
-    found: dict[int, Node] = {}
+    found: dict[Any, SeriesNode] = {}
     for op, to, operands in nodes:
         found[to[0]] = op, to, operands
         if op == SeriesOp.SUM:
@@ -366,11 +385,11 @@ def _merged(
     return list(found.values())
 
 
-def _kept(nodes: Iterable[Node], state: set[int]) -> list[int]:
+def _kept(nodes: Iterable[SeriesNode], state: set[Name]) -> list[Name]:
     """Return the series beside the state's whose coefficients of all orders are needed."""
-    kept: dict[int, None] = {}
+    kept: dict[Name, None] = {}
     for op, _, operands in nodes:
-        if op in CONVOLVED:
-            kept.update((operands[i], None) for i in CONVOLVED[op])
-            kept.update((x - BEFORE, None) for x in operands if x >= BEFORE)
+        if op.convolved:
+            kept.update((operands[i], None) for i in op.convolved)
+            kept.update((x.series, None) for x in operands if isinstance(x, Delayed))
     return [x for x in kept if x not in state]

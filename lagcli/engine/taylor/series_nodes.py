@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Any, NamedTuple
 
 
 class SeriesOp(IntEnum):
@@ -15,15 +16,22 @@ class SeriesOp(IntEnum):
     operands : str
         A letter for each operand: n is a number, s a series of which order k is used, c one that is
         convolved, and e one that is convolved up to order k − 1.
+    numbers, convolved : tuples of int
+        Which operands are numbers, and which are series of letter c.
     """
 
     operands: str
+    numbers: tuple[int, ...]
+    convolved: tuple[int, ...]
 
     def __new__(cls, operands: str) -> SeriesOp:
-        """Number the operations in the order of their rows."""
+        """RegisterValue the operations in the order of their rows."""
         op = int.__new__(cls, len(cls.__members__))
         op._value_ = len(cls.__members__)
         op.operands = operands
+        op.numbers, op.convolved = (
+            tuple(i for i, x in enumerate(operands) if x == letter) for letter in "nc"
+        )
         return op
 
     SUM = "nsns"  # s a + t b
@@ -41,23 +49,51 @@ class SeriesOp(IntEnum):
     END = ""
 
 
-def _positions(letter: str) -> dict[int, tuple[int, ...]]:
-    found = {op: tuple(i for i, x in enumerate(op.operands) if x == letter) for op in SeriesOp}
-    return {op: at for op, at in found.items() if at}
-
-
-#: Which operands are numbers, and which are series that are convolved.
-NUMBERS, CONVOLVED = _positions("n"), _positions("c")
 #: The largest order; the core's loops know their lengths up to here.
 MAX_ORDER = 31
 #: Elements that a vector has at most.
 LONGEST = 1024
-#: Names of series that no register has: the work; what is zero beyond its first coefficient; and
-#: from the next on, rates and parts.
-WORK, ZERO, NAMELESS = 1 << 40, (1 << 40) + 1, (1 << 40) + 2
-#: Added to the name of a series of which orders up to k − 1 are needed: no need to wait for it.
-BEFORE = 1 << 50
-#: Added to the name of a series of the state, it is its next coefficient.
-AHEAD = 1 << 52
-#: Added to a register, it is a number that operations use, and not the series that begins with it.
-NUMBER = -(1 << 50)
+
+
+class UnnamedSeries(NamedTuple):
+    """A series that no register of the tape begins with, by its number."""
+
+    number: int
+
+
+#: The work, and what is zero beyond its first coefficient.
+WORK, ZERO = UnnamedSeries(0), UnnamedSeries(1)
+
+#: A series: the register that it begins with, or one without.
+Name = int | UnnamedSeries
+
+
+# What operations read beside series. A number tells them apart: tuples are equal by their fields.
+
+
+class Delayed(NamedTuple):
+    """A series of which orders up to k − 1 are needed: no need to wait for order k."""
+
+    series: Name
+    kind: int = 0
+
+
+class NextCoefficient(NamedTuple):
+    """The next coefficient of a series of the state."""
+
+    series: Name
+    kind: int = 1
+
+
+class RegisterValue(NamedTuple):
+    """A register's value, by which series are multiplied; not the series that begins with it.
+
+    Where an operation's operands are in order, `SeriesOp.numbers` tells which they are.
+    """
+
+    register: int
+    kind: int = 2
+
+
+Operand = Name | Delayed | NextCoefficient | RegisterValue
+SeriesNode = tuple[SeriesOp, tuple[Any, ...], tuple[Any, ...]]  # as `Node`; of operands

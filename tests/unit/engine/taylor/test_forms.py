@@ -5,7 +5,7 @@ from __future__ import annotations
 from lagcli.engine.tape.arithmetic import Arithmetic
 from lagcli.engine.tape.interpreter import ScalarTape
 from lagcli.engine.taylor.forms import Form, SeriesForms
-from lagcli.engine.taylor.series_nodes import BEFORE, ZERO, SeriesOp
+from lagcli.engine.taylor.series_nodes import ZERO, Delayed, SeriesOp
 
 #: Registers: series that begin with 2, 3, 5, and the numbers 7, 11, 13.
 X, Y, Z, S, T, U = range(6)
@@ -57,7 +57,7 @@ def test_products_are_made_once() -> None:
     assert value(forms, name) == 6.0
     assert value(forms, forms.multiply(name, Z)) == 30.0
     tail = forms.multiply(X, Y, tail=True)
-    assert forms.nodes[tail] == (SeriesOp.MUL_TAIL, (tail,), (X, Y + BEFORE))
+    assert forms.nodes[tail] == (SeriesOp.MUL_TAIL, (tail,), (X, Delayed(Y)))
     assert value(forms, tail) == 0.0
 
 

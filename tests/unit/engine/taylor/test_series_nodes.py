@@ -1,46 +1,38 @@
-"""Names of series: what operations read, and names that no register has."""
+"""Operations on series, and the names and kinds of their operands."""
 
 from __future__ import annotations
 
-import itertools
-
 from lagcli.engine.taylor.series_nodes import (
-    AHEAD,
-    BEFORE,
-    CONVOLVED,
     MAX_ORDER,
-    NAMELESS,
-    NUMBER,
-    NUMBERS,
     WORK,
     ZERO,
+    Delayed,
+    NextCoefficient,
+    RegisterValue,
     SeriesOp,
+    UnnamedSeries,
 )
 
 
 def test_operands_are_numbers_or_series() -> None:
-    assert NUMBERS[SeriesOp.SUM] == (0, 2)  # s a + t b
-    assert SeriesOp.SUM not in CONVOLVED
-    assert NUMBERS[SeriesOp.MULSUM] == (0, 3)  # s a b + t c
-    assert CONVOLVED[SeriesOp.MULSUM] == (1, 2)
-    assert SeriesOp.MUL not in NUMBERS
-    assert CONVOLVED[SeriesOp.MUL] == (0, 1)
+    assert SeriesOp.SUM.numbers == (0, 2)  # s a + t b
+    assert SeriesOp.SUM.convolved == ()
+    assert SeriesOp.MULSUM.numbers == (0, 3)  # s a b + t c
+    assert SeriesOp.MULSUM.convolved == (1, 2)
+    assert SeriesOp.MUL.numbers == ()
+    assert SeriesOp.MUL.convolved == (0, 1)
     for op in SeriesOp:
-        both = NUMBERS.get(op, ()), CONVOLVED.get(op, ())
-        assert not set(both[0]) & set(both[1])
+        assert not set(op.numbers) & set(op.convolved)
         assert set("nsce") >= set(op.operands)
 
 
-def test_names_are_none_of_a_register_nor_of_each_other() -> None:
-    registers = 1 << 31  # places in streams are int32
-    most = 1 << 30  # more series than a program can have
-    plain = [range(registers), range(WORK, ZERO + 1), range(NAMELESS, NAMELESS + most)]
-    shifted = [
-        range(r.start + shift, r.stop + shift) for r in plain for shift in (0, BEFORE, AHEAD)
+def test_operands_of_different_kinds_have_places_of_their_own() -> None:
+    operands = [
+        *(3, RegisterValue(3), Delayed(3), NextCoefficient(3), UnnamedSeries(3), WORK, ZERO),
+        *(Delayed(WORK), NextCoefficient(WORK), Delayed(UnnamedSeries(3))),
     ]
-    numbers = range(NUMBER, NUMBER + registers)
-    ends = sorted((r.start, r.stop) for r in (*shifted, numbers))
-    assert all(one[1] <= other[0] for one, other in itertools.pairwise(ends))
+    assert len(dict.fromkeys(operands)) == len(operands)
+    assert RegisterValue(3) in dict.fromkeys(operands)
 
 
 def test_a_program_is_short_enough_for_its_highest_order() -> None:
