@@ -96,21 +96,12 @@ class Draft:
         )
         return None
 
-    def fields(
-        self, node: Mapping, what: str, known: tuple[str, ...], later: tuple[str, ...] = ()
-    ) -> dict[str, YamlNode]:
+    def fields(self, node: Mapping, what: str, known: tuple[str, ...]) -> dict[str, YamlNode]:
         """Return the fields of an entry that is a mapping; report unknown fields."""
         fields = {}
         for name, key, value in node:
             if name in known:
                 fields[name] = value
-            elif name in later:
-                self.report.add(
-                    "not-yet",
-                    f"`{name}` of {what} is not part of this version",
-                    key.location,
-                    "remove it",
-                )
             else:
                 self.report.add(
                     "unknown-key",
@@ -128,13 +119,12 @@ class Draft:
         node: YamlNode,
         what: str,
         known: tuple[str, ...],
-        later: tuple[str, ...] = (),
         example: str = "expression",
     ) -> tuple[YamlNode | None, dict[str, YamlNode]]:
         """Return the node of an expression, which may be the field ``expr`` of a mapping."""
         if not isinstance(node, Mapping):
             return node, {}
-        fields = self.fields(node, what, known, later)
+        fields = self.fields(node, what, known)
         if "expr" not in fields:
             self.report.add(
                 "missing-value",

@@ -99,10 +99,6 @@ class Problem:
             self._known[key] = self._known.pop(key)
         return self._known[key]
 
-    def forget(self) -> None:
-        """Forget the last evaluations, which are kept for their Jacobians."""
-        self._known.clear()
-
     def _run(self, values: list[float]) -> Evaluation | None:
         self.runs += 1
         try:

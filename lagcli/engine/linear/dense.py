@@ -65,18 +65,17 @@ def row_scale(jacobian: Array) -> Array:
 def decompose(
     jacobian: Array,
     rank: int | None = None,
-    tolerance: float = RANK_TOLERANCE,
     scale: Array | None = None,
     sizes: Array | None = None,
 ) -> Decomposition:
-    """Decompose B; the rank is counted by the tolerance where it is not given.
+    """Decompose B; the rank is counted by `RANK_TOLERANCE` where it is not given.
 
     Without ``scale``, rows are scaled by their lengths; without ``sizes``, columns are not.
     """
     scaled, scale, sizes = _scaled(jacobian, scale, sizes)
     u, s, vt = np.linalg.svd(scaled)
     if rank is None:
-        rank = int((s > tolerance).sum())
+        rank = int((s > RANK_TOLERANCE).sum())
     null = sizes[:, None] * vt[rank:].T
     return Decomposition(scale, sizes, u[:, :rank], s, vt[:rank].T, null, u[:, rank:])
 

@@ -84,11 +84,9 @@ class Member(NamedTuple):
     indices: Indices = NO_INDICES
 
 
-def declarations(
-    draft: Draft, entries: Iterable[Entry], what: str, primed: bool = False
-) -> list[Declaration]:
+def declarations(draft: Draft, entries: Iterable[Entry], what: str) -> list[Declaration]:
     """Return the declarations of entries; report invalid keys."""
-    found = (read_key(draft, key, node, what, primed) for _, key, node in entries)
+    found = (read_key(draft, key, node, what) for _, key, node in entries)
     return [d for d in found if d is not None]
 
 

@@ -126,8 +126,8 @@ def _attribute(root: h5py.Group, name: str) -> str:
     return value
 
 
-def _texts(root: h5py.Group, name: str, rows: slice = slice(None)) -> list[str]:
-    """Return some of a list of texts of variable length."""
+def _texts(root: h5py.Group, name: str) -> list[str]:
+    """Return a list of texts of variable length."""
     if not isinstance(root.get(name, getlink=True), h5py.HardLink):
         raise ValueError(f"{name} is missing, or not in the file")
     dataset = root[name]
@@ -137,7 +137,7 @@ def _texts(root: h5py.Group, name: str, rows: slice = slice(None)) -> list[str]:
     string = h5py.check_string_dtype(dataset.dtype)
     if string is None or string.length is not None:
         raise ValueError(f"{name} holds {dataset.dtype} and not texts")
-    return [text.decode() for text in dataset[rows].tolist()]
+    return [text.decode() for text in dataset[()].tolist()]
 
 
 # trajectories
