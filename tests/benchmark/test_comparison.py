@@ -162,8 +162,26 @@ def test_the_section_of_ported_models_is_replaced() -> None:
     page = table.render(table.Report("2026", "x", "y", {}))
     for now in (2.0, 0.25):
         found = PortedModels({"ring": Ported(now, 28.0, "> 30 s")}, "abc")
-        page = table.with_ported(page, table.ported_section(found, "Here."))
+        page = table.with_section(page, table.ported_section(found, "Here."))
     assert page.count(table.PORTED) == 1
     assert "| ring | 250 ms | 28 s | > 30 s |" in page
     assert page.count("## How each program is used") == 1
     assert page.index(table.PORTED) < page.index("## How each program is used")
+
+
+def test_contacts_and_events_are_measured_beside_what_they_replace() -> None:
+    from comparison import contacts
+
+    ball = contacts.bouncing_ball(1, bounces=20)
+    assert ball.ratio > 1  # of some hundred
+    assert "times faster" in ball.goal
+    spring = contacts.kinks("bilinear spring, 2 s", contacts.BILINEAR, 1.0)
+    assert spring.met
+    assert spring.theirs > spring.ours > 0
+    with_contact = contacts.idle("pendulum_cartesian", "contact", 1)
+    with_event = contacts.idle("pendulum_cartesian", "event", 1)
+    assert with_contact.ratio == pytest.approx(with_contact.ours / with_contact.theirs)
+    page = table.render(table.Report("2026", "x", "y", {}, contacts=[ball, spring, with_event]))
+    assert page.count(table.CONTACTS) == 1
+    assert f"| {spring.ratio:.3g} | fewer | met |" in page
+    assert page.index(table.CONTACTS) < page.index("## How each program is used")

@@ -9,6 +9,7 @@ import json
 import os
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
@@ -23,15 +24,17 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--program", action="append", help="lagcli and this program alone")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--before", type=Path, help="checkout of an earlier revision, built")
-    parser.add_argument(
-        "--ported", action="store_true", help="measure the ported models alone, on the same page"
-    )
+    for name, what in (("ported", "the ported models"), ("contacts", "contacts and events")):
+        parser.add_argument(
+            f"--{name}", action="store_true", help=f"measure {what} alone, on the same page"
+        )
     return parser.parse_args()
 
 
-def ported_alone(options: argparse.Namespace) -> None:
-    """Replace the section of the ported models."""
+def sections_alone(options: argparse.Namespace) -> None:
+    """Replace the sections of the ported models, or of contacts."""
     from comparison import machine, table
+    from comparison.contacts import measure_contacts
     from comparison.ported import measure_ported
 
     where = (
@@ -42,10 +45,16 @@ def ported_alone(options: argparse.Namespace) -> None:
     def say(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
-    for found in measure_ported(options.before, min(options.rounds, 2), say):
+    def write(section: Sequence[str]) -> None:
         page = options.output.read_text(encoding="utf-8")
-        page = table.with_ported(page, table.ported_section(found, where))
-        options.output.write_text(page, encoding="utf-8")
+        options.output.write_text(table.with_section(page, section), encoding="utf-8")
+
+    if options.contacts:
+        costs = list(measure_contacts(options.rounds, say))
+        write(table.contacts_section(costs, where))
+    if options.ported:
+        for found in measure_ported(options.before, min(options.rounds, 2), say):
+            write(table.ported_section(found, where))
 
 
 def main() -> None:
@@ -55,8 +64,8 @@ def main() -> None:
     from comparison import run, table
 
     options = arguments()
-    if options.ported:
-        ported_alone(options)
+    if options.ported or options.contacts:
+        sections_alone(options)
         return
     options.raw.parent.mkdir(parents=True, exist_ok=True)
     for report in run.measure_all(options.case, options.program, options.rounds, options.before):

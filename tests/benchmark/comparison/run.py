@@ -10,6 +10,7 @@ from pathlib import Path
 
 from comparison import deriving, machine, process
 from comparison.cases import CASES
+from comparison.contacts import measure_contacts
 from comparison.measure import Effort, measure
 from comparison.methods import Method
 from comparison.peers import METHODS
@@ -59,6 +60,7 @@ def measure_all(
         report.process = process.whole_process(rounds=2 * rounds)
         for report.ported in measure_ported(before, min(rounds, 2), say):
             pass
+        report.contacts = list(measure_contacts(rounds, say))
         say("deriving")
         report.derivation = deriving.derivation(timeout=120.0)
         say("growth")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from comparison.contacts import Cost
 from comparison.deriving import LINKS, Derivation, Growth
 from comparison.measure import Result
 from comparison.ported import PortedModels
@@ -32,6 +33,7 @@ class Report:
     derivation: Derivation | None = None
     growth: list[Growth] = field(default_factory=list)
     process: WholeProcess | None = None
+    contacts: list[Cost] = field(default_factory=list)
     ported: PortedModels | None = None
 
 
@@ -99,7 +101,36 @@ def _verdicts(verdicts: Sequence[Verdict]) -> list[str]:
     )
 
 
+CONTACTS = "## Contact, events and kinks"
 PORTED = "## Ported models"
+
+
+def contacts_section(costs: Sequence[Cost], where: str) -> list[str]:
+    """Return the section of contacts, events and kinks."""
+
+    def side(value: float, unit: str) -> str:
+        return seconds(value) if unit == "s" else f"{value:.0f} {unit}"
+
+    rows = [
+        [
+            x.title + (f" ({x.remark})" if x.remark else ""),
+            side(x.ours, x.unit),
+            x.other or "–",
+            side(x.theirs, x.unit) if x.other else "–",
+            f"{x.ratio:.3g}" if x.other else "–",
+            x.goal,
+            "met" if x.met else "**not met**",
+        ]
+        for x in costs
+    ]
+    return [
+        CONTACTS,
+        "",
+        "Processor time of the integration alone, with DOP853, samples included; both sides take"
+        f" turns in one process. Medians, and the median of the ratios. {where}",
+        "",
+        *_table(["", "lagcli", "beside", "it takes", "ratio", "goal", ""], rows),
+    ]
 
 
 def ported_section(ported: PortedModels, where: str) -> list[str]:
@@ -123,9 +154,9 @@ def ported_section(ported: PortedModels, where: str) -> list[str]:
     ]
 
 
-def with_ported(page: str, section: Sequence[str]) -> str:
-    """Return a page with its section of ported models replaced, or added before the last."""
-    begin, found, rest = page.partition(PORTED + "\n")
+def with_section(page: str, section: Sequence[str]) -> str:
+    """Return a page with a section replaced, or added before the last."""
+    begin, found, rest = page.partition(section[0] + "\n")
     if found:
         _, _, rest = rest.partition("\n## ")
     else:
@@ -201,6 +232,8 @@ def render(report: Report) -> str:
             f' `python -c "{IMPORTS}"` {seconds(p.imports)}: {p.simulate / p.imports:.3g} times.',
             "",
         ]
+    if report.contacts:
+        lines += contacts_section(report.contacts, "Measured with the rest.")
     if report.ported:
         lines += ported_section(report.ported, "Measured with the rest.")
     return "\n".join([*lines, *_NOTES])
