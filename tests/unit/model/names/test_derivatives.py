@@ -1,0 +1,35 @@
+"""Derivatives of names that are no coordinates."""
+
+from __future__ import annotations
+
+import pytest
+
+from lagcli.model.expression.tokens import ExpressionError
+from lagcli.model.expression.trees import Name
+from lagcli.model.names.derivatives import check_derivative
+
+INPUTS = {"cubic": 2, "line": 1, "step": 0, "sine": 5}
+
+
+@pytest.mark.parametrize(
+    ("text", "primes"), [("cubic", 2), ("line", 1), ("step", 0), ("sine", 2), ("m", 0), ("t", 0)]
+)
+def test_derivatives_that_there_are(text: str, primes: int) -> None:
+    check_derivative(INPUTS, Name(0, 1, text, primes), text, primes)
+
+
+@pytest.mark.parametrize(
+    ("text", "primes", "message"),
+    [
+        ("t", 1, "`t` has no time derivative"),
+        ("m", 1, "`m` is a parameter: its time derivative is zero"),
+        ("sine", 3, "the highest derivative of an input is `sine''`"),
+        ("line", 2, "`line` is linear between its rows: it has no derivative `line''`"),
+        ("step", 1, "`step` is a step function"),
+    ],
+)
+def test_derivatives_that_there_are_not(text: str, primes: int, message: str) -> None:
+    with pytest.raises(ExpressionError) as error:
+        check_derivative(INPUTS, Name(3, 9, text, primes), text, primes)
+    assert message in error.value.message
+    assert (error.value.start, error.value.end) == (3, 9)

@@ -1,0 +1,60 @@
+"""CSV files with titles: columns, units, and errors with their place."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from lagcli.errors import FileError
+from lagcli.model.csv_table import CsvTable
+
+
+def table(text: str) -> CsvTable:
+    return CsvTable("run.csv", text.encode())
+
+
+def test_the_delimiter_is_the_commonest_in_the_titles() -> None:
+    for delimiter in ",;\t":
+        found = table(delimiter.join(["t", "x [cm]", "y (deg)"]) + "\n")
+        assert found.titles == ["t", "x [cm]", "y (deg)"]
+    assert table("\ufefft,x\n").titles == ["t", "x"]
+
+
+def test_columns_have_factors_to_si() -> None:
+    found = table("t, x [cm],y (deg), v[1]\n")
+    assert found.column("x", None) == (1, pytest.approx(0.01), "cm")
+    assert found.column("x", "mm") == (1, pytest.approx(0.001), "mm")  # the model's unit counts
+    assert found.column("y", None)[1] == pytest.approx(math.pi / 180)
+    assert found.column("v[1]", None) == (3, 1, None)  # an index is no unit
+    with pytest.raises(FileError, match="there is no column `z`"):
+        found.column("z", None)
+    with pytest.raises(FileError, match="`x \\[foo\\]`"):
+        table("x [foo]\n").column("x", None)
+
+
+def test_rows_come_with_their_lines_and_without_blank_ones() -> None:
+    assert list(table("t,x\n\n0,1\n , \n2,3\n").rows()) == [(3, ["0", "1"]), (4, [" ", " "]), (5, ["2", "3"])]  # fmt: skip # noqa: E501
+    assert list(table("t\n1\n\n2\n").rows()) == [(2, ["1"]), (4, ["2"])]
+    with pytest.raises(FileError, match="3 values under 2 names") as error:
+        list(table("t,x\n0,1\n0,1,2\n").rows())
+    assert error.value.diagnostics[0].location.line == 3
+
+
+def test_numbers_are_finite_or_missing() -> None:
+    found = table('t,x\n1,"2,5"\n3,nan\n4,\n5,inf\n')
+    rows = list(found.rows())
+    assert found.number(rows[0][1], 0, 2) == 1.0
+    assert math.isnan(found.number(rows[1][1], 1, 3))
+    assert math.isnan(found.number(rows[2][1], 1, 4))
+    for line, fields in (rows[0], rows[3]):
+        with pytest.raises(FileError, match="is not a finite number") as error:
+            found.number(fields, 1, line)
+        place = error.value.diagnostics[0].location
+        assert (place.line, place.column) == (line, 3)
+
+
+@pytest.mark.parametrize("content", [b"", b" \n", b"\xff\xfe\x00"])
+def test_a_file_without_text_is_refused(content: bytes) -> None:
+    with pytest.raises(FileError, match=r"is empty|not text"):
+        CsvTable("run.csv", content)
