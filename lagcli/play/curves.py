@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lagcli.arrays import Array
-from lagcli.columns import PANELS, ColumnName, ResultQuantity, column_names, unit_of_column
+from lagcli.columns import BY_NAME, PANELS, ColumnName, ResultQuantity, column_names, unit_of_column
 from lagcli.equations.render.names import Notation
 from lagcli.model.model import Model
 from lagcli.model.result_units import result_units
 from lagcli.pictures.event_marks import Jumps, marks
-from lagcli.pictures.report.curves import label
+from lagcli.pictures.report.curves import ALL_FORCES, label
 from lagcli.pictures.report.writing import chosen, unit
 from lagcli.pictures.scale_groups import scale_groups
 from lagcli.trajectory.event_log import EventLog
@@ -89,6 +89,7 @@ class Curves:
         panels = [0] * len(shown) if residuals else _panels(shown)
         return {
             "title": group.capitalize(),
+            "symbol": ALL_FORCES if BY_NAME["constraint_force"] in quantities else "",
             "log": residuals,
             "time": time,
             "marks": marks(log),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import warnings
 from importlib.resources import files
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import pytest
 from page_checks import AXES, TEXTS
 
 import lagcli
+from lagcli.cli.app import run
+from lagcli.pictures.plots import figure_file
 from lagcli.pictures.plots.style import DARK_ROLES, PALETTE, ROLES
 from lagcli.pictures.report import report
 from lagcli.pictures.run_file import RunFile
@@ -55,7 +58,9 @@ def test_pages_have_one_palette(result, tmp_path: Path) -> None:
     assert json.dumps(list(PALETTE), separators=(",", ":")) in text
 
 
-@pytest.mark.parametrize("name", ["slider_crank", "double_pendulum_cartesian", "four_bar"])
+@pytest.mark.parametrize(
+    "name", ["slider_crank", "double_pendulum_cartesian", "four_bar", "particle_on_sphere"]
+)
 def test_labels_keep_off_rods_and_arrows(name: str, result) -> None:
     scene = scene_of(RunFile(result(name)))
     drawing = SceneDrawing(scene, 640, 480)
@@ -64,12 +69,16 @@ def test_labels_keep_off_rods_and_arrows(name: str, result) -> None:
         moment = Moment(scene, drawing.camera, drawing.raster, time, 0.1)
         lines = np.array(
             [(moment.places[s.start][:2], moment.places[s.end][:2]) for s in scene.segments]
-        )
+        ).reshape(-1, 2, 2)
         for point, text in (scene.labels or {}).items():
-            size = label_size(text, unit)
-            middle = label_place(moment.places[point][:2], size, lines, unit)
+            size, at = label_size(text, unit), moment.places[point][:2]
+            middle = label_place(at, size, lines, unit)
             corners = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]) * size / 2
-            assert distances(middle + corners, lines).min() > 1, (time, point)
+            if len(lines):
+                assert distances(middle + corners, lines).min() > 1, (time, point)
+            # the nearest place of the text, beyond the dot of a body
+            nearest = np.clip(at, middle - np.array(size) / 2, middle + np.array(size) / 2)
+            assert np.linalg.norm(nearest - at) > 8 * unit, (time, point)
 
 
 def test_labels_keep_off_each_other() -> None:
@@ -112,7 +121,7 @@ def test_play_draws_labels_in_the_same_places(result, visit, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("width", [1280, 390])
-@pytest.mark.parametrize("name", ["slider_crank", "heavy_top", "chain", "rocking_block"])
+@pytest.mark.parametrize("name", ["slider_crank", "heavy_top", "chain", "woodpecker"])
 def test_no_text_of_a_report_is_cut_off_or_overlaps(
     name: str, width: int, result, visit, tmp_path: Path
 ) -> None:
@@ -122,3 +131,67 @@ def test_no_text_of_a_report_is_cut_off_or_overlaps(
     page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done, 50)))")
     assert page.evaluate(TEXTS) == []
     assert page.evaluate(AXES) == []
+
+
+def test_what_is_rounding_is_shown_as_nothing(result, visit, tmp_path: Path) -> None:
+    """At first, the springs of the squeezing mechanism press on one of its pins alone."""
+    report(result("andrews_squeezer"), tmp_path / "page.html")
+    page = visit(tmp_path / "page.html", reduced_motion="reduce")
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done, 50)))")
+    shown = page.locator(".player-vectors li").all_text_contents()
+    assert shown == ["pin_force_3 98.8 N", "pin_force_4 0 N", "pin_force_6 0 N"]
+    values = page.locator("#plots-multipliers .plot-value").all_text_contents()
+    assert values[0].startswith("−98.56")
+    assert values[2:] == ["0"] * 4
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch):
+    """Return the figure of a plot, as it is written."""
+    figures = []
+    monkeypatch.setattr(figure_file, "write_figure", lambda figure, *_: figures.append(figure))
+
+    def of(*arguments: str | Path):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert run(["plot", *map(str, arguments), "-o", "never.png"]) == 0
+            figure = figures.pop()
+            FigureCanvasAgg(figure).draw()
+        return figure
+
+    return of
+
+
+def words_of(figure) -> list[tuple[str, np.ndarray]]:
+    """Return the texts of a figure outside its panels, with their corners in pixels."""
+    from matplotlib.text import Text
+
+    found = []
+    for text in figure.findobj(Text):
+        if text.get_text().strip() and text.get_visible():
+            box = text.get_window_extent()
+            found.append((text.get_text(), np.array([box.min, box.max])))
+    return found
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "heavy_top", "woodpecker", "pendulum_chain"])
+def test_no_labels_of_a_plot_overlap_or_are_cut_off(name: str, result, drawn) -> None:
+    figure = drawn(result(name))
+    names = [ax.get_ylabel() for ax in figure.axes] + [figure.axes[-1].get_xlabel()]
+    assert all(re.search(r"\[.+\]$", label) for label in names), names
+    boxes = [(text, box) for text, box in words_of(figure) if text in names]
+    assert len(boxes) == len(names)
+    for i, (text, box) in enumerate(boxes):
+        assert (box[0] >= -1).all(), text
+        assert (box[1] <= figure.bbox.max + 1).all(), text
+        for other, beside in boxes[i + 1 :]:
+            apart = (box[0] >= beside[1]) | (beside[0] >= box[1])
+            assert apart.any(), (text, other)
+
+
+def test_energies_of_other_sizes_have_their_own_panels(result, drawn) -> None:
+    """A top's energy of motion is forty times that of its height, which would be a line."""
+    labels = [ax.get_ylabel() for ax in drawn(result("heavy_top")).axes]
+    assert labels[-2:] == ["$T$, $E$ [J]", "$V$ [J]"]

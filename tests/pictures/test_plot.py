@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from svg_labels import with_whole_labels
 
 import lagcli
 from lagcli.cli.app import run
@@ -71,7 +72,7 @@ def plot(tmp_path: Path, *arguments: str, suffix: str = "svg") -> str:
     """Plot to a file, and return its text."""
     path = tmp_path / f"figure.{suffix}"
     assert run(["plot", *arguments, "-o", str(path), "--force"]) == 0
-    return path.read_text(encoding="utf-8", errors="replace")
+    return with_whole_labels(path.read_text(encoding="utf-8", errors="replace"))
 
 
 # what is drawn
@@ -176,7 +177,7 @@ def test_runs_that_differ_in_nothing_known_are_told_apart_by_name(tmp_path: Path
 
 @pytest.mark.parametrize(
     ("options", "label"),
-    [({"set_initial": {"phi": 1}}, "phi(0) = 1"), ({"rtol": 1e-5}, "rtol = 1e-05")],
+    [({"set_initial": {"phi": 1}}, r"$\varphi$(0) = 1"), ({"rtol": 1e-5}, "rtol = 1e-05")],
 )
 def test_runs_of_other_starts_or_options(
     options: dict[str, object], label: str, tmp_path: Path

@@ -150,7 +150,7 @@ def test_conserved_quantities_are_there_with_their_proofs(result, tmp_path):
     report(result("bead_on_rotating_hoop"), tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     plots, system = text.split('id="system"')
-    assert "<h3>Conserved quantities</h3>" in system
+    assert "<h3>Conserved quantities, with proofs</h3>" in system
     assert 'aria-label="h − Ω ∂L/∂φ̇ = ½ m (ṙ² + r² θ̇² + r² φ̇² sin² θ)' in system
     assert 'aria-label="Ω − Ω = 0"' in system
     assert "<h3>Conserved quantities</h3>" in plots
@@ -445,3 +445,30 @@ def test_yaml_is_highlighted_without_losing_a_sign():
     assert '<span class="yaml-comment"># yes</span>' in shown
     assert '<span class="yaml-key">phi&#x27;</span>' in shown
     assert '<span class="yaml-number">1.5e-3</span>' in shown
+
+
+def test_contacts_are_inequalities_with_their_remarks(result, tmp_path):
+    report(result("woodpecker"), tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    listed = text.split("<h3>Constraints</h3>")[1].split("<h3>")[0]
+    assert 'aria-label="r_M − r₀ − h_M φ_M ≥ 0"' in listed
+    assert 'aria-label="−h_M δφ_M ≥ 0"' in listed
+    assert "<mtext>\u00a0and\u00a0</mtext>" in text
+    for remark in ("coefficient of restitution", "sticks", "slips"):
+        assert f"<span>{remark}</span>" in text
+
+
+def test_names_in_messages_are_code_and_rates_have_a_unit(result, tmp_path):
+    report(result("particle_on_sphere"), tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "<p><code>ground</code> stopped the run" in text
+    rows = text.split("<caption>Coordinates and initial values</caption>")[1].split("</table>")[0]
+    assert "Unit of the rate" in rows
+    assert "<td >rad/s</td>" in rows
+
+
+def test_no_heading_stands_twice(result, tmp_path):
+    report(result("heavy_top"), tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    found = re.findall(r"<(?:h[1-4]|caption)>(.*?)</", text)
+    assert len(found) == len(set(found)), sorted(found)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from svg_labels import with_whole_labels
 
 import lagcli
 from lagcli.cli.app import run
@@ -67,7 +68,7 @@ def _no_warnings(sweeps: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None
 def plot(tmp_path: Path, *arguments: str) -> str:
     path = tmp_path / "figure.svg"
     assert run(["plot", *arguments, "-o", str(path), "--force"]) == 0
-    return path.read_text(encoding="utf-8")
+    return with_whole_labels(path.read_text(encoding="utf-8"))
 
 
 def test_rows_are_runs() -> None:
@@ -159,10 +160,10 @@ def test_of_three_quantities_each_map_has_one_value_of_the_third(
         figure = figure_of(monkeypatch, tmp_path, "three.h5", *names)
         found = panels(figure)
         told = sorted(ax.get_title(loc="right") for ax in found)
-        third = told[0].split(" = ")[0]
+        third = told[0].split(" = ")[0].strip("$")
         table = PlottedTable("three.h5")
         values = np.unique(table.find(third).values)
-        assert told == [f"{third} = {x:.4g} {table.find(third).unit}" for x in values]
+        assert told == [f"${third}$ = {x:.4g} {table.find(third).unit}" for x in values]
         # one scale of colours for all
         assert len({ax.collections[0].get_clim() for ax in found}) == 1
         peak = table.find("peak").values
@@ -178,7 +179,7 @@ def test_few_values_are_written_along_a_map(
     (ax,) = panels(figure_of(monkeypatch, tmp_path, "uneven.h5"))
     assert [t.get_text() for t in ax.get_yticklabels()] == ["1", "2", "5"]
     assert [t.get_text() for t in ax.get_xticklabels()] == ["0.20", "0.25", "0.30"]
-    assert ax.get_ylabel() == "m [kg]"
+    assert ax.get_ylabel() == "$m$ [kg]"
     edges = ax.collections[0].get_coordinates()[:, 0, 1]
     assert np.allclose(np.diff(edges), 1), "cells of values that are unevenly spaced are alike"
 
@@ -260,3 +261,17 @@ def test_wrong_inputs(
     assert run(["plot", *arguments, "-o", str(tmp_path / "x.png")]) == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_varied_quantities_are_typeset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A rate is φ̇, not phi' or phi_dot."""
+    options = ("--vary", "phi'=10,12", "--vary", "theta_0=1,2", *PEAK, "-o", "rates.h5")
+    model = tmp_path / "turned.yaml"
+    text = Path(MODEL).read_text(encoding="utf-8")
+    text = text.replace("parameters:\n", "parameters:\n  theta_0: 0.5 rad\n")
+    model.write_text(text.replace("phi: 0.5 rad", "phi: theta_0"), encoding="utf-8")
+    run_options = ("--t-end", "0.1", "--samples", "11", "--quiet", "--jobs", "1", "--force")
+    assert run(["sweep", str(model), *options, *run_options]) == 0
+    (ax,) = panels(figure_of(monkeypatch, tmp_path, "rates.h5"))
+    assert ax.get_xlabel() == r"$\dot{\varphi}$ [rad/s]"
+    assert ax.get_ylabel() == r"$\theta_{0}$ [rad]"

@@ -42,17 +42,19 @@ AXES = """() => {
   const wrong = [], pen = document.createElement("canvas").getContext("2d");
   pen.font = "12px system-ui, sans-serif";
   const plots = [...document.querySelectorAll("figure.plot")].map(({ plot }) => plot);
-  for (const { chart, container, data } of plots) {
+  for (const { chart, container, data, upright } of plots) {
     if (!container.checkVisibility()) continue;
-    const [, y] = chart.axes, density = devicePixelRatio;
+    const [, y] = chart.axes, label = upright.textContent;
     const places = y._splits.filter((v, i) => v !== null && y._values[i]);
     const at = places.map((v) => chart.valToPos(v, "y")).sort((a, b) => a - b);
-    if (at.length < 2) wrong.push(["few numbers", y.label, y._values]);
-    if (at.some((p, i) => i && p - at[i - 1] < 11)) wrong.push(["numbers touch", y.label]);
+    if (at.length < 2) wrong.push(["few numbers", label, y._values]);
+    if (at.some((p, i) => i && p - at[i - 1] < 11)) wrong.push(["numbers touch", label]);
     const widest = Math.max(...y._values.map((text) => pen.measureText(text ?? "").width));
-    if (widest + 15 > y._size - 2) wrong.push(["number under the label", y.label, y._values]);
-    if (pen.measureText(y.label).width > chart.height) wrong.push(["label cut off", y.label]);
-    if (!y.label) wrong.push(["no label", data.title]);
+    if (widest + 15 > y._size - 20) wrong.push(["number under the label", label, y._values]);
+    if (upright.scrollHeight > upright.clientHeight) wrong.push(["label cut off", label]);
+    if (!label) wrong.push(["no label", data.title]);
+    const letters = label.normalize("NFD").replace(/\\p{M}/gu, "");
+    if (/(^|, )[^ _]{1,2}_|'/.test(letters)) wrong.push(["not typeset", label]);
   }
   return wrong;
 }"""

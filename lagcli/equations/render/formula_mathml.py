@@ -109,6 +109,8 @@ class MathmlFormula(DisplayWriter):
         base, below = self._name(node)
         if raised:
             tag = "msubsup" if below else "msup"
+            if base.startswith("<mover>"):  # the exponent stands beside the letter, not its dots
+                base = f'<mpadded height="0.7em">{base}</mpadded>'
             return f"<{tag}>{base}{below}{raised}</{tag}>"
         found = f"<msub>{base}{below}</msub>" if below else base
         if node.kind == "multiplier":
@@ -196,7 +198,7 @@ class MathmlFormula(DisplayWriter):
         cases, rest = cases_of(node)
         rows = []
         for when, then in cases:
-            condition = f"<mtext>if </mtext>{self.mathml(when)}"
+            condition = f"<mtext>if\u00a0</mtext>{self.mathml(when)}"
             rows.append(f"<mtd>{self.mathml(then)}</mtd><mtd><mrow>{condition}</mrow></mtd>")
         rows.append(f"<mtd>{self.mathml(rest)}</mtd><mtd><mtext>else</mtext></mtd>")
         table = "".join(f"<mtr>{row}</mtr>" for row in rows)
@@ -208,8 +210,10 @@ class MathmlFormula(DisplayWriter):
             for o in node.operands
         ]
         if node.operator == "not":
-            return [f"<mrow><mtext>not </mtext>{_joined(self._fenced([parts[0]]))}</mrow>"]
-        return [f"<mrow>{f'<mtext> {node.operator} </mtext>'.join(parts)}</mrow>"]
+            return [f"<mrow><mtext>not\u00a0</mtext>{_joined(self._fenced([parts[0]]))}</mrow>"]
+        # of usual spaces at its ends, a browser shows none
+        word = f"<mtext>\u00a0{node.operator}\u00a0</mtext>"
+        return [f"<mrow>{word.join(parts)}</mrow>"]
 
     def _fenced(self, inner: list[Token]) -> list[Token]:
         """Return tokens in brackets of matching size."""

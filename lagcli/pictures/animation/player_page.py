@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from lagcli.pictures.animation.histories import Histories
 from lagcli.pictures.page import PLAYER_SCRIPTS, PLAYER_STYLES, asset, page, script_data
 from lagcli.pictures.plots.thinning import evenly
+from lagcli.pictures.report.writing import with_code
 from lagcli.pictures.run_file import Indices, RunFile
 from lagcli.pictures.scene.scene import Scene
 from lagcli.pictures.scene.timing import Timing
@@ -121,7 +122,7 @@ def _about(run: RunFile, when: Timing) -> list[str]:
 def _body(title: str, about: Sequence[str], notes: Sequence[str]) -> str:
     paragraphs = [f"<p>{escape(text)}</p>" for text in about]
     paragraphs += [
-        f'<p class="animation-note" role="note">{escape(note[0].upper() + note[1:])}</p>'
+        f'<p class="animation-note" role="note">{with_code(note[0].upper() + note[1:])}</p>'
         for note in notes
     ]
     return f"""<main class="animation">

@@ -6,6 +6,8 @@
  */
 
 const LABEL_SIZE = 13;
+const LABEL_AWAY = 10; // from its point: more than the radius of a body's dot
+const rounded = (x) => Math.round(x * 1e9) / 1e9;
 
 /** Return the lines on the canvas that labels keep off. */
 function labelObstacles(shapes, pen) {
@@ -16,6 +18,10 @@ function labelObstacles(shapes, pen) {
     else if (shape.kind === "ground") {
       const at = pen.at(shape.at);
       if (at) add(at, [at[0], at[1] + 20 * pen.unit]);
+    } else if (shape.kind === "disc") {
+      const rim = rimOf(shape, pen);
+      const places = Array.from({ length: 25 }, (_, i) => rim((i * Math.PI) / 12));
+      for (const [i, place] of places.entries()) if (i) add(places[i - 1], place);
     } else if (shape.kind === "vector") {
       const from = pen.motion.point(shape.at);
       const components = pen.motion.vector(shape.components);
@@ -31,10 +37,9 @@ function labelPlace([x, y], width, height, lines, unit) {
   for (let k = 0; k < 16; k++) {
     const angle = (k * Math.PI) / 8;
     const [right, down] = [Math.cos(angle), -Math.sin(angle)];
-    const middle = [
-      x + right * (9 * unit + width / 2),
-      y + down * (9 * unit + height / 2),
-    ];
+    // the nearest edge or corner of the text is as far from the point in all directions
+    const beside = (way, size) => LABEL_AWAY * unit * way + (Math.sign(rounded(way)) * size) / 2;
+    const middle = [x + beside(right, width), y + beside(down, height)];
     let clear = 10;
     for (const line of lines) {
       for (let i = 0; i < 9; i++) {

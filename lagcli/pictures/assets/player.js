@@ -179,6 +179,7 @@ class Player {
   /** Return a magnitude with three digits, without an exponent where it reads better so. */
   static #number(value) {
     if (!Number.isFinite(value)) return "–";
+    if (value === 0) return "0";
     const digits = value.toPrecision(3);
     return value >= 1000 && value < 1e6 ? String(Number(digits)) : digits;
   }

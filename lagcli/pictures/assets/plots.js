@@ -5,11 +5,13 @@
  *
  * A plot is described by
  *
- *   {title, unit, log, time: [nt], marks: [n], series: [{name, label, unit, values: [nt], hidden}]}
+ *   {title, unit, symbol, log, time: [nt], marks: [n],
+ *    series: [{name, label, unit, values: [nt], hidden}]}
  *
- * `title`, `unit`, `label`, `hidden` and `marks`, times with a thin line, may be missing; `log` draws magnitudes on a logarithmic
- * scale. Lists may be typed arrays; null and NaN are gaps. An underscore in a label begins the
- * subscript of a letter. Nothing in it is read as HTML.
+ * `title`, `unit`, `symbol`, `label`, `hidden` and `marks`, times with a thin line, may be missing;
+ * `symbol` is what the upright axis shows where it is not the curves' labels; `log` draws magnitudes
+ * on a logarithmic scale. Lists may be typed arrays; null and NaN are gaps. An underscore in a label
+ * begins the subscript of a letter. Nothing in it is read as HTML.
  */
 
 /** The time that plots and animations show together, and the interval that plots show. */
@@ -102,7 +104,9 @@ class TimePlot {
   static DASHES = [[], [7, 3], [2, 3], [9, 3, 2, 3]];
   static STROKE = 1.6;
   static LEAST_SPACE = 16; // between numbers of the upright axis, CSS pixels
-  static LETTER = 6.6; // width of a letter of its label
+  static LABEL = 18; // width of its label
+  static LETTER = 6.6; // width of a letter of that
+  static ROUNDED = 1e-12; // of the largest value of a curve: less is rounding
   static CONSTANT = 1e-7; // of the size: changes that are errors of the integration
 
   /**
@@ -142,6 +146,7 @@ class TimePlot {
       : { ...this.data, ...data };
     if (same) {
       this.chart.setData(this.#columns(), false);
+      this.upright.replaceChildren(this.#quantity(this.chart.height));
       this.#showRange(this.link.range);
     } else {
       this.chart.destroy();
@@ -161,7 +166,7 @@ class TimePlot {
 
   /** Draw in a size, CSS pixels: for print. Without one, fill the container again. */
   resize(width = this.container.clientWidth, height = this.height) {
-    this.chart.axes[1].label = this.#quantity(height);
+    this.upright.replaceChildren(this.#quantity(height));
     if (width > 0) this.chart.setSize({ width, height });
     this.showTime(this.link.time);
   }
@@ -175,7 +180,10 @@ class TimePlot {
     if (!this.held) chart.setCursor({ left: seen ? chart.valToPos(time, "x") : -10, top: 0 }, false);
     const at = time === null ? null : chart.valToIdx(time);
     for (const [i, series] of this.data.series.entries()) {
-      this.values[i].textContent = at === null ? "" : PlotNumbers.value(series.values[at]);
+      const small = this.data.log ? 0 : TimePlot.ROUNDED * this.largest[i];
+      const value = series.values[at] ?? NaN;
+      const shown = Math.abs(value) < small ? 0 : value;
+      this.values[i].textContent = at === null ? "" : PlotNumbers.value(shown);
     }
   }
 
@@ -186,6 +194,9 @@ class TimePlot {
     caption.hidden = !data.title;
     const drawing = document.createElement("div");
     drawing.className = "plot-drawing";
+    this.upright = document.createElement("span");
+    this.upright.className = "plot-upright";
+    this.upright.append(this.#quantity(this.height));
     const legend = this.#legend();
     this.container.classList.add("plot");
     this.container.append(caption, drawing, legend);
@@ -213,10 +224,7 @@ class TimePlot {
           // three numbers on a low plot too
           space: (chart, axis, low, high, height) =>
             Math.max(TimePlot.LEAST_SPACE, Math.min(34, height / 4)),
-          size: (chart, labels) => TimePlot.#room(labels),
-          label: this.#quantity(this.height),
-          labelSize: 18,
-          labelFont: axis.font,
+          size: (chart, labels) => TimePlot.#room(labels) + TimePlot.LABEL,
           ...(data.log
             ? {
                 splits: (chart, i, low, high) =>
@@ -237,6 +245,7 @@ class TimePlot {
       hooks: { setSelect: [() => this.#zoom()], drawAxes: [(chart) => this.#mark(chart)] },
     };
     this.chart = new uPlot(options, this.#columns(), drawing);
+    drawing.append(this.upright);
     this.#listen();
     this.#showRange(this.link.range);
     this.showTime(this.link.time);
@@ -270,29 +279,47 @@ class TimePlot {
     return Math.max(2, Math.min(6, Math.floor(height / TimePlot.LEAST_SPACE)));
   }
 
-  /** What the vertical axis shows: φ, ψ [rad]; of many curves, without their numbers: x, y [m]. */
+  /** What the upright axis shows: φ, ψ [rad]; of many curves, without their subscripts: x, y [m]. */
   #quantity(height) {
     const unit = this.data.unit ? `[${this.data.unit}]` : "";
-    if (this.data.log) return ["magnitude", unit].filter(Boolean).join(" ");
     const own = this.data.series.filter((s) => !("ghostOf" in s));
     const names = own.map((s) => s.label ?? s.name);
-    const plain = (name) => name.replace(/\[.*\]$/, "").replace(/([₀-₉,]+|_.*)$/, "") || name;
-    const choices = [names, [...new Set(names.map(plain))], [this.data.title || ""], [""]];
-    const texts = choices.map((some) => [some.join(", "), unit].filter(Boolean).join(" "));
-    const fits = (text) => text.length * TimePlot.LETTER <= height - TimePlot.LEAST_SPACE;
-    return texts.find((text, i) => fits(text) && choices[i].length <= 4) ?? unit;
+    const choices = this.data.log
+      ? [["magnitude"]]
+      : this.data.symbol
+        ? [[this.data.symbol]]
+        : [names, [...new Set(names.map(TimePlot.#base))], [this.data.title || ""]];
+    const length = (texts) => [...texts.join(", "), " ", ...unit].length * TimePlot.LETTER;
+    const fits = (texts) => texts.length <= 4 && length(texts) <= height - TimePlot.LEAST_SPACE;
+    const fragment = document.createDocumentFragment();
+    for (const [i, name] of (choices.find(fits) ?? []).entries())
+      fragment.append(i ? ", " : "", TimePlot.#named(name));
+    const spaced = fragment.textContent && unit ? ` ${unit}` : unit;
+    fragment.append(spaced);
+    return fragment;
+  }
+
+  /** Return a label without its index or subscript, if it is a letter and not a word. */
+  static #base(name) {
+    const base = name.replace(/\[.*\]$/, "").replace(/([₀-₉,]+|_.*)$/, "");
+    return base && TimePlot.#letters(base) <= 2 ? base : name.replace(/\[.*\]$/, "");
+  }
+
+  /** Return how many letters a text has, without accents. */
+  static #letters(text) {
+    return text.replace(/\p{M}/gu, "").length;
   }
 
   /** A label with its subscript: of letters, not of words. */
   static #named(text) {
     const [base, ...rest] = text.split("_");
     const fragment = document.createDocumentFragment();
-    if (!rest.length || !base || [...base].length > 2) {
+    if (!rest.length || !base || TimePlot.#letters(base) > 2) {
       fragment.append(text);
       return fragment;
     }
     const sub = document.createElement("sub");
-    sub.textContent = rest.join(",");
+    sub.textContent = rest.join(",").replaceAll(".", ",");
     fragment.append(base, sub);
     return fragment;
   }
@@ -340,6 +367,7 @@ class TimePlot {
 
   #columns() {
     const columns = this.data.series.map(({ values }) => Array.from(values, TimePlot.#drawable));
+    this.largest = columns.map((column) => column.reduce((m, x) => Math.max(m, Math.abs(x ?? 0)), 0));
     if (this.data.log) {
       let least = Infinity;
       for (const column of columns) {

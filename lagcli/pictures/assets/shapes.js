@@ -179,20 +179,11 @@ const SHAPES = {
 
   /** A disc with a mark from its centre to its rim, which shows the angle. */
   disc(shape, pen) {
-    const { motion } = pen;
-    const centre = motion.point(shape.center);
-    const radius = motion.value(shape.radius);
-    const [first, second] = diameters(shape, motion, centre.length);
-    const rim = (angle) =>
-      pen.place(
-        centre.map(
-          (c, axis) => c + radius * (Math.cos(angle) * first[axis] + Math.sin(angle) * second[axis]),
-        ),
-      );
+    const rim = rimOf(shape, pen);
     const places = Array.from({ length: 60 }, (_, i) => rim((i * Math.PI) / 30));
-    const at = pen.place(centre);
+    const at = pen.at(shape.center);
     if (!at || places.includes(null)) return [];
-    const mark = shape.angle ? rim(motion.value(shape.angle)) : null;
+    const mark = shape.angle ? rim(pen.motion.value(shape.angle)) : null;
     const paint = () => {
       pen.area(places, pen.colors.disc, 0.2);
       pen.line([...places, places[0]], pen.colors.disc, 2);
@@ -276,6 +267,16 @@ function coil([a, b], radius, turns = 7) {
     places.push([a[0] + s * along[0] + d * across[0], a[1] + s * along[1] + d * across[1]]);
   }
   return [...places, b];
+}
+
+/** Return what gives the place on the rim of a disc at an angle, or null where it is nowhere. */
+function rimOf(shape, pen) {
+  const { motion } = pen;
+  const centre = motion.point(shape.center);
+  const radius = motion.value(shape.radius);
+  const [first, second] = diameters(shape, motion, centre.length);
+  const across = (angle, axis) => Math.cos(angle) * first[axis] + Math.sin(angle) * second[axis];
+  return (angle) => pen.place(centre.map((c, axis) => c + radius * across(angle, axis)));
 }
 
 /** Return two unit vectors at right angles that span a disc; angles count from the first. */

@@ -164,7 +164,7 @@ class Catalogue:
         if quantity.name == "multipliers":
             return self._multiplier(name)
         if name.constraint or name.conserved:
-            return _raw(name.constraint or name.conserved)
+            return raw(name.constraint or name.conserved)
         label = quantity.label or str(name)
         return f"${label}$" if len(label) == 1 else label
 
@@ -242,20 +242,41 @@ class Catalogue:
             return None  # names as they are typed serve as well
 
     def _look(self, name: str, dots: int = 0) -> str:
-        """Return a name as matplotlib shows it: in TeX, if it is a letter with a subscript."""
-        letter, _ = split(name)
-        names, raw = self.notation, _raw(str(ColumnName("qva"[dots], "", name)))
-        if names is None:
-            return raw
-        label = f"${names.latex(name, dots)}$"
-        if name in names.with_own_latex:
-            return label if _drawable(label) else raw
-        return label if len(letter) == 1 or letter in GREEK else raw
+        return look(self.notation, name, dots)
 
     def _multiplier(self, name: ColumnName) -> str:
         if self.notation is None:
-            return _raw(str(name))
+            return raw(str(name))
         return f"${self.notation.latex_multiplier(name.constraint)}$"
+
+
+def look(names: Notation | None, name: str, dots: int = 0) -> str:
+    """Return a name as matplotlib shows it: in TeX, if it is a letter with a subscript.
+
+    Parameters
+    ----------
+    names : Notation or None
+        Of the model; without it, the name is written as columns are called.
+    name : str
+    dots : int
+        Of the derivative with respect to time.
+    """
+    letter, _ = split(name)
+    typed = raw(str(ColumnName("qva"[dots], "", name)))
+    if names is None:
+        return typed
+    label = f"${names.latex(name, dots)}$"
+    if name in names.with_own_latex:
+        return label if _drawable(label) else typed
+    return label if len(letter) == 1 or letter in GREEK else typed
+
+
+def look_of_value(names: Notation | None, name: str) -> str:
+    """Return the name of a parameter or an initial value, phi or phi', as matplotlib shows it."""
+    base = name.rstrip("'")
+    dots = len(name) - len(base)
+    known = names is not None and base in names.declared and dots <= 2
+    return look(names, base, dots) if known else raw(name)
 
 
 def _derivatives(run: RunFile) -> Iterator[Curve]:
@@ -266,7 +287,7 @@ def _derivatives(run: RunFile) -> Iterator[Curve]:
         places = product(range(len(along)), range(len(run.sensitivity)))
         for name, place in zip(names, places, strict=True):
             group = f"{quantity.name}/d{run.sensitivity[place[1]]}"
-            yield Curve(name, quantity.name, place, group, "", _raw(name))
+            yield Curve(name, quantity.name, place, group, "", raw(name))
 
 
 def read_curves(run: RunFile, curves: Iterable[Curve]) -> dict[str, Array]:
@@ -337,7 +358,8 @@ def _drawable(label: str) -> bool:
     return True
 
 
-def _raw(text: str) -> str:
+def raw(text: str) -> str:
+    """Return a text without TeX as matplotlib shows it."""
     return text.replace("$", r"\$")
 
 

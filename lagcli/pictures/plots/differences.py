@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from lagcli.pictures.plots.curves import pretty_unit
+from lagcli.pictures.plots.curves import Catalogue, look_of_value, pretty_unit, raw
 from lagcli.pictures.run_file import RunFile
 
 _DIGITS = 4
@@ -23,7 +23,8 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
     Returns
     -------
     labels : list of str
-        By parameters that differ; else by initial values, by options, by file names.
+        For matplotlib. By parameters that differ; else by initial values, by options, by file
+        names.
     values : list of float or None
         Of the parameter that differs, or of several that with the most values.
     name : str
@@ -33,11 +34,13 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
         return [""] * len(runs), None, ""
     tables = [dict(run.varied or run.record.parameters) for run in runs]
     differing = _differing(tables)
-    units = runs[0].record.units
+    notation = Catalogue(runs[0]).notation
+    units = {name: pretty_unit(unit) for name, unit in runs[0].record.units.items()}
+    looks = {name: look_of_value(notation, name) for name in differing}
     if differing:
         labels = [
             ", ".join(
-                f"{name} = {table[name]:.{_DIGITS}g} {pretty_unit(units.get(name, ''))}".rstrip()
+                f"{looks[name]} = {table[name]:.{_DIGITS}g} {units.get(name, '')}".rstrip()
                 for name in _chosen(differing, tables)
                 if name in table
             )
@@ -47,29 +50,27 @@ def labels_of(runs: Sequence[RunFile]) -> tuple[list[str], list[float] | None, s
         if not complete:
             return _unique(labels, runs), None, ""
         name = max(complete, key=lambda name: len({table[name] for table in tables}))
-        unit = pretty_unit(units.get(name, ""))
-        titled = f"{name} [{unit}]" if unit else name
-        others = [x for x in differing if x != name]
+        unit = units.get(name, "")
+        titled = f"{looks[name]} [{unit}]" if unit else looks[name]
+        others = [looks[x] for x in differing if x != name]
         if others:
             titled += f" ({', '.join(others[:_MOST])} var{'ies' if len(others) == 1 else 'y'} too)"
         return _unique(labels, runs), [table[name] for table in tables], titled
-    starts = [_start(run) for run in runs]
+    starts = [dict(run.initial) for run in runs]
     chosen = _differing(starts)
     if chosen and len(chosen) <= _MOST:
         labels = [
-            ", ".join(f"{name}(0) = {start.get(name, math.nan):.{_DIGITS}g}" for name in chosen)
+            ", ".join(
+                f"{look_of_value(notation, name)}(0) = {start.get(name, math.nan):.{_DIGITS}g}"
+                for name in chosen
+            )
             for start in starts
         ]
         return _unique(labels, runs), None, ""
     options = [{k: str(v) for k, v in run.record.options.items()} for run in runs]
     chosen = _differing(options)[:_MOST]
-    labels = [", ".join(f"{k} = {o[k]}" for k in chosen if k in o) for o in options]
+    labels = [", ".join(f"{raw(k)} = {raw(o[k])}" for k in chosen if k in o) for o in options]
     return _unique(labels, runs), None, ""
-
-
-def _start(run: RunFile) -> dict[str, float]:
-    """Return the first coordinates and velocities of a run, by the names of their curves."""
-    return {name.replace("'", "_dot"): value for name, value in run.initial.items()}
 
 
 def _differing(tables: Sequence[dict[str, float]] | Sequence[dict[str, str]]) -> list[str]:
@@ -94,5 +95,6 @@ def _unique(labels: list[str], runs: Sequence[RunFile]) -> list[str]:
     if len(set(stems)) < len(stems):
         stems = [run.name for run in runs]
     return [
-        f"{label} ({stem})" if label else stem for label, stem in zip(labels, stems, strict=True)
+        f"{label} ({raw(stem)})" if label else raw(stem)
+        for label, stem in zip(labels, stems, strict=True)
     ]

@@ -104,7 +104,7 @@ def usual(catalogue: Catalogue) -> list[Panel]:
     names = [
         *run.coordinates,
         *(str(ColumnName("multipliers", c)) for c in run.constraints),
-        "energy_kinetic,energy_potential,energy_total",
+        *("energy_kinetic", "energy_potential", "energy_total"),
     ]
     return asked(catalogue, names)
 

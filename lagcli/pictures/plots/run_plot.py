@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -30,6 +31,8 @@ _PRINTED = 300
 #: Columns of time into which a curve that is not over the time is cut.
 _PORTRAIT = 20_000
 _GREY = {"color": "#404040"}
+#: A letter in TeX, maybe with a dot, before its subscript or superscript.
+_SUBSCRIPTED = re.compile(r"\$(\\?[A-Za-z]+(?:\{\\?[A-Za-z]+\})?)[_^]")
 
 Values = Mapping[str, Array]
 
@@ -204,10 +207,11 @@ class PanelDrawing:
             plain_ticks(ax.yaxis)
         if first.alike:
             ax.set_aspect("equal", adjustable="datalim")
+        place = ax.get_position()
         if first.over:
             ax.margins(0.05)
-            ax.set_xlabel(_axis(first.over))
-        ax.set_ylabel(_axis(first.curves))
+            ax.set_xlabel(_axis(first.over, place.width * self.figure.get_figwidth()))
+        ax.set_ylabel(_axis(first.curves, place.height * self.figure.get_figheight()))
 
     def drawn(
         self, run: RunFile, values: Values, curve: Curve, over: Curve | None
@@ -254,7 +258,7 @@ class PanelDrawing:
                 entries[curves[place].label] = look
         if first and not single and self.family is None:
             for number, label in enumerate(self.labels):
-                entries[label.replace("$", r"\$")] = style.line(number)
+                entries[label] = style.line(number)
         if entries:
             handles = [Line2D([], [], **look) for look in entries.values()]
             style.legend_beside(ax, handles, list(entries))
@@ -275,16 +279,34 @@ def _dash(curve: int) -> dict[str, Any]:
     return {"linestyle": style.DASHES[curve % len(style.DASHES)]}
 
 
-def _axis(curves: Sequence[Curve]) -> str:
-    """Return the label of an axis: its curves, if they are few, and their unit."""
+def _axis(curves: Sequence[Curve], room: float) -> str:
+    """Return the label of an axis of so many inches: what it shows, and its unit.
+
+    The curves, if they are few and have room, else their letters without indices, else what they
+    are together.
+    """
     curves = list(dict.fromkeys(curves))
     groups = {c.group for c in curves}
-    if len(curves) <= _NAMED and not curves[0].log:
-        text = ", ".join(c.label for c in curves)
-    elif len(groups) == 1:
-        text = curves[0].group
-    else:
-        text = ""
     units = {c.unit for c in curves}
     unit = pretty_unit(units.pop()) if len(units) == 1 else ""
-    return f"{text} [{unit}]" if unit else text
+    labels = [c.label for c in curves]
+    choices = [] if curves[0].log else [labels, list(dict.fromkeys(map(_letter, labels)))]
+    texts = [", ".join(names) for names in choices if len(names) <= _NAMED]
+    texts.append(curves[0].group if len(groups) == 1 else "")
+    shown = [f"{text} [{unit}]" if unit else text for text in texts]
+    return next((text for text in shown if _length(text) <= room), shown[-1])
+
+
+def _letter(label: str) -> str:
+    """Return a label without its index or subscript."""
+    found = _SUBSCRIPTED.match(label)
+    return f"${found[1]}$" if found else label
+
+
+def _length(text: str) -> float:
+    """Return the length of a label in inches."""
+    from matplotlib import rcParams
+    from matplotlib.textpath import TextPath
+
+    points: float = TextPath((0, 0), text, size=rcParams["axes.labelsize"]).get_extents().width
+    return points / 72

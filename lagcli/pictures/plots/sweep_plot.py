@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lagcli.arrays import Array, Flags, Indices
-from lagcli.errors import UsageError
+from lagcli.equations.render.names import Notation
+from lagcli.errors import LagcliError, UsageError
+from lagcli.model.inputs import InputData
+from lagcli.model.loader import load_text
 from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.pictures.plots import style
-from lagcli.pictures.plots.curves import pretty_unit
+from lagcli.pictures.plots.curves import look_of_value, pretty_unit
 from lagcli.pictures.plots.figure_file import FigureFile
 from lagcli.pictures.plots.ticks import drawable, plain_ticks
 from lagcli.pictures.plots.tornado import draw_tornado, effects
@@ -42,7 +45,12 @@ class PlottedQuantity(NamedTuple):
 
     def told(self, value: float) -> str:
         """Return a value of it as text: m = 2 kg."""
-        return f"{self.label.partition(' [')[0]} = {value:.4g} {self.unit}".rstrip()
+        return f"{self.symbol} = {value:.4g} {self.unit}".rstrip()
+
+    @property
+    def symbol(self) -> str:
+        """The label without the unit."""
+        return self.label.partition(" [")[0]
 
     @property
     def log(self) -> bool:
@@ -66,14 +74,17 @@ class PlottedTable:
 
     def __init__(self, path: str):
         from lagcli.results.metadata import model_title
+        from lagcli.simulations.inputs.input_tables import input_data
         from lagcli.sweeps.file.store import open_sweep
 
         self.path = path
         with open_sweep(path) as file:
             good = file.read("status") == COMPLETED
             self.kept = file.kept
-            self.title = model_title(str(file.facts["model"])) or ""
-            self.varied = [_quantity(c, file.read(c.dataset), False) for c in file.columns]
+            text, parameters = str(file.facts["model"]), file.facts["parameters"]
+            self.title = model_title(text) or ""
+            names = _notation(text, path, dict(parameters), input_data(file.inputs))
+            self.varied = [_quantity(c, file.read(c.dataset), False, names) for c in file.columns]
             self.measures = [
                 _quantity(c, np.where(good, file.read(c.dataset), np.nan), True)
                 for c in file.measures
@@ -114,9 +125,23 @@ class PlottedTable:
         )
 
 
-def _quantity(column: Any, values: Array, measured: bool) -> PlottedQuantity:
+def _notation(
+    text: str, path: str, parameters: Mapping[str, float], data: Mapping[str, InputData]
+) -> Notation | None:
+    """Return how the model of a sweep writes its names; None where this version cannot read it."""
+    try:
+        given = {name: f"{value!r}*1" for name, value in parameters.items()}
+        return Notation(load_text(text, f"{path}:model", given, data=data))
+    except LagcliError:
+        return None
+
+
+def _quantity(
+    column: Any, values: Array, measured: bool, names: Notation | None = None
+) -> PlottedQuantity:
+    """Return a varied quantity in the notation of its model, or a measure by its own name."""
     unit = "" if column.unit in (NOT_STATED, "1") else pretty_unit(column.unit)
-    name = column.name.replace("$", r"\$")
+    name = look_of_value(names, column.name)
     label = f"{name} [{unit}]" if unit else name
     return PlottedQuantity(column.name, label, drawable(values), measured, unit)
 
@@ -262,7 +287,7 @@ def _draw_family(
     if few and len(told) > 1:
         style.legend_beside(ax)
     elif graded and by is not None and not few:
-        rest = ", ".join(q.name for q in others if q is not by)
+        rest = ", ".join(q.symbol for q in others if q is not by)
         verb = "vary" if len(others) > 2 else "varies"
         label = by.label + (f" ({rest} {verb} too)" if rest else "")
         ax.figure.colorbar(graded, ax=ax, label=label, pad=0.02)

@@ -109,5 +109,5 @@ def _assembled(
         scripts=[asset("theme.js")],
         images=True,
         sections=sections,
-        provenance=table("Provenance", ["", ""], [x for x in rows if x[1]], kind="facts"),
+        provenance=table("Files and versions", ["", ""], [x for x in rows if x[1]], kind="facts"),
     )

@@ -28,6 +28,8 @@ _NUMBERS = 380_000
 POWERS = "Powers"
 #: The section of the residuals.
 RESIDUALS_TITLE = "Residuals"
+#: The axis of the constraint forces along coordinates.
+ALL_FORCES = "Σ λ b"
 
 #: Numbers of one plot.
 _OF_PLOT = 40_000
@@ -75,6 +77,8 @@ class Plot:
         Whether magnitudes are drawn on a logarithmic scale.
     least : float, optional
         Curves that nowhere exceed it in magnitude are left out.
+    symbol : str
+        Of the upright axis; by default the labels of the curves.
     """
 
     title: str
@@ -83,6 +87,7 @@ class Plot:
     log: bool = False
     least: float | None = None
     note: str = ""
+    symbol: str = ""
     time: Array = field(default_factory=lambda: np.empty(0))
     values: Array = field(default_factory=lambda: np.empty((0, 0)))
 
@@ -224,6 +229,7 @@ def to_json(plot: Plot, packed: Packed) -> dict[str, Any]:
     return {
         "title": plot.title,
         "unit": plot.unit,
+        "symbol": plot.symbol,
         "log": plot.log,
         "height": 130 if plot.log else 220,
         "time": packed.add(plot.time),
@@ -311,14 +317,15 @@ def _forces(run: RunFile, names: Notation) -> Section:
             f" constraints are {len(run.constraints)} times as many, too many to be drawn."
         )
         curves = _grouped(run, names, "", {j: j for j in range(nq)})
-        return Section(title, about, [_abridged(p) for p in _by_unit("", curves)])
+        plots = _by_unit("", ALL_FORCES, curves)
+        return Section(title, about, [_abridged(p) for p in plots])
     places = chosen(run.constraints, _CONSTRAINTS)
     plots = []
     for i in places:
         constraint = run.constraints[i]
         acting = run.terms.acting(i)
         curves = _grouped(run, names, constraint, acting)
-        plots += _by_unit(f"Force of {constraint}", curves)
+        plots += _by_unit(f"Force of {constraint}", "λ b", curves)
     if len(places) < len(run.constraints):
         plots[0].note = f"{len(places)} of {len(run.constraints)} constraints are drawn."
     about = "What each constraint exerts on each coordinate: the generalized force λ b."
@@ -338,8 +345,13 @@ def _grouped(
     return groups
 
 
-def _by_unit(title: str, groups: Mapping[str, list[ReportCurve]]) -> list[Plot]:
-    return [Plot(title, symbol, curves, least=0.0) for symbol, curves in groups.items()]
+def _by_unit(title: str, symbol: str, groups: Mapping[str, list[ReportCurve]]) -> list[Plot]:
+    """Return plots of forces; where there are several, titles say along which coordinates."""
+    plots = []
+    for stated, curves in groups.items():
+        along = f" on {', '.join(c.label for c in curves)}" if title and len(groups) > 1 else ""
+        plots.append(Plot(title + along, stated, curves, least=0.0, symbol=symbol))
+    return plots
 
 
 def _outputs(run: RunFile, names: Notation) -> list[Plot]:

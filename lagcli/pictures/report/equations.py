@@ -8,6 +8,7 @@ from html import escape
 from typing import Protocol
 
 from lagcli.arrays import Array
+from lagcli.columns import BY_NAME
 from lagcli.equations.derivation.lagrange import ConstraintEquation
 from lagcli.equations.presentation.conserved import conserved_step
 from lagcli.equations.presentation.extent import abridged, is_large
@@ -16,6 +17,7 @@ from lagcli.equations.presentation.general import Signs, force
 from lagcli.equations.presentation.matrices import Matrices
 from lagcli.equations.presentation.overview import convention, in_matrices, kind_of
 from lagcli.equations.presentation.steps import steps as derivation
+from lagcli.equations.presentation.switching.contacts import as_inequality
 from lagcli.equations.presentation.typeset import Symbol
 from lagcli.equations.render.formula_mathml import MathmlFormula
 from lagcli.equations.render.formula_text import TextFormula
@@ -103,13 +105,16 @@ class EquationSystem:
         places = chosen(self.run.coordinates, _ROWS)
         units = self.run.record.units
         head = ["Coordinate", "Meaning", "Unit"]
-        head += ["At the start", "Rate at the start"] if first else []
+        head += ["At the start", "Rate at the start", "Unit of the rate"] if first else []
         rows = []
         for j in places:
             c = given[j]
             row = [self.symbol(c.name), escape(c.description or ""), unit(units.get(c.name))]
-            rows.append([*row, *(number(float(x[j])) for x in first)])
-        caption = _counted("Coordinates", len(places), len(given))
+            values = [number(float(x[j])) for x in first]
+            rate = [unit(BY_NAME["v"].unit_at(units.get(c.name)))] if first else []
+            rows.append([*row, *values, *rate])
+        title = "Coordinates and initial values" if first else "Coordinates"
+        caption = _counted(title, len(places), len(given))
         return table(caption, head, elided(places, rows, _dots(head)), numeric=(3, 4))
 
     def parameters(self) -> str:
@@ -214,8 +219,8 @@ class EquationSystem:
                 f'<dt><span class="name">{escape(c.constraint.name)}</span>:'
                 f" {escape(kind_of(c, self.equations))}, multiplier"
                 f" {self.multiplier(c.constraint.name)}{about}</dt>"
-                f"<dd>{self._equation(self.formulas.constraint_line(c))}"
-                f"{self._equation(self.formulas.variation_line(c))}</dd>"
+                f"<dd>{self._equation(as_inequality(self.formulas.constraint_line(c), c))}"
+                f"{self._equation(as_inequality(self.formulas.variation_line(c), c))}</dd>"
             )
         rest = _elision(len(found), len(self.equations.constraints), "constraints")
         return f'<dl class="constraints">{"".join(elided(list(found), items, _DOTS))}</dl>{rest}'
@@ -260,7 +265,7 @@ class EquationSystem:
                 f"<h4>{escape(title[0].upper() + title[1:])}</h4>"
                 f'<dl class="constraints">{listed}</dl>{remark}'
             )
-        return f"<h3>Conserved quantities</h3>{''.join(parts)}" if parts else ""
+        return f"<h3>Conserved quantities, with proofs</h3>{''.join(parts)}" if parts else ""
 
     def motion(self) -> str:
         """Return the equations of motion, those that are too long by their size."""
@@ -291,13 +296,13 @@ class EquationSystem:
         )
 
     def _labelled(self, line: Line) -> str:
-        label = line.label
+        label, formula = line.label, self._limited(line)
+        if line.remark:
+            formula = f'<div class="noted">{formula}<span>{escape(line.remark)}</span></div>'
         if label is None:
-            return self._limited(line)
+            return formula
         shown = escape(label) if isinstance(label, str) else inline(label, self.mathml)
-        return (
-            f'<div class="labelled"><span class="kind">{shown}:</span>{self._limited(line)}</div>'
-        )
+        return f'<div class="labelled"><span class="kind">{shown}:</span>{formula}</div>'
 
     def convention(self) -> str:
         """Return the general equations, which fix the sign of λ."""

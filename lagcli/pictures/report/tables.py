@@ -12,7 +12,7 @@ from lagcli.arrays import Array
 from lagcli.columns import BY_NAME, ColumnName, unit_of_column
 from lagcli.pictures.report.curves import ReportCurve
 from lagcli.pictures.report.equations import EquationSystem
-from lagcli.pictures.report.writing import number, table, unit
+from lagcli.pictures.report.writing import number, table, unit, with_code
 from lagcli.pictures.run_file import RunFile
 from lagcli.trajectory.extremes import Extreme, Extremes
 from lagcli.version import __version__
@@ -31,7 +31,7 @@ def status(run: RunFile) -> str:
     if record.status == "completed":
         return ""
     title = _ENDINGS.get(record.status, f"The run has the status {record.status}.")
-    message = f"<p>{escape(record.message)}</p>" if record.message else ""
+    message = f"<p>{with_code(record.message)}</p>" if record.message else ""
     samples = (
         f"<p>All of the {run.count} samples that were written are shown.</p>"
         if run.count
@@ -92,7 +92,7 @@ def solver(run: RunFile, found: Extremes) -> str:
         balance += f", {number(found.energy_balance / scale, 2)} of {number(scale, 4)} J"
     rows = [
         ("Status", escape(record.status or "not recorded")),
-        ("Message", escape(record.message)),
+        ("Message", with_code(record.message)),
         ("Method", escape(_phrase(options))),
         ("Counts", escape(counts)),
         ("Time", escape(seconds)),
@@ -101,7 +101,7 @@ def solver(run: RunFile, found: Extremes) -> str:
         ("Equation residual", number(found.residual_equation, 2)),
         ("Energy balance", balance),
     ]
-    return table("Computation", ["", ""], [row for row in rows if row[1]], kind="facts")
+    return table("Method and accuracy", ["", ""], [row for row in rows if row[1]], kind="facts")
 
 
 def provenance(run: RunFile) -> str:

@@ -119,3 +119,8 @@ def paragraphs(text: str | None) -> str:
     """Return a description: its paragraphs, escaped."""
     blocks = (text or "").strip().split("\n\n")
     return "".join(f"<p>{escape(' '.join(b.split()))}</p>" for b in blocks if b.strip())
+
+
+def with_code(text: str) -> str:
+    """Return a text in HTML, in which names between backticks are code."""
+    return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))

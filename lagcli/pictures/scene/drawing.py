@@ -158,6 +158,8 @@ def three_digits(value: float) -> str:
     """Return a magnitude with three digits, without an exponent where it reads better so."""
     if not math.isfinite(value):
         return "–"
+    if value == 0:
+        return "0"
     if 1000 <= value < 1e6:
         return f"{float(f'{value:.3g}'):.0f}"
     return f"{value:#.3g}".rstrip(".")

@@ -38,11 +38,11 @@ def with_contacts(scene: Scene, log: EventLog | None, constraints: Sequence[str]
 
 
 def _of_closed(vector: DrawnVector, log: EventLog, modes: Indices) -> DrawnVector:
-    """Return the force of a constraint with NaN where it is open."""
+    """Return the force of a constraint, which is 0 where it is open."""
     if vector.constraint not in log.rows:
         return vector
     is_open = modes[:, log.rows.index(vector.constraint)] == MODES.index("open")
-    components = tuple(np.where(is_open, np.nan, x) for x in vector.components)
+    components = tuple(np.where(is_open, 0.0, x) for x in vector.components)
     return vector._replace(components=components)
 
 

@@ -10,6 +10,8 @@ from lagcli.arrays import Array
 LABEL_SIZE = 13
 #: Directions that are tried, and the clearance in pixels beyond which more does not count.
 _DIRECTIONS, _CLEAR = 16, 10.0
+#: Distance of a text from its point, pixels at unit 1: more than the radius of a body's dot.
+_AWAY = 10.0
 #: A letter is so many times as wide as high, on the average.
 _LETTER = 0.62
 
@@ -36,7 +38,8 @@ def label_place(at: Array, size: tuple[float, float], lines: Array, unit: float)
     """
     angles = np.arange(_DIRECTIONS) * 2 * np.pi / _DIRECTIONS
     along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    middles = at + along * (9 * unit + np.array(size) / 2)
+    # the nearest edge or corner of the text is as far from the point in all directions
+    middles = at + along * _AWAY * unit + np.sign(np.round(along, 9)) * np.array(size) / 2
     grid = np.array([(i, j) for j in (-1, 0, 1) for i in (-1, 0, 1)]) * np.array(size) / 2
     clear = np.full(_DIRECTIONS, _CLEAR)
     if len(lines):

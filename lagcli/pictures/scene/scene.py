@@ -38,6 +38,8 @@ from lagcli.model.model import Segment
 
 #: Of the picture's size: how much is left free around it, and the length of a long vector.
 MARGIN, LONG = 0.08, 0.3
+#: Of the longest vector of a unit: what is 0 but for rounding.
+_ROUNDED = 1e-12
 #: Of the largest axis of the bounds: what the others have at least.
 LEAST = 0.3
 
@@ -199,20 +201,28 @@ def scaled(
     """Return vectors with their scales: those of one unit share one.
 
     The longest one is `LONG` times as long as the picture; where it is a rare peak, three times
-    the root mean square is.
+    the root mean square is. Vectors that are rounding beside the longest one are 0.
     """
     size = max((high - low for low, high in extent), default=0.0) or 1.0
+    lengths = [np.sqrt(sum((x * x for x in v.components), np.zeros(1))) for v in vectors]
     groups: dict[str, list[Array]] = {}
-    for v in vectors:
-        length = np.sqrt(sum((x * x for x in v.components), np.zeros(1)))
+    for v, length in zip(vectors, lengths, strict=True):
         groups.setdefault(v.unit or v.quantity, []).append(length[np.isfinite(length)])
-    scales = {}
-    for key, lengths in groups.items():
-        every = np.concatenate(lengths)
+    scales, least = {}, {}
+    for key, found in groups.items():
+        every = np.concatenate(found)
         every = every[every > 0]
+        least[key] = _ROUNDED * every.max(initial=0.0)
         long = min(every.max(), 3 * np.sqrt(np.mean(every**2))) if every.size else 0.0
         scales[key] = LONG * size / long if long > 0 else 1.0
-    return tuple(v._replace(scale=float(scales[v.unit or v.quantity])) for v in vectors)
+    shown = []
+    for v, length in zip(vectors, lengths, strict=True):
+        key = v.unit or v.quantity
+        rounding = (length > 0) & (length < least[key])
+        if rounding.any():
+            v = v._replace(components=tuple(np.where(rounding, 0.0, x) for x in v.components))
+        shown.append(v._replace(scale=float(scales[key])))
+    return tuple(shown)
 
 
 def extent_of(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -169,6 +170,9 @@ def _obstacles(moment: Moment, vectors: Sequence[DrawnVector]) -> list[tuple[Arr
     found = [(places[s.start], places[s.end]) for s in scene.segments]
     foot = np.array([0.0, -20 * moment.raster.unit, 0.0])
     found += [(places[name], places[name] + foot) for name in scene.grounds]
+    for disc in scene.discs:
+        rim = _rim(moment, disc, np.arange(25) * np.pi / 12)
+        found += list(pairwise(rim))
     for vector in vectors:
         at = moment.points[vector.at]
         ends = moment.camera.project(np.array([at, at + moment.vector(vector.drawn())]))
@@ -234,20 +238,9 @@ def _ground(raster: Raster, place: Array) -> None:
 
 def _disc(moment: Moment, disc: DrawnDisc) -> Iterator[DrawCommand]:
     """Yield a disc with a mark from its centre to its rim, which shows the angle."""
-    centre = moment.points[disc.center]
-    if disc.normal is not None:
-        spans = frames([np.array([x]) for x in moment.vector(disc.normal)])
-        first, second = spans[0][0], spans[1][0]
-    else:
-        first, second = np.eye(len(centre))[:2]
-    radius = moment.value(disc.radius)
-
-    def rim(angle: Array) -> Array:
-        turned = np.outer(np.cos(angle), first) + np.outer(np.sin(angle), second)
-        return moment.camera.project(centre + radius * turned)
-
-    around, at = rim(np.arange(60) * np.pi / 30), moment.places[disc.center]
-    mark = None if disc.angle is None else rim(np.array([moment.value(disc.angle)]))[0]
+    around, at = _rim(moment, disc, np.arange(60) * np.pi / 30), moment.places[disc.center]
+    angle = None if disc.angle is None else np.array([moment.value(disc.angle)])
+    mark = None if angle is None else _rim(moment, disc, angle)[0]
     if not (np.isfinite(around).all() and np.isfinite(at).all()):
         return
 
@@ -258,6 +251,18 @@ def _disc(moment: Moment, disc: DrawnDisc) -> Iterator[DrawCommand]:
             moment.raster.line([at, mark], color, 2.5)
 
     yield DrawCommand("disc", at[2], paint)
+
+
+def _rim(moment: Moment, disc: DrawnDisc, angles: Array) -> Array:
+    """Return the places on the rim of a disc at some angles."""
+    centre = moment.points[disc.center]
+    if disc.normal is not None:
+        spans = frames([np.array([x]) for x in moment.vector(disc.normal)])
+        first, second = spans[0][0], spans[1][0]
+    else:
+        first, second = np.eye(len(centre))[:2]
+    turned = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second)
+    return moment.camera.project(centre + moment.value(disc.radius) * turned)
 
 
 def _trail(moment: Moment, name: str) -> Iterator[DrawCommand]:

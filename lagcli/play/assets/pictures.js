@@ -110,10 +110,12 @@ class Pictures {
     const count = 1 + Math.max(0, ...whole.series.map(({ panel }) => panel));
     const height = count > 1 ? Pictures.LOW : Pictures.HIGH;
     const { link, palette } = this;
+    const none = whole.series.some(({ unit }) => unit) ? "1" : ""; // of a number beside quantities
     for (let number = 0; number < count; number++) {
       const series = compared.series.filter(({ panel }) => panel === number);
       const ghosts = series.map((x) => ("ghostOf" in x ? { ...x, ghostOf: series.indexOf(compared.series[x.ghostOf]) } : x));
-      const data = { ...compared, unit: whole.log ? "" : series[0]?.unit, series: ghosts };
+      const unit = whole.log ? "" : series[0]?.unit || none;
+      const data = { ...compared, unit, series: ghosts };
       const plot = slot.plots[number];
       if (plot) plot.setData(data);
       else {
