@@ -111,6 +111,11 @@ def _width(text: str) -> int:
 class LagcliError(Exception):
     """Base class of all errors that are not bugs of lagcli.
 
+    Parameters
+    ----------
+    problem : str or Diagnostic
+        Description of the problem; a Diagnostic if it concerns a location in the model file.
+
     Attributes
     ----------
     exit_status : int
@@ -122,35 +127,29 @@ class LagcliError(Exception):
     exit_status = 2
     diagnostics: Sequence[Diagnostic] = ()
 
+    def __init__(self, problem: str | Diagnostic):
+        if isinstance(problem, Diagnostic):
+            self.diagnostics = [problem]
+            problem = problem.render()
+        super().__init__(problem)
+
 
 class UsageError(LagcliError):
-    """Invalid arguments: contradictory, unknown or out of range."""
+    """Invalid arguments: contradictory, unknown, out of range, or not possible for a model."""
 
 
 class ModelError(LagcliError):
     """Invalid model file; carries all diagnostics."""
 
     def __init__(self, diagnostics: list[Diagnostic]):
-        self.diagnostics = diagnostics
         super().__init__("\n\n".join(d.render() for d in diagnostics))
+        self.diagnostics = diagnostics
 
 
 class NumericalError(LagcliError):
-    """Failure of a computation with a valid model.
-
-    Parameters
-    ----------
-    problem : str or Diagnostic
-        Description of the failure; a Diagnostic if it concerns a location in the model file.
-    """
+    """Failure of a computation with a valid model."""
 
     exit_status = 3
-
-    def __init__(self, problem: str | Diagnostic):
-        if isinstance(problem, Diagnostic):
-            self.diagnostics = [problem]
-            problem = problem.render()
-        super().__init__(problem)
 
 
 class FileError(LagcliError):

@@ -52,7 +52,7 @@ class UnitReport:
         if not self.stated:
             return "none given"
         if self.checked:
-            return "given throughout, and they fit"
+            return "given throughout and consistent"
         if not self.missing:
             return "given for coordinates only; not checked"
         families = list(dict.fromkeys(map(family_of, self.missing)))

@@ -40,7 +40,7 @@ def resolve_name(template: str, model: Model) -> str:
     ------
     UsageError
         A name is neither a parameter nor an initial value, a format is none of the above or does
-        not suit the value, or a brace has no partner.
+        not suit the value, or a brace has no matching brace.
     """
     if "{" not in template and "}" not in template:
         return template
@@ -53,7 +53,7 @@ def resolve_name(template: str, model: Model) -> str:
         if match["field"] is None:
             raise _wrong(
                 template,
-                f"`{text}` at character {match.start() + 1} has no partner",
+                f"`{text}` at character {match.start() + 1} has no matching brace",
                 f"write {text * 2} for a brace",
             )
         name, _, form = match["field"].partition(":")

@@ -16,6 +16,7 @@ from lagcli.arrays import Array
 from lagcli.cli.streams import visible_json
 from lagcli.columns import RESIDUALS, ColumnName, unit_of_column
 from lagcli.errors import LagcliError
+from lagcli.model.model import Model
 from lagcli.trajectory.extremes import Extremes, known
 from lagcli.trajectory.samples import ENDED, Record
 
@@ -141,7 +142,7 @@ def _absolute(summary: Mapping[str, Any]) -> str:
     return f"{listed}{', …' if len(given) > 4 else ''}, others by their size{between}"
 
 
-def format_summary(summary: Mapping[str, Any], name: str) -> str:
+def format_summary(summary: Mapping[str, Any], model: Model) -> str:
     """Return the summary as text of at most 100 columns."""
     s = summary
     end = f" to {s['t_end']:.6g} s" if s["t_end"] is not None else ""
@@ -149,7 +150,7 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
     counts = f"{s['steps']} steps, {s['rejected']} rejected, {s['evaluations']} evaluations"
     fits = len(method) + 1 + len(counts) <= 100
     lines = [
-        f"{name}: {s['status']}, t = {s['t_start']:.6g}{end}, {s['samples']} samples",
+        f"{model.name}: {s['status']}, t = {s['t_start']:.6g}{end}, {s['samples']} samples",
         *([f"{method} {counts}"] if fits else [method, f"  {'':<12}{counts}"]),
     ]
     lines += [f"  {'warning':<12}{warning}" for warning in s["warnings"]]
@@ -158,14 +159,14 @@ def format_summary(summary: Mapping[str, Any], name: str) -> str:
         lines.append(f"  {'':<12}{s['message']}")
     moved = s["initial_correction"]
     if moved:
-        lines.append(f"  {'start':<12}moved onto the constraints:")
+        lines.append(f"  {'start':<12}adjusted to satisfy the constraints:")
         width = max(map(len, moved))
         lines += [
             f"    {k:<{width}}  {before:.10g} → {after:.10g}"
             for k, (before, after) in moved.items()
         ]
     if s["redundant"]:
-        lines += _redundancy(s)
+        lines += _redundancy(s, model)
     if s["nonlinear"]:
         names = ", ".join(s["nonlinear"][:_LISTED]) + ", …" * (len(s["nonlinear"]) > _LISTED)
         lines.append(f"  {'postulate':<12}Chetaev's rule: the force of {names} is along ∂ψ/∂q̇")
@@ -240,8 +241,10 @@ def _conserved(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return [f"  {'conserved':<12}{first}", *(f"  {'':<12}{line}" for line in rest)]
 
 
-def _redundancy(summary: Mapping[str, Any]) -> list[str]:
+def _redundancy(summary: Mapping[str, Any], model: Model) -> list[str]:
     """Say that constraints are redundant, and which."""
+    from lagcli.model.declarations import lines_of
+
     surplus = sum(x["surplus"] for x in summary["redundant"])
     freedom = summary["degrees_of_freedom"]
     text = (
@@ -254,7 +257,11 @@ def _redundancy(summary: Mapping[str, Any]) -> list[str]:
         more = len(found["constraints"]) - _LISTED
         names += f" and {more} more" if more > 0 else ""
         follow = "follows" if found["surplus"] == 1 else "follow"
-        sets.append(f"{found['surplus']} of {names} {follow} from the others")
+        where = lines_of(model, found["constraints"])
+        sets.append(
+            f"{found['surplus']} of {names}{f' ({where})' if where else ''} {follow} from the"
+            " others"
+        )
     text += "; ".join(sets) + (
         "; their multipliers are not unique, the constraint forces are; remove redundant"
         " constraints for unique multipliers"

@@ -321,14 +321,14 @@ class Limits:
     def check(self, t: float, steps: int) -> None:
         """Stop a run that takes more steps or time than allowed."""
         if steps >= self.steps:
-            raise Stop(f"gave up after {steps} steps at t = {t:.9g} s; --max-steps allows more")
+            raise Stop(f"stopped after {steps} steps at t = {t:.9g} s; --max-steps allows more")
         self.check_time(t)
 
     def check_time(self, t: float) -> None:
         """Stop a run that takes more time than allowed."""
         if time.monotonic() - self.began > self.timeout:
             raise Stop(
-                f"gave up after {self.timeout:g} s of computing time at t = {t:.9g} s;"
+                f"stopped after {self.timeout:g} s of computing time at t = {t:.9g} s;"
                 " --timeout allows more"
             )
 

@@ -82,7 +82,7 @@ class CsvTable:
                     raise self.error(
                         "bad-data",
                         f"{len(fields)} values under {count} names",
-                        "give one value for each name; leave the place of a missing one empty",
+                        "give one value for each name; leave the field of a missing value empty",
                         reader.line_num,
                     )
         except csv.Error as error:
@@ -148,7 +148,7 @@ class CsvTable:
                 "bad-data",
                 f"column `{self.titles[number].strip()}`:"
                 f" {shorten(fields[number].strip())!r} is not a finite number",
-                "write it as 0.25; leave the place of a missing value empty",
+                "write it as 0.25; leave the field of a missing value empty",
                 line,
                 number,
             )

@@ -53,6 +53,15 @@ class ExpressionLocations:
             node = node.entries["expr"][1]
         return node
 
+    def inside(self, *keys: str) -> YamlNode:
+        """Return the node at a path of keys, or the last one on the path that there is."""
+        node: YamlNode = self._root
+        for key in keys:
+            if not isinstance(node, Mapping) or key not in node.entries:
+                break
+            node = node.entries[key][1]
+        return node
+
     def at(self, block: str, place: SourceLocation) -> YamlNode | None:
         """Return the node of a value in a block; None if there is none at this location."""
         found = self._root.entries.get(block)

@@ -145,7 +145,7 @@ class RunFile:
             model = self._other_model(self._model_file, parameters, initial)
         elif not record.model:
             raise UsageError(
-                f"{self.name} holds no model: CSV has no place for it; write HDF5 (-o run.h5), or"
+                f"{self.name} contains no model: CSV cannot store it; write HDF5 (-o run.h5), or"
                 " a sidecar beside the CSV file (--meta), or name the model file with --model"
             )
         else:

@@ -141,7 +141,7 @@ def format_of(path: str | os.PathLike[str]) -> ResultFormat:
     """
     stem, suffix = os.path.splitext(os.fspath(path))
     if stem == "-":
-        raise UsageError("a result is not read from standard input; save it to a file first")
+        raise UsageError("results cannot be read from standard input; save them to a file first")
     for found in FORMATS:
         if suffix.lower() in found.suffixes:
             return found

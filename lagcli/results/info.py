@@ -162,7 +162,9 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
     tables = [f"{name} of {_table_of(x)}" for name, x in info["inputs"].items()]
     lines += _entry("inputs", ", ".join(tables))
     if info["sensitivity"]:
-        lines += _entry("derivatives", "of q, v and lambda by " + ", ".join(info["sensitivity"]))
+        lines += _entry(
+            "derivatives", "of q, v and lambda with respect to " + ", ".join(info["sensitivity"])
+        )
     lines += _entry("parameters", pairs(info["parameters"], units))
     lines += _entry("options", pairs(info["options"]))
     lines += _entry("atol at end", pairs(info["tolerances"]))
@@ -172,7 +174,7 @@ def format_info(info: Mapping[str, Any], columns: int = WIDTH) -> str:
         f"{n} {number(before)} -> {number(after)}"
         for n, (before, after) in info["initial_correction"].items()
     ]
-    lines += _entry("start moved", ", ".join(moved))
+    lines += _entry("start adjusted", ", ".join(moved))
     lines += _entry("freedom", _freedom(info["freedom"]))
     if info["events"] is not None:
         for what, sentence in zip(

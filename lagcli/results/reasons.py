@@ -35,7 +35,7 @@ def write_failure(path: str, error: OSError) -> FileError:
         case errno.ENOTDIR:
             reason = f"{folder} is not a folder; choose another name"
         case errno.EBADF:
-            reason = "it is closed; lead it to a terminal or a file, or write with -o"
+            reason = "it is closed; redirect it to a file, or write with -o"
         case errno.EISDIR:
             reason = "it is a folder; give the name of a file in it"
         case errno.ENAMETOOLONG:

@@ -72,21 +72,29 @@ def refuse_switching(equations: Equations, what: str, nonlinear: bool = False) -
         The model has contacts, limits or events, or forces that depend on multipliers.
     """
     model = equations.model
-    why = ""
+    curved = [c for c in model.constraints if c.kind == "nonlinear"] if nonlinear else []
+    location = None
     if model.switches:
-        names = [c.name for c in model.constraints if not c.lasting]
-        names = names or [name for e in model.events for name in e.action.release] or ["events"]
-        why = f"need constraints that hold at all times, as `{names[0]}` does not"
-        help_ = "write contacts that stay closed with `=`, and leave out friction and events"
+        leaving = [c for c in model.constraints if not c.lasting]
+        if leaving:
+            why = f"constraints that hold at all times, but `{leaving[0].name}` does not"
+            location = leaving[0].location
+        else:
+            why = f"a model without events, but `{model.events[0].name}` is one"
+            location = model.events[0].location
+        help_ = "write contacts that stay closed with `=`, and remove friction and events"
     elif any(x != 0 for x in equations.reactive_forces):
-        why = "need forces that do not depend on multipliers, as those under `Q` do"
-        help_ = "leave out the forces with `lambda`"
-    elif nonlinear and any(c.kind == "nonlinear" for c in model.constraints):
-        name = next(c.name for c in model.constraints if c.kind == "nonlinear")
-        why = f"need constraints that are linear in the velocities, as `{name}` is not"
-        help_ = "the first kind has no such bound"
-    if why:
-        raise UsageError(f"{what} {why}; {help_}")
+        why = "forces that do not depend on multipliers, but those under `Q` do"
+        places = ExpressionLocations(model)
+        location = places.location(places.entry("Q"))
+        help_ = "remove the forces with `lambda`"
+    elif curved:
+        why = f"constraints that are linear in the velocities, but `{curved[0].name}` is not"
+        location = curved[0].location
+        help_ = "use the first kind, which permits any constraint"
+    else:
+        return
+    raise UsageError(Diagnostic("not-supported", f"{what} need {why}", location, help_))
 
 
 def model_at_start(model: Model, held: tuple[str, ...]) -> Model:

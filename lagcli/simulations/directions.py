@@ -53,8 +53,9 @@ def _known(model: Model, name: str, where: str) -> str:
     if name in model.parameters:
         if model.parameters[name].structural:
             raise UsageError(
-                f"{where}: `{name}` decides how many coordinates or constraints there are, and the"
-                " motion has no derivative with respect to it; name another parameter"
+                f"{where}: `{name}` determines the number of coordinates or constraints, and the"
+                " motion"
+                " has no derivative with respect to it; name another parameter"
             )
         return name
     initial = model.initial

@@ -48,7 +48,7 @@ def check_fits(needed: int, what: str, remedy: str) -> None:
     free = available()
     if free is not None and needed > free:
         raise NumericalError(
-            f"{what} needs about {_size(needed)} of memory, and {_size(free)} are free; {remedy}"
+            f"{what} needs about {_size(needed)} of memory, and {_size(free)} is free; {remedy}"
         )
 
 

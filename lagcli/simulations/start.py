@@ -175,9 +175,9 @@ def _undefined_start(equations: Equations, state: State) -> NumericalError:
     return NumericalError(
         Diagnostic(
             "undefined-start",
-            f"no start: {found.clause}",
+            f"no initial state: {found.clause}",
             found.location,
-            "change the initial values, or write the expression so that it is smooth there",
+            "change the initial values, or write an expression that is smooth there",
         )
     )
 
@@ -220,10 +220,11 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
             [
                 Diagnostic(
                     "contradicting-constraints",
-                    f"no initial values satisfy the constraint{plural} {names}{level}: near the"
-                    f" guesses they contradict\n{residuals}",
+                    f"no initial values satisfy the constraint{plural} {names}{level}: they"
+                    " contradict"
+                    f" each other near the guesses\n{residuals}",
                     first.location,
-                    "fix the constraints, or guess values nearer to a solution",
+                    "correct the constraints, or give guesses nearer to a solution",
                 )
             ]
         )
@@ -233,7 +234,7 @@ def _no_start(model: Model, error: NoConsistentState) -> ModelError | NumericalE
             "no consistent initial state was found near the guesses: the"
             f" constraint{plural} {names}{level} do{'' if plural else 'es'} not hold\n{residuals}",
             first.location,
-            "guess values nearer to a solution"
+            "give guesses nearer to a solution"
             + ("; check that the constraints do not contradict each other" if plural else ""),
         )
     )

@@ -117,8 +117,8 @@ class Trust:
         if not self.balance <= allowed * scale:
             share = f", {self.balance / scale:.2g} of the energies involved" if scale else ""
             found.append(
-                f"the energy balance is off by {self.balance:.2g} J{share}, where the tolerance"
-                f" explains {allowed:.1g}: give a smaller --rtol"
+                f"the energy balance has an error of {self.balance:.2g} J{share}, more than"
+                f" the tolerance explains ({allowed:.1g}): give a smaller --rtol"
             )
         for level, largest in self._residuals.items():
             terms = scales[level]

@@ -85,11 +85,11 @@ def prepare_sweep(
     plan = make_plan(model, request.vary, request.sample, request.seed, request.zipped, taken)
     written = format_of(path)
     if not written.sweeps:
-        raise UsageError(f"{path}: {written.title} files hold no sweeps; give -o with .h5")
+        raise UsageError(f"{path}: {written.title} files cannot store sweeps; give -o with .h5")
     table = written.sweeps == "table"
     if request.keep == "trajectories" and table:
         raise UsageError(
-            f"a {written.title} file holds measures only; give -o with .h5 to keep trajectories"
+            f"a {written.title} file can store only measures; give -o with .h5 to keep trajectories"
         )
     read_measures(model, request.measures)
     given = settings or SettingsOverrides()

@@ -74,11 +74,11 @@ class EventRecords:
         if len(set(self.columns)) < len(self.columns):
             raise ValueError("a column is recorded twice")
         if any(x.shape != shape for x in (self.before, self.after)):
-            raise ValueError("what is recorded does not have one number for each column")
+            raise ValueError("recorded values and columns differ in number")
         if len(self.entry) and (
             self.entry[0] < 0 or self.entry[-1] >= entries or (np.diff(self.entry) <= 0).any()
         ):
-            raise ValueError("what is recorded is of entries that there are not")
+            raise ValueError("recorded columns refer to entries that do not exist")
 
     def of(self, place: int) -> dict[str, tuple[float, float]]:
         """Return what one of them records: the values before and after, by column."""
@@ -157,7 +157,7 @@ class EventLog:
             raise ValueError(f"there is an event of the kind {min(unknown)!r}")
         for modes in (self.start, self.modes):
             if modes.size and not 0 <= modes.min() <= modes.max() < len(MODES):
-                raise ValueError("there is a mode that is none")
+                raise ValueError("there is an unknown mode")
         if len(set(self.rows)) < len(self.rows):
             raise ValueError("a row switches twice")
         self.records.check(len(self))
@@ -285,7 +285,7 @@ def event_sentences(found: Mapping[str, Any]) -> list[str]:
     Counts by constraint and event, notes on sequences of impacts that came to rest, and the energy.
     """
     if not found["entries"]:
-        return ["nothing happened at contacts and events"]
+        return ["no changes of contacts, no events"]
     counts = (
         f"{name}: " + ", ".join(f"{kind} {count}" for kind, count in kinds.items())
         for name, kinds in found["counts"].items()
@@ -298,9 +298,9 @@ def event_sentences(found: Mapping[str, Any]) -> list[str]:
     energy = [
         f"{what} {found[name]:.6g} J"
         for name, what in (
-            ("loss", "impacts took"),
+            ("loss", "impacts dissipated"),
             ("supplied", "moving constraints supplied"),
-            ("work", "events did work of"),
+            ("work", "events did work"),
         )
         if found[name]
     ]

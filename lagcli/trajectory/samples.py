@@ -59,10 +59,10 @@ class Terms(NamedTuple):
         """Raise ValueError unless the terms are in order and of the constraints and coordinates."""
         nc, nq = self.shape
         if self.constraint.ndim != 1 or self.constraint.shape != self.coordinate.shape:
-            raise ValueError("terms have two numbers of entries")
+            raise ValueError("the parts of the terms differ in length")
         for places, most in ((self.constraint, nc), (self.coordinate, nq)):
             if len(places) and not 0 <= places.min() <= places.max() < most:
-                raise ValueError("terms are of constraints or coordinates that there are not")
+                raise ValueError("terms refer to constraints or coordinates that do not exist")
         if (np.diff(self.constraint * nq + self.coordinate) <= 0).any():
             raise ValueError("terms are not in order")
 

@@ -79,7 +79,13 @@ def here(capsys: pytest.CaptureFixture[str]) -> Here:
 def test_summary_without_output(here: Here) -> None:
     assert here("simulate", CRANK, *SHORT) == 0
     assert here.out.startswith("slider_crank: completed")
-    for word in ("moved onto", "residuals", "energy", "lambda.guide", "nothing (-o run.h5"):
+    for word in (
+        "adjusted to satisfy",
+        "residuals",
+        "energy",
+        "lambda.guide",
+        "nothing (-o run.h5",
+    ):
         assert word in here.out
     assert here.err == ""
     assert max(map(len, here.out.splitlines())) <= 100

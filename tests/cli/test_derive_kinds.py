@@ -83,7 +83,7 @@ def test_json_can_be_read(capsys) -> None:
 
 def test_what_is_not_short_is_said(capsys) -> None:
     text = printed(capsys, DISK, "--solve")
-    assert "A closed form is not given: it would be long." in text
+    assert "The closed form is omitted: it is long." in text
     redundant = " ".join(printed(capsys, str(MODELS / "parallelogram.yaml"), "--solve").split())
     assert "λ is not unique, because constraints are redundant" in redundant
 
@@ -125,7 +125,7 @@ def test_without_a_consistent_start_there_is_the_first_kind_only(capsys, tmp_pat
     assert run(["derive", str(model), "--steps"]) == 0
     shown = capsys.readouterr()
     assert "x² + 1" in shown.out
-    assert shown.err.startswith("note: without independent coordinates and the second kind: ")
+    assert shown.err.startswith("note: independent coordinates and the second kind are omitted: ")
     assert run(["derive", str(model), "--steps", "--quiet"]) == 0
     assert not capsys.readouterr().err
     assert run(["derive", str(model), "--kind", "second"]) in (2, 3)

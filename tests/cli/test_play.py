@@ -65,7 +65,7 @@ class Program:
 def program() -> Iterator[Program]:
     running = Program(CRANK, "--no-browser")
     yield running
-    assert running.end() == (0, "Ctrl-C closes the page\n")
+    assert running.end() == (0, "Press Ctrl-C to stop the server\n")
 
 
 def asked(program: Program, path: str | None = None, **headers: str) -> tuple[int, bytes]:
@@ -378,7 +378,7 @@ def test_it_ends_at_once_while_a_client_waits_for_a_long_run() -> None:
         return ended, (await ws.receive()).data
 
     ended, code = talked(running, talk)
-    assert ended == (0, "Ctrl-C closes the page\n")
+    assert ended == (0, "Press Ctrl-C to stop the server\n")
     assert code == aiohttp.WSCloseCode.GOING_AWAY
 
 

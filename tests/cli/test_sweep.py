@@ -271,7 +271,7 @@ def test_strict_fails_rows_that_cannot_be_trusted(here: Here) -> None:
     said = json.loads(here.out)
     assert (said["rows"], said["ok"]) == (2, 1)
     ((cause, count),) = said["failed"].items()
-    assert cause.startswith("the energy balance is off by … J")
+    assert cause.startswith("the energy balance has an error of … J")
     assert count == 1
     found = contents("t.h5")
     assert found["status"].tolist() == [0, 1]
@@ -338,7 +338,7 @@ def test_an_unfinished_sweep_is_not_overwritten(journaled: Here) -> None:
     here = journaled
     arguments = [x for x in RESUME if x != "--resume"]
     assert here(*arguments) == 4
-    assert "--resume continues with it" in here.err
+    assert "--resume continues it" in here.err
     assert here(*arguments, "--force", "--json") == 0
     assert json.loads(here.out)["run"] == 6
 

@@ -158,7 +158,7 @@ def test_a_worker_that_is_killed_loses_nothing(two_workers: Dask) -> None:
                 time.sleep(0.2)
 
         found = run(there, spec, kill)
-    assert f"the worker {killed[0]} is gone; rows that it had not finished are run again" in said
+    assert f"the worker {killed[0]} was lost; its unfinished rows are run again" in said
     assert (found["status"] == COMPLETED).all()
     assert same(found, spec)
 
@@ -349,4 +349,4 @@ def test_workers_that_come_later(tmp_path: Path) -> None:
                 running.start("worker", running.address, "--host", "127.0.0.1", "--no-dashboard")
 
         assert same(run(there, spec, start), spec)
-    assert said == [f"the scheduler at {running.address} has no workers; waiting for some"]
+    assert said == [f"the scheduler at {running.address} has no workers; waiting for workers"]

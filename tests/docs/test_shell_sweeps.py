@@ -166,7 +166,7 @@ def test_slurm_array_and_reading_back(place: Path) -> None:
     h5py_example, xarray_example = blocks("Reading", "python")
     done = run([sys.executable, "-c", h5py_example], place)
     assert done.returncode == 0, done.stderr
-    assert "run_9.h5 gave up after 9 steps" in done.stdout
+    assert "run_9.h5 stopped after 9 steps" in done.stdout
     largest = {
         float(m): float(value) for m, value in re.findall(r"m = (\S+) kg: .* (\S+)", done.stdout)
     }

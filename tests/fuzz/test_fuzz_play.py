@@ -57,7 +57,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         _, said = process.communicate(timeout=PATIENCE)
     finally:
         process.kill()
-    assert (process.returncode, said) == (0, "Ctrl-C closes the page\n")
+    assert (process.returncode, said) == (0, "Press Ctrl-C to stop the server\n")
 
 
 def status(served: Served, request: bytes, patience: float = PATIENCE) -> int:

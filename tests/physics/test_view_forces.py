@@ -140,7 +140,7 @@ def test_velocities_are_the_rates_of_the_points(name: str) -> None:
     ("points", "at", "why"),
     [
         # B written by the constraint: no force at a point that cannot move upwards moves psi
-        ("B: [x_B, 0]", "B", "cannot do there what the constraint does"),
+        ("B: [x_B, 0]", "B", "cannot produce λ b"),
         # A moves on a circle, B with it: six components from two numbers
         ("A: [x_A, y_A], B: [x_B, r*sin(phi) - l*sin(psi)]", "[A, B]", "is not determined"),
     ],

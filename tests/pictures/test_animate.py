@@ -399,7 +399,7 @@ def without_view(tmp_path_factory):
     ("name", "note"),
     [
         ("run.h5", "its model has no view, and no point is recognized; coordinates are drawn"),
-        ("run.csv", "the result holds no model, and so no view; coordinates are drawn"),
+        ("run.csv", "the result contains no model, and therefore no view; coordinates are drawn"),
     ],
 )
 def test_without_a_view_coordinates_are_played(name, note, without_view, tmp_path, visit):
@@ -407,7 +407,7 @@ def test_without_a_view_coordinates_are_played(name, note, without_view, tmp_pat
     assert note in made.notes[0]
     opened = visit(tmp_path / "run.html")
     opened.evaluate("player.pause(); player.setTime(0)")
-    assert opened.get_by_role("group", name="Coordinates over the time").count() == 1
+    assert opened.get_by_role("group", name="Coordinates over time").count() == 1
     cursor = opened.locator(".u-cursor-x").first
     first = cursor.bounding_box()["x"]
     opened.get_by_role("slider", name="Time").focus()

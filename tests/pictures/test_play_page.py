@@ -381,7 +381,7 @@ def test_a_model_without_a_view_is_plotted_until_the_program_ends(opened, tmp_pa
     assert "'" in p.command()
     next(server, None)
     p.page.locator("#notice.error").wait_for()
-    assert "The program has ended" in p.error()
+    assert "The server has stopped" in p.error()
 
 
 def test_nothing_is_wider_than_the_window(crank, until):

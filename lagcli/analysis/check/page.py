@@ -37,9 +37,9 @@ _INDEX = {
     3: "differential-algebraic equations with position constraints.",
 }
 _SEARCHED = {
-    "linear": "Symmetries ξ = A q + b of L and the constraints were looked for.",
-    "translations": "Of this large system, symmetries with constant ξ were looked for.",
-    "absent coordinates": "Of this large system, coordinates that occur nowhere were looked for.",
+    "linear": "The search covered symmetries ξ = A q + b of L and the constraints.",
+    "translations": "For this large system, the search covered only symmetries with constant ξ.",
+    "absent coordinates": "For this large system, the search covered only cyclic coordinates.",
 }
 
 
@@ -99,18 +99,18 @@ def _freedom(f: Formulas, found: Check) -> Step:
     said = [f"Index {found.index}: {_INDEX[found.index]}"]
     if rank.freedom.constraints:
         counts = sorted(Counter(rank.random_ranks).items())
-        shown = ", ".join(f"{n} at {count}" for n, count in counts)
+        shown = ", ".join(f"{n} at {count} states" for n, count in counts)
         said.append(
             f"Rank of B at random consistent states: {shown}."
             if shown
             else "The constraints determine all positions."
             if not rank.freedom.degrees
-            else "In this large system, the rank is not looked at elsewhere."
+            else "For this large system, the rank is not computed at other states."
         )
         if rank.special:
             said.append(
-                "The start is a special configuration: the rank is less there than nearby, and a"
-                " run that starts there may not be determined."
+                "The start is a singular configuration: the rank is lower there than nearby, and a"
+                " motion that starts there may not be unique."
             )
     sets = [
         f"Redundant: {x.surplus} of {', '.join(x.constraints)}"
@@ -130,9 +130,9 @@ def _multipliers(found: Check) -> Step | None:
         said = "All are unique." if held is None else f"Unique: {_names(rank.unique)}."
         return Step(title, (), said)
     said = f"Not unique: {_names(rank.not_unique)}."
-    said += f" Unique: {_names(rank.unique)}." if rank.unique else " None is unique."
+    said += f" Unique: {_names(rank.unique)}." if rank.unique else ""
     if rank.combinations:
-        said += " The combinations above are unique at the start; constraint forces always are."
+        said += " The combinations above are unique at the start, and constraint forces always."
     lines = tuple(Line((_combination(c),)) for c in rank.combinations)
     return Step(title, lines, said)
 
@@ -151,7 +151,7 @@ def _conserved(f: Formulas, found: Check) -> list[Step]:
     ]
     said = _SEARCHED[found.conserved.extent]
     if not steps:
-        return [Step("Conserved quantities", (), f"None was found. {said}")]
+        return [Step("Conserved quantities", (), f"None were found. {said}")]
     return steps
 
 
@@ -163,11 +163,11 @@ def _start(found: Check) -> Step:
     lines = [t]
     for name, (before, after) in islice(start.moved.items(), _LISTED):
         base = name.rstrip("'")
-        note = f"moved from {minus(before, 8)}"
+        note = f"adjusted from {minus(before, 8)}"
         symbol = Symbol(base, len(name) - len(base))
         lines.append(Line((symbol, _number(after, 10)), note=note))
     more = len(start.moved) - _LISTED
-    said = f"And {more} more values were moved onto the constraints." if more > 0 else None
+    said = f"{more} more values were adjusted to satisfy the constraints." if more > 0 else None
     return Step("Consistent start", tuple(lines), said)
 
 
@@ -189,8 +189,8 @@ def _time_scales(found: Check) -> Step | None:
     if x.fastest_growth:
         said.append(f"Fastest growth {x.fastest_growth:.6g} 1/s.")
     if x.stiffness > _STIFF:
-        said.append(f"The fastest decay is {x.stiffness:.3g} times the slowest motion.")
-    said.append("Of small motions about the start, with the coefficients that hold there.")
+        said.append(f"The fastest decay is {x.stiffness:.3g} times as fast as the slowest motion.")
+    said.append("These values describe small motions about the initial state.")
     return Step("Time scales", (), " ".join(said))
 
 

@@ -139,10 +139,11 @@ def _formulations(content: Mapping[str, Any]) -> list[str]:
         if run["status"] != "completed":
             notes.append(f"{name}, {run['method']}: {run['status']}: {run['message']}")
     if not content["unique_multipliers"]:
-        notes.append("the constraints are redundant: λ is not unique, and is not compared")
+        notes.append("the constraints are redundant: λ is not unique and not compared")
     notes.append(
         "largest values of: φ and ψ, residuals relative to the terms of the constraints; E, the"
-        " imbalance of the energy relative to it; Δq and Δλ, differences relative to the largest"
+        " error of the energy balance relative to the energy; Δq and Δλ, differences relative to"
+        " the largest"
         " value of the same unit"
     )
     for note in notes:
@@ -151,7 +152,7 @@ def _formulations(content: Mapping[str, Any]) -> list[str]:
 
 
 def _two_models(content: Mapping[str, Any]) -> list[str]:
-    lines = [f"{content['model']} and {content['other']}, the same quantities:"]
+    lines = [f"{content['model']} and {content['other']}, differences of common quantities:"]
     for kind in ("coordinates", "multipliers", "outputs"):
         for x in content[kind]:
             name = f"lambda.{x['name']}" if kind == "multipliers" else x["name"]
@@ -160,15 +161,17 @@ def _two_models(content: Mapping[str, Any]) -> list[str]:
             if small:
                 text += "equal"
             else:
-                share = f", {x['difference'] / x['size']:.1e} of its size" if x["size"] else ""
+                share = (
+                    f", {x['difference'] / x['size']:.1e} of its largest value" if x["size"] else ""
+                )
                 text += f"{x['difference']:.3e} at t = {x['time']:.6g} s{share}"
             if x.get("explained"):
                 text += "; explained"
             lines += wrapped(text.lstrip(), WIDTH, "  ", " " * 26)
     if any(x.get("explained") for x in content["multipliers"]):
         said = (
-            "explained: the Lagrangians differ by a multiple of the constraint, φ F. That changes"
-            " no motion, and takes F from λ"
+            "explained: the Lagrangians differ by a multiple of the constraint, φ F, which does not"
+            " change the motion but reduces λ by F"
         )
         lines += wrapped(said, WIDTH, "  ", "  ")
     for number, names in enumerate((content["only_first"], content["only_second"])):

@@ -76,7 +76,7 @@ def format_equilibria(content: Mapping[str, Any]) -> str:
         if x["dimension"]:
             free = ", ".join(x["neutral_coordinates"])
             lines += entry(
-                "set", f"one of a set of dimension {x['dimension']}, which differ in {free}", 5
+                "set", f"one of a set of dimension {x['dimension']} that differ in {free}", 5
             )
     return "\n".join(lines)
 
@@ -91,7 +91,7 @@ def _verdict(x: Mapping[str, Any]) -> str:
         how = "oscillation grows" if largest.imag else "deviation grows"
         return f"unstable ({how} as e^({largest.real:.4g} t))"
     if verdict == "undecided":
-        return "stability not decided by linear terms"
+        return "stability not determined by the linear terms"
     if verdict == "stable" and stiffness is not None and not any(x["v"].values()):
         return "stable (a minimum of the potential energy)"
     return str(verdict)

@@ -24,7 +24,7 @@ from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import run_arrays
 from lagcli.equations.derivation.column_expressions import column_expression
 from lagcli.equations.derivation.lagrange import Equations, with_forces
-from lagcli.errors import LagcliError, UsageError
+from lagcli.errors import Diagnostic, LagcliError, UsageError
 from lagcli.model.model import Model
 from lagcli.model.sections.fit import ObservedQuantity
 from lagcli.settings.settings import Settings
@@ -233,11 +233,15 @@ def _expressions(equations: Equations, observed: Sequence[ObservedQuantity]) -> 
     found = with_forces(equations.model, equations.constraints, expressions)
     known = {*equations.q, *equations.v, *equations.a, *equations.multipliers, se.Symbol("t")}
     known |= {se.Symbol(name) for name in equations.model.parameters}
-    for name, expression in found.items():
-        if not expression.free_symbols <= known:
+    for x in observed:
+        if not found[x.name].free_symbols <= known:
             raise UsageError(
-                f"`{name}` cannot be observed: it is not a function of the state at one time;"
-                " observe coordinates, velocities, multipliers or outputs"
+                Diagnostic(
+                    "not-supported",
+                    f"`{x.name}` cannot be observed: it is not a function of the state at one time",
+                    x.location,
+                    "observe coordinates, velocities, multipliers or outputs",
+                )
             )
     return list(found.values())
 

@@ -127,7 +127,7 @@ def linearize(
     .. [2] W. Schiehlen, P. Eberhard, "Applied Dynamics", 2014, doi:10.1007/978-3-319-07335-4.
     """
     if form not in FORMS:
-        raise UsageError(f"--form {form!r} is none of {', '.join(FORMS)}")
+        raise UsageError(f"--form {form!r} is not a form; the forms are {', '.join(FORMS)}")
     local = LocalEquations(model)
     signals = Inputs(local, inputs)
     measured = Outputs(local, outputs, signals)

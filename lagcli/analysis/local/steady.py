@@ -14,7 +14,7 @@ from lagcli.arrays import Array
 from lagcli.engine.evaluator import Dynamics
 from lagcli.engine.linear import dense
 from lagcli.engine.scales import LEAST_PART
-from lagcli.errors import UsageError
+from lagcli.errors import Diagnostic, UsageError
 from lagcli.model.model import RATE
 
 #: Singular values of the scaled Jacobian below this part of the largest are taken for zero.
@@ -91,10 +91,15 @@ class SteadyProblem:
         first_order = [c for c in local.system.constraints if c.endswith(RATE)]
         if first_order:
             name = first_order[0].removesuffix(RATE)
+            coordinate = next(c for c in local.model.coordinates if c.name == name)
             raise UsageError(
-                f"{local.model.name}: `{name}` is a first-order coordinate, and equilibria are"
-                " searched for among coordinates with inertia; simulate until the motion has died"
-                " out, or give it a mass"
+                Diagnostic(
+                    "not-supported",
+                    f"`{name}` is a first-order coordinate, but equilibria need coordinates with"
+                    " inertia",
+                    coordinate.location,
+                    "simulate until the motion has died out, or give it a mass",
+                )
             )
         self.held = {names.index(name): value for name, value in (held or {}).items()}
         self.nq, self.holonomic = len(names), list(local.system.holonomic)

@@ -81,7 +81,11 @@ def compare(
     if other is not None:
         refuse_same_file(other, output)
         if any(chosen):
-            raise UsageError("two models are compared by one method: give no rows to compare")
+            raise UsageError(
+                "--formulation, --method and --rtol are for one model; two models are compared"
+                " with the"
+                " settings of the first"
+            )
     if output is not None:
         check_analysis_target(output, (".json", ".h5"), force)
     settings = SettingsOverrides(t_end=t_end, samples=samples)

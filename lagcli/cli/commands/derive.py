@@ -150,7 +150,7 @@ def derive(
 def _without_partition(error: LagcliError) -> str:
     """Say why a derivation has no independent coordinates."""
     found = error.diagnostics[0].message if error.diagnostics else str(error)
-    return f"note: without independent coordinates and the second kind: {found}"
+    return f"note: independent coordinates and the second kind are omitted: {found}"
 
 
 def _kinds(text: str) -> list[str]:

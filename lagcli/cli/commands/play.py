@@ -54,7 +54,7 @@ def play(
     def ready() -> None:
         print(server.address, flush=True)
         if not quiet:
-            print("Ctrl-C closes the page", file=sys.stderr)
+            print("Press Ctrl-C to stop the server", file=sys.stderr)
         if not no_browser:
             import webbrowser
 

@@ -4,7 +4,7 @@ import signal
 import sys
 import time
 from contextlib import nullcontext
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -33,6 +33,9 @@ from lagcli.cli.streams import (
 from lagcli.errors import UsageError
 from lagcli.results.formats import SUFFIX_TEXT
 from lagcli.settings.settings import SettingsOverrides
+
+if TYPE_CHECKING:
+    from lagcli.model.model import Model
 
 
 @with_settings()
@@ -134,7 +137,7 @@ def simulate(
         print(summary.to_json(result))
     elif not quiet:
         stream = sys.stderr if output == "-" else sys.stdout
-        text = fitted(summary.format_summary(result, loaded.name), text_width(stream))
+        text = fitted(summary.format_summary(result, loaded), text_width(stream))
         if has_colour(stream, no_color):
             colour = Colour.GREEN if record.status in ENDED else Colour.RED
             print_coloured(text, record.status, colour, stream)
@@ -147,9 +150,19 @@ def simulate(
     if record.status in ENDED:
         for warning in record.warnings:
             print(f"{'error' if strict else 'warning'}: {warning}", file=sys.stderr)
+            _say_where(loaded, warning)
         return FAILED_STATUS if strict and record.warnings else 0
     print(f"error: {record.message}", file=sys.stderr)
+    _say_where(loaded, record.message)
     if output is not None:
         kept = f"kept {extremes.samples} samples in {output}" if written else "nothing written"
         print(f"   note: {kept}", file=sys.stderr)
     return INTERRUPTED_STATUS if record.status == "interrupted" else FAILED_STATUS
+
+
+def _say_where(model: "Model", message: str) -> None:
+    """Print where the names in a message of the engine are declared."""
+    from lagcli.model.declarations import declarations_in
+
+    for note in declarations_in(model, message):
+        print(f"   note: {note}", file=sys.stderr)

@@ -129,7 +129,7 @@ class Projection:
         if np.linalg.norm(contradiction) > 0.5 * np.linalg.norm(scaled):
             return Stop(
                 f"the redundant constraints contradict each other at t = {t:.9g} s: {listed} cannot"
-                " hold together with the others; correct or drop one of them"
+                " hold together with the others; correct or remove one of them"
             )
         return Stop(
             f"the motion cannot be brought back onto the constraints {listed} at t = {t:.9g} s;"
@@ -163,7 +163,8 @@ def jumped(system: System, t: float, before: Array, after: Array) -> Stop:
     moved = np.abs(after - before)
     i = int(moved.argmax())
     return Stop(
-        f"the constraints jump at t = {t:.9g} s: the next state on them is"
-        f" {moved[i]:.3g} away in `{system.coordinates[i]}`, far more than the error of a step;"
-        " a holonomic constraint must be continuous: see floor, sign, if and the like in it"
+        f"the constraints jump at t = {t:.9g} s: the nearest state that"
+        f" satisfies them differs by {moved[i]:.3g} in `{system.coordinates[i]}`, far more than the"
+        " error of a step; a holonomic constraint must be continuous: check floor, sign and if in"
+        " it"
     )

@@ -226,7 +226,7 @@ class RankWatch:
         why = _dependency(self._dependent(t, q, v), "become")
         return Stop(
             f"singular configuration at t = {t:.9g} s: {why}"
-            " the motion; --through-singular passes it"
+            " the motion; --through-singular continues through it"
         )
 
     def floor(self, t: float, y: Array, method: str, remark: str = "") -> Stop:
@@ -251,7 +251,7 @@ class RankWatch:
         if worst is not None and not self.near(t, y):
             raise Stop(
                 f"the redundant constraints contradict each other at t = {t:.9g} s: they cannot"
-                f" all hold with `{self.names[worst]}`; correct or drop one of them"
+                f" all hold with `{self.names[worst]}`; correct or remove one of them"
             )
 
     def check_start(self, t: float, q: Array, v: Array, project: Projection) -> None:

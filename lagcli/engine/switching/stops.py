@@ -50,7 +50,7 @@ def gains_energy(t: float, energy: float, law: str, friction: bool, alike: bool)
 def no_impact(t: float, contacts: Sequence[str]) -> Stop:
     """Return the end of a run at an impact that has no solution."""
     return Stop(
-        f"no velocities after the impact at t = {t:.9g} s obey the law of impacts at"
+        f"no velocities after the impact at t = {t:.9g} s satisfy the law of impacts at"
         f" {', '.join(f'`{name}`' for name in contacts)}; choose another one with `impacts`"
     )
 
@@ -151,7 +151,8 @@ def cannot_engage(t: float, name: str, gap: float) -> Stop:
 def sets_violation(t: float, name: str, depth: float) -> Stop:
     """Return the end of a run whose event moves a contact beyond its surface."""
     return Stop(
-        f"an event violates `{name}` by {depth:.6g} at t = {t:.9g} s: set coordinates that obey it"
+        f"an event violates `{name}` by {depth:.6g} at t = {t:.9g} s: set coordinates that satisfy"
+        " it"
     )
 
 
@@ -193,7 +194,7 @@ def at_surfaces(status: int, t: float, kinks: Sequence[Sequence[str]]) -> Stop:
     if status == Status.FORKED:
         return Stop(
             f"at t = {t:.9g} s two motions are possible: the forces jump at a surface of {where},"
-            " and push away from it on both sides; begin on one side"
+            " and push away from it on both sides; start on one side"
         )
     return Stop(
         f"a constraint has a corner at t = {t:.9g} s, where a branch of {where} changes and the"

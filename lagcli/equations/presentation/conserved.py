@@ -75,8 +75,8 @@ def conserved_step(f: Formulas, quantity: ConservedQuantity, value: float | None
     said = [] if value is None else [f"Value at the start: {minus(value)}."]
     if not quantity.general:
         said.append(
-            "It holds for these values of the parameters; with others its numbers change, or it"
-            " drifts."
+            "It is conserved for these values of the parameters; for others, its coefficients"
+            " change, or it is not conserved."
         )
     title = title_of(quantity, f.model.coordinate_names)
     return Step(f"Conserved: {title}", tuple(lines), " ".join(said) or None)

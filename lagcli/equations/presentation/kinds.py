@@ -99,10 +99,10 @@ def _dependent(f: Formulas, second: SecondKind) -> Step | None:
         return None
     remark = ""
     if any(s.sign for solved in second.blocks for s in solved.solutions):
-        remark = "Signs of roots are those of the branch on which the initial values lie."
+        remark = "The signs of the roots are those of the branch that contains the initial values."
     if implicit:
-        remark += " An implicit root has no closed form here; its derivatives follow from the"
-        remark += " constraints."
+        remark += " Implicit coordinates have no closed form here; their derivatives follow from"
+        remark += " the constraints."
     lead = "Solving the constraints for the dependent coordinates gives"
     return Step("Dependent coordinates", tuple(lines), remark.strip() or None, lead=lead)
 
@@ -172,13 +172,13 @@ def _lagrangian(f: Formulas, second: SecondKind) -> Step:
     if second.partition.dependent:
         if second.is_long:
             sides[-1] = abridged(IndexForm(f.model).sums(first))
-            remark = "Here the dependent coordinates and velocities are the functions given above."
+            remark = "The dependent coordinates and velocities are the functions given above."
         else:
             found = _inserted(f, second, first)
             sides += [found] if found != first else []
-            remark = "In the independent coordinates and velocities (8.89)."
+            remark = "This is L in the independent coordinates and velocities (8.89)."
             if second.named:
-                remark += " Dependent coordinates in it are the functions given above."
+                remark += " Its dependent coordinates are the functions given above."
     lead = "Substituting these into L gives" if second.partition.dependent else None
     return Step("Lagrangian of the second kind", (Line(tuple(sides)),), remark, lead=lead)
 
@@ -257,7 +257,7 @@ def _second_equations(f: Formulas, second: SecondKind, full: bool) -> list[Step]
 def _law_remark(second: SecondKind) -> str | None:
     if all(x == 0 for x in second.applied_forces):
         return None
-    return "On the right are the generalized forces, projected on the independent coordinates."
+    return "The right sides are the generalized forces projected onto the independent coordinates."
 
 
 #: Abbreviations beyond which M and f are not listed.
@@ -360,8 +360,8 @@ def maggi_steps(f: Formulas, maggi: Maggi, full: bool = False) -> list[Step]:
     law = Line((_maggi_law(f), whole(0)))
     count, r = len(equations), len(p.constraints)
     remark = (
-        f"With the {r} constraint{'s' * (r != 1)}, {count + r} equations in"
-        f" {len(e.q)} unknowns; no multipliers."
+        f"Together with the {f'{r} constraints' if r > 1 else 'constraint'}, these are {count + r}"
+        f" equations for {len(e.q)} unknowns, without multipliers."
         if r
         else "There are no constraints."
     )
@@ -399,7 +399,7 @@ def solved_step(
     if not found:
         reason = "λ is not unique, because constraints are redundant"
         remark = (
-            f"A closed form is not given: {reason if redundant else 'it would be long'}."
+            f"The closed form is omitted: {reason if redundant else 'it is long'}."
             " simulate eliminates λ and solves for the accelerations numerically at every step."
         )
         return Step(title, (), remark)

@@ -197,7 +197,7 @@ def _without(signs: Signs) -> str:
     """Say that γ = −(∂ψ/∂q) q̇ − ∂ψ/∂t is not listed."""
     psi = signs.velocity_residual
     return (
-        f"{signs.rhs.text} = −(∂{psi}/∂q) q̇ − ∂{psi}/∂t is left out for its length; --format json"
+        f"{signs.rhs.text} = −(∂{psi}/∂q) q̇ − ∂{psi}/∂t is omitted for its length; --format json"
         " gives it."
     )
 

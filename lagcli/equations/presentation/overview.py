@@ -191,14 +191,14 @@ def inputs_step(f: Formulas) -> Step | None:
         table = (
             f"{_CURVES[x.interpolation]} {len(times)} rows{origin}, {times[0]:g} to {times[-1]:g} s"
         )
-        outside = {"hold": ", held outside", "periodic": ", periodic"}.get(x.extend or "", "")
+        outside = {"hold": ", constant outside", "periodic": ", periodic"}.get(x.extend or "", "")
         note = " ".join(part for part in (x.description, unit) if part)
         note += ("; " if note else "") + table + outside
         lines.append(Line((Call(x.name, (Symbol("t"),)),), note=note))
     return Step("Known functions of time", tuple(lines)) if lines else None
 
 
-_CURVES = {"step": "steps at", "linear": "lines between", "cubic": "spline of"}
+_CURVES = {"step": "steps at", "linear": "lines between", "cubic": "spline through"}
 
 
 def _definitions(f: Formulas, shown: list[Step]) -> Step | None:
@@ -226,7 +226,7 @@ def constraints_step(f: Formulas, variations: bool = True) -> Step | None:
     remark = None
     if left_out:
         those = ", ".join(left_out[:_SHOWN]) + (", …" if len(left_out) > _SHOWN else "")
-        remark = f"Left out, as they hold for all values of the coordinates: {those}."
+        remark = f"Omitted, because they hold for all values of the coordinates: {those}."
     number = sum(not is_friction(c) for c in constraints)
     return Step(f"Constraints: {count} = {number}", tuple(lines), remark)
 
@@ -238,12 +238,12 @@ def freedom_step(f: Formulas) -> Step:
     signs = general.Signs(f.model)
     all_of, held = (Sign(x, x) for x in (signs.coordinate_count, signs.constraint_count))
     if not r:
-        alone = None if freedom.held is None else "no constraint holds at the start"
+        alone = None if freedom.held is None else "no constraint is active at the start"
         return Step(_FREEDOM, (Line((all_of, whole(k)), note=alone),))
     less, subtracted = held, r
     note = "the constraints are independent at the start"
     if freedom.held is not None:
-        note = f"with what holds at the start: {', '.join(freedom.held)}"
+        note = f"active at the start: {', '.join(freedom.held)}"
     if freedom.rank is None:
         note = "for independent constraints"
     elif freedom.rank < r:

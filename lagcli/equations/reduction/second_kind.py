@@ -25,7 +25,7 @@ from lagcli.equations.reduction.closed_forms import Solution, solve
 from lagcli.equations.reduction.maggi import Maggi
 from lagcli.equations.reduction.partition import CoordinatePartition, number
 from lagcli.equations.reduction.triangular import CoordinateBlock
-from lagcli.errors import UsageError
+from lagcli.errors import Diagnostic, UsageError
 from lagcli.model import model as symbols
 from lagcli.model.expression.functions import derivative
 
@@ -244,12 +244,17 @@ def second_kind(partition: CoordinatePartition, written_out: bool = False) -> Se
         A constraint is nonholonomic.
     """
     e = partition.equations
-    others = [c.constraint.name for c in e.constraints if c.position is None]
+    others = [c.constraint for c in e.constraints if c.position is None]
     if others:
-        listed = ", ".join(f"`{name}`" for name in others[:6])
+        listed = ", ".join(f"`{c.name}`" for c in others[:6])
         raise UsageError(
-            f"--kind second needs holonomic constraints; {listed}"
-            f" {'is' if len(others) == 1 else 'are'} nonholonomic; use --kind maggi"
+            Diagnostic(
+                "not-supported",
+                f"the second kind needs holonomic constraints, but {listed}"
+                f" {'is' if len(others) == 1 else 'are'} nonholonomic",
+                others[0].location,
+                "use --kind maggi",
+            )
         )
     blocks = []
     for block in partition.blocks:

@@ -64,7 +64,7 @@ def _head(draft: Draft, key: Scalar) -> tuple[str, tuple[str, ...]] | None:
     if name in _RESERVED:
         draft.report.add(
             "reserved-name",
-            f"`{name}` cannot be the name of a function: every model has it",
+            f"`{name}` cannot be the name of a function: it is built in",
             key.location,
             "choose another name",
         )

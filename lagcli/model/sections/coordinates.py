@@ -119,7 +119,7 @@ def _listed(draft: Draft, node: Sequence) -> list[CoordinateEntry]:
         elif item.value in found:
             draft.report.add(
                 "duplicate-name",
-                f"the coordinate `{item.value}` stands twice in the list",
+                f"the coordinate `{item.value}` is listed twice",
                 item.location,
                 "remove one of the two",
                 (("the first one is here", found[item.value].declaration.key.location),),

@@ -28,7 +28,7 @@ def read_energies(draft: Draft) -> tuple[Basic | None, Basic | None]:
             key, other = draft.root.entries["L"][0], draft.root.entries[given[0]][0]
             draft.report.add(
                 "contradiction",
-                f"`L` stands in place of `T` and `V`, but `{given[0]}` is given too",
+                f"`L` replaces `T` and `V`, but `{given[0]}` is given too",
                 key.location,
                 "keep either `L`, or `T` and `V`",
                 ((f"`{given[0]}` is given here", other.location),),
@@ -56,9 +56,9 @@ def read_energies(draft: Draft) -> tuple[Basic | None, Basic | None]:
                 "nonlinear-potential",
                 f"`V` is not linear in the velocity `{found.name}`",
                 draft.root.entries["V"][1].location,
-                "put a kinetic energy into `T`, and damping into `D`, the Rayleigh dissipation"
+                "write kinetic energy in `T`, and damping in `D`, the Rayleigh dissipation"
                 f" function:\n`D: c/2*{found.name}^2` gives the force -c*{found.name}; or write `L`"
-                " in place of `T` and `V`",
+                " instead of `T` and `V`",
             )
     return kinetic, potential
 

@@ -156,7 +156,7 @@ class _FitReader:
             if "file" not in fields:
                 self.draft.report.add(
                     "missing-value",
-                    "`data` names no file",
+                    "`data` has no `file`",
                     item.location,
                     "write `data: {file: run.csv, time: t}`",
                 )
@@ -187,7 +187,7 @@ class _FitReader:
                 if plain in names:
                     self.draft.report.add(
                         "contradiction",
-                        f"`{plain}` is to be found from all data, and {file.path} fixes it",
+                        f"`{plain}` is fitted to all data, but {file.path} fixes its value",
                         file.location,
                         "remove one of the two entries",
                     )
@@ -255,7 +255,7 @@ class _FitReader:
                 "missing-value",
                 f"`{without[0].name}` has no `sigma`",
                 without[0].location,
-                "with several observed quantities each needs one: it decides how much they count",
+                "with several observed quantities, each needs a `sigma`, which weights its data",
             )
 
     # what is to be found

@@ -66,8 +66,8 @@ class InputUses:
         smoother = "linear" if remedy and used.interpolation == "step" else "cubic"
         self.draft.report.add(
             "not-smooth",
-            f"{where} depends on `{used.name}`, which {kind} where its rows meet"
-            f" (`interpolation: {used.interpolation}`): the motion would have to jump there",
+            f"{where} depends on `{used.name}`, which {kind} at the rows of its table"
+            f" (`interpolation: {used.interpolation}`): the motion would have to jump",
             location,
             f"give `{used.name}` the interpolation `{smoother}`{remedy}",
             ((f"`{used.name}` is declared here", used.location),),

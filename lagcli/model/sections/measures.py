@@ -208,7 +208,8 @@ class _ValueScope(_SignalScope):
             " number",
             name.start,
             name.end,
-            f"say which of its values: max({name.text}), final({name.text}), at({name.text}, 1)",
+            f"reduce it to one number, for instance max({name.text}), final({name.text}),"
+            f" at({name.text}, 1)",
         )
 
 
@@ -258,7 +259,7 @@ class _MeasureReader:
                         f"`{part.function}` stands in the argument of `{kind}`: it is one number"
                         " along the run, not a signal",
                         part,
-                        "take it out, as in max(x) - mean(x)",
+                        "combine them outside, as in max(x) - mean(x)",
                     )
         inner = tree.arguments[0]
         if kind == "time_of":  # 1 where the condition holds
@@ -283,7 +284,7 @@ class _MeasureReader:
         try:
             return number(value)
         except ValueError:
-            raise _error("bad-time", "the time of `at` is no finite number", tree) from None
+            raise _error("bad-time", "the time of `at` is not a finite number", tree) from None
 
     def built(self, tree: Tree, scope: _SignalScope) -> Basic:
         errors, _ = name_errors(tree, scope)

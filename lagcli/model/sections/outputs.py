@@ -31,7 +31,7 @@ def read_outputs(draft: Draft, constants: Symbols) -> tuple[dict[str, Basic], di
                 "duplicate-name",
                 f"the output `{taken}` has the name of a column that every result has",
                 d.key.location,
-                "choose another name; the column need not be asked for",
+                "choose another name, or remove the output: results contain this column anyway",
             )
             continue
         what = f"the output `{d.title}`"

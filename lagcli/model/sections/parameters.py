@@ -269,7 +269,7 @@ class _ParameterReader:
         if not self.expanded and any(isinstance(p, Name) and p.indices for p in walk(parsed.tree)):
             self.draft.report.add(
                 "bad-range",
-                f"`{name}` stands in a range, and cannot depend on the members of a family",
+                f"`{name}` is used in a range and cannot depend on the members of a family",
                 parsed.node.location,
                 "the number of members is a whole number, or an expression of whole numbers",
             )
@@ -371,7 +371,7 @@ def _report_unknown_override(draft: Draft, name: str, given: object, known: list
     if f"{name}[]" in names.families and "parameter" in names.families[f"{name}[]"]:
         members = [k for k in known if k.startswith(f"{name}[")]
         message = f"`{name}` is a family: {members_clause(name, members)}"
-        help_ = f"give the members their values one by one: --set '{name}[1]={given}'"
+        help_ = f"set the members one by one: --set '{name}[1]={given}'"
     elif base in names.coordinates or "coordinate" in names.families.get(
         f"{base.partition('[')[0]}[]", ()
     ):

@@ -78,7 +78,7 @@ def check_force(
     if rates:
         draft.report.add(
             "velocity-in-position",
-            f"a force stands at a position, but {where} depends on the velocity `{rates[0]}`",
+            f"a force acts at a position, but {where} depends on the velocity `{rates[0]}`",
             node.location,
             "name a point that is a position",
         )
@@ -96,8 +96,8 @@ def check_force(
         return True
     draft.report.add(
         "force-elsewhere",
-        f"the constraint `{constraint.name}` acts on `{others[0]}` too, and {where} does not depend"
-        " on that: its force does not stand there alone",
+        f"the constraint `{constraint.name}` also acts on `{others[0]}`, on which {where} does not"
+        " depend: its force does not act only there",
         node.location,
         "name all points that it acts on, as in `at: [A, B]`; or, in place of `force`, give the"
         f" vector itself: `components: [lambda.{constraint.name}, 0]`",

@@ -169,10 +169,10 @@ def _names(tree: Tree, what: str, count: int | None, example: str) -> Iterator[N
         if not isinstance(term, Name) or term.primes or (sign > 0) != (place == 0):
             raise ExpressionError(
                 "not-a-point",
-                f"{what} is drawn at {'a point' if count == 1 else 'points'}, named alone",
+                f"{what} is drawn at {'a single named point' if count == 1 else 'named points'}",
                 term.start,
                 term.end,
-                f"write `{example}`; a point has its expressions under `points`",
+                f"write `{example}`; declare expressions under `points`",
             )
         yield term
     if (count is None and len(terms) < 2) or (count and len(terms) != count):

@@ -148,7 +148,7 @@ class _Composer:
         if self.count > MAX_NODES:
             raise self.error(
                 "too-large",
-                f"the model holds more than {MAX_NODES:,} values",
+                f"the model contains more than {MAX_NODES:,} values",
                 event,
                 "each use of an alias (*name) counts with all the values it repeats",
             )

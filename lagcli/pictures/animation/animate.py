@@ -141,7 +141,7 @@ def animate(
     check_writable(output, force)
     run = RunFile(source, model)
     if not run.count:
-        raise UsageError(f"{run.name} holds no samples, so that there is nothing to animate")
+        raise UsageError(f"{run.name} contains no samples to animate")
     times = run.columns(["time"])["time"]
     when = timing(times[0], times[-1], start=start, end=end, speed=speed, duration=duration)
     known = bool(model or run.record.model)
@@ -232,7 +232,7 @@ def _notes(run: RunFile, last: float, known: bool, view: bool) -> tuple[str, ...
     why = (
         "its model has no view, and no point is recognized"
         if known
-        else "the result holds no model, and so no view"
+        else "the result contains no model, and therefore no view"
     )
     return (*notes, f"{why}; coordinates are drawn over the time")
 

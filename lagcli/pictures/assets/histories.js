@@ -15,7 +15,7 @@ class Histories {
    */
   constructor(element, data) {
     this.target = element;
-    this.subject = "Coordinates over the time";
+    this.subject = "Coordinates over time";
     element.classList.add("player-plots");
     element.setAttribute("role", "group");
     this.link = new TimeLink();

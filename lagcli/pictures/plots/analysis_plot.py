@@ -19,7 +19,7 @@ _MARKERS = {"fold": "s", "branch point": "D", "Hopf point": "^", "flutter": "v"}
 #: Curves of a comparison, and the labels of their axes; SI.
 _COMPARED = {
     "residual": "largest residual [SI]",
-    "energy": "energy imbalance [J]",
+    "energy": "error of energy balance [J]",
     "q": "largest |Δq| [SI]",
 }
 _KINDS = {

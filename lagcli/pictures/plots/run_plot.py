@@ -93,11 +93,12 @@ def _check(runs: Sequence[RunFile], panels: Sequence[Sequence[Panel]]) -> None:
     """Raise unless there is something to draw."""
     for run, own in zip(runs, panels, strict=True):
         if not run.count:
-            raise UsageError(f"{run.name} holds no samples, so that there is nothing to plot")
+            raise UsageError(f"{run.name} contains no samples to plot")
         mine, first = ([_shape(p) for p in found] for found in (own, panels[0]))
         if mine != first:
             raise UsageError(
-                f"{run.name} and {runs[0].name} are of different models; name what both have"
+                f"{run.name} and {runs[0].name} are of different models; name quantities that both"
+                " have"
             )
 
 

@@ -181,7 +181,7 @@ def plot_table(table: PlottedTable, names: Sequence[str], target: FigureFile) ->
     wanted = names or [q.name for q in table.measures[:_USUAL]]
     panels = [panel for name in wanted for panel in _asked(table, name)]
     if not panels:
-        raise UsageError(f"{table.path} holds no measures; sweep with --measure 'peak=max(…)'")
+        raise UsageError(f"{table.path} contains no measures; sweep with --measure 'peak=max(…)'")
     heights = [panel.height for panel in panels]
     with target.figure((_WIDTH, sum(heights) + 0.4), table.title) as figure:
         grid = figure.add_gridspec(len(panels), 1, height_ratios=heights)

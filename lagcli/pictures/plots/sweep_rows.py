@@ -55,12 +55,12 @@ class Rows:
             if not file.kept:
                 measures = ", ".join(f"`{c.name}`" for c in file.measures)
                 raise UsageError(
-                    f"{path} holds measures, and no trajectories: plot {measures}, or sweep with"
+                    f"{path} contains measures, but no trajectories: plot {measures}, or sweep with"
                     " --keep trajectories"
                 )
             good = np.flatnonzero(file.read("status") == COMPLETED)
             if not len(good):
-                raise UsageError(f"{path}: no row was completed, so that there is nothing to plot")
+                raise UsageError(f"{path}: no row was completed: there is nothing to plot")
             facts = file.facts
             self.names = {name: file.names(name) for name in ("coordinate", "constraint")}
             self.outputs, self.fields = file.outputs, file.fields

@@ -96,7 +96,7 @@ def report(
         raise UsageError("a page is written to a file; name one: -o report.html")
     if suffix.lower() not in _SUFFIXES:
         raise UsageError(
-            f"{output}: the suffix {suffix or '(none)'} is none of a page; name it {stem}.html"
+            f"{output}: the suffix {suffix or '(none)'} is not that of a page; name it {stem}.html"
         )
     check_writable(output, force)
     kind = file_kind(source)
@@ -104,7 +104,7 @@ def report(
         from lagcli.pictures.report.analysis_page import analysis_page
 
         if model is not None:
-            raise UsageError("--model is for a run; a file of an analysis holds its model")
+            raise UsageError("--model is for runs; a file of an analysis contains its model")
         page = analysis_page(os.fspath(source), kind, title).encode()  # type: ignore[arg-type]
         with whole_file(output, force) as file:
             file.write(page)

@@ -97,7 +97,7 @@ def _point(content: Mapping[str, Any], units: Mapping[str, str]) -> AnalysisSect
 
 def _more(rows: Sequence[Any], shown: Sequence[Any]) -> str:
     rest = len(rows) - len(shown)
-    return f'<p class="note">And {rest} more, which the file has.</p>' if rest else ""
+    return f'<p class="note">And {rest} more in the file.</p>' if rest else ""
 
 
 def _modes(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:
@@ -282,7 +282,13 @@ def _branches(content: Mapping[str, Any], units: Mapping[str, str]) -> list[Anal
 
 def _comparison(content: Mapping[str, Any], units: Mapping[str, str]) -> list[AnalysisSection]:
     reference, head = content["reference"], ["Formulation", "Method", "Engine", "rtol", "Status"]
-    head += ["Drift of φ", "Drift of ψ", "Energy imbalance [J]", "Largest Δq", "Largest Δλ"]
+    head += [
+        "Drift of φ",
+        "Drift of ψ",
+        "Error of the energy balance [J]",
+        "Largest Δq",
+        "Largest Δλ",
+    ]
     head += ["Steps", "Time [s]"]
     rows = [
         [

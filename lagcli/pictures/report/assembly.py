@@ -123,7 +123,7 @@ def assembled(run: RunFile, title: str | None = None) -> str:
 
 _MOTION = """<aside id="motion" aria-label="Animation">
 <div id="player"></div>
-<p class="hint">Pass over a plot, or click on it: the animation shows that time.</p>
+<p class="hint">Point at a plot, or click it, to show that time in the animation.</p>
 <div class="strip" aria-hidden="true"></div>
 </aside>"""
 
@@ -191,9 +191,10 @@ def _plots(found: list[Section], count: int) -> str:
     drawn = min(len(plot.time) for section in found for plot in section.plots)
     if drawn < count:
         parts.append(
-            f'<p class="note">Of the {count} samples, each plot shows {drawn} or more: of every'
-            " interval of time the least and the largest value of each curve, as they are in the"
-            " file. Zooming in shows no others.</p>"
+            f'<p class="note">Each plot shows at least {drawn} of the {count} samples: the'
+            " smallest and"
+            " the largest value of each curve in each interval of time, exactly as in the file."
+            " Zooming in shows no further samples.</p>"
         )
     return "".join([*parts, *map(_section, found)])
 

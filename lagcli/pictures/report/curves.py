@@ -129,7 +129,7 @@ def sections(run: RunFile, names: Notation) -> list[Section]:
     found = [
         Section(
             "Multipliers",
-            "λ of each constraint: an energy (or a power) by what the constraint is in.",
+            "λ of each constraint, in J (or W) per unit of the constraint.",
             _multipliers(run, names),
         ),
         _forces(run, names),
@@ -137,20 +137,20 @@ def sections(run: RunFile, names: Notation) -> list[Section]:
         Section("Velocities", "", _by_coordinate(run, names, "v")),
         Section(
             "Energy",
-            "The energies as the model states T and V, and the powers that change their sum; a"
-            " power that is rounding alone is left out.",
+            "T and V as in the model, and the powers that change their sum; powers that are zero"
+            " except for rounding are omitted.",
             _scalars(names),
         ),
         Section("Outputs", "", _outputs(run, names)),
         Section(
             "Conserved quantities",
-            "Quantities that the motion leaves constant; their formulas stand with the system.",
+            "Quantities that are constant during the motion; for their formulas, see System.",
             _conserved(run, names),
         ),
         Section(
             RESIDUALS_TITLE,
-            "How well the written numbers satisfy constraints, equations and energy balance:"
-            " magnitudes, on a logarithmic scale.",
+            "Residuals of the constraints, the equations and the energy balance, computed from the"
+            " written values: magnitudes, on a logarithmic scale.",
             _residuals(run, names),
         ),
     ]
@@ -313,8 +313,8 @@ def _forces(run: RunFile, names: Notation) -> Section:
     nq = len(run.coordinates)
     if len(run.constraints) * nq > _FORCES:
         about = (
-            "The generalized force Σ λ b of all constraints on each coordinate. Those of single"
-            f" constraints are {len(run.constraints)} times as many, too many to be drawn."
+            "The generalized force Σ λ b of all constraints on each coordinate. The forces of the"
+            f" {len(run.constraints)} single constraints are omitted."
         )
         curves = _grouped(run, names, "", {j: j for j in range(nq)})
         plots = _by_unit("", ALL_FORCES, curves)
@@ -328,7 +328,7 @@ def _forces(run: RunFile, names: Notation) -> Section:
         plots += _by_unit(f"Force of {constraint}", "λ b", curves)
     if len(places) < len(run.constraints):
         plots[0].note = f"{len(places)} of {len(run.constraints)} constraints are drawn."
-    about = "What each constraint exerts on each coordinate: the generalized force λ b."
+    about = "The generalized force λ b of each constraint on each coordinate."
     return Section(title, about, plots)
 
 

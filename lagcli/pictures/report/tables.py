@@ -18,8 +18,8 @@ from lagcli.trajectory.extremes import Extreme, Extremes
 from lagcli.version import __version__
 
 _ENDINGS = {
-    "failed": "The run failed: it ends before its time.",
-    "interrupted": "The run was interrupted: it ends before its time.",
+    "failed": "The run failed before its end time.",
+    "interrupted": "The run was interrupted before its end time.",
     "stopped-by-event": "The run was stopped by an event.",
     "": "The file does not say how the run ended.",
 }
@@ -35,7 +35,7 @@ def status(run: RunFile) -> str:
     samples = (
         f"<p>All of the {run.count} samples that were written are shown.</p>"
         if run.count
-        else "<p>It has no samples, so that there is nothing to be drawn.</p>"
+        else "<p>It has no samples to draw.</p>"
     )
     kind = "stopped" if record.status == "stopped-by-event" else "bad"
     return (
@@ -66,7 +66,7 @@ def moved(run: RunFile, system: EquationSystem) -> str:
     if not run.constraints:
         return ""
     if not correction:
-        return "<p>The initial values satisfied the constraints as they were given.</p>"
+        return "<p>The given initial values satisfy the constraints.</p>"
     rows = []
     for name, (before, after) in list(correction.items())[:24]:
         base = name.rstrip("'")

@@ -9,8 +9,9 @@ import numpy as np
 from symengine import Basic
 
 from lagcli.arrays import Array
-from lagcli.errors import UsageError
+from lagcli.errors import Diagnostic, UsageError
 from lagcli.model.expression.functions import derivative
+from lagcli.model.locations import ExpressionLocations
 from lagcli.model.model import Arrow, Model, coordinate
 
 #: Relative to the largest λ b along the run: what may be left of Jᵀ F − λ b.
@@ -82,26 +83,31 @@ class PointForce:
         largest = s[:, :1]
         if len(self.rows) > len(self.columns) or not (s[:, -1:] > _NEVER * largest).any():
             raise self._error(
-                "is not determined there: the points cannot move in every direction, and of what"
-                " acts along the others there is no trace in λ b"
+                "is not unique there: the points cannot move in every direction, and components of"
+                " the force along the other directions do not appear in λ b"
             )
         inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > _SINGULAR * largest)
         force = np.einsum("nji,nj->ni", vt, inverse * np.einsum("nij,ni->nj", u, q))
         left = np.einsum("nij,nj->ni", jacobian, force) - q
         if np.abs(left).max(initial=0.0) > _LEFT * np.abs(work).max(initial=0.0):
             raise self._error(
-                "cannot do there what the constraint does (no F has Jᵀ F = λ b): the points are"
-                " written with the help of the constraint, or the constraint acts elsewhere too"
+                "cannot produce λ b (no F satisfies Jᵀ F = λ b): the points are written using the"
+                " constraint, or the constraint also acts at other points"
             )
         return np.asarray(force)
 
     def _error(self, why: str) -> UsageError:
         at = " and ".join(f"`{name}`" for name in self.arrow.points)
+        places = ExpressionLocations(self.model)
         return UsageError(
-            f"{self.model.path}: view: vector `{self.arrow.name}`: the force of"
-            f" `{self.arrow.constraint}` at {at} {why};\ngive the vector by `components`, for"
-            f" instance [lambda.{self.arrow.constraint}, 0] (docs/view.md), and draw the result"
-            " with the corrected model file: --model FILE"
+            Diagnostic(
+                "force-at-point",
+                f"vector `{self.arrow.name}` of the view: the force of `{self.arrow.constraint}` at"
+                f" {at} {why}",
+                places.location(places.inside("view", "vectors", self.arrow.name)),
+                f"give the vector by `components`, for instance [lambda.{self.arrow.constraint}, 0]"
+                " (docs/view.md),\nand draw the result with the corrected model file: --model FILE",
+            )
         )
 
 

@@ -333,7 +333,7 @@ class Row {
   #addFree(freed) {
     const label = document.createElement("label");
     label.className = "control-free";
-    label.title = "A guess is moved until the constraints hold; otherwise the value is kept";
+    label.title = "A guess is adjusted to satisfy the constraints; other values are fixed";
     this.free = Object.assign(document.createElement("input"), { type: "checkbox" });
     this.free.addEventListener("change", (event) => freed(event, this.free.checked));
     label.append(this.free, "guess");

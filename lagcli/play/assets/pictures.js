@@ -167,7 +167,7 @@ class Pictures {
         begun();
       },
     });
-    const hint = Row.text("p", "drag-hint", "Drag a body to move it at the start.");
+    const hint = Row.text("p", "drag-hint", "Drag a body to change the initial configuration.");
     if (this.draggable.length) this.player.frame.append(hint);
   }
 

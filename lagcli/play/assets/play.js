@@ -28,7 +28,7 @@ class Page {
     keep.addEventListener("click", () => {
       const kept = keep.getAttribute("aria-pressed") !== "true";
       keep.setAttribute("aria-pressed", String(kept));
-      keep.textContent = kept ? "Forget the run that was kept" : "Keep this run for comparison";
+      keep.textContent = kept ? "Remove the kept run" : "Keep this run for comparison";
       this.pictures.keep(kept);
     });
     this.socket = new WebSocket(new URL("socket", location.href.replace(/^http/, "ws")));
@@ -182,13 +182,13 @@ class Page {
       this.#say("copied", true);
     } catch {
       getSelection().selectAllChildren(command);
-      this.#say("the browser does not let the page copy: the command is selected", true);
+      this.#say("the browser does not allow copying: the command is selected", true);
     }
   }
 
   #close() {
     this.elements.pictures.classList.add("stale");
-    this.#notice("The program has ended. To go on, start it again: lagcli play MODEL", "error");
+    this.#notice("The server has stopped. To continue, start it again: lagcli play MODEL", "error");
     document.getElementById("values").inert = true;
   }
 }

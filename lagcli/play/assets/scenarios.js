@@ -26,7 +26,7 @@ class Scenarios {
     const form = document.createElement("form");
     this.field = Object.assign(document.createElement("input"), {
       type: "text",
-      placeholder: "Name of the present values",
+      placeholder: "Name for the current values",
       autocomplete: "off",
       maxLength: 80,
     });
@@ -167,7 +167,7 @@ class Scenarios {
         await navigator.clipboard.writeText(text());
         this.calls.say("copied");
       } catch {
-        this.calls.say("the browser does not let the page copy");
+        this.calls.say("the browser does not allow copying");
       }
     });
     this.export.append(button);

@@ -95,13 +95,13 @@ def read_model_text(path: str | os.PathLike[str]) -> ModelText:
     Raises
     ------
     FileError
-        As `read_analysis`; or it holds no model.
+        As `read_analysis`; or it contains no model.
     """
     with open_verified(path, SCHEMA_VERSION) as opened:
         names = ("model", "model_path", "set", "set_initial")
         text, origin, given, initial = (text_attribute(opened.root, name) for name in names)
         if text is None:
-            raise FileError(f"{os.fspath(path)} holds no model")
+            raise FileError(f"{os.fspath(path)} contains no model")
         return ModelText(
             text, origin or os.fspath(path), json.loads(given or "{}"), json.loads(initial or "{}")
         )

@@ -19,10 +19,10 @@ def check_input_range(model: Model, start: float, end: float) -> None:
             continue
         where = "the file" if x.data.file else "the list"
         if start < first - slack:
-            fault = f"begins too late: at t = {first:.9g} s, and the run at t = {start:.9g} s"
+            fault = f"begins at t = {first:.9g} s, after the start of the run, t = {start:.9g} s"
             remedy = f"start the run later: --t-start {first:.9g}"
         else:
-            fault = f"ends too early: at t = {last:.9g} s, and the run at t = {end:.9g} s"
+            fault = f"ends at t = {last:.9g} s, before the end of the run, t = {end:.9g} s"
             remedy = f"end the run earlier: --t-end {last:.9g}"
         found.append(
             Diagnostic(

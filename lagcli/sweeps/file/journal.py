@@ -163,7 +163,7 @@ class Journal:
         if magic != _MAGIC and magic[len(_NAME) :].strip().isdigit():
             raise FileError(
                 f"{self.path} was written by another version of lagcli; finish the sweep with that"
-                " version, or give --force to begin anew"
+                " version, or give --force to start again"
             )
         found = self._record(Mark(len(_MAGIC), 0)) if magic == _MAGIC else None
         if found is not None:
@@ -173,8 +173,8 @@ class Journal:
                 if isinstance(header, dict) and isinstance(header.get("sweep"), dict):
                     return header
         raise FileError(
-            f"{self.path} is damaged at its beginning, which says to what sweep its rows belong;"
-            " give --force to begin anew"
+            f"{self.path} is damaged: its header, which identifies the sweep, cannot be read;"
+            " give --force to start again"
         )
 
     # records
@@ -305,6 +305,5 @@ def check_no_journal(output: str) -> None:
     except OSError as error:
         raise read_failure(path, error) from error
     raise FileError(
-        f"{path} is there: this sweep was not finished; --resume continues with it,"
-        " --force begins anew"
+        f"{path} exists: this sweep was not finished; --resume continues it, --force starts again"
     )

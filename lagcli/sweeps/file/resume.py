@@ -31,7 +31,7 @@ def opened(
 ) -> Iterator[OpenedSweep]:
     """Open or create the journal, and read the status of the rows."""
     if retry_failed and not resume:
-        raise UsageError("--retry-failed goes with --resume")
+        raise UsageError("--retry-failed requires --resume")
     journal_path = journal_of(path)
     row_status = RowStatus(prepared.spec.plan.length)
     described = prepared.spec.described()
@@ -120,9 +120,9 @@ def refuse_difference(before: Mapping[str, Any], now: Mapping[str, Any], path: s
             lines.append(f"{key}: {_shown(old)} before, {_shown(new)} now")
     if lines:
         raise UsageError(
-            f"{path} is of another sweep, so that its rows cannot be gone on with:\n"
+            f"{path} belongs to another sweep and cannot be continued:\n"
             + "\n".join(f"  {line}" for line in lines)
-            + "\n   help: give the same model and options, another file, or --force to begin anew"
+            + "\n   help: give the same model and options, another file, or --force to start again"
         )
 
 

@@ -89,7 +89,7 @@ class _SweepWriter:
         self.root, self.length = root, length
         self.axis = root.create_dataset("run", (length,), "<i8")
         make_axis(self.axis.id, "run")
-        set_text(self.axis.id, "long_name", "number of the row, from 0")
+        set_text(self.axis.id, "long_name", "index of the row, from 0")
         self.kept: list[tuple[h5py.Dataset, int]] = []
 
     def attributes(self, prepared: PreparedSweep, facts: Mapping[str, Any]) -> None:
@@ -147,11 +147,11 @@ class _SweepWriter:
     def describe_message(self) -> None:
         """Complete the dataset of messages, whose length is known at the end."""
         self.message.dims[0].attach_scale(self.axis)
-        set_text(self.message.id, "long_name", "why the row failed, or what was noticed")
+        set_text(self.message.id, "long_name", "why the row failed, or notes")
         set_text(self.message.id, "_Encoding", "utf-8")
 
     def row_columns(self, measures: list[Column]) -> None:
-        self.status = self.add("status", "i1", ("", "what became of the row"))
+        self.status = self.add("status", "i1", ("", "status of the row"))
         self.status.attrs["flag_values"] = np.arange(3, dtype="i1")
         set_text(self.status.id, "flag_meanings", " ".join(STATUSES[:3]))
         self.add_message(_SHORT)
@@ -271,7 +271,7 @@ class SweepFile:
             self.outputs = self._outputs.names
         status = self.read("status")
         if ((status < 0) | (status >= len(STATUSES))).any():
-            raise ValueError("status has numbers that stand for nothing")
+            raise ValueError("status has undefined values")
 
     @property
     def times(self) -> Array:
@@ -391,7 +391,9 @@ def open_sweep(path: str | os.PathLike[str]) -> Iterator[SweepFile]:
     path = os.fspath(path)
     with open_verified(path, SCHEMA_VERSION) as opened:
         if opened.kind != KIND:
-            raise FileError(f"cannot read {path}: it is no sweep file; name one of lagcli sweep")
+            raise FileError(
+                f"cannot read {path}: it is not a sweep file; name one that lagcli sweep wrote"
+            )
         yield SweepFile(opened)
 
 

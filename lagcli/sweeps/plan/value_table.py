@@ -48,7 +48,7 @@ def read_table(path: str, model: Model) -> TableFactor:
         raise FileError(f"cannot read {path}: it is not a CSV file ({error})") from None
     columns, si = _columns(path, titles, model)
     if not rows:
-        raise FileError(f"{path} holds no values; give one line for each run below the names")
+        raise FileError(f"{path} contains no values; write one line for each run below the names")
     values = np.empty((len(rows), len(columns)))
     for i, (line, row) in enumerate(rows):
         if len(row) != len(columns):

@@ -47,6 +47,6 @@ def si_factor(model: Model, name: str, unit: str | None) -> Factor:
     if stated is not None and to_si(stated) != 1:
         raise UsageError(
             f"--vary {name}: `{name}` is given in {stated} in the file, and without a unit here;"
-            f" write the unit behind the values, as in --vary '{name}=1:2:0.1 {stated}'"
+            f" write the unit after the values, as in --vary '{name}=1:2:0.1 {stated}'"
         )
     return Fraction(1)

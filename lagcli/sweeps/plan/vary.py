@@ -87,8 +87,7 @@ def read_vary(text: str, model: Model) -> factors.Factor | Drawn:
         )
     if values.lstrip().startswith("@"):
         raise UsageError(
-            f"--vary {text!r}: the columns of a file bring their own names; give --vary"
-            f" {values.strip()}"
+            f"--vary {text!r}: the file names its columns; give --vary {values.strip()}"
         )
     known = varied_name(model, name)
     return _VaryReader(OptionText(f"--vary {known}", values), known, model).read()
@@ -159,7 +158,7 @@ class _VaryReader:
         except OverflowError:
             finite = False
         if not finite:
-            raise self.error("this is no finite number", "numbers go up to 1.8e308", span)
+            raise self.error("this is not a finite number", "numbers go up to 1.8e308", span)
         return value
 
     def expression(self, text: str, start: int) -> Value:
@@ -233,7 +232,7 @@ class _VaryReader:
             missing = pieces[own.index(False)]
             raise self.error(
                 "some values of this list have a unit, and some have none",
-                "write the unit behind each of them, or behind the last for all",
+                "write the unit after each of them, or after the last for all",
                 missing,
             )
         common = self.without_unit(*pieces[-1])[2]

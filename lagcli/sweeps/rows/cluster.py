@@ -150,9 +150,9 @@ class Cluster:
         if new := threads.keys() - before.keys():
             self._check_versions(new)
         for worker in sorted(before.keys() - threads.keys()):
-            self.say(f"the worker {worker} is gone; rows that it had not finished are run again")
+            self.say(f"the worker {worker} was lost; its unfinished rows are run again")
         if not threads and not self._waiting:
-            self.say(f"the scheduler at {self.address} has no workers; waiting for some")
+            self.say(f"the scheduler at {self.address} has no workers; waiting for workers")
         self._waiting = not threads
 
     def _check_versions(self, workers: Iterable[str]) -> None:
@@ -181,7 +181,7 @@ def _local_workers(address: str) -> int | None:
         return int(found[1])
     if not re.fullmatch(r"[a-z]+://[^/]+:\d+", address):
         raise UsageError(
-            f"--scheduler {address!r} is no address; give that of a Dask scheduler,"
+            f"--scheduler {address!r} is not an address; give that of a Dask scheduler,"
             " tcp://HOST:PORT, or local:N for N processes on this machine"
         )
     return None
@@ -249,7 +249,7 @@ def _other_version(worker: str, version: object) -> UsageError:
     found = f"lagcli {version}" if isinstance(version, str) else "no lagcli that can be imported"
     return UsageError(
         f"the worker {worker} has {found}, and this is lagcli {__version__}; install the"
-        " same version there, and start the worker anew"
+        " same version there, and restart the worker"
     )
 
 

@@ -98,7 +98,7 @@ class RowGroup:
         for time in self.measuring.times:
             if not start <= time <= end:
                 raise UsageError(
-                    f"--measure looks at t = {time:g} s, and the run lasts from {start:g} to"
+                    f"--measure is evaluated at t = {time:g} s, but the run goes from {start:g} to"
                     f" {end:g} s; take a time in it, or another --t-end"
                 )
 

@@ -156,7 +156,7 @@ class _Processes:
             process.join(1)
             raise NumericalError(
                 f"a process of the sweep died (exit status {process.exitcode}): it was killed, or"
-                " memory ran out; take fewer --jobs, and go on with --resume"
+                " memory ran out; use fewer --jobs, and continue with --resume"
             ) from None
 
 

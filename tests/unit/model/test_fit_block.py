@@ -66,7 +66,7 @@ def test_expressions_and_columns_of_all_runs_are_observed() -> None:
     [
         ("  5\n", "`fit` must be a mapping"),
         (DATA + OBSERVE, "`fit` has no `parameters`"),
-        ("  data: {time: t}\n" + OBSERVE + FOUND, "`data` names no file"),
+        ("  data: {time: t}\n" + OBSERVE + FOUND, "`data` has no `file`"),
         ("  data: run.csv\n" + OBSERVE + FOUND, "`data` must be a mapping"),
         (DATA + "  observe: {psi: enc}\n" + FOUND, "psi"),
         (DATA + "  observe: {phi: {sigma: 1}, x: xx}\n" + FOUND, "`x` has no `sigma`"),

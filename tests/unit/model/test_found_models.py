@@ -128,7 +128,7 @@ def test_a_constraint_that_jumps_ends_the_run(engine: str) -> None:
     trajectory = simulate(load(FOUND / "floor_constraint.yaml"), engine=engine)
     assert trajectory.status == "failed"
     assert "the constraints jump at" in trajectory.message
-    assert "1 away in `y`" in trajectory.message
+    assert "differs by 1 in `y`" in trajectory.message
     assert (trajectory.q[:, 0] >= 0).all()
     energy = trajectory.energy_total
     np.testing.assert_allclose(energy, energy[0], rtol=1e-6)

@@ -41,7 +41,10 @@ def test_values_are_those_of_the_page(said: str, shown: str) -> None:
 @pytest.mark.parametrize(
     ("said", "shown"),
     [
-        ("the motion; --through-singular passes it", "the motion; `through_singular` passes it"),
+        (
+            "the motion; --through-singular continues through it",
+            "the motion; `through_singular` continues through it",
+        ),
         ("try a smaller --rtol or --max-step", "try a smaller `rtol` or `max_step`"),
         ("or --engine scipy, which", "or `engine: scipy`, which"),
         ("start the run later: --t-start 0.5", "start the run later: `t_start: 0.5`"),

@@ -202,7 +202,7 @@ def test_wrong_values_are_errors_and_the_next_run_is_right(
 def test_a_run_that_takes_too_long_gives_what_there_is() -> None:
     answer = run(play("slider_crank", timeout=0.05), t_end="100000")
     assert answer["status"] == "failed"
-    assert "gave up after 0.05 s" in answer["message"]
+    assert "stopped after 0.05 s" in answer["message"]
     assert answer["plots"]["coordinates"]["time"][0] == 0
 
 

@@ -82,7 +82,7 @@ def test_a_format_without_sweeps_is_refused_for_a_sweep(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(formats, "FORMATS", tuple(f._replace(sweeps="") for f in FORMATS))
-    with pytest.raises(UsageError, match="HDF5 files hold no sweeps"):
+    with pytest.raises(UsageError, match="HDF5 files cannot store sweeps"):
         lagcli.sweep(CRANK, ["m=1,2"], tmp_path / "s.h5")
 
 

@@ -25,7 +25,7 @@ def _run() -> Trajectory:
         3,
         constraints=("guide", "knife"),
         tolerances={"phi": 1e-9},
-        warnings=("the energy balance is off",),
+        warnings=("the energy balance has an error",),
         time=np.array([1.0, 1.5, 2.0]),
         multipliers=np.array([[1.0, np.nan], [-4.0, np.nan], [2.5, np.nan]]),
         residual_position=np.array([[1e-12, np.nan], [-4e-12, np.nan], [0.0, np.nan]]),
@@ -77,7 +77,7 @@ def test_everything_of_hdf5(tmp_path: Path) -> None:
         "freedom": {},
         "events": None,
         "tolerances": {"phi": 1e-9},
-        "warnings": ["the energy balance is off"],
+        "warnings": ["the energy balance has an error"],
         "residual_position": {
             "guide": {"max": 4e-12, "scaled": 2e-12},
             "knife": {"max": None, "scaled": None},
@@ -148,7 +148,7 @@ def test_the_text(tmp_path: Path) -> None:
 file                run.h5: trajectory, HDF5, 20.1 kB, lagcli 0.1.0, layout 2
 status              completed
 message             reached t_end
-warning             the energy balance is off
+warning             the energy balance has an error
 model               slider-crank (sha256 59357d64d278…)
 time                1 to 2 s, 3 samples
 coordinates         phi [rad], psi [rad]
@@ -159,7 +159,7 @@ options             rtol = 1e-09, method = dop853, times = [0.5, 1.0], events = 
 atol at end         phi = 1e-09
 counts              steps = 120, rejected = 3, evaluations = 1443
 seconds             derive = 0.014, integrate = 0.002
-start moved         psi 0.1 -> 0.16057, psi_dot 0 -> 2.9
+start adjusted      psi 0.1 -> 0.16057, psi_dot 0 -> 2.9
 energy balance      1e-09 J at worst
   relative          5e-10
 equation residual   3e-10 at worst

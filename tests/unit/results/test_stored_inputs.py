@@ -107,5 +107,5 @@ def test_a_sweep_is_not_resumed_with_another_table(model: lagcli.Model, tmp_path
     lagcli.sweep(*what, measures=["max(y)"])
     lagcli.sweep(*what, measures=["max(y)"], resume=True)
     (tmp_path / "road.csv").write_text(CSV.replace("-5", "-6"), encoding="utf-8")
-    with pytest.raises(UsageError, match=r"of another sweep.*\n  u: "):
+    with pytest.raises(UsageError, match=r"to another sweep.*\n  u: "):
         lagcli.sweep(*what, measures=["max(y)"], resume=True)

@@ -67,7 +67,7 @@ def test_analyses_of_what_always_holds_refuse_contacts(what: str) -> None:
         analysis = partial(lagcli.simulate, model, sensitivity=["m"])
     else:
         analysis = partial(getattr(lagcli, what), model)
-    with pytest.raises(UsageError, match="need constraints that hold at all times, as `floor`"):
+    with pytest.raises(UsageError, match="need constraints that hold at all times, but `floor`"):
         analysis()
 
 

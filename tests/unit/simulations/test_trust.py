@@ -50,7 +50,7 @@ def test_what_a_tolerance_explains_is_no_warning(method: str, rtol: float) -> No
 def test_lost_energy_is_said() -> None:
     run = lagcli.simulate(lagcli.load_text(FAST), rtol=0.1)
     assert run.status == "completed"
-    assert any("energy balance is off by" in warning for warning in run.warnings)
+    assert any("energy balance has an error of" in warning for warning in run.warnings)
 
 
 @pytest.mark.parametrize("rtol", [0.1, 0.01])
@@ -65,7 +65,7 @@ def test_lost_energy_is_said_of_angles_of_many_turns(rtol: float) -> None:
 
 def test_a_coarse_absolute_tolerance_is_said() -> None:
     run = lagcli.simulate(lagcli.load_text(FAST), atol=0.1)
-    assert any("energy balance is off by" in warning for warning in run.warnings)
+    assert any("energy balance has an error of" in warning for warning in run.warnings)
 
 
 def test_negative_inertia_is_said_with_its_coordinate() -> None:

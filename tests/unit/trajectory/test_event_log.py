@@ -62,9 +62,9 @@ def test_sentences() -> None:
     assert note == "note: `floor` came to rest at t = 0.25 s after 2 impacts"
     assert recorded.startswith("`kick` recorded at t = 0.4 s: y_dot = ")
     assert " → " in recorded
-    assert energy == "impacts took 3 J, events did work of 2 J"
+    assert energy == "impacts dissipated 3 J, events did work 2 J"
     assert event_sentences(make_log(entries=()).to_mapping()) == [
-        "nothing happened at contacts and events"
+        "no changes of contacts, no events"
     ]
 
 
@@ -120,9 +120,9 @@ def test_recorded_columns() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"entry": np.array([6])}, "that there are not"),
-        ({"entry": np.array([-1])}, "that there are not"),
-        ({"before": np.zeros((2, 2))}, "one number for each column"),
+        ({"entry": np.array([6])}, "that do not exist"),
+        ({"entry": np.array([-1])}, "that do not exist"),
+        ({"before": np.zeros((2, 2))}, "columns differ in number"),
         ({"columns": ("y_dot", "y_dot")}, "twice"),
     ],
 )

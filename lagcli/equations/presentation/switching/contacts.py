@@ -25,12 +25,12 @@ from lagcli.model.model import MultiplierLimit
 from lagcli.model.sections.switching.contacts import abs_multiplier
 
 _LAWS = {
-    "poisson": "Impacts follow Poisson's law: an expansion returns ε of the impulse of the"
+    "poisson": "Impacts follow Poisson's law: the impulse of expansion is ε times that of"
     " compression.",
-    "newton": "Impacts follow Newton's law: a contact returns ε of its approach velocity.",
+    "newton": "Impacts follow Newton's law: γ⁺ = −ε γ⁻ for the gap velocity γ.",
     "sequential": "Impacts follow Newton's law, one contact after the other.",
 }
-_MEANING = "The force of a closed contact presses; an open contact has none."
+_MEANING = "A closed contact can only push; an open contact exerts no force."
 
 
 def is_friction(c: ConstraintEquation) -> bool:

@@ -15,7 +15,7 @@ def events_step(f: Formulas) -> Step | None:
     if not lines:
         return None
     sets = any(e.action.set for e in f.model.events)
-    remark = "Right sides of what is set have the values of before." if sets else None
+    remark = "Right sides of assignments use the values before the event." if sets else None
     return Step("Events", tuple(lines), remark)
 
 

@@ -182,8 +182,9 @@ class ContactFields:
                 "not-a-position",
                 f"{self.what} is an inequality of velocities",
                 self.declaration.key.location,
-                "`>=` and `<=` are between positions; a velocity constraint is written with `=`,"
-                " and bears only so much with `limit`",
+                "`>=` and `<=` apply to positions; write a velocity constraint with `=`, and bound"
+                " its"
+                " multiplier with `limit`",
             )
             return None
         restitution: Basic | None = None
@@ -199,11 +200,13 @@ class ContactFields:
     def _limit(self, constraint: Constraint, indices: Indices) -> MultiplierLimit | None:
         assert self.limit is not None
         if constraint.kind != "nonholonomic":
-            nature = "positions" if constraint.kind == "holonomic" else "squares of velocities"
+            nature = (
+                "holonomic" if constraint.kind == "holonomic" else "nonlinear in the velocities"
+            )
             self.fault(
                 "limit",
                 "not-a-velocity",
-                f"{self.what} has a limit, but is between {nature}",
+                f"{self.what} has a limit, but is {nature}",
                 "only a constraint that is affine in the velocities can slip: differentiate it, as"
                 " in `x_A' = x_B'`",
             )
@@ -217,7 +220,8 @@ class ContactFields:
                 "limit",
                 "circular",
                 f"the limit of {self.what} depends on its own multiplier",
-                "name the constraint that presses: `limit: mu*abs(lambda.floor)`",
+                "use the multiplier of another constraint, such as that of the normal force:"
+                " `limit: mu*abs(lambda.floor)`",
             )
             return None
         return MultiplierLimit(static, kinetic, normal_of(self.draft, static, kinetic))
@@ -274,7 +278,7 @@ class ContactFields:
                 "bad-value",
                 f"`{field}` of {self.what} is {x:.6g}, and must {bounds}",
                 {
-                    "restitution": "it is the part of the approach velocity that comes back",
+                    "restitution": "it is the ratio of the velocities after and before the impact",
                     "friction": "the direction of friction follows from the slip",
                     "limit": "the direction of the force follows from the slip",
                 }[field],

@@ -148,8 +148,8 @@ class _EventReader:
         self.fault(
             node,
             "wrong-type",
-            f"`times` of {self.what} must be a whole number from 1 on, not {node.what}",
-            "it says how often the event happens at most: `times: 1`",
+            f"`times` of {self.what} must be a whole number of at least 1, not {node.what}",
+            "it is the maximum number of times the event happens: `times: 1`",
         )
         return None
 
@@ -242,7 +242,7 @@ class _EventReader:
             self.fault(
                 key,
                 "structural",
-                f"{self.what} sets `{text}`, which the number of coordinates or terms depends on",
+                f"{self.what} sets `{text}`, which determines the number of coordinates or terms",
                 "only values can change during a run",
             )
             return None

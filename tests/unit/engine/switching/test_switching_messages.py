@@ -135,8 +135,8 @@ JAM = (2 / math.sqrt(3) - 0.8) / 5
         (
             FALL.replace("EVENT", "move: {when: y <= 0.6, set: {y: -0.1}}"),
             {},
-            f"an event violates `floor` by 0.1 at t = {AT_HALF:.9g} s: set coordinates that obey"
-            " it",
+            f"an event violates `floor` by 0.1 at t = {AT_HALF:.9g} s: set coordinates that"
+            " satisfy it",
         ),
         (
             FALL.replace("EVENT", "kick: {when: floor impacts, set: {y': -1}}"),
@@ -158,6 +158,6 @@ def test_an_impact_without_a_solution_names_its_contacts() -> None:
     core = SimpleNamespace(t=0.25, struck=[0], contacts=np.zeros((3, 1)))
     found = refusal(split, Status.NO_IMPACT, core, "newton", [])
     assert str(found) == (
-        "no velocities after the impact at t = 0.25 s obey the law of impacts at `floor`; choose"
+        "no velocities after the impact at t = 0.25 s satisfy the law of impacts at `floor`; choose"
         " another one with `impacts`"
     )

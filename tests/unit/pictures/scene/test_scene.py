@@ -90,7 +90,7 @@ def test_some_samples_alone(tmp_path: Path) -> None:
 
 def test_csv_alone_holds_no_model(tmp_path: Path) -> None:
     lagcli.write(short("slider_crank"), tmp_path / "run.csv")
-    with pytest.raises(UsageError, match=r"holds no model.*--model"):
+    with pytest.raises(UsageError, match=r"contains no model.*--model"):
         scene_of(RunFile(tmp_path / "run.csv"))
     scene = drawn(RunFile(tmp_path / "run.csv", str(MODELS / "slider_crank.yaml")))
     assert "B" in scene.points

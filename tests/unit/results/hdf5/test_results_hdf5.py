@@ -450,7 +450,7 @@ FORGED: dict[str, tuple[Any, str]] = {
     "virtual": (_virtual, "q is a view of other datasets"),
     "group": (lambda root: (_replaced("q")(root), root.create_group("q")), "q is not a dataset"),
     "terms": (_replaced("term_coordinate", data=np.array([1, 0], "<i4")), "not in order"),
-    "far terms": (_replaced("term_coordinate", data=np.array([1, 9], "<i4")), "there are not"),
+    "far terms": (_replaced("term_coordinate", data=np.array([1, 9], "<i4")), "do not exist"),
 }
 
 

@@ -181,7 +181,9 @@ def test_a_damaged_header_before_rows_is_refused(tmp_path: Path, ends: list[int]
         data = bytearray(whole)
         data[place] ^= 16
         path.write_bytes(data)
-        with pytest.raises(FileError, match=r"not a journal|damaged at its beg|another version"):
+        with pytest.raises(
+            FileError, match=r"not a journal|is damaged: its header|another version"
+        ):
             Journal(str(path), HEADER, resume=True)
         assert path.read_bytes() == bytes(data)  # the rows are left for --force or an expert
     Journal(str(path), HEADER).close()
@@ -196,7 +198,7 @@ def test_a_header_of_something_else_is_refused(
     with monkeypatch.context() as patch:
         patch.setattr(module.Journal, "_add", _adding(header))
         Journal(str(path), HEADER).close()
-    with pytest.raises(FileError, match="damaged at its beginning"):
+    with pytest.raises(FileError, match="is damaged: its header"):
         Journal(str(path), HEADER, resume=True)
 
 
@@ -309,10 +311,10 @@ def test_runs_without_gaps() -> None:
 @pytest.mark.parametrize(
     ("message", "expected"),
     [
-        ("gave up after 30 steps at t = 0.1234 s; --max-steps allows more", None),
-        ("gave up after 7 steps at t = 1e-05 s; more", "gave up after … steps at t = … s"),
+        ("stopped after 30 steps at t = 0.1234 s; --max-steps allows more", None),
+        ("stopped after 7 steps at t = 1e-05 s; more", "stopped after … steps at t = … s"),
         ("a/model.yaml:3:5: error[x-y]: `x1` is -2.5\n  3 | x\n", "error[x-y]: `x1` is …"),
     ],
 )
 def test_causes_have_no_numbers(message: str, expected: str | None) -> None:
-    assert cause(message) == (expected or "gave up after … steps at t = … s")
+    assert cause(message) == (expected or "stopped after … steps at t = … s")

@@ -215,7 +215,7 @@ def test_an_interrupt_leaves_nothing_under_way() -> None:
     "address", ["localhost", "local:0", "local:", "tcp://", "tcp://h", "", "h:1"]
 )
 def test_addresses_that_are_none(address: str) -> None:
-    with pytest.raises(UsageError, match="is no address; give that of a Dask scheduler"):
+    with pytest.raises(UsageError, match="is not an address; give that of a Dask scheduler"):
         Cluster(address)
 
 
