@@ -104,13 +104,21 @@ def load_along(model: Model, along: str) -> tuple[Model, str, float, float]:
     """
     from lagcli.analysis.local.steady_states import velocity_coordinate
     from lagcli.model.loader import load_text
+    from lagcli.model.spelling import did_you_mean, nearest
 
     name, equals, span = along.partition("=")
     first, colon, last = span.partition(":")
     name, ends = name.strip(), (first.strip(), last.strip())
     if not (equals and colon and name and all(ends)) or ":" in last:
         raise UsageError(f"--along {along!r} is not of the form NAME=START:END, as in P=0:3")
-    if name in model.parameters or not name.endswith(("'", "_dot")):
+    if name not in model.parameters and not name.endswith(("'", "_dot")):
+        known = list(model.parameters)
+        listed = f"its parameters are {', '.join(known[:20])}" if known else "it has none"
+        raise UsageError(
+            f"--along: the model has no parameter `{name}`;"
+            f" {did_you_mean(nearest(name, known)) or listed}"
+        )
+    if name in model.parameters:
         models = [
             load_text(
                 model.text, model.path, {**model.set, name: end}, model.set_initial, model.data

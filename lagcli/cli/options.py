@@ -52,6 +52,9 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on sta
 NoColor = Annotated[bool, typer.Option("--no-color", help="Disable colours (as NO_COLOR does).")]
 
 
+_EXAMPLES = {"--set-initial": "phi=0.3", "--steady": '"phi\'=10"'}
+
+
 def assignments(option: str, items: Iterable[str] | None) -> dict[str, str]:
     """Split NAME=VALUE items.
 
@@ -65,7 +68,10 @@ def assignments(option: str, items: Iterable[str] | None) -> dict[str, str]:
         name, equals, value = item.partition("=")
         name, value = name.strip(), value.strip()
         if not (equals and name and value):
-            raise UsageError(f"{option} {item!r} is not of the form NAME=VALUE, as in {option} m=2")
+            example = _EXAMPLES.get(option, "m=2")
+            raise UsageError(
+                f"{option} {item!r} is not of the form NAME=VALUE, as in {option} {example}"
+            )
         if name in found:
             raise UsageError(
                 f"{option} gives `{name}` twice: {found[name]} and {value}; keep one of them"

@@ -243,7 +243,7 @@ def _conserved(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 def _redundancy(summary: Mapping[str, Any], model: Model) -> list[str]:
     """Say that constraints are redundant, and which."""
-    from lagcli.model.declarations import lines_of
+    from lagcli.model.locations import lines_of
 
     surplus = sum(x["surplus"] for x in summary["redundant"])
     freedom = summary["degrees_of_freedom"]

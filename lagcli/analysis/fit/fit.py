@@ -104,7 +104,7 @@ def fit(
 def _block(model: Model) -> FitBlock:
     if model.fit is None:
         raise UsageError(
-            f"{model.path} has no `fit` block, which names the data and what is to be found;"
+            f"{model.path} has no `fit` block, which names the data and the quantities to fit;"
             " see docs/fit.md"
         )
     return model.fit

@@ -84,10 +84,11 @@ def animate(
     quiet: Quiet = False,
     no_color: NoColor = False,
 ) -> None:
-    """Animate a run, or a mode: the view of its model, or its coordinates over the time.
+    """Animate a run, or a mode of small motions.
 
-    A run that failed is shown up to its last sample. --equilibrium, --steady, --at, --set and
-    --set-initial are for --mode, as lagcli modes has them.
+    The animation shows the view of the model; without a view, its coordinates over time. A run
+    that failed is shown up to its last sample. --equilibrium, --steady, --at, --set and
+    --set-initial choose the operating point of --mode, as for lagcli modes.
     """
     from lagcli.cli.progress import Progress
     from lagcli.pictures.animation.animate import animate as make

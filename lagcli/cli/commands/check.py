@@ -23,12 +23,12 @@ def check(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Check a model: degrees of freedom, multipliers, conserved quantities, time scales.
+    """Check a model: freedom, conserved quantities, units.
 
     Shows the constraints with their kinds and virtual displacements, the rank of their Jacobian at
     the start and nearby, redundant constraints and which multipliers are unique, whether velocity
-    constraints are integrable, conserved quantities with the lines that prove them, what the
-    consistent start moved, and the time scales there.
+    constraints are integrable, conserved quantities with their proofs, adjusted initial
+    values, time scales, and units.
     """
     from lagcli.analysis.check.check import check as check_model
     from lagcli.model.loader import load

@@ -60,9 +60,10 @@ def compare(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compare formulations, methods and tolerances: drift, energy, differences of q and λ, time.
+    """Compare formulations, methods and tolerances, or two models.
 
-    With a second model: the differences of what both have, and why their multipliers differ.
+    Shows drift, energy balance, differences of q and λ, steps and time. With a second model, shows
+    the differences of the quantities that both have, and explains those of the multipliers.
     """
     from lagcli.analysis.compare.comparison import compare as find
     from lagcli.analysis.compare.description import (

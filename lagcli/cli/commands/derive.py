@@ -31,7 +31,7 @@ class Format(StrEnum):
 
 def derive(
     model: ModelPath,
-    format: Annotated[Format, typer.Option("--format", "-f", help="How to print.")] = Format.text,
+    format: Annotated[Format, typer.Option("--format", "-f", help="Output format.")] = Format.text,
     steps: Annotated[
         bool, typer.Option("--steps", help="Show the derivation step by step, as in the textbook.")
     ] = False,
@@ -62,12 +62,13 @@ def derive(
         bool, typer.Option("--numeric", help="Insert the values of the parameters.")
     ] = False,
     fragment: Annotated[
-        bool, typer.Option("--fragment", help="LaTeX without preamble, to be included.")
+        bool,
+        typer.Option("--fragment", help="LaTeX without preamble, for inclusion in a document."),
     ] = False,
     full: Annotated[
         bool,
         typer.Option(
-            "--full", help="Write everything out: of a large model thousands of lines, in minutes."
+            "--full", help="Write everything out; large models give thousands of lines, in minutes."
         ),
     ] = False,
     width: Annotated[

@@ -30,13 +30,15 @@ def equilibrium(
         typer.Option(
             "--along",
             metavar="NAME=START:END",
-            help="Follow the equilibrium over a parameter, e.g. P=0:3, or over a velocity of"
+            help="Follow the equilibrium as a parameter varies, e.g. P=0:3, or a velocity of"
             ' steady motions, e.g. "phi\'=1:10"; with folds, branch points and Hopf points.',
         ),
     ] = None,
     branches: Annotated[
         bool,
-        typer.Option("--branches", help="With --along: follow crossing branches both ways."),
+        typer.Option(
+            "--branches", help="With --along: also follow branches that cross, in both directions."
+        ),
     ] = False,
     output: Annotated[
         str | None,
@@ -44,7 +46,7 @@ def equilibrium(
             "--output",
             "-o",
             metavar="FILE",
-            help="Write them: .json or .h5; lagcli plot draws the branches of a .h5.",
+            help="Output file, .json or .h5; lagcli plot draws the branches of a .h5 file.",
         ),
     ] = None,
     set: SetParameter = None,
@@ -53,9 +55,10 @@ def equilibrium(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find equilibria, with their multipliers, constraint forces and stability.
+    """Find equilibria and steady motions with their stability.
 
-    The one next to the initial values, all that can be found, or branches over a parameter.
+    Finds one equilibrium from the initial values; with --all as many as possible; with --along
+    branches as a parameter varies. Shows multipliers and constraint forces.
     """
     from lagcli.analysis.equilibria.branch_content import (
         describe_diagram,

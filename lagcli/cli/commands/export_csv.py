@@ -14,7 +14,10 @@ def export_csv(
     ],
     force: Force = False,
 ) -> None:
-    """Write the table of a sweep file as CSV: varied values, measures and status of each row."""
+    """Write the table of a sweep file as CSV.
+
+    It has the varied values, the measures and the status of each row.
+    """
     from lagcli.errors import UsageError
     from lagcli.results.formats import format_of
     from lagcli.sweeps.file.table_csv import export_csv as export

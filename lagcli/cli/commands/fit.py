@@ -1,4 +1,4 @@
-"""`lagcli fit`: find parameters and initial values from measured data."""
+"""`lagcli fit`: fit parameters and initial values to measured data."""
 
 import sys
 from typing import Annotated, Literal
@@ -51,10 +51,10 @@ def fit(
     quiet: Quiet = False,
     json: Json = False,
 ) -> int:
-    """Find parameters and initial values from measured data.
+    """Fit parameters and initial values to measured data.
 
-    The `fit` block of the model names the data, what they measure (coordinates, multipliers,
-    outputs), and what is to be found.
+    The `fit` block of the model names the data, the measured quantities (coordinates, multipliers,
+    outputs), and the quantities to fit.
     """
     from lagcli.analysis.fit.file import write_fit
     from lagcli.analysis.fit.fit import fit as run_fit

@@ -17,7 +17,7 @@ def info(
     ],
     json: Json = False,
 ) -> None:
-    """Describe a result file: sizes, status, residuals, multipliers, provenance."""
+    """Describe a result file: status, residuals, λ, provenance."""
     from lagcli.cli.streams import print_text
 
     description, text = _described(file)

@@ -49,7 +49,7 @@ def linearize(
     file: Annotated[
         str | None,
         typer.Option(
-            "--file", "-o", metavar="FILE", help="Write it: .json, .npz, .mat (MATLAB) or .h5."
+            "--file", "-o", metavar="FILE", help="Output file: .json, .npz, .mat (MATLAB) or .h5."
         ),
     ] = None,
     set: SetParameter = None,
@@ -58,9 +58,10 @@ def linearize(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Linearize the equations on the constraints' manifold: A, B, C, D.
+    """Linearize the equations on the constraint manifold.
 
-    About the start, or about the point that --equilibrium, --steady or --at choose.
+    Gives A, B, C and D about the initial state, or about the state that --equilibrium, --steady or
+    --at choose.
     """
     from lagcli.analysis.linear.description import describe_linear, format_linear
     from lagcli.analysis.linear.files import LINEAR_SUFFIXES, write_linear

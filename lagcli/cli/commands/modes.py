@@ -26,7 +26,7 @@ def modes(
             "--output",
             "-o",
             metavar="FILE",
-            help="Write them: .json or .h5, which lagcli plot and info read.",
+            help="Output file, .json, or .h5 for lagcli plot, animate, report and info.",
         ),
     ] = None,
     set: SetParameter = None,
@@ -35,9 +35,10 @@ def modes(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find the modes of small motions: frequencies, damping ratios, shapes δq and δλ.
+    """Find frequencies, damping ratios and shapes of small motions.
 
-    About the start, or about the point that --equilibrium, --steady or --at choose.
+    The motions are about the initial state, or about the state that --equilibrium, --steady or
+    --at choose; shapes are δq and δλ.
     """
     from lagcli.analysis.linear.description import describe_modes, format_modes
     from lagcli.analysis.linear.files import MODES_SUFFIXES, write_modes

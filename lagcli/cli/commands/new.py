@@ -1,5 +1,6 @@
 """`lagcli new`: a new model file."""
 
+import os
 import re
 import sys
 from typing import Annotated
@@ -24,7 +25,7 @@ def new(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a new model file: commented, with all common keys, and ready to run.
+    """Write a new model file with comments, ready to run.
 
     Without options it is a pendulum in x and y.
     """
@@ -33,7 +34,7 @@ def new(
 
     stem = re.fullmatch(r"(?:.*/)?([^/]+)\.ya?ml", file)
     if stem is None:
-        raise UsageError(f"{file} is not a YAML file; name it {file}.yaml")
+        raise UsageError(f"{file} is not a YAML file; name it {os.path.splitext(file)[0]}.yaml")
     if source is not None and coordinates is not None:
         raise UsageError("--from copies a model with its coordinates; leave out --coordinates")
     name = stem[1].removesuffix(".lag")

@@ -28,10 +28,10 @@ def play(
     settings: SettingsOverrides,
     quiet: Quiet = False,
 ) -> int:
-    """Simulate a model interactively in the browser: each change of a value starts a new run.
+    """Simulate a model interactively in the browser.
 
-    The page shows the motion, λ and the energies, with sliders for parameters and initial values.
-    Only this computer can open it, at the address on standard output; Ctrl-C stops the server. A
+    Each change of a value starts a new run. The page shows the motion, λ and the energies, with
+    sliders for parameters and initial values. Only this computer can open it, at the address on standard output; Ctrl-C stops the server. A
     run that takes longer than --timeout, 5 s by default, is shown up to the last sample.
     """
     from lagcli.errors import UsageError

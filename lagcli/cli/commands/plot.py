@@ -48,7 +48,7 @@ def plot(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Plot time histories and phase portraits of results, and measures of a sweep.
+    """Plot results: time histories, phase portraits, measures.
 
     Several results share the axes, labelled by the parameters that differ. For a sweep, peak plots
     this measure over the varied quantities, m:peak over m, and m:l:peak as a map; tornado:peak

@@ -18,11 +18,11 @@ def report(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a report of a run: equations, animation, plots, extremes, computation.
+    """Write a report of a run or an analysis.
 
     The report is one self-contained HTML file. It can be opened without a network, sent, or
-    printed. A failed run is shown up to its last sample and marked. Files that equilibrium,
-    linearize, modes, compare and fit wrote have a report of what was found.
+    printed. A failed run is shown up to its last sample and marked. Files of equilibrium,
+    linearize, modes, compare and fit have a report of their results.
     """
     from lagcli.pictures.report import report as make
 

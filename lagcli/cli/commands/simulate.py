@@ -162,7 +162,7 @@ def simulate(
 
 def _say_where(model: "Model", message: str) -> None:
     """Print where the names in a message of the engine are declared."""
-    from lagcli.model.declarations import declarations_in
+    from lagcli.model.locations import declarations_in
 
     for note in declarations_in(model, message):
         print(f"   note: {note}", file=sys.stderr)

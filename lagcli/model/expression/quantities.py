@@ -14,7 +14,7 @@ from lagcli.model.expression.constants import number
 from lagcli.model.expression.grammar import parse
 from lagcli.model.expression.tokens import ExpressionError
 from lagcli.model.expression.trees import NumberExpr, SumExpr
-from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit, to_si
+from lagcli.model.expression.units import UNIT_HELP, Factor, UnknownUnit, is_unit, to_si
 from lagcli.model.names.expansion import expand
 from lagcli.model.spelling import shorten
 from lagcli.model.symbols import Context, Symbols
@@ -82,14 +82,14 @@ def read_quantity(
         )
         return None
     text = node.value
-    if match := _WITH_UNIT.fullmatch(text):
+    if match := _WITH_UNIT.fullmatch(text.replace("−", "-")):
         own = match[2].strip()
         if match[1] == "0" and re.match("[xXoObB][0-9a-fA-F]", own):
             location = node.span(match.start(1), match.end(2))
             message = f"`{shorten(text.strip())}` is not a number"
             report.add("syntax", message, location, "write a decimal number")
             return None
-        if names.declared(own.split("*")[0].strip()) and not _is_unit(own):
+        if names.declared(own.split("*")[0].strip()) and not is_unit(own):
             location = node.span(match.start(1), match.end(2))
             help_ = f"write a product as `{match[1]}*{own}`"
             report.add("syntax", f"`{text.strip()}` is not a number with a unit", location, help_)
@@ -130,15 +130,7 @@ def read_quantity(
 def unit_of(node: YamlNode | None) -> str | None:
     """Return the unit after a number, or None."""
     match = _WITH_UNIT.fullmatch(node.value) if isinstance(node, Scalar) else None
-    return match[2].strip() if match and _is_unit(match[2].strip()) else None
-
-
-def _is_unit(text: str) -> bool:
-    try:
-        to_si(text)
-    except UnknownUnit:
-        return False
-    return True
+    return match[2].strip() if match and is_unit(match[2].strip()) else None
 
 
 def formula_of(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from lagcli.model.expression.functions import FUNCTIONS
 from lagcli.model.expression.tokens import ExpressionError, Token
+from lagcli.model.expression.units import is_unit
 
 #: Keywords of conditionals in other languages.
 _CHOICE = frozenset({"if", "when", "then", "else", "otherwise"})
@@ -14,6 +15,8 @@ _PARTS = (
     re.compile(r"(?P<a>.+?) (?:if|when) (?P<condition>.+?) (?:else|otherwise) (?P<b>.+)"),
     re.compile(r"if (?P<condition>.+?) then (?P<a>.+?) else (?P<b>.+)"),
 )
+_VELOCITY = re.compile(r"[^\W\d][\w.\[\],]*'+$")
+_ENDS = re.compile(r"\s*(?:$|[<>=,)])")
 _LONGEST = 60  # maximum number of characters of a conditional that is rewritten
 
 
@@ -75,6 +78,8 @@ def _no_operator(before: Token, token: Token, text: str) -> ExpressionError:
     # the text itself, as `½` and `x²` are several tokens
     left = text[before.start : before.end] or before.text
     right = text[token.start : token.end]
+    velocity = _VELOCITY.search(text, 0, before.end) if before.text == "'" else None
+    left = velocity[0] if velocity else left
     if right == "[":
         help_ = f"write the member of a family as `{left}[1]`" if before.kind == "name" else None
         if before.text == "'":  # of a name with dots
@@ -82,12 +87,19 @@ def _no_operator(before: Token, token: Token, text: str) -> ExpressionError:
         return _fail("an index must directly follow a name", token, help_)
     if before.kind == "number" and token.kind == "number":
         message, help_ = "two numbers without an operator between them", None
+    elif before.kind == "number" and token.text == "(" and right != "(":
+        message = f"`{left}{right}` is not a number"
+        help_ = f"write a mixed number as a sum, `({left} + {right})`"
     else:
         message = f"an operator is missing between `{left}` and `{right}`"
         factors = ("(…)" if x in ("(", ")") else x for x in (left, right))
         help_ = f"write a product as `{'*'.join(factors)}`"
         if left in FUNCTIONS:
             help_ = f"write a function as `{left}({right})`"
+        elif velocity and token.kind == "number":
+            help_ = f"write a power as `{left}^{right}`, a product as `{left}*{right}`"
+        elif before.kind == "number" and _ENDS.match(text, token.end) and is_unit(right):
+            help_ += ";\ngive a value with a unit a name, under `parameters`"
     return ExpressionError("syntax", message, before.start, token.end, help_)
 
 

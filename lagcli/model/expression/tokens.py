@@ -113,6 +113,11 @@ _HINTS = {
     "‘": _PRIME,
     "`": _PRIME,
     "√": "write a root as `sqrt(x)`",
+    "⁄": "write a quotient as `a/b`",
+    "•": "write a product as `a*b`",
+    **dict.fromkeys(
+        "₀₁₂₃₄₅₆₇₈₉", "write an index as in `x_1`, the member of a family as in `x[1]`"
+    ),
     "∞": "a number must be finite",
     "°": "an angle in degrees is a value with a unit: `30 deg`",
     "|": "write an absolute value as `abs(x)`",

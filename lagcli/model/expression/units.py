@@ -225,3 +225,12 @@ def _registry() -> Any:
 
     # without a cache folder: reading Pint's cache is slower than parsing its definitions
     return pint.UnitRegistry(cache_folder=None)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit."""
+    try:
+        to_si(text)
+    except UnknownUnit:
+        return False
+    return True

@@ -11,6 +11,7 @@ from lagcli.model.spelling import did_you_mean, nearest
 from lagcli.model.symbols import Context, Symbols
 
 _CONSTANTS = {
+    "dt": "a time derivative is written with primes: `x'`",
     "e": "e^x is written `exp(x)`, e itself `exp(1)`",
     "E": "e^x is written `exp(x)`, e itself `exp(1)`",
     "Pi": "the constant is `pi`",
@@ -111,6 +112,8 @@ def meant_derivative(names: Symbols, text: str) -> str | None:
         stem = base.removesuffix(suffix)
         if stem != base and (names.declared(stem) or f"{stem}[]" in names.families):
             return f"{stem}{bracket}{index}{primes}"
+    if base.startswith("d") and names.declared(base[1:]):  # of dx/dt
+        return f"{base[1:]}'"
     return None
 
 

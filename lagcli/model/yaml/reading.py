@@ -89,6 +89,12 @@ def _decode(data: bytes, name: str) -> str:
             "this is a result file, not a model",
             f"`lagcli info {name}` describes it; `plot`, `animate` and `report` show it",
         )
+    if name.lower().endswith(".csv"):
+        raise _not_text(
+            name,
+            "this is a table, not a model",
+            f"`lagcli info {name}` describes results; inputs and data are named in the model file",
+        )
     if len(data) > MAX_BYTES:
         raise _not_text(name, f"the file is larger than {MAX_BYTES // 10**6} MB", _IS_IT)
     even, odd = any(data[:8:2]), any(data[1:8:2])

@@ -252,7 +252,11 @@ def open_hdf5(path: str) -> Iterator[Hdf5Reader]:
             what = f"a {opened.kind}"
             if "content" in opened.root.attrs:  # of an analysis
                 what = f"the result of lagcli {opened.kind}"
-            raise FileError(f"cannot read {path}: it holds {what} and not one {KIND}")
+            raise FileError(
+                f"cannot read {path}: it contains {what}, not a {KIND}; `lagcli info {path}`"
+                " describes it,"
+                " `lagcli plot` draws it"
+            )
         yield Hdf5Reader(opened)
 
 

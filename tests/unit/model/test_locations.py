@@ -1,4 +1,4 @@
-from lagcli.model.declarations import declarations_in, lines_of
+from lagcli.model.locations import declarations_in, lines_of
 from lagcli.model.loader import load_text
 
 TEXT = """
