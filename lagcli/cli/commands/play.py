@@ -31,8 +31,9 @@ def play(
     """Simulate a model interactively in the browser.
 
     Each change of a value starts a new run. The page shows the motion, λ and the energies, with
-    sliders for parameters and initial values. Only this computer can open it, at the address on standard output; Ctrl-C stops the server. A
-    run that takes longer than --timeout, 5 s by default, is shown up to the last sample.
+    sliders for parameters and initial values. Only this computer can open it, at the address on
+    standard output; Ctrl-C stops the server. A run that takes longer than --timeout, 5 s by
+    default, is shown up to the last sample.
     """
     from lagcli.errors import UsageError
     from lagcli.model.loader import load

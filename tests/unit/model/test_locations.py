@@ -1,5 +1,5 @@
-from lagcli.model.locations import declarations_in, lines_of
 from lagcli.model.loader import load_text
+from lagcli.model.locations import declarations_in, lines_of
 
 TEXT = """
 coordinates: [x, "y[1..2]"]

@@ -43,7 +43,7 @@ def test_positions_are_those_of_the_text():
     ("text", "message", "help_"),
     [
         ("½m", "between `½` and `m`", "write a product as `½*m`"),
-        ("2½", "between `2` and `½`", "write a product as `2*½`"),
+        ("2½", "`2½` is not a number", "write a mixed number as a sum, `(2 + ½)`"),
         ("2 x²", "between `2` and `x`", "`2*x`"),
         ("sin²(x)", "`sin^2(…)`", "`sin(…)^2`"),
         ("ẋ[1]", "an index must directly follow a name", "`x[1]'`"),
