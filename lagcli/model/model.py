@@ -237,9 +237,9 @@ class InitialValue(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """A line between two points of a view: a rod, a spring or a guide."""
+    """A line between two points of a view: a rod, a spring, a guide, or an edge of a box."""
 
-    kind: Literal["rod", "spring", "guide"]
+    kind: Literal["rod", "spring", "guide", "edge"]
     name: str
     start: str
     end: str

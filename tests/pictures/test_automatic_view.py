@@ -117,3 +117,64 @@ def test_it_is_drawn_and_said(tmp_path):
         "the model has no view; the points recognized by their names are drawn: P, O",
     )
     assert lagcli.report(run, tmp_path / "r.html").size > 100_000
+
+
+BODY = """
+coordinates: {r: point, e: quaternion}
+parameters: {m: 20 kg, w: 0.8 m, h: 2 m, c: 0.1 m}
+definitions:
+  J: diag(m*h^2/12, m*(w^2 + h^2)/12, m*w^2/12)
+  A: r - e*[w/2, 0, c]
+  B: r + [c, 0, 0]
+T: body(m, J, r, e)
+initial: {r: [0, 0, 0], r': 0, e: 1, e': [0, 0, 1]}
+"""
+
+
+def at_start(found):
+    """Return the points with the body upright at the origin."""
+    values = {"m": 20, "w": 0.8, "h": 2, "c": 0.1, "e.0": 1}
+    values |= dict.fromkeys(("e.1", "e.2", "e.3", "r.x", "r.y", "r.z"), 0)
+    values = {Symbol(name): x for name, x in values.items()}
+    return {name: [float(x.subs(values)) for x in place] for name, place in found.points.items()}
+
+
+def test_a_rigid_body_is_the_box_of_its_inertia():
+    """A door of width w and height h, m h²/12 and m w²/12, is flat: four corners, four edges."""
+    found = with_view(lagcli.load_text(BODY)).view
+    places = at_start(found)
+    corners = {name: place for name, place in places.items() if "corner" in name}
+    assert sorted(map(tuple, corners.values())) == [
+        pytest.approx((x, 0, z)) for x in (-0.4, 0.4) for z in (-1, 1)
+    ]
+    edges = [(s.start, s.end) for s in found.segments if s.kind == "edge"]
+    lengths = [
+        sum((a - b) ** 2 for a, b in zip(places[p], places[q], strict=True)) for p, q in edges
+    ]
+    assert sorted(lengths) == pytest.approx([0.64, 0.64, 4, 4])
+    assert not any("corner" in name for name in (*found.labels, *found.trails))
+
+
+def test_points_that_are_fixed_in_a_body_are_joined_to_it():
+    """A moves with the body, B along with its centre of mass alone."""
+    found = with_view(lagcli.load_text(BODY)).view
+    assert rods(found)[:1] == [("P", "P", "A")]
+    assert "B" not in found.points
+
+
+def test_a_body_with_six_faces_has_twelve_edges():
+    found = with_view(lagcli.load_text(BODY.replace("m*w^2/12)", "m*w^2/8)"))).view
+    assert [s.kind for s in found.segments].count("edge") == 12
+
+
+@pytest.mark.parametrize(
+    "inertia",
+    [
+        "[[m*h^2, m*c^2, 0], [m*c^2, m*h^2, 0], [0, 0, m*h^2]]",  # not along principal axes
+        "diag(m*c^2, m*c^2, 9*m*h^2)",  # of no body
+    ],
+)
+def test_a_body_without_a_box(inertia):
+    text = BODY.replace("diag(m*h^2/12, m*(w^2 + h^2)/12, m*w^2/12)", f'"{inertia}"')
+    found = with_view(lagcli.load_text(text)).view
+    assert list(found.points) == ["P", "A"]

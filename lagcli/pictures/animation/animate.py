@@ -222,7 +222,10 @@ def _notes(run: RunFile, last: float, known: bool, view: bool) -> tuple[str, ...
         notes = (f"the run {what} at t = {last:.6g} s{f': {message}' if message else ''}",)
     if view:
         if run.written_model.view is None and run.model.view is not None:
-            names = list(run.model.view.points)
+            drawn = run.model.view
+            edges = [s for s in drawn.segments if s.kind == "edge"]
+            corners = {end for s in edges for end in (s.start, s.end)}
+            names = [name for name in drawn.points if name not in corners]
             more = ", …" if len(names) > _NAMED else ""
             notes += (
                 "the model has no view; the points recognized by their names are drawn:"

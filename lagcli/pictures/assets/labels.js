@@ -14,7 +14,7 @@ function labelObstacles(shapes, pen) {
   const found = [];
   const add = (a, b) => a && b && found.push([a[0], a[1], b[0], b[1]]);
   for (const shape of shapes) {
-    if (["rod", "spring", "guide"].includes(shape.kind)) add(pen.at(shape.from), pen.at(shape.to));
+    if (["rod", "spring", "guide", "edge"].includes(shape.kind)) add(pen.at(shape.from), pen.at(shape.to));
     else if (shape.kind === "ground") {
       const at = pen.at(shape.at);
       if (at) add(at, [at[0], at[1] + 20 * pen.unit]);

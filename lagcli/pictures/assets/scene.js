@@ -224,7 +224,7 @@ class Scene {
     const grey = Object.fromEntries(Object.keys(this.colors).map((x) => [x, this.colors.ground]));
     const pen = new Pen(this.context, motion, this.camera, grey, unit);
     Object.assign(pen, { slim, fade: 0.45 });
-    for (const shape of shapes.filter(({ kind }) => ["rod", "spring", "disc"].includes(kind)))
+    for (const shape of shapes.filter(({ kind }) => ["rod", "spring", "disc", "edge"].includes(kind)))
       for (const { paint } of SHAPES[shape.kind](shape, pen)) paint();
   }
 

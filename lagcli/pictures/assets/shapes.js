@@ -8,8 +8,8 @@
  * Lengths that do not belong to the mechanism (widths, heads of arrows) are in units of pen.unit.
  */
 
-const LAYERS = ["guide", "ground", "trail", "disc", "spring", "rod", "joint", "flash", "vector", "label"];
-const BODIES = new Set(["trail", "disc", "spring", "rod", "joint"]);
+const LAYERS = "guide ground trail disc edge spring rod joint flash vector label".split(" ");
+const BODIES = new Set(["trail", "disc", "edge", "spring", "rod", "joint"]);
 
 /** What the painting of shapes needs: canvas, motion, camera, colours, and sizes in pixels. */
 class Pen {
@@ -110,6 +110,14 @@ const SHAPES = {
     if (!found) return [];
     const paint = () => pen.line(found, pen.colors.rod, 5 * pen.slim);
     return [{ layer: "rod", depth: middle(...found), paint }];
+  },
+
+  /** An edge of a box. */
+  edge(shape, pen) {
+    const found = ends(shape, pen);
+    if (!found) return [];
+    const paint = () => pen.line(found, pen.colors.disc, 2);
+    return [{ layer: "edge", depth: middle(...found), paint }];
   },
 
   /** A coil of as many turns at any length, between two straight ends. */

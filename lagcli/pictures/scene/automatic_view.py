@@ -11,6 +11,7 @@ from symengine import Basic, Integer, expand
 
 from lagcli.model.expression.tensors import Tensor
 from lagcli.model.model import Constraint, Model, Segment, View, coordinate
+from lagcli.pictures.scene.rigid_bodies import Position, point_name, rigid_bodies
 
 #: x, x_A, x1, xA, x[2]; partners differ in the first letter only.
 _FIRST = re.compile(r"(?P<letter>[xX])(?P<rest>|_\w+|\d+|[A-Z]\w*|\[\d+\])")
@@ -21,8 +22,6 @@ _VECTOR = re.compile(r"[rR](?P<rest>|_\w+|\d+|[A-Z]\w*|\[\d+\])")
 _TRAILS = 4  # more would cover the picture
 _LABELS = 12
 
-Position = tuple[Basic, ...]
-
 
 def with_view(model: Model) -> Model:
     """Return a model with a view: its own, or one of the points that are recognized.
@@ -30,6 +29,8 @@ def with_view(model: Model) -> Model:
     Points are pairs or triples of coordinates or definitions such as ``x_A, y_A``, and vector
     definitions such as ``r_A``; without any, coordinates ``x`` along the horizontal, or one ``y``
     or ``z`` along the vertical. Holonomic constraints that keep a distance are drawn as rods.
+    A rigid body, a point with a quaternion, is the homogeneous box of its mass and inertia, with
+    rods to the vector definitions that are fixed in it.
 
     Parameters
     ----------
@@ -52,15 +53,26 @@ def with_view(model: Model) -> Model:
     for link in links:
         if link.fixed is not None:
             points.setdefault(link.ends[0], link.fixed)
+    segments = [Segment("rod", link.name, *link.ends) for link in links]
+    bodies = rigid_bodies(model, points)
+    for body in bodies:
+        for name, place in body.fixed.items():
+            known = next((n for n, p in points.items() if _same(p, place)), None)
+            points.setdefault(known or name, place)
+            segments.append(Segment("rod", body.centre, body.centre, known or name))
     fixed = tuple(n for n, place in points.items() if not _free(place) & symbols)
     moving = [name for name in points if name not in fixed]
+    labels = dict.fromkeys(points) if len(points) <= _LABELS else {}
+    for body in bodies:
+        points.update(body.corners)
+        segments += body.edges
     view = View(
         dimension,
         points,
-        segments=tuple(Segment("rod", link.name, *link.ends) for link in links),
+        segments=tuple(segments),
         grounds=fixed,
         trails=tuple(moving) if len(moving) <= _TRAILS else (),
-        labels=dict.fromkeys(points) if len(points) <= _LABELS else {},
+        labels=labels,
     )
     return replace(model, view=view)
 
@@ -84,14 +96,19 @@ def _points(model: Model) -> Iterator[tuple[str, Position]]:
         partners = [scalars.get(letter + rest) for letter in _OTHERS[match["letter"]]]
         second, third = partners
         if second is not None:
-            yield _name(rest), (value, second) if third is None else (value, second, third)
+            yield point_name(rest), (value, second) if third is None else (value, second, third)
+    for name in model.coordinate_names:
+        base, dot, _ = name.rpartition(".x")
+        place = tuple(scalars[f"{base}.{axis}"] for axis in "xyz" if f"{base}.{axis}" in scalars)
+        if dot and len(place) > 1:
+            yield point_name(base[1:]), place
     for name, definition in model.definitions.items():
         value = definition.value
         match = _VECTOR.fullmatch(name)
         if match and isinstance(value, Tensor) and value.is_vector and len(value.entries) in (2, 3):
             entries = tuple(value.entries)
             if not any(s.name.endswith("'") for s in _free(entries)):
-                yield _name(match["rest"]), entries
+                yield point_name(match["rest"]), entries
 
 
 def _on_a_line(model: Model) -> Iterator[tuple[str, Position]]:
@@ -105,9 +122,9 @@ def _on_a_line(model: Model) -> Iterator[tuple[str, Position]]:
     upright = [name for name in lengths if _HEIGHT.fullmatch(name)]
     if across and not upright:
         for name in across:
-            yield _name(name[1:]), (coordinate(name), zero)
+            yield point_name(name[1:]), (coordinate(name), zero)
     elif len(upright) == 1 and not across:
-        yield _name(upright[0][1:]), (zero, coordinate(upright[0]))
+        yield point_name(upright[0][1:]), (zero, coordinate(upright[0]))
 
 
 def _scalars(model: Model) -> Iterator[tuple[str, Basic]]:
@@ -121,12 +138,6 @@ def _scalars(model: Model) -> Iterator[tuple[str, Basic]]:
             s.name.endswith("'") for s in value.free_symbols
         ):
             yield name, value
-
-
-def _name(rest: str) -> str:
-    """Return the name of a point: A for x_A, P1 for x1, P[2] for x[2]."""
-    letters = rest.lstrip("_")
-    return letters if letters[:1].isalpha() else f"P{letters}"
 
 
 def _free(place: Position) -> set[Basic]:

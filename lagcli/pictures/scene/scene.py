@@ -8,7 +8,7 @@ As JSON, for programs that draw (`Scene.to_json`)::
      "time": [nt],                                  s
      "points": {NAME: [[x…], [y…], ([z…])]},        each axis nt values, or 1 where it is constant
      "shapes": [
-       {"kind": "rod" | "spring" | "guide", "name": …, "from": POINT, "to": POINT},
+       {"kind": "rod" | "spring" | "guide" | "edge", "name": …, "from": POINT, "to": POINT},
        {"kind": "disc", "name": …, "center": POINT, "radius": [nt | 1],
         "angle": [nt | 1] | null, "normal": [[…], […], […]] | null},
        {"kind": "ground", "at": POINT}, {"kind": "trail", "of": POINT},

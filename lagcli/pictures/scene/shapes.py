@@ -18,9 +18,12 @@ from lagcli.pictures.scene.raster import Raster
 from lagcli.pictures.scene.scene import DrawnDisc, DrawnFlashes, DrawnVector, Scene, frames
 
 #: What is painted over what.
-LAYERS = ("guide", "ground", "trail", "disc", "spring", "rod", "joint", "flash", "vector", "label")
+LAYERS = (
+    *("guide", "ground", "trail", "disc", "edge", "spring", "rod", "joint"),
+    *("flash", "vector", "label"),
+)
 #: In three dimensions these are one layer, the nearest painted last.
-BODIES = frozenset({"trail", "disc", "spring", "rod", "joint"})
+BODIES = frozenset({"trail", "disc", "edge", "spring", "rod", "joint"})
 
 #: The pieces of one shade in a trail, and the most points.
 _PIECES, _POINTS = 40, 400
@@ -98,7 +101,7 @@ def joints(scene: Scene) -> dict[str, Joint]:
         found[name] = Joint(count + bodies, known + others)
 
     for segment in scene.segments:
-        if segment.kind != "guide":
+        if segment.kind in ("rod", "spring"):
             meet(segment.start, 1, segment.end)
             meet(segment.end, 1, segment.start)
     for name in scene.grounds:
@@ -200,6 +203,10 @@ def _rod(moment: Moment, ends: Array) -> None:
     moment.raster.line(ends, ROLES["rod"], 5 * moment.slim)
 
 
+def _edge(moment: Moment, ends: Array) -> None:
+    moment.raster.line(ends, ROLES["disc"], 2)
+
+
 def _spring(moment: Moment, ends: Array) -> None:
     """Draw a coil of as many turns at any length, between two straight ends."""
     raster = moment.raster
@@ -220,7 +227,7 @@ def _guide(moment: Moment, ends: Array) -> None:
     moment.raster.line(ends, ROLES["guide"], 1, dash=(9, 4, 2, 4))
 
 
-_LINES = {"rod": _rod, "spring": _spring, "guide": _guide}
+_LINES = {"rod": _rod, "spring": _spring, "guide": _guide, "edge": _edge}
 
 
 def _ground(raster: Raster, place: Array) -> None:
