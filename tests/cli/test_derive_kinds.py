@@ -35,8 +35,15 @@ def test_kinds_are_compared(capsys) -> None:
     assert "Maggi's equations: 1 equation and 1 constraint in 2 coordinates" in text
 
 
-@pytest.mark.parametrize("form", ["text", "latex", "markdown", "json"])
-@pytest.mark.parametrize("name", ["slider_crank_textbook", "parallelogram", "car_axis", "chain"])
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        *(("slider_crank_textbook", form) for form in ("text", "latex", "markdown", "json")),
+        ("parallelogram", "json"),
+        ("car_axis", "latex"),
+        ("chain", "text"),
+    ],
+)
 def test_every_format(capsys, form: str, name: str) -> None:
     model = str(MODELS / f"{name}.yaml")
     size = ("--set", "N=4") if name == "chain" else ()

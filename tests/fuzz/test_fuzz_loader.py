@@ -98,13 +98,13 @@ def mutated(draw: st.DrawFn) -> str:
     return text
 
 
-@settings(RELAXED, max_examples=150)
+@settings(RELAXED, max_examples=60)
 @given(mutated())
 def test_mutated_models(text: str) -> None:
     survive(text, derived=False)
 
 
-@settings(RELAXED, max_examples=150)
+@settings(RELAXED, max_examples=60)
 @given(st.lists(PIECES, max_size=40).map("".join))
 @example("a: &a [*a]")
 @example("{" * 1000)
@@ -115,7 +115,7 @@ def test_soups_of_yaml(text: str) -> None:
     survive(text)
 
 
-@settings(RELAXED, max_examples=100)
+@settings(RELAXED, max_examples=50)
 @given(st.binary(max_size=300))
 @example(b"\xff\xfea\x00")
 @example(b"\xef\xbb\xbf")
@@ -189,7 +189,7 @@ def placed(expression: str, place: int) -> str:
     return PLACES.format(*parts)
 
 
-@settings(RELAXED, max_examples=200)
+@settings(RELAXED, max_examples=70)
 @given(st.lists(TOKENS, max_size=15).map(" ".join))
 @example("(" * 10_000)
 @example("-" * 10_000)
@@ -202,7 +202,7 @@ def test_soups_of_tokens(text: str) -> None:
     survive(placed(text, 3))
 
 
-@settings(RELAXED, max_examples=200)
+@settings(RELAXED, max_examples=70)
 @given(EXPRESSIONS, st.integers(0, len(DEFAULTS) - 1))
 @example("floor(1e308 + 1e308 + 1e308)", 0)
 @example("floor(1e308*m*1e308)", 0)
@@ -219,7 +219,7 @@ def test_expressions_anywhere(expression: str, place: int) -> None:
     survive(placed(expression, place))
 
 
-@settings(RELAXED, max_examples=150)
+@settings(RELAXED, max_examples=60)
 @given(st.text(st.sampled_from("kgmsN°µ*/^()²³-1 25.eqxdC_"), max_size=12))
 def test_units(text: str) -> None:
     try:
@@ -229,7 +229,7 @@ def test_units(text: str) -> None:
     assert 0 < float(factor) < float("inf")
 
 
-@settings(RELAXED, max_examples=60)
+@settings(RELAXED, max_examples=40)
 @given(
     st.dictionaries(st.sampled_from(["m", "w", "x", "q", "", "a=b"]), st.text(max_size=8)),
     st.dictionaries(st.sampled_from(["x", "x'", "y_dot", "z", "m"]), st.text(max_size=8)),

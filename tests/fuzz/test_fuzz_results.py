@@ -33,7 +33,7 @@ ROOT = Path(__file__).parents[2]
 MODEL = ROOT / "models" / "slider_crank.yaml"
 LAYOUT_1 = ROOT / "tests" / "found" / "layout1"
 #: Mutants of each kind in the normal suite.
-FEW = 25
+FEW = 12
 #: Seconds after which a mutant that is not read to its end stops the test.
 HANGS = 120
 SECRET = b"the contents of another file"

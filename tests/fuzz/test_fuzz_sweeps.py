@@ -29,7 +29,7 @@ TEXTS = st.lists(PIECES, max_size=12).map("".join) | st.text(max_size=12)
 
 
 @given(st.sampled_from(["m=", "l=", "phi'=", "", "@"]), TEXTS, st.none() | TEXTS)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_plans(name: str, text: str, sample: str | None) -> None:
     for drawn in {sample, None, "sobol:16"}:
         try:
@@ -41,7 +41,7 @@ def test_plans(name: str, text: str, sample: str | None) -> None:
 
 
 @given(TEXTS)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_measures(text: str) -> None:
     try:
         named = named_measure(text)

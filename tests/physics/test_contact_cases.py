@@ -17,11 +17,22 @@ from lagcli.engine.switching.switching import RowMode
 from lagcli.model.loader import load_text
 from tests.support.contact_cases import ContactRun, contact_model, read_case, run_contact
 
-ENGINES = [
-    "scipy",
-    "compiled",
-]
-pytestmark = pytest.mark.parametrize("engine", ENGINES)
+#: Cases that take the reference engine more than a second: the compiled engine runs them, and the
+#: reference engine all others.
+LONG_FOR_SCIPY = (
+    "test_coulomb_oscillator",
+    "test_crank_with_friction_in_its_guide",
+    "test_rocking_block",
+    "test_woodpecker",
+)
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Run every test by each engine."""
+    slow = [pytest.mark.slow] if metafunc.function.__name__ in LONG_FOR_SCIPY else []
+    reference = pytest.param("scipy", marks=slow)
+    metafunc.parametrize("engine", [reference, "compiled"])
+
 
 #: s, and of the size of everything else.
 TIME, VALUE = 1e-9, 1e-9

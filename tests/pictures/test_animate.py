@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from shipped import every_model
 
 import lagcli
 from lagcli.cli.app import run as lagcli_run
@@ -24,9 +25,6 @@ from lagcli.pictures.run_file import RunFile
 from lagcli.pictures.scene.drawing import SceneDrawing, round_number, three_digits
 from lagcli.pictures.scene.timing import Timing, timing, usual_speed
 from lagcli.pictures.scene.view_evaluator import scene_of
-
-MODELS = sorted(f.stem for f in (Path(__file__).parents[2] / "models").rglob("*.yaml"))
-
 
 # times
 
@@ -252,7 +250,7 @@ def painted(opened):
         return int((np.asarray(picture)[:, :, 3] > 0).sum())
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", every_model())
 def test_every_shipped_model_is_animated_without_a_warning(name, result, tmp_path, visit):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -28,7 +28,7 @@ def matrices(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray]:
     return mass, jacobian
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(matrices(), st.integers(0, 2**32 - 1))
 def test_solves_what_lapack_solves(parts: tuple[np.ndarray, np.ndarray], seed: int) -> None:
     mass, jacobian = parts
@@ -66,7 +66,7 @@ def test_solves_what_lapack_solves(parts: tuple[np.ndarray, np.ndarray], seed: i
     )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(matrices(), st.integers(0, 2**32 - 1))
 def test_an_order_serves_other_numbers_in_the_same_places(
     parts: tuple[np.ndarray, np.ndarray], seed: int

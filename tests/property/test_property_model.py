@@ -92,7 +92,7 @@ def in_python(text: str, point: tuple[float, ...]) -> float:
     return float(eval(text.replace("^", "**"), {**names, **dict(zip("abc", point, strict=True))}))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=70, deadline=None)
 @given(EXPRESSIONS, POINTS)
 def test_expressions_mean_what_they_mean_in_python(text: str, point: tuple[float, ...]) -> None:
     try:
@@ -110,7 +110,7 @@ def test_expressions_mean_what_they_mean_in_python(text: str, point: tuple[float
     assert math.isclose(found, expected, rel_tol=1e-9, abs_tol=1e-9 + 1e3 * slack)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(EXPRESSIONS, POINTS)
 def test_printed_and_parsed_again(text: str, point: tuple[float, ...]) -> None:
     tree = parse(text)
@@ -183,7 +183,7 @@ def mechanisms(draw: st.DrawFn) -> Mechanism:
     return found
 
 
-SLOW = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+SLOW = settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 # forces of two runs agree to some hundred times the runs' tolerance of 1e-9
 RTOL = 1e-6

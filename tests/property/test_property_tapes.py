@@ -86,7 +86,7 @@ def shaken(expression: se.Basic, part: float) -> se.Basic:
     return found * (1 + part) if isinstance(expression, se.Function) else found
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=70, deadline=None)
 @given(EXPRESSIONS, POINTS)
 @example(se.acos(se.erf(se.Integer(5))), (1.0, 1.0, 1.0))  # erf(5) is next to 1
 def test_random_expressions_against_symengine(
@@ -106,7 +106,7 @@ def test_random_expressions_against_symengine(
     assert found == pytest.approx(expected, rel=CLOSE, abs=CLOSE + 1e5 * wobble)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=70, deadline=None)
 @given(EXPRESSIONS, st.lists(POINTS, min_size=1, max_size=4))
 def test_interpreters_agree(expression: se.Basic, points: list[tuple[float, ...]]) -> None:
     many = batch(expression, *points)

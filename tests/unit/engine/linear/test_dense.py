@@ -35,7 +35,7 @@ def kkt(
     return x[: len(forcing)], -x[len(forcing) :]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=70, deadline=None)
 @given(SEEDS, SIZES)
 def test_regular_against_numpy(seed: int, size: tuple[int, int]) -> None:
     random, (nq, nc) = np.random.default_rng(seed), size
@@ -49,7 +49,7 @@ def test_regular_against_numpy(seed: int, size: tuple[int, int]) -> None:
     np.testing.assert_allclose(multipliers, expected, rtol=0, atol=1e-9 * size_of)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(SEEDS, st.integers(2, 7), st.floats(-12, 12), st.floats(-12, 12))
 def test_units_do_not_matter(seed: int, nq: int, of_mass: float, of_rows: float) -> None:
     random, nc = np.random.default_rng(seed), nq - 1
@@ -100,7 +100,7 @@ def test_singular_system_is_refused(mass: np.ndarray, jacobian: np.ndarray) -> N
 # redundant rows
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(SEEDS, st.integers(2, 7), st.integers(1, 4), st.booleans())
 def test_redundant_rows(seed: int, nq: int, extra: int, singular: bool) -> None:
     random = np.random.default_rng(seed)
@@ -145,7 +145,7 @@ def test_row_of_zeros_has_no_rank() -> None:
 # the smallest change
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(SEEDS, SIZES)
 def test_least_change_is_least_in_the_metric_of_the_mass(seed: int, size: tuple[int, int]) -> None:
     random, (nq, nc) = np.random.default_rng(seed), size

@@ -110,7 +110,7 @@ def test_unknown_symbol_is_refused() -> None:
         compile_tape([se.Symbol("w") + 1], VARIABLES)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.integers(-(10**25), 10**25), st.integers(0, 25))
 def test_decimals_are_the_nearest_doubles(digits: int, places: int) -> None:
     tape = compile_tape([se.Rational(digits, 10**places)], VARIABLES)

@@ -11,6 +11,7 @@ from functools import partial
 import pytest
 import symengine as se
 from formula_values import MODELS, equations_of, model_of, number, point, size
+from shipped import PATHS, every_model
 
 from lagcli.equations.derivation.lagrange import Equations
 from lagcli.equations.render import render
@@ -128,9 +129,9 @@ def test_schema():
     assert first["lines"][0]["latex"].startswith("x_{A} = ")
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_numeric_formulas_hold_the_parameters(path):
-    e = equations_of(path)
+@pytest.mark.parametrize("name", every_model())
+def test_numeric_formulas_hold_the_parameters(name):
+    e = equations_of(PATHS[name])
     content = json.loads(render(e, "json", numeric=True))
     assert content["numeric"] is True
     at = point(e, random.Random(8)) | e.model.parameter_values

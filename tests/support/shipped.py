@@ -1,0 +1,31 @@
+"""The shipped models, and those that stand for all where a test takes long for each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+MODELS = Path(__file__).parents[2] / "models"
+PATHS = {path.stem: path for path in sorted(MODELS.rglob("*.yaml"))}
+#: Together they have every section of model files, and draw every shape, that shipped models do:
+#: `tests/pictures/test_shipped_views.py`.
+REPRESENTATIVES = (
+    "car_on_road",
+    "chain",
+    "four_bar",
+    "heavy_top",
+    "particle_on_sphere",
+    "rolling_disk",
+    "slider_crank",
+    "woodpecker",
+)
+
+
+def every_model() -> list[Any]:
+    """Return the models' names as parameters; those that others stand for are slow."""
+    return [
+        pytest.param(name, marks=[] if name in REPRESENTATIVES else [pytest.mark.slow])
+        for name in PATHS
+    ]
