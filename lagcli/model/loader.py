@@ -163,18 +163,19 @@ def _model(
         constraints += first_order_constraints(
             draft, coordinates, lagrangian, dissipation, forces, constraints
         )
-    forces, dissipation, rows = dry_friction(draft, forces, dissipation, constants)
-    constraints += rows
+    smooth = dry_friction(draft, forces, dissipation, constants)
+    constraints += smooth.rows
     closed = read_closed(draft, constraints)
     if inputs:
         from lagcli.model.sections.input_uses import InputUses
 
         energies = [("L", [potential], 1)] if kinetic is None else []
         energies = energies or [("T", [kinetic], 1), ("V", [potential], 1)]
-        used = [*energies, ("D", [dissipation], 0), ("Q", forces.values(), 0)]
+        used = [*energies, ("D", [smooth.dissipation], 0), ("Q", smooth.forces.values(), 0)]
         InputUses(draft, inputs).check(constraints, used)
     positions, velocities = read_initial(draft, constants, initial_overrides)
     outputs, output_units = read_outputs(draft, constants)
+    outputs = smooth.of_forces(outputs)
     events: tuple[ModelEvent, ...] = ()
     if draft.get("events") is not None or not all(c.active for c in constraints):
         from lagcli.model.sections.switching.events import EventNames, read_events
@@ -205,8 +206,8 @@ def _model(
         definitions=definitions,
         kinetic=kinetic,
         potential=potential,
-        applied_forces=forces,
-        dissipation=dissipation,
+        applied_forces=smooth.forces,
+        dissipation=smooth.dissipation,
         constraints=constraints,
         initial_positions=positions,
         initial_velocities=velocities,

@@ -70,8 +70,6 @@ class DerivedColumns:
         batch = Batch(system, self.p, block.time, block.q, block.v)
         e = batch.entries()
         report = batch.report(block.a, block.multipliers)
-        reported = dict(zip(REPORTED, report, strict=False))
-        total, outputs = reported["energy_total"], report[len(REPORTED) :]
         v, a, multipliers = (
             np.ascontiguousarray(x.T) for x in (block.v, block.a, block.multipliers)
         )
@@ -108,9 +106,12 @@ class DerivedColumns:
 
         residual = np.abs(equation - e.forcing - forces).max(axis=0, initial=0.0)
         if system.has_kinks:
-            from lagcli.simulations.switching.surfaces import residual_with_surfaces
+            from lagcli.simulations.switching.surfaces import SurfaceValues, with_surfaces
 
-            residual = residual_with_surfaces(system, self.p, block, equation - forces, residual)
+            values = SurfaceValues(residual, report)
+            residual, report = with_surfaces(system, self.p, block, equation - forces, values)
+        reported = dict(zip(REPORTED, report, strict=False))
+        total, outputs = reported["energy_total"], report[len(REPORTED) :]
 
         if count and not self.samples:
             self._energy_before = total[0] - block.work[0]

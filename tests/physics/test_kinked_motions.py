@@ -127,6 +127,36 @@ def test_stuck_until_the_force_exceeds_friction(engine: str) -> None:
     np.testing.assert_allclose(found.q[:, 0], expected, atol=1e-9)
 
 
+def test_outputs_on_a_surface_are_those_of_the_force_that_acts(engine: str) -> None:
+    """The relay's mean force is x = x'' there, and its power x'' x'."""
+    relay = "-if(x' + x > 0, 10, -10)"
+    outputs = f'outputs: {{u: "{relay}", twice: "2*({relay}) + x"}}'
+    text = particle(f'Q: {{x: "{relay}"}}\n{outputs}')
+    found = run(text, engine, [0, 0.05, 1, 1.5, 3])
+    np.testing.assert_allclose(found.outputs["u"][:2], -10)
+    np.testing.assert_allclose(found.outputs["u"][2:], found.a[2:, 0], rtol=1e-9)
+    np.testing.assert_allclose(found.outputs["twice"][2:], 3 * found.q[2:, 0], rtol=1e-6)
+    np.testing.assert_allclose(found.power_applied, found.a[:, 0] * found.v[:, 0], rtol=1e-9)
+
+
+def test_outputs_with_the_sign_of_dry_friction_are_its_force(engine: str) -> None:
+    text = particle(
+        "V: k/2*x^2\nQ: {x: -F*sign(x')}\n"
+        "outputs: {friction: -F*sign(x'), opposite: 3*sign(-x'), power: -F*sign(x')*x'}",
+        k=100.0,
+        F=12.0,
+    )
+    turn = math.pi / 10
+    found = run(text, engine, [0, turn / 2, 1.5 * turn, 4])
+    np.testing.assert_allclose(found.outputs["friction"], [12, 12, -12, 4], rtol=1e-7)
+    np.testing.assert_allclose(found.outputs["friction"], found.multipliers[:, 0], rtol=1e-14)
+    np.testing.assert_allclose(found.outputs["opposite"], found.multipliers[:, 0] / 4, rtol=1e-14)
+    np.testing.assert_allclose(found.outputs["power"], found.power_friction, atol=1e-12)
+    # no friction: its sign is that of the velocity
+    none = run(text.replace("12.0", "0.0"), engine, [0, turn / 2, 1.5 * turn])
+    assert none.outputs["opposite"].tolist()[1:] == [3, -3]
+
+
 def test_slides_on_a_surface_of_position_and_velocity(engine: str) -> None:
     """Relay control reaches x' + x = 0, and follows it: x = x1 exp(t1 - t)."""
     text = particle('Q: {x: "-if(x\' + x > 0, 10, -10)"}')

@@ -81,7 +81,7 @@ class InstantResolution:
     def _causes(
         self, numbers: Sequence[int]
     ) -> tuple[set[int], dict[int, ContactLaw], set[int], list[int]]:
-        """Return what ended: rows that open, rows at their limits, contacts; and rules."""
+        """Return what ended: rows that open, laws of rows with limits, contacts; and rules."""
         run = self.run
         ended: set[int] = set()
         pinned: dict[int, ContactLaw] = {}
@@ -106,6 +106,8 @@ class InstantResolution:
             elif kind == "stick":
                 forward = self.guess[row.row] < 0
                 pinned[k] = ContactLaw.FORWARD if forward else ContactLaw.BACKWARD
+            elif kind == "slip":  # at rest, whatever rounding says
+                pinned[k] = ContactLaw.LIMITED
         return ended, pinned, touched, fired
 
     # actions

@@ -59,11 +59,15 @@ class FrozenSystem(NamedTuple):
     functions : Tape
         (t, q, v, parameters) → the functions, then their sizes: the sums of the magnitudes of
         what is compared.
+    report : Tape
+        That of the System, with the same branches; its inputs are those of the dynamics with a and
+        λ after the velocities.
     """
 
     system: System
     kinks: tuple[Kink, ...]
     functions: Tape
+    report: Tape
 
     def frozen(self, state: State) -> State:
         """Return a state with its branches among the parameters; zero counts as positive."""
@@ -109,7 +113,9 @@ def freeze(system: System) -> FrozenSystem | None:
             break
         excluded |= freezer.partial
         room = len(freezer.numbers.keys() - excluded)
-    return FrozenSystem(found, freezer.kinks(), freezer.functions()) if room else None
+    if not room:
+        return None
+    return FrozenSystem(found, freezer.kinks(), freezer.functions(), freezer.report())
 
 
 class _Freezer:
@@ -162,6 +168,11 @@ class _Freezer:
         given = self.original.variation()
         self.complete = True
         return given._replace(tape=self.tape(given.tape))
+
+    def report(self) -> Tape:
+        """Return the tape of what is reported, with the branches of the System."""
+        self.complete = True
+        return self.tape(self.original.report)
 
     def tape(self, tape: Tape, freeze: bool = True) -> Tape:
         """Return a tape of which comparisons of the state are those of branches."""
@@ -312,6 +323,8 @@ class _Taint:
 
     def exclude(self, comparisons: Iterable[int]) -> None:
         """Leave comparisons as they are."""
+        if self.freezer.complete:
+            return
         self.freezer.partial |= frozenset(comparisons)
 
 

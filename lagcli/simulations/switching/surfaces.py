@@ -1,6 +1,8 @@
-"""Samples of motions on surfaces at which forces jump: which force acts there."""
+"""Samples of motions on surfaces at which forces jump: what acts and is reported there."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,16 +14,35 @@ from lagcli.engine.switching.kinks import Kink, frozen_of
 from lagcli.engine.system import System
 from lagcli.engine.tape.interpreter import ScalarTape, run_arrays
 
-#: Of the largest terms of a function: what counts as zero.
-_ON = 1e-9
+#: Of the largest terms of a function: what counts as zero. Of the residual of one side: what a
+#: combination of both leaves where the motion slides.
+_ON, _BETTER = 1e-9, 0.1
 #: States that are tried, steps towards a surface, how near it is; a difference that is a jump.
 _TRIES, _NEWTON, _SOLVED, _JUMP = 3, 6, 1e-7, 1e-4
 
 
-def residual_with_surfaces(
-    system: System, p: tuple[float, ...], block: Block, required: Array, residual: Array
-) -> Array:
-    """Return how far forces are from what the motion requires, at the best between two sides.
+class SurfaceValues(NamedTuple):
+    """Columns of samples, as the forces that act on surfaces make them.
+
+    Parameters
+    ----------
+    residual : (n,) array
+        The largest difference of the forces from what the motion requires.
+    report : (outputs, n) array
+        Of the System's report tape.
+    """
+
+    residual: Array
+    report: Array
+
+
+def with_surfaces(
+    system: System, p: tuple[float, ...], block: Block, required: Array, values: SurfaceValues
+) -> SurfaceValues:
+    """Return columns with Filippov's combination of both sides where the motion is on a surface.
+
+    The part of each side is the one with which the forces are those that the motion requires.
+    Reports are combined with the same parts, as what alternates between both sides is on average.
 
     Parameters
     ----------
@@ -31,43 +52,46 @@ def residual_with_surfaces(
     block : Block
     required : (nq, n) array
         M a − Bᵀλ, without forces that depend on λ.
-    residual : (n,) array
-        The largest difference from f as the branches are at the sample.
-
-    Returns
-    -------
-    (n,) array
-        The same, and on a surface the least difference from a combination of both sides.
+    values : SurfaceValues
+        As the branches are at the samples.
     """
     frozen = frozen_of(system)
     if frozen is None:
-        return residual
+        return values
     kinks, count = frozen.kinks, len(block.time)
-    inputs = [block.time, *block.q.T, *block.v.T, *p]
+    state = [block.time, *block.q.T, *block.v.T]
+    inputs = [*state, *p]
     sides: list[Array] = [np.ones(count) for _ in kinks]
     for _ in range(len(kinks) + 1):
-        values = run_arrays(frozen.functions, [*inputs, *sides], count)
-        before, sides = sides, [_sides(kink, x) for kink, x in zip(kinks, values, strict=False)]
+        functions = run_arrays(frozen.functions, [*inputs, *sides], count)
+        before, sides = sides, [_sides(kink, x) for kink, x in zip(kinks, functions, strict=False)]
         if all(map(np.array_equal, before, sides)):
             break
     forcing = DynamicsLayout(frozen.system.counts).forcing
-    found = residual.copy()
+    residual, report = values.residual.copy(), values.report.copy()
     for k, kink in enumerate(kinks):
-        distance = np.abs(values[k] - (np.round(values[k]) if kink.whole else 0))
-        size = np.abs(values[len(kinks) + k]).max(initial=0.0) + bool(kink.whole)
+        distance = np.abs(functions[k] - (np.round(functions[k]) if kink.whole else 0))
+        size = np.abs(functions[len(kinks) + k]).max(initial=0.0) + bool(kink.whole)
         (on,) = np.nonzero(distance <= _ON * size)
         if not len(on):
             continue
-        here = [x[on] if isinstance(x, np.ndarray) else x for x in (*inputs, *sides)]
-        both = []
+        here: list[float | Array] = [*p, *(x[on] for x in sides)]
+        moving = [x[on] for x in state]
+        more = [*block.a[on].T, *block.multipliers[on].T]
+        forces, reports = [], []
         for upper in (True, False):
-            here[len(inputs) + k] = _beside(kink, np.round(values[k, on]), upper)
-            both.append(run_arrays(frozen.system.dynamics, here, len(on))[forcing])
-        jump, rest = both[0] - both[1], required[:, on] - both[1]
+            here[len(p) + k] = _beside(kink, np.round(functions[k, on]), upper)
+            forces.append(run_arrays(frozen.system.dynamics, [*moving, *here], len(on))[forcing])
+            reports.append(run_arrays(frozen.report, [*moving, *more, *here], len(on)))
+        jump, rest = forces[0] - forces[1], required[:, on] - forces[1]
         with np.errstate(all="ignore"):
             part = np.clip(np.nan_to_num((rest * jump).sum(0) / (jump * jump).sum(0)), 0, 1)
-        found[on] = np.fmin(found[on], np.abs(rest - part * jump).max(axis=0, initial=0.0))
-    return found
+        combined = np.abs(rest - part * jump).max(axis=0, initial=0.0)
+        better = combined < _BETTER * residual[on]
+        residual[on] = np.fmin(residual[on], combined)
+        both = reports[1] + part * (reports[0] - reports[1])
+        report[:, on[better]] = both[:, better]
+    return SurfaceValues(residual, report)
 
 
 def _sides(kink: Kink, values: Array) -> Array:

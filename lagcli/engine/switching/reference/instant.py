@@ -248,7 +248,7 @@ class InstantProblems:
         present : (ns,) array of int
             Modes so far.
         pinned : mapping of int to ContactLaw
-            Laws of limited rows that have just reached their limit.
+            Laws of limited rows that have just reached their limit, or come to rest.
         guess : (nc,) array
             λ so far.
 

@@ -13,11 +13,11 @@ import symengine as se
 from symengine import Basic
 
 from lagcli.model.draft import Draft
-from lagcli.model.expression.constants import number
+from lagcli.model.expression.constants import cases, number, relation
 from lagcli.model.expression.functions import FUNCTIONS, KINKS, derivative
 from lagcli.model.expression.grammar import parse_equation
 from lagcli.model.expression.linearity import is_zero, nonlinear_in
-from lagcli.model.model import SIGN, Constraint, MultiplierLimit, velocity
+from lagcli.model.model import SIGN, Constraint, MultiplierLimit, multiplier, velocity
 from lagcli.model.sections.switching.contacts import normal_of
 from lagcli.model.symbols import Symbols
 from lagcli.model.yaml.source import SourceLocation
@@ -32,6 +32,21 @@ class SmoothForces(NamedTuple):
     forces: dict[str, Basic]
     dissipation: Basic | None
     rows: tuple[Constraint, ...]
+
+    def of_forces(self, outputs: Mapping[str, Basic]) -> dict[str, Basic]:
+        """Return outputs with the part of friction that acts in place of each `sign` of a row.
+
+        Where a row sticks, sign s is between −1 and 1, such that −F sign s is its force λ.
+        """
+        parts = {}
+        for row in self.rows:
+            assert row.limit is not None
+            s, level = row.expression, row.limit.kinetic
+            for sign in (1, -1):
+                kink = FUNCTIONS["sign"].apply(sign * s)
+                part = -sign * multiplier(row.name) / level
+                parts[kink] = cases(relation(">", level, _ZERO), part, kink)
+        return {name: x.xreplace(parts) for name, x in outputs.items()} if parts else dict(outputs)
 
 
 def dry_friction(

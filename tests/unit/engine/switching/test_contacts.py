@@ -157,3 +157,21 @@ def test_a_limited_row_that_was_open_sticks_where_no_force_is_needed() -> None:
     problem = ContactProblem(one, np.zeros(1), np.array([int(ContactLaw.LIMITED)]), *limits)
     (motion,) = contact_motions(problem, np.array([int(RowMode.OPEN)]))
     assert motion.modes.tolist() == [RowMode.HOLDS]
+
+
+@pytest.mark.parametrize("push", [100.0, -100.0])
+def test_a_row_without_friction_slips_where_it_is_pushed(push: float) -> None:
+    """Its force is the same both ways: zero."""
+    nothing = np.zeros(1)
+    problem = ContactProblem(
+        np.eye(1),
+        np.array([push]),
+        np.array([ContactLaw.LIMITED]),
+        nothing,
+        nothing,
+        np.zeros((1, 1)),
+        np.zeros((1, 1)),
+    )
+    for present in RowMode.FORWARD, RowMode.BACKWARD:
+        (found,) = contact_motions(problem, np.array([present]))
+        assert found.modes.tolist() == [RowMode.FORWARD if push > 0 else RowMode.BACKWARD]
